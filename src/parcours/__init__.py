@@ -1,0 +1,3 @@
+"""Parcours turns a model of behaviour into executed, judged, replayable tests of real-time motion planners."""
+
+__version__ = "0.1.0"

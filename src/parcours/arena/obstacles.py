@@ -1,0 +1,54 @@
+"""Obstacles of unforeseen motion: a disc stands, moves at constant (v, w) for a while, and stands again (Fig. 4).
+
+The motion is a closed form of time, so where an obstacle is never depends on how often anybody looked.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from parcours.elementary import sin_cos
+from parcours.kernels import Record, kernel
+
+OBSTACLE = np.dtype(
+    [
+        ("x0", "f8"),  # where it stands at first [m]
+        ("y0", "f8"),  # [m]
+        ("heading0", "f8"),  # [rad]
+        ("speed", "f8"),  # linear speed while it moves [m/s]
+        ("turn", "f8"),  # yaw rate while it moves [rad/s]
+        ("start", "i8"),  # when it begins to move [ns]
+        ("stop", "i8"),  # when it stands again [ns]
+        ("radius", "f8"),  # [m]
+        ("x", "f8"),  # where it is now [m]
+        ("y", "f8"),  # [m]
+        ("heading", "f8"),  # [rad]
+        ("v", "f8"),  # how it moves now [m/s]
+        ("w", "f8"),  # [rad/s]
+        ("touching", "i8"),  # 1 while it is in contact with the robot
+        ("min_clearance", "f8"),  # least gap between robot and obstacle so far [m]; negative is overlap
+    ]
+)
+"""What one obstacle will do, where it is, and how near it came."""
+
+_STRAIGHT = 1e-9
+
+
+@kernel
+def move(obstacle: Record, now: int) -> None:
+    """Put the obstacle where it is at `now` [ns]."""
+    elapsed = max(min(now, obstacle.stop) - obstacle.start, 0) * 1e-9
+    moves = obstacle.start <= now < obstacle.stop
+    obstacle.v = obstacle.speed if moves else 0.0
+    obstacle.w = obstacle.turn if moves else 0.0
+    turned = obstacle.turn * elapsed
+    obstacle.heading = obstacle.heading0 + turned
+    s0, c0 = sin_cos(obstacle.heading0)
+    if abs(obstacle.turn) < _STRAIGHT:
+        obstacle.x = obstacle.x0 + obstacle.speed * elapsed * c0
+        obstacle.y = obstacle.y0 + obstacle.speed * elapsed * s0
+    else:
+        s1, c1 = sin_cos(obstacle.heading)
+        arc_radius = obstacle.speed / obstacle.turn
+        obstacle.x = obstacle.x0 + arc_radius * (s1 - s0)
+        obstacle.y = obstacle.y0 - arc_radius * (c1 - c0)

@@ -1,0 +1,171 @@
+"""What a model is: communicating extended finite state machines, Q = (S, s0, E, P, T, A, M, V, C) (paper, section IV-A).
+
+A `Cefsm` has components (processes); each runs one or more machines side by side; machines take transitions, each with
+a predicate (event, [guard], actions, messages); channels link components and carry messages of a declared class.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Literal
+
+from parcours.model.expression import Assignment, Call, Expression
+
+ENVIRONMENT = "environment"
+"""The partner of every channel whose other end lies outside the model: the tester."""
+
+BASE_TYPES = ("bool", "int", "real", "enum", "text")
+"""The value types that guards compute with; any other type must name a message class and is carried, not computed."""
+
+
+@dataclass(frozen=True, slots=True)
+class Field:
+    """One field of a message class: its value type, SI unit and shape (empty for a scalar; names are free lengths)."""
+
+    name: str
+    type: str
+    unit: str = "1"
+    shape: tuple[int | str, ...] = ()
+    doc: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class MessageClass:
+    """A class of the structural model (Fig. 4, Fig. 6). A field's type may name another message class."""
+
+    name: str
+    fields: tuple[Field, ...]
+    doc: str = ""
+    line: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Channel:
+    """A directed link between two components (one row of Table I).
+
+    `capacity` 0 is a rendezvous: send and receive are one step. A positive capacity is a bounded queue.
+    """
+
+    name: str
+    sender: str
+    receiver: str
+    message: str
+    topic: str = ""
+    capacity: int = 1
+    line: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Variable:
+    """A variable of a component, its initial value and its finite domain, if it has one.
+
+    An `input` variable is set by the environment at will (a monitored variable); a `local` one only by actions.
+    """
+
+    name: str
+    type: str
+    initial: object
+    role: Literal["local", "input"] = "local"
+    domain: tuple[object, ...] = ()
+    unit: str = "1"
+    line: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Receive:
+    """The event of a transition: a message arrives on `channel`; its fields are bound to `name` in guard and actions."""
+
+    channel: str
+    name: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Send:
+    """An output of a transition: a message leaves on `channel`; `payload` is what the model says of its content."""
+
+    channel: str
+    payload: tuple[Expression, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Transition:
+    """One transition with its predicate event / [guard] / actions / messages. `id` is the paper's name, e.g. p22."""
+
+    id: str
+    source: str
+    target: str
+    event: Receive | None = None
+    guard: Expression | None = None
+    actions: tuple[Assignment | Call, ...] = ()
+    sends: tuple[Send, ...] = ()
+    line: int = 0
+
+    @property
+    def is_loop(self) -> bool:
+        """Whether the transition leaves the state unchanged."""
+        return self.source == self.target
+
+
+@dataclass(frozen=True, slots=True)
+class Machine:
+    """One extended finite state machine. States and transitions keep the order of the file."""
+
+    name: str
+    initial: str
+    states: tuple[str, ...]
+    transitions: tuple[Transition, ...]
+    line: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Component:
+    """A process: one or more machines that share variables (orthogonal regions of one EFSM in the paper)."""
+
+    name: str
+    machines: tuple[Machine, ...]
+    variables: tuple[Variable, ...] = ()
+    title: str = ""
+    line: int = 0
+
+    def transitions(self) -> Iterator[Transition]:
+        """Yield the transitions of all machines, in file order."""
+        for machine in self.machines:
+            yield from machine.transitions
+
+
+@dataclass(frozen=True, slots=True)
+class Cefsm:
+    """A checked model: components, the channels between them and the classes of what flows there."""
+
+    name: str
+    components: tuple[Component, ...]
+    channels: tuple[Channel, ...] = ()
+    messages: tuple[MessageClass, ...] = ()
+    source: str = ""
+    doc: str = ""
+    interactions: tuple[tuple[str, tuple[str, ...]], ...] = field(default=())
+    """Specified interaction test paths, (name, components visited), for specified path coverage."""
+
+    def component(self, name: str) -> Component:
+        """Return the component called `name`. Raises KeyError if there is none."""
+        for component in self.components:
+            if component.name == name:
+                return component
+        raise KeyError(name)
+
+    def channel(self, name: str) -> Channel:
+        """Return the channel called `name`. Raises KeyError if there is none."""
+        for channel in self.channels:
+            if channel.name == name:
+                return channel
+        raise KeyError(name)
+
+    def transition(self, id: str) -> tuple[Component, Machine, Transition]:
+        """Return the transition called `id` with the component and machine it belongs to, or raise KeyError."""
+        for component in self.components:
+            for machine in component.machines:
+                for transition in machine.transitions:
+                    if transition.id == id:
+                        return component, machine, transition
+        raise KeyError(id)

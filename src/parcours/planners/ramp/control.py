@@ -1,0 +1,116 @@
+"""Control: a trajectory to follow and the robot's state -> commanded speeds, with pause and resume (component 4).
+
+The published controller replays the trajectory's speeds from the moment it is received, corrects only the heading on
+straights, and acts on imminent collision at the next trajectory point. The guarded one follows the planned poses at
+their planned times with feedback (Kanayama et al., ICRA 1990) and halts at once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from parcours.elementary import sin_cos, wrap
+from parcours.kernels import Record, kernel
+from parcours.planners.ramp.messages import POSE, SAMPLE, TRAJECTORY, Step, copy_trajectory, pose_at
+from parcours.planners.ramp.parameters import Parameters
+
+COMMAND_PERIOD = 50_000_000
+"""Time between two commands [ns]."""
+
+CONTROL = np.dtype(
+    [
+        ("has", "i8"),  # 1 once there is a trajectory
+        ("trajectory", TRAJECTORY),
+        ("begins", "i8"),  # when its first sample is due [ns], pauses included
+        ("halt", "i8"),  # 1 while imminent collision is signalled
+        ("t_halt", "i8"),  # when the signal came [ns]
+        ("paused", "i8"),  # 1 while the robot is held
+        ("reference", POSE),  # working memory
+        ("command_v", "f8"),  # [m/s]
+        ("command_w", "f8"),  # [rad/s]
+    ]
+)
+"""State of the controller."""
+
+_ALONG, _ACROSS, _TURN = 2.0, 10.0, 3.0
+"""Feedback gains: [1/s], [1/m2], [1/m]."""
+
+_STRAIGHT = 1e-4
+_HEADING_GAIN = 0.5
+
+
+@kernel
+def follow(control: Record, trajectory: Record, now: int, parameters: Record) -> None:
+    """Take over a new TRAJECTORY at `now` [ns]."""
+    copy_trajectory(control.trajectory, trajectory, 0)
+    control.has = 1
+    control.begins = now if parameters.schedule == 0 else trajectory.begins
+
+
+@kernel
+def signal(control: Record, imminent: bool, now: int, parameters: Record) -> None:
+    """Take note of the imminent-collision flag."""
+    if imminent and not control.halt:
+        control.t_halt = now
+    control.halt = 1 if imminent else 0
+    if imminent and parameters.schedule == 1:
+        control.paused = 1
+        control.command_v = control.command_w = 0.0
+
+
+@kernel
+def _replay(control: Record, pose: Record, now: int) -> None:
+    """Set the command to the trajectory's own speeds (published controller)."""
+    trajectory = control.trajectory
+    i = int((now - control.begins) * 1e-9 / SAMPLE + 1e-6)
+    if i + 1 >= trajectory.n:
+        control.command_v = control.command_w = 0.0
+        return
+    control.command_v = trajectory.v[i + 1]
+    control.command_w = wrap(trajectory.heading[i + 1] - trajectory.heading[i]) / SAMPLE
+    if abs(control.command_w) < _STRAIGHT:
+        control.command_w = _HEADING_GAIN * wrap(trajectory.heading[i] - pose.heading)
+
+
+@kernel
+def _track(control: Record, pose: Record, now: int) -> None:
+    """Set the command so that the robot converges to the planned pose at the planned time."""
+    reference = control.reference
+    elapsed = (now - control.begins) * 1e-9
+    pose_at(control.trajectory, elapsed, reference)
+    s, c = sin_cos(pose.heading)
+    dx, dy = reference.x - pose.x, reference.y - pose.y
+    ahead, aside = c * dx + s * dy, c * dy - s * dx
+    turn = wrap(reference.heading - pose.heading)
+    turn_s, turn_c = sin_cos(turn)
+    pose_at(control.trajectory, elapsed + 0.5e-9 * COMMAND_PERIOD, reference)
+    control.command_v = reference.v * turn_c + _ALONG * ahead
+    control.command_w = reference.w + reference.v * (_ACROSS * aside + _TURN * turn_s)
+    if reference.v < 0.01:
+        control.command_w = reference.w + _TURN * turn
+    if elapsed >= control.trajectory.duration and abs(ahead) < 0.005:
+        control.command_v = 0.0
+
+
+@kernel
+def command(control: Record, pose: Record, now: int, parameters: Record) -> None:
+    """Set command_v and command_w for the next command period, given the robot's POSE."""
+    if not control.has:
+        control.command_v = control.command_w = 0.0
+        return
+    if control.halt and not control.paused:
+        due = int((control.t_halt - control.begins) * 1e-9 / SAMPLE) + 1
+        if parameters.schedule == 1 or (now - control.begins) * 1e-9 / SAMPLE >= due - 1e-9:
+            control.paused = 1
+    elif not control.halt:
+        control.paused = 0
+    if control.paused:
+        control.begins += COMMAND_PERIOD
+        control.command_v = control.command_w = 0.0
+    elif parameters.schedule == 0:
+        _replay(control, pose, now)
+    else:
+        _track(control, pose, now)

@@ -1,0 +1,47 @@
+"""Imminent collision: the motion under way and the predicted obstacles -> halt, go on, or stay halted.
+
+`original` looks at the first control period of what the robot was told, counted from its begin although the obstacles
+are counted from now, and at nothing beyond it: its look-ahead shrinks to zero before each control cycle. `guarded` looks
+a constant time ahead on the motion that is really left, with robot and obstacles at the same instants.
+"""
+
+from __future__ import annotations
+
+from parcours.kernels import Record, kernel
+from parcours.planners.ramp.messages import NO_COLLISION, SAMPLE
+from parcours.planners.ramp.trajectory_evaluation import collision_time
+
+
+@kernel
+def evaluate_moving_on(planner: Record, predictions: Record, now: int, parameters: Record) -> None:
+    """Set moving_on_hit and moving_on_t: whether and when the motion under way meets a predicted obstacle."""
+    moving_on = planner.moving_on
+    if moving_on.n == 0 or len(predictions) == 0:
+        planner.moving_on_hit, planner.moving_on_t = 0, NO_COLLISION
+        return
+    if parameters.schedule == 0:
+        last = min(int(parameters.control_period / SAMPLE + 0.5) + 1, moving_on.n)
+        t = collision_time(
+            moving_on, now, 0, last, predictions, planner.drift_x, planner.drift_y, 0.0, False, parameters
+        )
+    else:
+        first = max(int((now - moving_on.begins) * 1e-9 / SAMPLE), 0)
+        last = first + int(parameters.guard_horizon / SAMPLE + 0.5) + 1
+        t = collision_time(
+            moving_on, moving_on.begins, first, last, predictions, planner.drift_x, planner.drift_y,
+            parameters.guard_margin, True, parameters,
+        )
+    planner.moving_on_t = t
+    planner.moving_on_hit = 1 if t < NO_COLLISION else 0
+
+
+@kernel
+def is_imminent(planner: Record, now: int, parameters: Record) -> bool:
+    """Return whether a collision is imminent, by the last evaluation of the motion under way."""
+    if not planner.knows_obstacles or planner.moving_on_hit == 0:
+        return False
+    if parameters.schedule == 1:
+        return True
+    period = (planner.t_next - planner.t_control) * 1e-9
+    elapsed = (now - planner.t_control) * 1e-9
+    return planner.moving_on_t < period or planner.moving_on_t - elapsed < period

@@ -1,0 +1,89 @@
+"""How long the planner's work takes: log-normal durations fitted to the published logs, drawn from a seeded stream.
+
+Medians and 95th percentiles are those measured on the public recordings of the system (ramp.md section 9.5 gives the
+fits); transport between processes was not measured there and is assumed.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from parcours.errors import BadRequest
+from parcours.kernels import Record, kernel
+from parcours.streams import Stream, lognormal
+
+_NORMAL_95 = 1.6448536269514722
+
+
+@dataclass(frozen=True, slots=True)
+class Duration:
+    """A log-normal duration by its median and 95th percentile [s]."""
+
+    median: float
+    p95: float
+
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.median <= self.p95 < 1e6:
+            raise BadRequest(
+                "latency",
+                f"a duration needs 0 <= median <= p95 in seconds, but has {self.median} and {self.p95}",
+                slug="latency-range",
+            )
+
+    @property
+    def spread(self) -> float:
+        """The standard deviation of the logarithm."""
+        return math.log(self.p95 / self.median) / _NORMAL_95 if self.median > 0.0 else 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Latencies:
+    """What takes time in a run. The default is the published system's; `none()` is an infinitely fast machine."""
+
+    planning: Duration = Duration(0.034, 0.100)  # one planning cycle [S]
+    control: Duration = Duration(0.120, 0.180)  # one control cycle [S]
+    sensing: Duration = Duration(0.012, 0.061)  # one sensing callback [S]
+    guard: Duration = Duration(0.002, 0.005)  # one check of the guard as a task of its own; assumed
+    transport: float = 0.001  # one message between processes [s]; assumed
+
+    def record(self) -> Record:
+        """Return the latencies as a record of dtype LATENCIES."""
+        record = np.zeros(1, LATENCIES).view(np.recarray)[0]
+        for name in ("planning", "control", "sensing", "guard"):
+            duration: Duration = getattr(self, name)
+            record[name], record[name + "_spread"] = duration.median, duration.spread
+        record.transport = round(self.transport * 1e9)
+        return record
+
+
+def none() -> Latencies:
+    """Return latencies of zero."""
+    zero = Duration(0.0, 0.0)
+    return Latencies(zero, zero, zero, zero, 0.0)
+
+
+LATENCIES = np.dtype(
+    [
+        ("planning", "f8"),  # median [s]
+        ("planning_spread", "f8"),
+        ("control", "f8"),
+        ("control_spread", "f8"),
+        ("sensing", "f8"),
+        ("sensing_spread", "f8"),
+        ("guard", "f8"),
+        ("guard_spread", "f8"),
+        ("transport", "i8"),  # [ns]
+    ]
+)
+"""The layout of `Latencies.record()`."""
+
+
+@kernel
+def draw(stream: Stream, median: float, spread: float) -> int:
+    """Return the next duration [ns]; 0 draws nothing."""
+    if median <= 0.0:
+        return 0
+    return int(lognormal(stream, median, spread) * 1e9)

@@ -1,0 +1,101 @@
+"""The numbers RAMP runs by, with the published values as defaults, and the two schedules.
+
+`original` behaves as the published system does: one planner thread that blocks, and an imminent-collision check whose
+look-ahead shrinks and whose times are misaligned. `guarded` is the repair: the check is a task of its own with a
+constant, aligned look-ahead on the motion that is really left, and what is too near may be left again.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Literal
+
+import numpy as np
+
+from parcours.errors import BadRequest
+from parcours.kernels import Record
+
+
+class Schedule(IntEnum):
+    """Which of the two schedules a planner runs."""
+
+    ORIGINAL = 0
+    GUARDED = 1
+
+
+@dataclass(frozen=True, slots=True)
+class Parameters:
+    """Parameters of RAMP. Sources: the paper [P], the paper-era code [S], its later versions [L], or ours."""
+
+    schedule: Literal["original", "guarded"] = "guarded"
+    v_max: float = 0.25  # top speed [m/s] [P]
+    w_max: float = 1.5707963267948966  # top yaw rate [rad/s] [L]
+    a_max: float = 1.0  # acceleration limit [m/s2] [S]
+    alpha_max: float = 2.0943951023931953  # yaw acceleration limit [rad/s2] [S]
+    robot_radius: float = 0.125  # [m]; with obstacles of 0.1 m contact is at [S]'s 0.225 m between centres
+    arena: float = 2.0  # knot points are drawn in [0, arena]^2 [m] [P]
+    population: int = 5  # members [S]
+    sectors: bool = False  # keep sub-populations by direction [S]: off
+    planning_rate: float = 20.0  # [Hz] [S]
+    guard_rate: float = 20.0  # imminent-collision checks [Hz] [S]
+    control_period: float = 2.0  # longest time between two control cycles [s] [S]
+    halted_period: float = 0.5  # ... while halted, guarded schedule only [s]; ours
+    knot_distance: float = 0.33  # between knots of a random path [m] [S]
+    operator_distance: float = 0.25  # between a new knot and the others [m] [S]
+    q_collision: float = 1e4  # infeasible by collision costs this / time to collision [S]
+    q_orientation: float = 1e5  # infeasible by orientation costs this * angle / pi [S]
+    estimate_v: float = 0.125  # speed assumed for the way not generated [m/s] [S]
+    estimate_w: float = 0.39269908169872414  # turning rate assumed there [rad/s] [S]
+    plan_margin: float = 0.0  # clearance a feasible trajectory keeps [m]; original 0 [S], guarded: see `guarded()`
+    guard_margin: float = 0.0  # clearance below which the guard halts the robot [m]
+    guard_horizon: float = 1.0  # look-ahead of the guard, guarded schedule only [s]; ours
+
+    def record(self) -> Record:
+        """Return the parameters as a record of dtype PARAMETERS, which kernels read.
+
+        >>> float(original().record().v_max)
+        0.25
+        """
+        record = np.zeros(1, PARAMETERS).view(np.recarray)[0]
+        for name in PARAMETERS.names or ():
+            value = getattr(self, name)
+            record[name] = Schedule[value.upper()] if name == "schedule" else value
+        return record
+
+    def __post_init__(self) -> None:
+        for field in dataclasses.fields(self):
+            value = getattr(self, field.name)
+            if isinstance(value, float) and not (0.0 <= value < 1e9):
+                raise BadRequest(
+                    f"RAMP parameter {field.name!r}", f"it must be a number from 0 to 1e9, but is {value}", slug="parameter-range"
+                )
+        if not 1 <= self.population <= 16:
+            raise BadRequest(
+                "RAMP parameter 'population'", f"it must be from 1 to 16, but is {self.population}", slug="parameter-range"
+            )
+        if self.schedule not in ("original", "guarded"):
+            raise BadRequest(
+                "RAMP parameter 'schedule'",
+                f"it must be 'original' or 'guarded', but is {self.schedule!r}",
+                slug="parameter-range",
+            )
+
+
+def _kind(name: str) -> str:
+    return "i8" if name in ("schedule", "population", "sectors") else "f8"
+
+
+PARAMETERS = np.dtype([(field.name, _kind(field.name)) for field in dataclasses.fields(Parameters)])
+"""The layout of `Parameters.record()`."""
+
+
+def original(**changes: float) -> Parameters:
+    """Return the parameters of the published system."""
+    return Parameters(schedule="original", **changes)  # type: ignore[arg-type]
+
+
+def guarded(**changes: float) -> Parameters:
+    """Return the parameters of the repaired system."""
+    return Parameters(schedule="guarded", **{"plan_margin": 0.1, "guard_margin": 0.04, **changes})  # type: ignore[arg-type]

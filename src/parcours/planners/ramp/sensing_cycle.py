@@ -1,0 +1,50 @@
+"""The sensing cycle, at every obstacle message: predict all obstacles, evaluate the population and the motion under way."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from parcours.elementary import atan2
+from parcours.kernels import Record, kernel
+from parcours.planners.ramp.guard import evaluate_moving_on
+from parcours.planners.ramp.prediction import predict
+from parcours.planners.ramp.trajectory_evaluation import evaluate
+
+NOT_BEFORE_CONTROL = 100_000_000
+"""The population is not evaluated when the next control cycle is nearer than this [ns] (published)."""
+
+
+@kernel
+def note_nearest(planner: Record, obstacles: Record) -> None:
+    """Keep direction and distance of the nearest obstacle, for the operator `move`."""
+    nearest = np.inf
+    for k in range(len(obstacles)):
+        x, y = obstacles[k].pose.x - planner.latest.x, obstacles[k].pose.y - planner.latest.y
+        distance = np.sqrt(x * x + y * y)
+        if distance < nearest:
+            nearest = distance
+            planner.near_direction, planner.near_distance = atan2(y, x), distance
+    planner.knows_obstacles = 1 if len(obstacles) > 0 else 0
+
+
+@kernel
+def evaluate_population(planner: Record, predictions: Record, parameters: Record) -> None:
+    """Evaluate every member of the population."""
+    for i in range(planner.n):
+        evaluate(
+            planner.members[i].trajectory, predictions, planner.drift_x, planner.drift_y, planner.latest.heading,
+            planner.halted == 1, parameters,
+        )
+
+
+@kernel
+def sensing_cycle(
+    planner: Record, obstacles: Record, stamp: int, now: int, predictions: Record, parameters: Record
+) -> None:
+    """Run one whole sensing cycle on an array of OBSTACLE_STATE that was sensed at `stamp` [ns]."""
+    for k in range(len(obstacles)):
+        predict(obstacles[k], stamp, predictions[k])
+    note_nearest(planner, obstacles)
+    if planner.t_next - now > NOT_BEFORE_CONTROL or planner.halted:
+        evaluate_population(planner, predictions, parameters)
+    evaluate_moving_on(planner, predictions, now, parameters)

@@ -1,0 +1,403 @@
+"""One system case, compiled: world, sensing, the whole of RAMP and control in one event loop over integer nanoseconds.
+
+The planner has one thread: a planning cycle, a sleep to the next 1/20 s, then every callback that was pending when it
+woke, in order of arrival. Whatever the thread computes takes effect at once and blocks the thread for a drawn time.
+Under the guarded schedule the imminent-collision check runs beside the thread, on every obstacle message.
+
+Simultaneous events are taken in this order: world, robot report, obstacle message, guard, planner thread, messages to
+control, command.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from parcours.arena.obstacles import OBSTACLE
+from parcours.arena.world import NEVER, WORLD, advance, begin
+from parcours.kernels import Record, kernel
+from parcours.planners.ramp.control import COMMAND_PERIOD, CONTROL, command, follow, signal
+from parcours.planners.ramp.control_cycle import control_cycle, is_at_rest
+from parcours.planners.ramp.guard import evaluate_moving_on, is_imminent
+from parcours.planners.ramp.latency import draw
+from parcours.planners.ramp.messages import OBSTACLE_STATE, PATH, POSE, PREDICTION
+from parcours.planners.ramp.planner_state import PLANNER, begin_population
+from parcours.planners.ramp.planning_cycle import planning_cycle
+from parcours.planners.ramp.prediction import predict
+from parcours.planners.ramp.sensing_cycle import evaluate_population, sensing_cycle
+from parcours.streams import start
+from parcours.studies.ramp_system.facts import FACTS, TRANSITIONS
+
+SENSING_PERIOD = 50_000_000
+REPORT_PERIOD = 33_333_333
+GUARD_PERIOD = 50_000_000
+"""Times between obstacle messages (20 Hz), robot reports (30 Hz) and imminent-collision checks (20 Hz) [ns]."""
+
+FAR = 1 << 62
+
+_INDEX = {name: i for i, name in enumerate(TRANSITIONS)}
+_P11, _P12, _P13, _P14, _P15, _P16, _P17, _P18, _P19 = (_INDEX[f"p1{k}"] for k in range(1, 10))
+_P21, _P31, _P41, _P42, _P43, _P44, _P45, _P46 = (_INDEX[n] for n in ("p21", "p31", "p41", "p42", "p43", "p44", "p45", "p46"))
+_P47, _P48, _P49, _P51, _P61 = (_INDEX[n] for n in ("p47", "p48", "p49", "p51", "p61"))
+
+SETTING = np.dtype(
+    [
+        ("seed", "u8"),
+        ("limit", "i8"),  # end of the test [ns]
+        ("extension", "i8"),  # how long it is watched beyond that, for the true remaining time [ns]
+        ("robot_x", "f8"),  # start of the robot [m]
+        ("robot_y", "f8"),
+        ("robot_heading", "f8"),  # [rad]
+        ("robot_speed", "f8"),  # [m/s]
+        ("goal_x", "f8"),  # [m]
+        ("goal_y", "f8"),
+        ("goal_tolerance", "f8"),  # [m]
+    ]
+)
+"""What all cases of a campaign share."""
+
+WORKSPACE = np.dtype(
+    [
+        ("world", WORLD),
+        ("planner", PLANNER),
+        ("control", CONTROL),
+        ("start", POSE),
+        ("report", POSE),
+        ("one", PATH),
+        ("two", PATH),
+        ("modifier", "u8", (1,)),
+        ("clock", "u8", (1,)),
+        ("obstacle_time", "i8"),  # when the pending obstacle message came [ns]; FAR if none is pending
+        ("report_time", "i8"),
+        ("guard_time", "i8"),
+        ("spin", "i8"),  # when the planner's thread woke for its callbacks [ns]
+        ("wakes", "i8"),  # when the thread is free again [ns]
+        ("cycle", "i8"),  # when its planning cycle began [ns]
+        ("in_callbacks", "i8"),
+        ("best_due", "i8"),  # when the best trajectory reaches control [ns]
+        ("halt_due", "i8"),  # when the imminent-collision flag does [ns]
+        ("halt_value", "i8"),
+        ("t_halted", "i8"),  # when the guard last halted the robot [ns]
+    ]
+)
+"""Working memory of one run."""
+
+
+@kernel
+def _sense(work: Record, obstacles: Record, seen: Record) -> None:
+    """Fill the obstacle message: where every obstacle is and how it moves."""
+    for k in range(len(obstacles)):
+        pose = seen[k].pose
+        pose.x, pose.y, pose.heading = obstacles[k].x, obstacles[k].y, obstacles[k].heading
+        pose.v, pose.w = obstacles[k].v, obstacles[k].w
+        seen[k].radius = obstacles[k].radius
+
+
+@kernel
+def _report(work: Record) -> None:
+    """Fill the robot's report."""
+    robot, report = work.world.robot, work.report
+    report.x, report.y, report.heading, report.v, report.w = robot.x, robot.y, robot.heading, robot.v, robot.w
+
+
+@kernel
+def _count_service(counts: Record, first: int, times: int) -> None:
+    """Count request, computation, response and return of a service whose idle transition is `first`."""
+    for k in range(1, 5):
+        counts[first + k] += times
+
+
+@kernel
+def _send_halt(work: Record, due: int) -> None:
+    """Send the imminent-collision flag to control."""
+    work.halt_due = due
+    work.halt_value = work.planner.halted
+
+
+@kernel
+def _control(work: Record, predictions: Record, now: int, parameters: Record, latencies: Record, facts: Record) -> None:
+    """Run a control cycle of the planner's thread and publish what it decided."""
+    planner = work.planner
+    was_halted = planner.halted
+    control_cycle(planner, predictions, now, parameters)
+    facts.transitions[_P12] += 1
+    facts.transitions[_P13] += 1
+    _count_service(facts.transitions, _P21, 1)
+    _count_service(facts.transitions, _P31, 1)
+    facts.n_control_cycles += 1
+    work.best_due = now + latencies.transport
+    if was_halted != planner.halted or (parameters.schedule == 0 and not planner.halted):
+        _send_halt(work, now + latencies.transport)
+    work.wakes = now + draw(work.clock, latencies.control, latencies.control_spread)
+
+
+@kernel
+def _callback(
+    work: Record, seen: Record, predictions: Record, now: int, parameters: Record, latencies: Record, facts: Record
+) -> bool:
+    """Run the callback of the planner's thread that was pending longest; return False if none is left."""
+    planner = work.planner
+    control_time = planner.t_next
+    first = min(min(work.report_time, work.obstacle_time), min(control_time, work.guard_time))
+    if first > work.spin:
+        return False
+    if work.report_time == first:
+        work.report_time = FAR
+        planner.latest = work.report
+        planner.t_latest = first
+        if parameters.schedule == 1 and planner.halted and work.t_halted >= planner.t_control and is_at_rest(planner):
+            planner.t_next = min(planner.t_next, work.spin)
+    elif work.obstacle_time == first:
+        work.obstacle_time = FAR
+        sensing_cycle(planner, seen, first, now, predictions, parameters)
+        n = len(seen)
+        facts.transitions[_P15] += 1
+        facts.transitions[_P16] += n
+        facts.transitions[_P17] += 1
+        facts.transitions[_P18] += 2
+        facts.transitions[_P19] += 1
+        _count_service(facts.transitions, _P21, n)
+        _count_service(facts.transitions, _P31, 2)
+        work.wakes = now + draw(work.clock, latencies.sensing, latencies.sensing_spread)
+    elif control_time == first:
+        _control(work, predictions[: len(seen) * planner.knows_obstacles], now, parameters, latencies, facts)
+    else:
+        work.guard_time = max(first + GUARD_PERIOD, now - now % GUARD_PERIOD + GUARD_PERIOD)
+        planner.halted = 1 if is_imminent(planner, now, parameters) else 0
+        _send_halt(work, now + latencies.transport)
+    return True
+
+
+@kernel
+def _guard(
+    work: Record, seen: Record, guarded: Record, now: int, parameters: Record, latencies: Record
+) -> None:
+    """Run the guard as a task of its own on the obstacles just seen; it can only halt."""
+    planner = work.planner
+    if planner.halted:
+        return
+    for k in range(len(seen)):
+        predict(seen[k], now, guarded[k])
+    planner.knows_obstacles = 1
+    evaluate_moving_on(planner, guarded, now, parameters)
+    if is_imminent(planner, now, parameters):
+        planner.halted = 1
+        work.t_halted = now
+        _send_halt(work, now + draw(work.clock, latencies.guard, latencies.guard_spread) + latencies.transport)
+
+
+@kernel
+def _think(
+    work: Record, seen: Record, predictions: Record, now: int, parameters: Record, latencies: Record, facts: Record
+) -> None:
+    """Let the planner's thread do its next piece of work."""
+    planner = work.planner
+    if work.in_callbacks == 0:
+        work.cycle = now
+        known = len(seen) * planner.knows_obstacles
+        planning_cycle(planner, predictions[:known], parameters, work.modifier, work.one, work.two)
+        facts.n_planning_cycles += 1
+        facts.transitions[_P11] += 1
+        facts.transitions[_P14] += 1
+        facts.transitions[_P21] += 1
+        facts.transitions[_P31] += 1
+        facts.transitions[_P51] += 1
+        _count_service(facts.transitions, _P51, 1)
+        _count_service(facts.transitions, _P21, 1)
+        _count_service(facts.transitions, _P31, 1)
+        busy = draw(work.clock, latencies.planning, latencies.planning_spread)
+        period = int(1e9 / parameters.planning_rate)
+        if busy > period:
+            facts.n_late_cycles += 1
+        work.wakes = now + max(busy, period)
+        work.spin = work.wakes
+        work.in_callbacks = 1
+        return
+    if not _callback(work, seen, predictions, now, parameters, latencies, facts):
+        work.in_callbacks = 0
+
+
+@kernel
+def _watch(work: Record, now: int, facts: Record) -> None:
+    """Keep what the robot and its controller do between two commands."""
+    control, robot = work.control, work.world.robot
+    if control.halt and not facts.halted_now:
+        facts.n_halts += 1
+    facts.halted_now = control.halt
+    if control.halt:
+        facts.halted_time += COMMAND_PERIOD
+    if robot.v * robot.v > 1e-4:
+        facts.t_last_moving = now
+
+
+@kernel
+def _execute(work: Record, now: int, parameters: Record, facts: Record) -> None:
+    """Let control command the robot."""
+    control, robot = work.control, work.world.robot
+    was_paused = control.paused
+    had_left = (now - control.begins) * 1e-9 < control.trajectory.duration
+    _report(work)
+    command(control, work.report, now, parameters)
+    robot.command_v, robot.command_w = control.command_v, control.command_w
+    if control.paused and not was_paused:
+        facts.transitions[_P43] += 1
+    if was_paused and not control.paused:
+        facts.transitions[_P44] += 1
+        facts.transitions[_P45] += 1
+    if not control.paused and not had_left and control.has:
+        facts.transitions[_P41] += 1
+
+
+@kernel
+def _freeze(work: Record, now: int, facts: Record) -> None:
+    """Write down how the case stands at its end."""
+    world, planner, control = work.world, work.planner, work.control
+    robot = world.robot
+    facts.t_end = now
+    facts.x, facts.y, facts.heading = robot.x, robot.y, robot.heading
+    facts.to_goal = np.sqrt((world.goal_x - robot.x) ** 2 + (world.goal_y - robot.y) ** 2)
+    facts.t_goal = world.t_goal
+    facts.feasible = planner.moving_on.feasible
+    facts.time_left = planner.moving_on.duration
+    facts.halted = control.halt
+    facts.t_contact = world.t_contact
+    facts.t_robot_contact, facts.t_shared_contact = world.t_robot_contact, world.t_shared_contact
+    facts.n_robot_contacts, facts.n_shared_contacts = world.n_robot_contacts, world.n_shared_contacts
+    facts.n_obstacle_contacts = world.n_obstacle_contacts
+    facts.min_clearance, facts.t_min_clearance = world.min_clearance, world.t_min_clearance
+    facts.travelled = world.travelled
+    facts.n_switches = planner.n_switches
+    facts.t_still_since = facts.t_last_moving
+
+
+@kernel
+def run_case(
+    number: int,
+    obstacles: Record,
+    setting: Record,
+    parameters: Record,
+    latencies: Record,
+    work: Record,
+    seen: Record,
+    predictions: Record,
+    guarded: Record,
+    facts: Record,
+    track: Record,
+) -> None:
+    """Run one case from its number alone and fill its FACTS.
+
+    Args:
+        number: case number; seeds its random streams together with `setting.seed`.
+        obstacles: array of OBSTACLE with the case's data; shape (n_obstacles,).
+        setting: SETTING.
+        parameters: PARAMETERS.
+        latencies: LATENCIES.
+        work: WORKSPACE.
+        seen: array of OBSTACLE_STATE, working memory; shape (n_obstacles,).
+        predictions: array of PREDICTION, working memory; shape (n_obstacles,).
+        guarded: array of PREDICTION, working memory of the guard; shape (n_obstacles,).
+        facts: FACTS.
+        track: TRACK array that receives one entry a command until it is full; shape (n,), or (0,) for none.
+    """
+    world, planner, control = work.world, work.planner, work.control
+    robot = world.robot
+    seed, case = setting.seed, np.uint64(number)
+    start(planner.stream, seed, case, np.uint64(1))
+    start(work.modifier, seed, case, np.uint64(2))
+    start(work.clock, seed, case, np.uint64(3))
+    robot.x, robot.y, robot.heading = setting.robot_x, setting.robot_y, setting.robot_heading
+    robot.v, robot.w = setting.robot_speed, 0.0
+    robot.command_v, robot.command_w = setting.robot_speed, 0.0
+    robot.v_max, robot.w_max = parameters.v_max, parameters.w_max
+    robot.a_max, robot.alpha_max = parameters.a_max, parameters.alpha_max
+    robot.radius = parameters.robot_radius
+    world.goal_x, world.goal_y, world.goal_tolerance = setting.goal_x, setting.goal_y, setting.goal_tolerance
+    begin(world, obstacles)
+    planner.goal_x, planner.goal_y = setting.goal_x, setting.goal_y
+    _report(work)
+    work.start = work.report
+    begin_population(planner, work.start, parameters)
+    planner.followed = planner.members[0].id
+    evaluate_population(planner, predictions[:0], parameters)
+    control.has = control.halt = control.paused = 0
+    control.t_halt = control.begins = 0
+    control.trajectory.duration = 0.0
+
+    for k in range(len(facts.transitions)):
+        facts.transitions[k] = 0
+    facts.number = number
+    facts.n_halts = facts.halted_now = facts.halted_time = 0
+    facts.n_planning_cycles = facts.n_control_cycles = facts.n_late_cycles = 0
+    facts.t_last_moving = 0
+    facts.t_goal_after = NEVER
+    facts.moved_after = 0
+
+    work.obstacle_time = work.report_time = FAR
+    work.guard_time = GUARD_PERIOD if parameters.schedule == 0 else FAR
+    work.best_due = work.halt_due = FAR
+    work.halt_value = 0
+    work.t_halted = NEVER
+    work.in_callbacks = 0
+    _control(work, predictions[:0], 0, parameters, latencies, facts)
+    work.wakes = 0
+    next_sensing = next_report = next_command = 0
+    frozen = False
+    n_track = 0
+    while True:
+        now = min(min(min(next_sensing, next_report), min(next_command, work.wakes)), min(work.best_due, work.halt_due))
+        if not frozen and (now >= setting.limit or world.t_goal != NEVER):
+            advance(world, obstacles, min(now, setting.limit))
+            _freeze(work, world.now, facts)
+            frozen = True
+            if world.t_goal != NEVER:
+                break
+        if now >= setting.limit + setting.extension:
+            break
+        advance(world, obstacles, now)
+        if frozen and world.t_goal != NEVER:
+            facts.t_goal_after = world.t_goal
+            facts.moved_after = 1
+            break
+        if now == next_report:
+            next_report += REPORT_PERIOD
+            _report(work)
+            work.report_time = now
+            facts.transitions[_P47] += 1
+            facts.transitions[_P48] += 1
+            facts.transitions[_P49] += 1
+        if now == next_sensing:
+            next_sensing += SENSING_PERIOD
+            _sense(work, obstacles, seen)
+            work.obstacle_time = now
+            facts.transitions[_P61] += 1
+            for k in range(1, 4):
+                facts.transitions[_P61 + k] += 1
+            if parameters.schedule == 1:
+                _guard(work, seen, guarded, now, parameters, latencies)
+        if now == work.wakes:
+            _think(work, seen, predictions, now, parameters, latencies, facts)
+        if now == work.best_due:
+            work.best_due = FAR
+            if control.has and not control.paused:
+                facts.transitions[_P46] += 1
+            follow(control, planner.moving_on, now, parameters)
+            facts.transitions[_P42] += 1
+        if now == work.halt_due:
+            work.halt_due = FAR
+            signal(control, work.halt_value == 1, now, parameters)
+            if control.paused:
+                robot.command_v = robot.command_w = 0.0
+        if now == next_command:
+            next_command += COMMAND_PERIOD
+            _execute(work, now, parameters, facts)
+            _watch(work, now, facts)
+            if frozen and facts.t_last_moving > facts.t_end + 1_000_000_000:
+                facts.moved_after = 1
+            if n_track < len(track):
+                entry = track[n_track]
+                entry.time = now
+                entry.x, entry.y, entry.heading, entry.v = robot.x, robot.y, robot.heading, robot.v
+                entry.halted = control.halt
+                for k in range(min(len(obstacles), len(entry.obstacle_x))):
+                    entry.obstacle_x[k], entry.obstacle_y[k] = obstacles[k].x, obstacles[k].y
+                n_track += 1
+    facts.n_track = n_track
