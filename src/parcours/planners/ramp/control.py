@@ -35,7 +35,7 @@ CONTROL = np.dtype(
 )
 """State of the controller."""
 
-_ALONG, _ACROSS, _TURN = 2.0, 10.0, 3.0
+_ALONG, _ACROSS, _TURN = 2.0, 64.0, 16.0
 """Feedback gains: [1/s], [1/m2], [1/m]."""
 
 _STRAIGHT = 1e-4
@@ -90,7 +90,7 @@ def _track(control: Record, pose: Record, now: int) -> None:
     control.command_v = reference.v * turn_c + _ALONG * ahead
     control.command_w = reference.w + reference.v * (_ACROSS * aside + _TURN * turn_s)
     if reference.v < 0.01:
-        control.command_w = reference.w + _TURN * turn
+        control.command_w = reference.w + 3.0 * turn
     if elapsed >= control.trajectory.duration and abs(ahead) < 0.005:
         control.command_v = 0.0
 

@@ -13,6 +13,9 @@ from parcours.planners.ramp.sensing_cycle import evaluate_population
 from parcours.planners.ramp.switching import earliest_switch, generate_from_switch
 from parcours.planners.ramp.trajectory_generator import generate
 
+DRAGGED = 0.01
+"""A trajectory that was dragged farther than this [m] is generated anew rather than continued."""
+
 
 @kernel
 def is_at_rest(planner: Record) -> bool:
@@ -33,6 +36,10 @@ def commit(planner: Record, now: int, parameters: Record) -> int:
         planner.n_switches += 1
         planner.followed = member.id
     copy_trajectory(planner.moving_on, member.trajectory, 0)
+    for i in range(planner.moving_on.n):
+        planner.moving_on.x[i] += planner.drift_x
+        planner.moving_on.y[i] += planner.drift_y
+    planner.dragged = 1 if max(abs(planner.drift_x), abs(planner.drift_y)) > DRAGGED else 0
     if parameters.schedule == 0 or planner.halted or planner.moving_on.begins > now:
         planner.moving_on.begins = now
     planner.t_control = now
@@ -48,6 +55,7 @@ def re_anchor_halted(planner: Record, now: int, parameters: Record) -> None:
     planner.t_next = now + int(period * 1e9)
     if not is_at_rest(planner):
         return
+    planner.rested = 1
     planner.anchor = planner.latest
     planner.anchor.v = planner.anchor.w = 0.0
     planner.switch = planner.anchor
@@ -76,9 +84,10 @@ def re_anchor(planner: Record, best: int, now: int, parameters: Record) -> None:
     planner.t_next = moving_on.begins + at * 100_000_000
     planner.switch_kind = HYBRID if at == longest else TRANSITION
     pose_at(moving_on, at * SAMPLE, planner.switch)
+    goes_on = moving_on.curve_end > at * SAMPLE or moving_on.rest_length == 0.0
     for i in range(planner.n):
         member = planner.members[i]
-        if i == best and (moving_on.curve_end > at * SAMPLE or moving_on.rest_length == 0.0) and at < moving_on.n:
+        if i == best and goes_on and not planner.dragged and at < moving_on.n:
             copy_trajectory(member.trajectory, moving_on, at)
             member.trajectory.begins = planner.t_next
         elif i == best:
@@ -91,13 +100,18 @@ def re_anchor(planner: Record, best: int, now: int, parameters: Record) -> None:
 
 @kernel
 def control_cycle(planner: Record, predictions: Record, now: int, parameters: Record) -> None:
-    """Run one whole control cycle. Afterwards moving_on is what to publish and t_next says when the next one is due."""
+    """Run one whole control cycle. Afterwards moving_on is what to publish and t_next says when the next one is due.
+
+    The guarded schedule resumes only with a trajectory that begins at rest where the robot stands.
+    """
     best = commit(planner, now, parameters)
     evaluate_moving_on(planner, predictions, now, parameters)
-    if planner.halted and not is_imminent(planner, now, parameters):
+    starts_at_rest = planner.rested == 1 or parameters.schedule == 0
+    if planner.halted and starts_at_rest and not is_imminent(planner, now, parameters):
         planner.halted = 0
     if planner.halted:
         re_anchor_halted(planner, now, parameters)
     else:
+        planner.rested = 0
         re_anchor(planner, best, now, parameters)
     evaluate_population(planner, predictions, parameters)

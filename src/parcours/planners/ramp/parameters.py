@@ -41,7 +41,7 @@ class Parameters:
     planning_rate: float = 20.0  # [Hz] [S]
     guard_rate: float = 20.0  # imminent-collision checks [Hz] [S]
     control_period: float = 2.0  # longest time between two control cycles [s] [S]
-    halted_period: float = 0.5  # ... while halted, guarded schedule only [s]; ours
+    halted_period: float = 0.2  # ... while halted, guarded schedule only [s]; ours
     knot_distance: float = 0.33  # between knots of a random path [m] [S]
     operator_distance: float = 0.25  # between a new knot and the others [m] [S]
     q_collision: float = 1e4  # infeasible by collision costs this / time to collision [S]
@@ -98,4 +98,4 @@ def original(**changes: float) -> Parameters:
 
 def guarded(**changes: float) -> Parameters:
     """Return the parameters of the repaired system."""
-    return Parameters(schedule="guarded", **{"plan_margin": 0.1, "guard_margin": 0.04, **changes})  # type: ignore[arg-type]
+    return Parameters(schedule="guarded", **{"plan_margin": 0.05, "guard_margin": 0.025, **changes})  # type: ignore[arg-type]

@@ -31,7 +31,9 @@ PLANNER = np.dtype(
         ("t_latest", "i8"),  # when it was [ns]
         ("drift_x", "f8"),  # measured minus planned position since the last control cycle [m]
         ("drift_y", "f8"),
+        ("dragged", "i8"),  # 1 if the last commitment was moved onto the robot noticeably
         ("halted", "i8"),  # 1 while imminent collision is on
+        ("rested", "i8"),  # 1 if, while halted, the population begins at rest where the robot stands
         ("knows_obstacles", "i8"),
         ("near_direction", "f8"),  # from the robot to the nearest obstacle [rad]
         ("near_distance", "f8"),  # [m], between centres
@@ -57,8 +59,9 @@ def begin_population(planner: Record, pose: Record, parameters: Record) -> None:
     """
     planner.n = parameters.population
     planner.next_id = 1
-    planner.halted = planner.knows_obstacles = planner.n_switches = 0
+    planner.halted = planner.rested = planner.knows_obstacles = planner.n_switches = 0
     planner.drift_x = planner.drift_y = 0.0
+    planner.dragged = 0
     planner.near_direction, planner.near_distance = 0.0, NO_COLLISION
     planner.latest = pose
     planner.anchor = pose

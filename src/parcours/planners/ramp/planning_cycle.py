@@ -24,11 +24,15 @@ N_OPERATORS = len(OPERATORS)
 
 
 @kernel
-def compensate(planner: Record) -> None:
-    """Drag the plans onto the robot: drift = measured minus planned position at the last report (error compensation)."""
+def compensate(planner: Record, parameters: Record) -> None:
+    """Drag the plans onto the robot: drift = measured minus planned position at the last report (error compensation).
+
+    The published system leaves it while the robot turns as it moves.
+    """
     if planner.halted or planner.moving_on.n == 0 or planner.t_latest < planner.moving_on.begins:
         return
-    if abs(planner.latest.w) > TURNING and abs(planner.latest.v) > MOVING:
+    turns = abs(planner.latest.w) > TURNING and abs(planner.latest.v) > MOVING
+    if turns and parameters.schedule == 0:
         return
     pose_at(planner.moving_on, (planner.t_latest - planner.moving_on.begins) * 1e-9, planner.candidate_pose)
     planner.drift_x = planner.latest.x - planner.candidate_pose.x
@@ -106,7 +110,7 @@ def planning_cycle(
         one: PATH, working memory.
         two: PATH, working memory.
     """
-    compensate(planner)
+    compensate(planner, parameters)
     choose_modification(planner)
     n = modify(planner.request, parameters, modifier, one, two)
     for k in range(n):

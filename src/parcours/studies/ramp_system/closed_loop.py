@@ -21,7 +21,7 @@ from parcours.planners.ramp.guard import evaluate_moving_on, is_imminent
 from parcours.planners.ramp.latency import draw
 from parcours.planners.ramp.messages import OBSTACLE_STATE, PATH, POSE, PREDICTION
 from parcours.planners.ramp.planner_state import PLANNER, begin_population
-from parcours.planners.ramp.planning_cycle import planning_cycle
+from parcours.planners.ramp.planning_cycle import compensate, planning_cycle
 from parcours.planners.ramp.prediction import predict
 from parcours.planners.ramp.sensing_cycle import evaluate_population, sensing_cycle
 from parcours.streams import start
@@ -67,7 +67,8 @@ WORKSPACE = np.dtype(
         ("modifier", "u8", (1,)),
         ("clock", "u8", (1,)),
         ("obstacle_time", "i8"),  # when the pending obstacle message came [ns]; FAR if none is pending
-        ("report_time", "i8"),
+        ("report_time", "i8"),  # when the pending report came [ns]; FAR
+        ("t_report", "i8"),  # when the last report was made [ns]
         ("guard_time", "i8"),
         ("spin", "i8"),  # when the planner's thread woke for its callbacks [ns]
         ("wakes", "i8"),  # when the thread is free again [ns]
@@ -178,6 +179,9 @@ def _guard(
     for k in range(len(seen)):
         predict(seen[k], now, guarded[k])
     planner.knows_obstacles = 1
+    planner.latest = work.report
+    planner.t_latest = work.t_report
+    compensate(planner, parameters)
     evaluate_moving_on(planner, guarded, now, parameters)
     if is_imminent(planner, now, parameters):
         planner.halted = 1
@@ -360,7 +364,7 @@ def run_case(
         if now == next_report:
             next_report += REPORT_PERIOD
             _report(work)
-            work.report_time = now
+            work.report_time = work.t_report = now
             facts.transitions[_P47] += 1
             facts.transitions[_P48] += 1
             facts.transitions[_P49] += 1
