@@ -8,17 +8,19 @@ their planned times with feedback (Kanayama et al., ICRA 1990) and halts at once
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
 
 import numpy as np
 
 from parcours.elementary import sin_cos, wrap
 from parcours.kernels import Record, kernel
-from parcours.planners.ramp.messages import POSE, SAMPLE, TRAJECTORY, Step, copy_trajectory, pose_at
+from parcours.planners.ramp.messages import POSE, SAMPLE, TRAJECTORY, Report, Step, copy_trajectory, one, pose_at
 from parcours.planners.ramp.parameters import Parameters
 
 COMMAND_PERIOD = 50_000_000
 """Time between two commands [ns]."""
+
+REPORT_PERIOD = 33_333_333
+"""Time between two reports of the robot's state [ns] (30 Hz)."""
 
 CONTROL = np.dtype(
     [
@@ -114,3 +116,69 @@ def command(control: Record, pose: Record, now: int, parameters: Record) -> None
         _replay(control, pose, now)
     else:
         _track(control, pose, now)
+
+
+class Control:
+    """The component: follows the best trajectory, pauses for imminent collision, and reports the robot's state.
+
+    It reads the robot's pose from `odometry` messages of the world and sends it `cmd_vel`.
+    """
+
+    name = "Control"
+
+    def __init__(self, parameters: Parameters) -> None:
+        self._parameters = parameters.record()
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget trajectory, flag and clock."""
+        self._state = one(CONTROL)
+        self._pose = one(POSE)
+        self._next_command = 0
+        self._next_report = 0
+        self._executing = False
+
+    def next_wake(self) -> int | None:
+        """The next command or report is due."""
+        return min(self._next_command, self._next_report)
+
+    def handle(self, channel: str | None, message: object, now: int) -> Iterator[Step]:
+        """Take a trajectory from `best_trajectory`, the flag from `imminent_collision`, the pose from `pose`."""
+        if channel == "best_trajectory":
+            if self._executing:
+                yield Step("p46")
+            follow(self._state, message, now, self._parameters)
+            self._executing = True
+            yield Step("p42")
+        elif channel == "imminent_collision":
+            signal(self._state, bool(message), now, self._parameters)
+            if self._state.paused:
+                yield Step("", (("cmd_vel", (0.0, 0.0)),))
+        elif channel == "pose" and isinstance(message, Report):
+            self._pose = message.pose
+        elif self._next_report > now:
+            yield Step("p47")
+        else:
+            yield Step("p41")
+
+    def wake(self, now: int) -> Iterator[Step]:
+        """Report the state and command the robot, whichever is due."""
+        if self._next_report <= now:
+            self._next_report += REPORT_PERIOD
+            yield Step("p47")
+            yield Step("p48", (("update", Report(now, self._pose.copy())),))
+            yield Step("p49")
+        if self._next_command <= now:
+            self._next_command += COMMAND_PERIOD
+            was_paused = self._state.paused
+            command(self._state, self._pose, now, self._parameters)
+            sends = (("cmd_vel", (float(self._state.command_v), float(self._state.command_w))),)
+            if self._state.paused and self._executing:
+                self._executing = False
+                yield Step("p43", sends)
+            elif was_paused and not self._state.paused:
+                self._executing = True
+                yield Step("p44", sends)
+                yield Step("p45")
+            else:
+                yield Step("", sends)

@@ -11,7 +11,6 @@ from parcours.planners.ramp.population import best_member
 from parcours.planners.ramp.route import HYBRID, TRANSITION
 from parcours.planners.ramp.sensing_cycle import evaluate_population
 from parcours.planners.ramp.switching import earliest_switch, generate_from_switch
-from parcours.planners.ramp.trajectory_generator import generate
 
 DRAGGED = 0.01
 """A trajectory that was dragged farther than this [m] is generated anew rather than continued."""
@@ -49,28 +48,41 @@ def commit(planner: Record, now: int, parameters: Record) -> int:
 
 
 @kernel
-def re_anchor_halted(planner: Record, now: int, parameters: Record) -> None:
-    """Let every member begin, at rest, where the robot stands (reset start)."""
+def clears(planner: Record, now: int, parameters: Record) -> bool:
+    """Return whether the halt ends with this control cycle.
+
+    The guarded schedule resumes only with a trajectory that begins at rest where the robot stands.
+    """
+    starts_at_rest = planner.rested == 1 or parameters.schedule == 0
+    return planner.halted == 1 and starts_at_rest and not is_imminent(planner, now, parameters)
+
+
+@kernel
+def rest(planner: Record, now: int, parameters: Record) -> bool:
+    """Let every member begin, at rest, where the robot stands (reset start); return False while it still moves."""
     period = parameters.halted_period if parameters.schedule == 1 else parameters.control_period
     planner.t_next = now + int(period * 1e9)
     if not is_at_rest(planner):
-        return
+        return False
     planner.rested = 1
     planner.anchor = planner.latest
     planner.anchor.v = planner.anchor.w = 0.0
     planner.switch = planner.anchor
     planner.switch_kind = HYBRID
-    for i in range(planner.n):
-        member = planner.members[i]
-        member.path.x[0], member.path.y[0] = planner.anchor.x, planner.anchor.y
-        generate_from_switch(planner, member.path, member.trajectory, parameters)
-        member.trajectory.id = member.id
+    _begin_paths_at_anchor(planner)
+    return True
 
 
 @kernel
-def re_anchor(planner: Record, best: int, now: int, parameters: Record) -> None:
-    """Let every member begin where moving_on leads, and set the time of the next control cycle (adaptation)."""
+def re_anchor(planner: Record, best: int, parameters: Record) -> bool:
+    """Let every member begin where moving_on leads, and set the time of the next control cycle (adaptation).
+
+    Returns:
+        Whether the best member goes on with what is left of moving_on. The others, and the best if it does not, need
+        new trajectories from the switch.
+    """
     moving_on = planner.moving_on
+    planner.rested = 0
     longest = int(parameters.control_period / SAMPLE + 0.5)
     pose_at(moving_on, longest * SAMPLE, planner.anchor)
     path = planner.members[best].path
@@ -78,40 +90,46 @@ def re_anchor(planner: Record, best: int, now: int, parameters: Record) -> None:
         remove_knot(path, 1)
         for k in range(1, len(moving_on.knot_time) - 1):
             moving_on.knot_time[k] = moving_on.knot_time[k + 1]
-    for i in range(planner.n):
-        planner.members[i].path.x[0], planner.members[i].path.y[0] = planner.anchor.x, planner.anchor.y
+    _begin_paths_at_anchor(planner)
     at = earliest_switch(planner, best, parameters)
     planner.t_next = moving_on.begins + at * 100_000_000
     planner.switch_kind = HYBRID if at == longest else TRANSITION
     pose_at(moving_on, at * SAMPLE, planner.switch)
-    goes_on = moving_on.curve_end > at * SAMPLE or moving_on.rest_length == 0.0
+    is_complete = moving_on.curve_end > at * SAMPLE or moving_on.rest_length == 0.0
+    if not is_complete or planner.dragged or at >= moving_on.n:
+        return False
+    copy_trajectory(planner.members[best].trajectory, moving_on, at)
+    planner.members[best].trajectory.begins = planner.t_next
+    return True
+
+
+@kernel
+def _begin_paths_at_anchor(planner: Record) -> None:
     for i in range(planner.n):
-        member = planner.members[i]
-        if i == best and goes_on and not planner.dragged and at < moving_on.n:
-            copy_trajectory(member.trajectory, moving_on, at)
-            member.trajectory.begins = planner.t_next
-        elif i == best:
-            generate(path, planner.switch, HYBRID, parameters, planner.route, member.trajectory)
-            member.trajectory.begins = planner.t_next
-        else:
-            generate_from_switch(planner, member.path, member.trajectory, parameters)
-        member.trajectory.id = member.id
+        planner.members[i].path.x[0], planner.members[i].path.y[0] = planner.anchor.x, planner.anchor.y
+
+
+@kernel
+def entry_kind(planner: Record, i: int, best: int) -> int:
+    """Return the kind of way by which member i is entered: the best one needs no switch."""
+    return HYBRID if i == best else int(planner.switch_kind)
 
 
 @kernel
 def control_cycle(planner: Record, predictions: Record, now: int, parameters: Record) -> None:
-    """Run one whole control cycle. Afterwards moving_on is what to publish and t_next says when the next one is due.
-
-    The guarded schedule resumes only with a trajectory that begins at rest where the robot stands.
-    """
+    """Run one whole control cycle. Afterwards moving_on is what to publish and t_next says when the next one is due."""
     best = commit(planner, now, parameters)
     evaluate_moving_on(planner, predictions, now, parameters)
-    starts_at_rest = planner.rested == 1 or parameters.schedule == 0
-    if planner.halted and starts_at_rest and not is_imminent(planner, now, parameters):
+    if clears(planner, now, parameters):
         planner.halted = 0
+    goes_on, anew = False, True
     if planner.halted:
-        re_anchor_halted(planner, now, parameters)
+        anew = rest(planner, now, parameters)
     else:
-        planner.rested = 0
-        re_anchor(planner, best, now, parameters)
+        goes_on = re_anchor(planner, best, parameters)
+    for i in range(planner.n):
+        if anew and not (i == best and goes_on):
+            member = planner.members[i]
+            generate_from_switch(planner, member.path, entry_kind(planner, i, best), member.trajectory, parameters)
+            member.trajectory.id = member.id
     evaluate_population(planner, predictions, parameters)

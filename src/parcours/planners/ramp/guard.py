@@ -13,24 +13,33 @@ from parcours.planners.ramp.trajectory_evaluation import collision_time
 
 
 @kernel
+def window(planner: Record, now: int, parameters: Record) -> tuple[int, int, int, float, bool]:
+    """Return what is looked at of the motion under way: (when it begins [ns], first sample, one past the last, margin
+    [m], whether the robot may leave an obstacle it is too near to)."""
+    moving_on = planner.moving_on
+    if parameters.schedule == 0:
+        return now, 0, min(int(parameters.control_period / SAMPLE + 0.5) + 1, moving_on.n), 0.0, False
+    first = max(int((now - moving_on.begins) * 1e-9 / SAMPLE), 0)
+    last = first + int(parameters.guard_horizon / SAMPLE + 0.5) + 1
+    return moving_on.begins, first, last, parameters.guard_margin, True
+
+
+@kernel
 def evaluate_moving_on(planner: Record, predictions: Record, now: int, parameters: Record) -> None:
     """Set moving_on_hit and moving_on_t: whether and when the motion under way meets a predicted obstacle."""
-    moving_on = planner.moving_on
-    if moving_on.n == 0 or len(predictions) == 0:
-        planner.moving_on_hit, planner.moving_on_t = 0, NO_COLLISION
-        return
-    if parameters.schedule == 0:
-        last = min(int(parameters.control_period / SAMPLE + 0.5) + 1, moving_on.n)
+    t = NO_COLLISION
+    if planner.moving_on.n > 0 and len(predictions) > 0:
+        begins, first, last, margin, may_leave = window(planner, now, parameters)
         t = collision_time(
-            moving_on, now, 0, last, predictions, planner.drift_x, planner.drift_y, 0.0, False, parameters
+            planner.moving_on, begins, first, last, predictions, planner.drift_x, planner.drift_y, margin, may_leave,
+            parameters,
         )
-    else:
-        first = max(int((now - moving_on.begins) * 1e-9 / SAMPLE), 0)
-        last = first + int(parameters.guard_horizon / SAMPLE + 0.5) + 1
-        t = collision_time(
-            moving_on, moving_on.begins, first, last, predictions, planner.drift_x, planner.drift_y,
-            parameters.guard_margin, True, parameters,
-        )
+    note_moving_on(planner, t)
+
+
+@kernel
+def note_moving_on(planner: Record, t: float) -> None:
+    """Keep when the motion under way meets a predicted obstacle [s]."""
     planner.moving_on_t = t
     planner.moving_on_hit = 1 if t < NO_COLLISION else 0
 

@@ -5,7 +5,7 @@ Units are metres, seconds, radians; headings run counter-clockwise from x. Times
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -72,10 +72,108 @@ MODIFICATION = np.dtype([("operator", "i8"), ("first", PATH), ("second", PATH), 
 
 
 class Step(NamedTuple):
-    """One transition of the model that a component has really taken, with the messages it sent."""
+    """One transition of the model that a component has really taken, with the messages it sent.
+
+    An empty transition is an action of the component that the model does not name.
+    """
 
     transition: str
     sends: tuple[tuple[str, object], ...] = ()
+
+
+class Tag(NamedTuple):
+    """Which conversation of the planner a request belongs to; its response carries the same."""
+
+    cycle: Literal["planning", "sensing", "control"]
+    serial: int
+
+
+class Obstacles(NamedTuple):
+    """The obstacles as sensed at `stamp` [ns]; `states` is an array of OBSTACLE_STATE (ObstacleList, Odometry)."""
+
+    stamp: int
+    states: Record
+
+
+class Report(NamedTuple):
+    """The robot's state at `stamp` [ns]; `pose` is a POSE (the message of /update)."""
+
+    stamp: int
+    pose: Record
+
+
+class TrajectoryRequest(NamedTuple):
+    """Ways to generate, or obstacles to predict.
+
+    `paths` is an array of PATH, `starts` of POSE, `kinds` of int64, all of shape (n,); if `obstacles` is given, one
+    prediction an obstacle is wanted instead.
+    """
+
+    tag: Tag
+    paths: Record = None
+    starts: Record = None
+    kinds: Record = None
+    obstacles: Obstacles | None = None
+
+
+class TrajectoryResponse(NamedTuple):
+    """The answer to a TrajectoryRequest: an array of TRAJECTORY, or of PREDICTION."""
+
+    tag: Tag
+    trajectories: Record
+
+
+class EvaluationRequest(NamedTuple):
+    """Trajectories to evaluate against predicted obstacles (see `evaluate` for the fields).
+
+    With `window` = (begins [ns], first sample, one past the last, margin [m], may leave) only the collision time of the
+    one trajectory within the window is wanted.
+    """
+
+    tag: Tag
+    trajectories: Record
+    predictions: Record
+    drift: tuple[float, float]
+    heading: float
+    halted: bool
+    window: tuple[int, int, int, float, bool] | None = None
+
+
+class EvaluationResponse(NamedTuple):
+    """The answer to an EvaluationRequest: arrays of shape (n,)."""
+
+    tag: Tag
+    feasible: Record
+    fitness: Record
+    t_collision: Record
+
+
+class ModificationRequest(NamedTuple):
+    """One MODIFICATION to make."""
+
+    tag: Tag
+    modification: Record
+
+
+class ModificationResponse(NamedTuple):
+    """The modified paths, an array of PATH; empty if the operator was not applicable."""
+
+    tag: Tag
+    paths: Record
+
+
+def one(kind: np.dtype[np.void]) -> Record:
+    """Return a fresh record of the dtype, all zero, whose fields kernels and Python read by name.
+
+    >>> one(POSE).x
+    0.0
+    """
+    return np.zeros(1, kind).view(np.recarray)[0]
+
+
+def many(kind: np.dtype[np.void], n: int) -> Record:
+    """Return an array of n fresh records of the dtype."""
+    return np.zeros(n, kind).view(np.recarray)
 
 
 @kernel

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
-from typing import NamedTuple
 
 import numpy as np
 
 from parcours.elementary import PI, atan2, sin_cos
 from parcours.kernels import Record, kernel
-from parcours.planners.ramp.messages import MODIFICATION, PATH, Step, copy_path
+from parcours.planners.ramp.messages import PATH, ModificationRequest, ModificationResponse, Step, copy_path, many
 from parcours.planners.ramp.parameters import Parameters
-from parcours.streams import Stream, below, between
+from parcours.streams import Stream, below, between, start
 
 INSERT, DELETE, CHANGE, SWAP, CROSSOVER, MOVE = range(6)
 """The operators."""
@@ -21,6 +19,9 @@ OPERATORS = ("insert", "delete", "change", "swap", "crossover", "move")
 
 LONGEST_FOR_INSERT = 5
 """A path of this many knots is not lengthened."""
+
+MODIFIER_STREAM = np.uint64(2)
+"""Purpose of the random stream of this component."""
 
 _ESCAPE_CLEARANCE = 0.275
 _TRIES = 64
@@ -139,3 +140,45 @@ def modify(request: Record, parameters: Record, stream: Stream, one: Record, two
         else:
             insert_knot(one, 1, x, y)
     return 1
+
+
+class PathModification:
+    """The component: answers modification requests from a random stream of its own.
+
+    Args:
+        parameters: RAMP's parameters.
+        seed: campaign seed.
+        case: case number.
+    """
+
+    name = "PathModification"
+
+    def __init__(self, parameters: Parameters, seed: int, case: int) -> None:
+        self._parameters = parameters.record()
+        self._origin = (np.uint64(seed), np.uint64(case), MODIFIER_STREAM)
+        self._stream = np.zeros(1, np.uint64)
+        self.reset()
+
+    def reset(self) -> None:
+        """Begin the random stream again."""
+        start(self._stream, *self._origin)
+
+    def next_wake(self) -> int | None:
+        """Time alone demands nothing."""
+        return None
+
+    def wake(self, now: int) -> Iterator[Step]:
+        """Time alone demands nothing."""
+        yield from ()
+
+    def handle(self, channel: str | None, message: object, now: int) -> Iterator[Step]:
+        """Answer a ModificationRequest with a ModificationResponse."""
+        if not isinstance(message, ModificationRequest):
+            yield Step("p51")
+            return
+        yield Step("p52")
+        made = many(PATH, 2)
+        n = modify(message.modification, self._parameters, self._stream, made[0], made[1])
+        yield Step("p53")
+        yield Step("p54", (("modification_response", ModificationResponse(message.tag, made[:n])),))
+        yield Step("p55")

@@ -116,7 +116,7 @@ def planning_cycle(
     for k in range(n):
         set_candidate(planner, one if k == 0 else two)
         trajectory = planner.candidate.trajectory
-        generate_from_switch(planner, planner.candidate.path, trajectory, parameters)
+        generate_from_switch(planner, planner.candidate.path, planner.switch_kind, trajectory, parameters)
         evaluate(
             trajectory, predictions, planner.drift_x, planner.drift_y, planner.latest.heading, planner.halted == 1,
             parameters,

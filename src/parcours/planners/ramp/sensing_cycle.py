@@ -28,6 +28,12 @@ def note_nearest(planner: Record, obstacles: Record) -> None:
 
 
 @kernel
+def evaluates_population(planner: Record, now: int) -> bool:
+    """Return whether this sensing cycle evaluates the population, or leaves it to the control cycle about to come."""
+    return planner.t_next - now > NOT_BEFORE_CONTROL or planner.halted == 1 or planner.moving_on.n == 0
+
+
+@kernel
 def evaluate_population(planner: Record, predictions: Record, parameters: Record) -> None:
     """Evaluate every member of the population."""
     for i in range(planner.n):
@@ -45,6 +51,6 @@ def sensing_cycle(
     for k in range(len(obstacles)):
         predict(obstacles[k], stamp, predictions[k])
     note_nearest(planner, obstacles)
-    if planner.t_next - now > NOT_BEFORE_CONTROL or planner.halted:
+    if evaluates_population(planner, now):
         evaluate_population(planner, predictions, parameters)
     evaluate_moving_on(planner, predictions, now, parameters)

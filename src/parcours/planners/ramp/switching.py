@@ -28,14 +28,20 @@ def switch_path(path: Record, pose: Record, kind: int, out: Record) -> None:
 
 
 @kernel
-def generate_from_switch(planner: Record, path: Record, trajectory: Record, parameters: Record) -> None:
-    """Fill the TRAJECTORY that a member with this PATH would follow from the planner's next switch on."""
-    switch_path(path, planner.switch, planner.switch_kind, planner.work_path)
-    generate(planner.work_path, planner.switch, planner.switch_kind, parameters, planner.route, trajectory)
-    if planner.switch_kind == TRANSITION:
+def take_up(planner: Record, trajectory: Record, kind: int) -> None:
+    """Date a TRAJECTORY generated for a member from the planner's next switch, and count its knots as the member does."""
+    if kind == TRANSITION:
         for k in range(1, MAX_KNOTS):
             trajectory.knot_time[k - 1] = trajectory.knot_time[k]
     trajectory.begins = planner.t_next
+
+
+@kernel
+def generate_from_switch(planner: Record, path: Record, kind: int, trajectory: Record, parameters: Record) -> None:
+    """Fill the TRAJECTORY that a member with this PATH would follow from the planner's next switch on."""
+    switch_path(path, planner.switch, kind, planner.work_path)
+    generate(planner.work_path, planner.switch, kind, parameters, planner.route, trajectory)
+    take_up(planner, trajectory, kind)
 
 
 @kernel

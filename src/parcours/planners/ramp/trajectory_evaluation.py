@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
 from parcours.elementary import PI, wrap
 from parcours.kernels import Record, kernel
-from parcours.planners.ramp.messages import NO_COLLISION, SAMPLE, Step
+from parcours.planners.ramp.messages import NO_COLLISION, SAMPLE, EvaluationRequest, EvaluationResponse, Step
 from parcours.planners.ramp.parameters import Parameters
 
 MODEST_TURN = 0.1
@@ -167,3 +165,51 @@ def evaluate(
     trajectory.t_collision = t
     trajectory.feasible = 1 if t >= NO_COLLISION and not must_stop else 0
     trajectory.fitness = 1.0 / max(cost, 1.0)
+
+
+class TrajectoryEvaluation:
+    """The component: answers evaluation requests, one at a time, and keeps nothing in between."""
+
+    name = "TrajectoryEvaluation"
+
+    def __init__(self, parameters: Parameters) -> None:
+        self._parameters = parameters.record()
+
+    def reset(self) -> None:
+        """Nothing is kept between requests."""
+
+    def next_wake(self) -> int | None:
+        """Time alone demands nothing."""
+        return None
+
+    def wake(self, now: int) -> Iterator[Step]:
+        """Time alone demands nothing."""
+        yield from ()
+
+    def handle(self, channel: str | None, message: object, now: int) -> Iterator[Step]:
+        """Answer an EvaluationRequest with an EvaluationResponse."""
+        if not isinstance(message, EvaluationRequest):
+            yield Step("p31")
+            return
+        yield Step("p32")
+        response = self._answer(message)
+        yield Step("p33")
+        yield Step("p34", (("evaluation_response", response),))
+        yield Step("p35")
+
+    def _answer(self, request: EvaluationRequest) -> EvaluationResponse:
+        trajectories, predictions = request.trajectories.copy(), request.predictions
+        drift_x, drift_y = request.drift
+        for k in range(len(trajectories)):
+            if request.window is None:
+                evaluate(
+                    trajectories[k], predictions, drift_x, drift_y, request.heading, request.halted, self._parameters
+                )
+                continue
+            begins, first, last, margin, may_leave = request.window
+            trajectories[k].t_collision = collision_time(
+                trajectories[k], begins, first, last, predictions, drift_x, drift_y, margin, may_leave, self._parameters
+            )
+        return EvaluationResponse(
+            request.tag, trajectories.feasible.copy(), trajectories.fitness.copy(), trajectories.t_collision.copy()
+        )

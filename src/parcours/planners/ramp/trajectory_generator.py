@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
-import numpy as np
-
-from parcours.elementary import TAU, atan2, sin_cos, wrap
+from parcours.elementary import atan2, sin_cos, wrap
 from parcours.kernels import Record, kernel
 from parcours.planners.ramp.corner import corner_at
 from parcours.planners.ramp.messages import (
@@ -15,12 +12,18 @@ from parcours.planners.ramp.messages import (
     MAX_SAMPLES,
     NO_COLLISION,
     SAMPLE,
+    PREDICTION,
     TRAJECTORY,
     Step,
+    TrajectoryRequest,
+    TrajectoryResponse,
+    many,
+    one,
 )
+from parcours.planners.ramp.parameters import Parameters
 from parcours.planners.ramp.prediction import predict
 from parcours.planners.ramp.profile import along, trapezoid
-from parcours.planners.ramp.route import CURVE, HYBRID, LINE, ROUTE, TURN, plan_route
+from parcours.planners.ramp.route import CURVE, LINE, ROUTE, TURN, plan_route
 
 
 @kernel
@@ -94,3 +97,49 @@ def generate(path: Record, pose: Record, kind: int, parameters: Record, route: R
     """Fill the TRAJECTORY that follows the PATH from the state `pose`; `route` is working memory."""
     plan_route(path, pose, kind, parameters, route)
     sample_route(route, pose, parameters, trajectory)
+
+
+class TrajectoryGenerator:
+    """The component: answers trajectory requests, one at a time."""
+
+    name = "TrajectoryGenerator"
+
+    def __init__(self, parameters: Parameters) -> None:
+        self._parameters = parameters.record()
+        self._route = one(ROUTE)
+
+    def reset(self) -> None:
+        """Nothing is kept between requests."""
+
+    def next_wake(self) -> int | None:
+        """Time alone demands nothing."""
+        return None
+
+    def wake(self, now: int) -> Iterator[Step]:
+        """Time alone demands nothing."""
+        yield from ()
+
+    def handle(self, channel: str | None, message: object, now: int) -> Iterator[Step]:
+        """Answer a TrajectoryRequest with a TrajectoryResponse."""
+        if not isinstance(message, TrajectoryRequest):
+            yield Step("p21")
+            return
+        yield Step("p22")
+        response = TrajectoryResponse(message.tag, self._answer(message))
+        yield Step("p23")
+        yield Step("p24", (("trajectory_response", response),))
+        yield Step("p25")
+
+    def _answer(self, request: TrajectoryRequest) -> Record:
+        if request.obstacles is not None:
+            states = request.obstacles.states
+            predictions = many(PREDICTION, len(states))
+            for k in range(len(states)):
+                predict(states[k], request.obstacles.stamp, predictions[k])
+            return predictions
+        trajectories = many(TRAJECTORY, len(request.paths))
+        for k in range(len(request.paths)):
+            generate(
+                request.paths[k], request.starts[k], int(request.kinds[k]), self._parameters, self._route, trajectories[k]
+            )
+        return trajectories

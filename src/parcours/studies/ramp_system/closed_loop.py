@@ -340,7 +340,8 @@ def run_case(
     work.best_due = work.halt_due = FAR
     work.halt_value = 0
     work.t_halted = NEVER
-    work.in_callbacks = 0
+    work.in_callbacks = 1
+    work.spin = 0
     _control(work, predictions[:0], 0, parameters, latencies, facts)
     work.wakes = 0
     next_sensing = next_report = next_command = 0
