@@ -35,20 +35,24 @@ _STRAIGHT = 1e-9
 
 
 @kernel
+def place_at(obstacle: Record, now: int) -> tuple[float, float]:
+    """Return where the obstacle's centre is at `now` [ns], as (x, y) [m]."""
+    elapsed = max(min(now, obstacle.stop) - obstacle.start, 0) * 1e-9
+    s0, c0 = sin_cos(obstacle.heading0)
+    if abs(obstacle.turn) < _STRAIGHT:
+        way = obstacle.speed * elapsed
+        return obstacle.x0 + way * c0, obstacle.y0 + way * s0
+    s1, c1 = sin_cos(obstacle.heading0 + obstacle.turn * elapsed)
+    arc_radius = obstacle.speed / obstacle.turn
+    return obstacle.x0 + arc_radius * (s1 - s0), obstacle.y0 - arc_radius * (c1 - c0)
+
+
+@kernel
 def move(obstacle: Record, now: int) -> None:
     """Put the obstacle where it is at `now` [ns]."""
-    elapsed = max(min(now, obstacle.stop) - obstacle.start, 0) * 1e-9
     moves = obstacle.start <= now < obstacle.stop
     obstacle.v = obstacle.speed if moves else 0.0
     obstacle.w = obstacle.turn if moves else 0.0
-    turned = obstacle.turn * elapsed
-    obstacle.heading = obstacle.heading0 + turned
-    s0, c0 = sin_cos(obstacle.heading0)
-    if abs(obstacle.turn) < _STRAIGHT:
-        obstacle.x = obstacle.x0 + obstacle.speed * elapsed * c0
-        obstacle.y = obstacle.y0 + obstacle.speed * elapsed * s0
-    else:
-        s1, c1 = sin_cos(obstacle.heading)
-        arc_radius = obstacle.speed / obstacle.turn
-        obstacle.x = obstacle.x0 + arc_radius * (s1 - s0)
-        obstacle.y = obstacle.y0 - arc_radius * (c1 - c0)
+    elapsed = max(min(now, obstacle.stop) - obstacle.start, 0) * 1e-9
+    obstacle.heading = obstacle.heading0 + obstacle.turn * elapsed
+    obstacle.x, obstacle.y = place_at(obstacle, now)

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from parcours.arena.obstacles import OBSTACLE
+from parcours.arena.obstacles import place_at
 from parcours.arena.world import NEVER, WORLD, advance, begin
 from parcours.kernels import Record, kernel
 from parcours.planners.ramp.control import COMMAND_PERIOD, CONTROL, command, follow, signal
@@ -77,6 +77,9 @@ WORKSPACE = np.dtype(
         ("best_due", "i8"),  # when the best trajectory reaches control [ns]
         ("halt_due", "i8"),  # when the imminent-collision flag does [ns]
         ("halt_value", "i8"),
+        ("halted_before", "i8"),  # the flag at the last command
+        ("paused_before", "i8"),
+        ("t_moving", "i8"),  # last time the robot moved [ns]
         ("t_halted", "i8"),  # when the guard last halted the robot [ns]
     ]
 )
@@ -224,20 +227,20 @@ def _think(
 def _watch(work: Record, now: int, facts: Record) -> None:
     """Keep what the robot and its controller do between two commands."""
     control, robot = work.control, work.world.robot
-    if control.halt and not facts.halted_now:
+    if control.halt and not work.halted_before:
         facts.n_halts += 1
-    facts.halted_now = control.halt
+    work.halted_before = control.halt
     if control.halt:
         facts.halted_time += COMMAND_PERIOD
     if robot.v * robot.v > 1e-4:
-        facts.t_last_moving = now
+        work.t_moving = now
 
 
 @kernel
 def _execute(work: Record, now: int, parameters: Record, facts: Record) -> None:
     """Let control command the robot."""
     control, robot = work.control, work.world.robot
-    was_paused = control.paused
+    was_paused = work.paused_before
     had_left = (now - control.begins) * 1e-9 < control.trajectory.duration
     _report(work)
     command(control, work.report, now, parameters)
@@ -247,12 +250,24 @@ def _execute(work: Record, now: int, parameters: Record, facts: Record) -> None:
     if was_paused and not control.paused:
         facts.transitions[_P44] += 1
         facts.transitions[_P45] += 1
+    work.paused_before = control.paused
     if not control.paused and not had_left and control.has:
         facts.transitions[_P41] += 1
 
 
 @kernel
-def _freeze(work: Record, now: int, facts: Record) -> None:
+def _goal_gap(world: Record, obstacles: Record) -> float:
+    """Return the clearance [m] that a robot on the goal would have once all obstacles rest."""
+    gap = np.inf
+    for k in range(len(obstacles)):
+        x, y = place_at(obstacles[k], obstacles[k].stop)
+        distance = np.sqrt((x - world.goal_x) ** 2 + (y - world.goal_y) ** 2)
+        gap = min(gap, distance - obstacles[k].radius - world.robot.radius)
+    return gap
+
+
+@kernel
+def _freeze(work: Record, obstacles: Record, now: int, facts: Record) -> None:
     """Write down how the case stands at its end."""
     world, planner, control = work.world, work.planner, work.control
     robot = world.robot
@@ -270,7 +285,8 @@ def _freeze(work: Record, now: int, facts: Record) -> None:
     facts.min_clearance, facts.t_min_clearance = world.min_clearance, world.t_min_clearance
     facts.travelled = world.travelled
     facts.n_switches = planner.n_switches
-    facts.t_still_since = facts.t_last_moving
+    facts.t_last_moving = work.t_moving
+    facts.goal_gap = _goal_gap(world, obstacles)
 
 
 @kernel
@@ -329,9 +345,9 @@ def run_case(
     for k in range(len(facts.transitions)):
         facts.transitions[k] = 0
     facts.number = number
-    facts.n_halts = facts.halted_now = facts.halted_time = 0
+    facts.n_halts = facts.halted_time = 0
     facts.n_planning_cycles = facts.n_control_cycles = facts.n_late_cycles = 0
-    facts.t_last_moving = 0
+    work.halted_before = work.paused_before = work.t_moving = 0
     facts.t_goal_after = NEVER
     facts.moved_after = 0
 
@@ -351,7 +367,7 @@ def run_case(
         now = min(min(min(next_sensing, next_report), min(next_command, work.wakes)), min(work.best_due, work.halt_due))
         if not frozen and (now >= setting.limit or world.t_goal != NEVER):
             advance(world, obstacles, min(now, setting.limit))
-            _freeze(work, world.now, facts)
+            _freeze(work, obstacles, world.now, facts)
             frozen = True
             if world.t_goal != NEVER:
                 break
@@ -395,7 +411,7 @@ def run_case(
             next_command += COMMAND_PERIOD
             _execute(work, now, parameters, facts)
             _watch(work, now, facts)
-            if frozen and facts.t_last_moving > facts.t_end + 1_000_000_000:
+            if frozen and work.t_moving > facts.t_end + 1_000_000_000:
                 facts.moved_after = 1
             if n_track < len(track):
                 entry = track[n_track]

@@ -1,0 +1,173 @@
+"""Case numbers -> system cases: a start vector of the obstacles, blocks by Each Choice, values by seed, start times.
+
+Case k belongs to abstract case k mod 9 and is its row k div 9; any case is built from (seed, number) alone. The start
+vector says in which order the obstacles set out: 0 with the one before, 1 while it moves, 2 after it has stopped. The
+stop durations of Table VII are drawn under that condition, so an obstacle that starts with another shares its duration.
+"""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import dataclass, replace
+from importlib.resources import files
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from parcours.abtc import AbstractCase, abstract_cases
+from parcours.arena.obstacles import OBSTACLE
+from parcours.data import Constraint, InputModel, draw, parse_input_model, select
+from parcours.elementary import PI, atan2
+from parcours.errors import BadRequest, one_of
+from parcours.kernels import Record, kernel
+from parcours.model import parse_model
+from parcours.model.expression import parse_expression
+from parcours.model.structure import Cefsm
+from parcours.studies.ramp_system.published import folder_of
+
+Protocol = Literal["table-vii", "published"]
+PROTOCOLS: tuple[Protocol, ...] = ("table-vii", "published")
+
+STATIC = 1.0
+"""All obstacles stand for this time first [s] (section VI-B)."""
+
+LONGEST_ARC, LONGEST_LINE = 5.0, 12.0
+"""How long an obstacle of the published protocol moves [s]: an arc of at most pi radians, or a line."""
+
+_N = 3
+_TRIES = 100_000
+
+
+def obstacle_model() -> Cefsm:
+    """Return the behavioural model of the three obstacles (Table VI)."""
+    return parse_model(_text("model.yaml"), "ramp_system/model.yaml")
+
+
+@functools.cache
+def input_model(protocol: Protocol = "table-vii") -> InputModel:
+    """Return the input domains of a protocol."""
+    name = "domains.yaml" if protocol == "table-vii" else "published.yaml"
+    return parse_input_model(_text(name), f"ramp_system/{name}")
+
+
+@functools.cache
+def start_cases() -> tuple[AbstractCase, ...]:
+    """Return the nine abstract cases of three obstacles."""
+    return tuple(abstract_cases(obstacle_model()))
+
+
+def _text(name: str) -> str:
+    return (files(__package__) / name).read_text(encoding="utf-8")
+
+
+@dataclass(frozen=True, slots=True)
+class SystemCases:
+    """A numbered, endless family of system cases.
+
+    Args:
+        seed: the campaign's seed.
+        protocol: "table-vii" (the paper's domains, all nine start vectors) or "published" (the authors' generator and
+            delays, five start vectors).
+        obstacle_radius: [m].
+    """
+
+    seed: int
+    protocol: Protocol = "table-vii"
+    obstacle_radius: float = 0.1
+
+    def __post_init__(self) -> None:
+        if self.protocol not in PROTOCOLS:
+            raise BadRequest(
+                "protocol", f"it must be known, but {self.protocol!r} is not", one_of(self.protocol, PROTOCOLS),
+                slug="unknown-protocol",
+            )  # fmt: skip
+
+    def vector(self, number: int) -> tuple[int, ...]:
+        """Return the start vector of a case."""
+        if self.protocol == "published":
+            return folder_of(number).vector
+        return start_cases()[number % len(start_cases())].start_vector
+
+    def id(self, number: int) -> str:
+        """Return the stable id of a case: study, abstract case, row.
+
+        >>> SystemCases(0).id(10)
+        'ramp_system/DOPS-tp11.tp21.tp31-0.0.1/1'
+        """
+        if self.protocol == "published":
+            return f"ramp_system/published-{folder_of(number).folder}/{number}"
+        abstract = start_cases()[number % len(start_cases())]
+        return f"ramp_system/{abstract.id}/{number // len(start_cases())}"
+
+    def values(self, numbers: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Return the drawn values of the cases in the order of `input_model(protocol).names`, shape (n, n_inputs)."""
+        model = input_model(self.protocol)
+        if self.protocol == "published":
+            rows = np.zeros((len(numbers), len(model.domains)), np.int64)
+            return draw(model, rows, numbers, seed=self.seed)
+        table = np.empty((len(numbers), len(model.domains)))
+        for a, abstract in enumerate(start_cases()):
+            where = np.flatnonzero(numbers % len(start_cases()) == a)
+            mine = numbers[where]
+            sizes = [len(domain.blocks) for domain in model.domains]
+            rows = select("each_choice", sizes, mine // len(start_cases()), seed=self.seed ^ (a << 32))
+            leaders = _leaders(abstract.start_vector)
+            conditioned = replace(model, constraints=(*model.constraints, *_order(abstract.start_vector, leaders)))
+            drawn = draw(conditioned, rows, mine, seed=self.seed, tries=_TRIES)
+            for i, leader in enumerate(leaders):
+                drawn[:, model.names.index(f"ds{i + 1}")] = drawn[:, model.names.index(f"ds{leader + 1}")]
+            table[where] = drawn
+        return table
+
+    def obstacles(self, numbers: NDArray[np.int64]) -> Record:
+        """Return the cases as an array of OBSTACLE, shape (n, 3): where they stand, how and when they move."""
+        names = list(input_model(self.protocol).names)
+        values = self.values(numbers)
+        column = {name: values[:, k] for k, name in enumerate(names)}
+        x, y, v, w = (np.stack([column[f"{p}{i}"] for i in (1, 2, 3)], axis=1) for p in ("x", "y", "v", "w"))
+        if self.protocol == "published":
+            waits = np.array([folder_of(int(n)).delays for n in numbers], dtype=float).reshape(len(numbers), _N)
+            turning = np.abs(w) > 0.01
+            lasts = np.where(turning, np.minimum(LONGEST_ARC, PI / np.maximum(np.abs(w), 0.01)), LONGEST_LINE)
+        else:
+            waits, lasts = (np.stack([column[f"{p}{i}"] for i in (1, 2, 3)], axis=1) for p in ("ds", "dm"))
+        obstacles = np.zeros((len(numbers), _N), OBSTACLE)
+        obstacles["radius"] = self.obstacle_radius
+        obstacles["speed"], obstacles["turn"] = v, w
+        obstacles["start"] = np.rint((STATIC + waits) * 1e9).astype(np.int64)
+        obstacles["stop"] = np.rint((STATIC + waits + lasts) * 1e9).astype(np.int64)
+        _place(x, y, obstacles)
+        return obstacles
+
+
+@kernel
+def _place(x: Record, y: Record, obstacles: Record) -> None:
+    """Put each obstacle at (x, y), heading at the robot's start in the origin."""
+    for k in range(obstacles.shape[0]):
+        for i in range(obstacles.shape[1]):
+            obstacles[k, i].x0, obstacles[k, i].y0 = x[k, i], y[k, i]
+            obstacles[k, i].heading0 = atan2(-y[k, i], -x[k, i])
+
+
+def _leaders(vector: tuple[int, ...]) -> list[int]:
+    """Return for each obstacle the first of those that start together with it."""
+    leaders: list[int] = []
+    for i in range(len(vector)):
+        leaders.append(leaders[i - 1] if i and vector[i] == vector[i - 1] else i)
+    return leaders
+
+
+def _order(vector: tuple[int, ...], leaders: list[int]) -> tuple[Constraint, ...]:
+    """Return the constraints on stop and move durations that put the obstacles in the order of the start vector."""
+    rules = []
+    for i in range(1, len(vector)):
+        offset = vector[i] - vector[i - 1]
+        before, moves, this = f"ds{leaders[i - 1] + 1}", f"dm{i}", f"ds{i + 1}"
+        if offset == 1:
+            rules.append((f"starts_{i + 1}_while_{i}_moves", f"{before} < {this} && {this} < {before} + {moves}"))
+        elif offset == 2:
+            rules.append((f"starts_{i + 1}_after_{i}_stopped", f"{this} >= {before} + {moves}"))
+    return tuple(
+        Constraint(name, parse_expression(text, "start vector"), "order of the start vector") for name, text in rules
+    )

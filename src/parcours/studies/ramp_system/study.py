@@ -1,0 +1,132 @@
+"""The system study: numbered cases, run compiled -> facts; and what is needed to run them as a campaign."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from parcours.kernels import Record, kernel
+from parcours.planners.ramp.latency import Latencies
+from parcours.planners.ramp.messages import OBSTACLE_STATE, PREDICTION, one
+from parcours.planners.ramp.parameters import Parameters, guarded, original
+from parcours.run.store import Campaign
+from parcours.studies.ramp_system.cases import Protocol, SystemCases
+from parcours.studies.ramp_system.closed_loop import SETTING, WORKSPACE, run_case
+from parcours.studies.ramp_system.facts import FACTS, TRACK
+
+PUBLISHED_CASES = 905
+"""As many cases as the paper ran."""
+
+TIME_LIMIT = 20.0
+"""A test lasts this long after the static second [s] (section VI-B)."""
+
+WATCHED_ON = 40.0
+"""An unfinished case is watched for this long beyond its end, for the true remaining time [s]; ours."""
+
+SCHEDULES = ("original", "guarded")
+
+
+@dataclass(frozen=True, slots=True)
+class SystemStudy:
+    """RAMP with one schedule on one family of cases; callable as a campaign's `simulate`.
+
+    Args:
+        cases: the cases.
+        parameters: of RAMP.
+        latencies: how long its work takes.
+        time_limit: length of a test after the static second [s].
+        watched_on: how long an unfinished case is watched beyond its end [s].
+    """
+
+    cases: SystemCases
+    parameters: Parameters
+    latencies: Latencies = dataclasses.field(default_factory=Latencies)
+    time_limit: float = TIME_LIMIT
+    watched_on: float = WATCHED_ON
+
+    def __call__(self, first: int, count: int) -> NDArray[np.void]:
+        """Return the facts of cases first .. first + count - 1, array of FACTS of shape (count,)."""
+        return self.run(np.arange(first, first + count))
+
+    def run(self, numbers: NDArray[np.int64]) -> NDArray[np.void]:
+        """Return the facts of the cases, array of FACTS of shape (n,); independent of what else is run."""
+        facts = np.zeros(len(numbers), FACTS)
+        self._run(numbers, facts, np.zeros(0, TRACK))
+        return facts
+
+    def track(self, number: int) -> tuple[NDArray[np.void], NDArray[np.void]]:
+        """Return (facts of shape (1,), track of shape (n,)) of one case run anew, for a replay."""
+        facts = np.zeros(1, FACTS)
+        length = int((1.0 + self.time_limit + self.watched_on) / 0.05) + 2
+        track = np.zeros(length, TRACK)
+        self._run(np.array([number]), facts, track)
+        return facts, track[: int(facts[0]["n_track"])]
+
+    def _run(self, numbers: NDArray[np.int64], facts: NDArray[np.void], track: NDArray[np.void]) -> None:
+        obstacles = self.cases.obstacles(numbers)
+        n = obstacles.shape[1]
+        _run_cases(
+            numbers, obstacles, self.setting(), self.parameters.record(), self.latencies.record(), one(WORKSPACE),
+            np.zeros(n, OBSTACLE_STATE), np.zeros(n, PREDICTION), np.zeros(n, PREDICTION), facts, track,
+        )  # fmt: skip
+
+    def setting(self) -> Record:
+        """Return the SETTING of the paper: start (0, 0) heading 45 degrees at 0.249 m/s, goal (2, 2)."""
+        setting = one(SETTING)
+        setting.seed = self.cases.seed
+        setting.limit = round((1.0 + self.time_limit) * 1e9)
+        setting.extension = round(self.watched_on * 1e9)
+        setting.robot_heading, setting.robot_speed = 0.7853981633974483, 0.249
+        setting.goal_x = setting.goal_y = 2.0
+        setting.goal_tolerance = 0.2
+        return setting
+
+    def campaign(self, n_cases: int, shard_size: int = 64) -> Campaign:
+        """Return the campaign of cases 0 .. n_cases - 1."""
+        return Campaign(
+            study="ramp_system",
+            schedule=self.parameters.schedule,
+            seed=self.cases.seed,
+            n_cases=n_cases,
+            dtype=FACTS,
+            parameters={
+                "protocol": self.cases.protocol,
+                "obstacle_radius": self.cases.obstacle_radius,
+                "planner": dataclasses.asdict(self.parameters),
+                "latencies": dataclasses.asdict(self.latencies),
+                "time_limit": self.time_limit,
+                "watched_on": self.watched_on,
+            },
+            shard_size=shard_size,
+        )
+
+
+@kernel
+def _run_cases(
+    numbers: Record, obstacles: Record, setting: Record, parameters: Record, latencies: Record, work: Record,
+    seen: Record, predictions: Record, guarded: Record, facts: Record, track: Record,
+) -> None:  # fmt: skip
+    """Run the cases one after the other; shapes as in `run_case`, with the cases as leading axis."""
+    for k in range(len(numbers)):
+        run_case(
+            numbers[k], obstacles[k], setting, parameters, latencies, work, seen, predictions, guarded, facts[k], track
+        )
+
+
+def system_study(
+    schedule: str, *, seed: int = 0, protocol: Protocol = "table-vii", radius: float = 0.125, obstacle_radius: float = 0.1
+) -> SystemStudy:
+    """Return the study of the paper for one schedule.
+
+    Args:
+        schedule: "original" or "guarded".
+        seed: campaign seed.
+        protocol: which family of cases.
+        radius: of the robot [m].
+        obstacle_radius: [m].
+    """
+    make = original if schedule == "original" else guarded
+    return SystemStudy(SystemCases(seed, protocol, obstacle_radius), make(robot_radius=radius))

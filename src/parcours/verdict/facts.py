@@ -1,0 +1,46 @@
+"""What a judge needs to know of one navigation run: plain facts, measured by the world or by whoever ran the case.
+
+One record a case. Times are nanoseconds from the start of the case; NEVER stands for what did not happen.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+NEVER = -1
+"""The time of what did not happen."""
+
+FACTS = np.dtype(
+    [
+        ("number", "i8"),  # case number
+        ("t_end", "i8"),  # when the case ended: goal reached, or time limit [ns]
+        ("x", "f8"),  # the robot then [m]
+        ("y", "f8"),
+        ("heading", "f8"),  # [rad]
+        ("to_goal", "f8"),  # distance to the goal then [m]
+        ("t_goal", "i8"),  # goal first reached [ns]
+        ("goal_gap", "f8"),  # clearance a robot on the goal would have when all obstacles rest [m]
+        ("feasible", "i8"),  # 1 if the planner called its last published trajectory feasible
+        ("time_left", "f8"),  # time stamp of that trajectory's last sample [s]
+        ("halted", "i8"),  # 1 if the planner signalled imminent collision at the end
+        ("n_halts", "i8"),  # times the signal came on
+        ("halted_time", "i8"),  # how long it was on [ns]
+        ("t_last_moving", "i8"),  # last time the robot moved before the end [ns]
+        ("t_goal_after", "i8"),  # goal reached when the case was watched on beyond its end [ns]
+        ("moved_after", "i8"),  # 1 if the robot moved again then
+        ("t_contact", "i8"),  # first contact [ns]
+        ("t_robot_contact", "i8"),  # first contact whose gap the robot closed alone [ns]
+        ("t_shared_contact", "i8"),  # ... that both closed [ns]
+        ("n_robot_contacts", "i8"),
+        ("n_shared_contacts", "i8"),
+        ("n_obstacle_contacts", "i8"),  # contacts that the obstacle closed alone, or that found the robot at rest
+        ("min_clearance", "f8"),  # least gap to any obstacle before the end [m]; negative is overlap
+        ("t_min_clearance", "i8"),  # [ns]
+        ("travelled", "f8"),  # length of the robot's way [m]
+        ("n_switches", "i8"),  # times the planner changed what it follows
+        ("n_planning_cycles", "i8"),
+        ("n_control_cycles", "i8"),
+        ("n_late_cycles", "i8"),  # planning cycles that took longer than their period
+    ]
+)
+"""The layout of one case's facts; a study may append fields of its own."""

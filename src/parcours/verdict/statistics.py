@@ -1,0 +1,222 @@
+"""Counts of verdicts become rates with intervals, paired tests and comparisons with published counts.
+
+Intervals are Wilson's (E. B. Wilson, JASA 22, 1927), which stay inside [0, 1] and hold near 0; schedules run
+on the same cases are compared by McNemar's exact test on the pairs that disagree (Q. McNemar, Psychometrika
+12, 1947); two independent campaigns by Fisher's exact test.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from parcours.errors import BadRequest
+
+
+@dataclass(frozen=True, slots=True)
+class Rate:
+    """How often something happened: `count` of `n`, with the interval [low, high] that holds the true rate.
+
+    With n = 0 nothing is known: `share` is NaN and the interval is [0, 1].
+    """
+
+    count: int
+    n: int
+    low: float
+    high: float
+    confidence: float
+
+    @property
+    def share(self) -> float:
+        """The observed rate, count / n; NaN without any case."""
+        return self.count / self.n if self.n else math.nan
+
+    def overlaps(self, other: Rate) -> bool:
+        """Return whether the two intervals have a rate in common."""
+        return self.low <= other.high and other.low <= self.high
+
+
+def wilson(count: int, n: int, confidence: float = 0.95) -> Rate:
+    """Return the rate count / n with its Wilson score interval.
+
+    Args:
+        count: how often it happened, 0 <= count <= n.
+        n: number of cases.
+        confidence: probability that such an interval holds the true rate, in (0, 1).
+
+    Raises:
+        BadRequest: the counts are negative or count exceeds n, or the confidence is not between 0 and 1.
+
+    Example: the published system was stuck in 70 of 905 cases.
+
+    >>> stuck = wilson(70, 905)
+    >>> f"{stuck.share:.1%} [{stuck.low:.2%}, {stuck.high:.2%}]"
+    '7.7% [6.17%, 9.66%]'
+    >>> half_open = wilson(72, 905)
+    >>> f"{half_open.low:.2%} {half_open.high:.2%}"
+    '6.37% 9.90%'
+    """
+    _check_counts(count, n)
+    if not 0.0 < confidence < 1.0:
+        raise BadRequest(
+            "confidence", f"it must lie between 0 and 1, but {confidence:g} given", slug="confidence"
+        )
+    if n == 0:
+        return Rate(0, 0, 0.0, 1.0, confidence)
+    from scipy.stats import binomtest
+
+    interval = binomtest(count, n).proportion_ci(confidence_level=confidence, method="wilson")
+    return Rate(count, n, float(interval.low), float(interval.high), confidence)
+
+
+@dataclass(frozen=True, slots=True)
+class Pairs:
+    """Two yes/no results of the same cases: how many agree, how many differ, and McNemar's exact p-value."""
+
+    both: int
+    first_only: int
+    second_only: int
+    neither: int
+    p_value: float
+
+    @property
+    def n(self) -> int:
+        """The number of pairs."""
+        return self.both + self.first_only + self.second_only + self.neither
+
+
+def mcnemar(first_only: int, second_only: int) -> float:
+    """Return the two-sided p-value of McNemar's exact test: that both results are equally likely.
+
+    Args:
+        first_only: pairs where only the first result is yes.
+        second_only: pairs where only the second is.
+
+    Raises:
+        BadRequest: a count is negative.
+
+    Example: of 10 pairs that differ, 9 favour the first: 2 (10 + 1) / 2**10.
+
+    >>> round(mcnemar(9, 1), 6)
+    0.021484
+    >>> mcnemar(0, 0)
+    1.0
+    """
+    _check_counts(min(first_only, second_only), first_only + second_only)
+    if first_only + second_only == 0:
+        return 1.0
+    from scipy.stats import binomtest
+
+    return float(binomtest(first_only, first_only + second_only, 0.5).pvalue)
+
+
+def compare_pairs(first: ArrayLike, second: ArrayLike) -> Pairs:
+    """Return how two yes/no results of the same cases agree.
+
+    Args:
+        first: truth values, shape (n_cases,).
+        second: truth values of the same cases in the same order, shape (n_cases,).
+
+    Raises:
+        BadRequest: the two differ in length.
+
+    >>> pairs = compare_pairs([1, 1, 1, 0], [1, 0, 0, 0])
+    >>> pairs.both, pairs.first_only, pairs.second_only, pairs.neither, pairs.p_value
+    (1, 2, 0, 1, 0.5)
+    """
+    a, b = np.asarray(first, dtype=bool), np.asarray(second, dtype=bool)
+    if a.shape != b.shape or a.ndim != 1:
+        raise BadRequest(
+            "paired results",
+            f"both must have one value a case, but their shapes are {a.shape} and {b.shape}",
+            "compare the same cases in the same order",
+            slug="pairs-shape",
+        )
+    first_only, second_only = int(np.sum(a & ~b)), int(np.sum(b & ~a))
+    return Pairs(
+        int(np.sum(a & b)), first_only, second_only, int(np.sum(~a & ~b)), mcnemar(first_only, second_only)
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """Our rate beside a published one, and how likely such a gap is by chance alone."""
+
+    ours: Rate
+    published: Rate
+    p_value: float
+
+    @property
+    def difference(self) -> float:
+        """Our rate minus the published one; NaN if either has no case."""
+        return self.ours.share - self.published.share
+
+    @property
+    def intervals_overlap(self) -> bool:
+        """Whether the two Wilson intervals have a rate in common."""
+        return self.ours.overlaps(self.published)
+
+
+def compare_with_published(
+    count: int, n: int, published_count: int, published_n: int, confidence: float = 0.95
+) -> Comparison:
+    """Return our `count` of `n` beside the published counts, with Fisher's exact test, two-sided.
+
+    Raises:
+        BadRequest: a count is negative or exceeds its number of cases.
+
+    Example: the tea tasting (R. A. Fisher, The Design of Experiments, 1935): 3 of 4 against 1 of 4.
+
+    >>> tea = compare_with_published(3, 4, 1, 4)
+    >>> round(tea.p_value, 4), tea.intervals_overlap, tea.difference
+    (0.4857, True, 0.5)
+    """
+    ours = wilson(count, n, confidence)
+    published = wilson(published_count, published_n, confidence)
+    if n == 0 or published_n == 0:
+        return Comparison(ours, published, 1.0)
+    from scipy.stats import fisher_exact
+
+    table = [[count, n - count], [published_count, published_n - published_count]]
+    return Comparison(ours, published, float(fisher_exact(np.array(table)).pvalue))
+
+
+def quantiles(values: ArrayLike, at: Sequence[float] = (0.1, 0.25, 0.5, 0.75, 0.9)) -> tuple[float, ...]:
+    """Return the quantiles of the values, linear between order statistics; NaN if there are no values.
+
+    Args:
+        values: any unit, any shape; NaN stands for a missing value and is left out.
+        at: shares in [0, 1], shape (n_quantiles,).
+
+    Raises:
+        BadRequest: a share lies outside [0, 1].
+
+    >>> quantiles([1.0, 2.0, 3.0, 4.0, 5.0], at=[0.0, 0.5, 0.9])
+    (1.0, 3.0, 4.6)
+    >>> quantiles([], at=[0.5])
+    (nan,)
+    """
+    for share in at:
+        if not 0.0 <= share <= 1.0:
+            raise BadRequest(
+                "quantiles", f"a share must lie in [0, 1], but {share:g} given", slug="quantile-share"
+            )
+    known: NDArray[np.float64] = np.asarray(values, dtype=np.float64).ravel()
+    known = known[~np.isnan(known)]
+    if known.size == 0:
+        return tuple(math.nan for _ in at)
+    return tuple(float(q) for q in np.quantile(known, np.asarray(at, dtype=np.float64)))
+
+
+def _check_counts(count: int, n: int) -> None:
+    """Raise BadRequest unless 0 <= count <= n."""
+    if not 0 <= count <= n:
+        raise BadRequest(
+            "counts",
+            f"a count must lie between 0 and the number of cases, but {count} of {n} given",
+            slug="counts",
+        )
