@@ -37,7 +37,7 @@ class MessageClass:
     name: str
     fields: tuple[Field, ...]
     doc: str = ""
-    line: int = 0
+    line: int = field(default=0, compare=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +53,7 @@ class Channel:
     message: str
     topic: str = ""
     capacity: int = 1
-    line: int = 0
+    line: int = field(default=0, compare=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,9 +67,9 @@ class Variable:
     type: str
     initial: object
     role: Literal["local", "input"] = "local"
-    domain: tuple[object, ...] = ()
+    domain: tuple[object, ...] | range = ()
     unit: str = "1"
-    line: int = 0
+    line: int = field(default=0, compare=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,7 +99,7 @@ class Transition:
     guard: Expression | None = None
     actions: tuple[Assignment | Call, ...] = ()
     sends: tuple[Send, ...] = ()
-    line: int = 0
+    line: int = field(default=0, compare=False)
 
     @property
     def is_loop(self) -> bool:
@@ -115,7 +115,7 @@ class Machine:
     initial: str
     states: tuple[str, ...]
     transitions: tuple[Transition, ...]
-    line: int = 0
+    line: int = field(default=0, compare=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,7 +126,7 @@ class Component:
     machines: tuple[Machine, ...]
     variables: tuple[Variable, ...] = ()
     title: str = ""
-    line: int = 0
+    line: int = field(default=0, compare=False)
 
     def transitions(self) -> Iterator[Transition]:
         """Yield the transitions of all machines, in file order."""
@@ -142,10 +142,12 @@ class Cefsm:
     components: tuple[Component, ...]
     channels: tuple[Channel, ...] = ()
     messages: tuple[MessageClass, ...] = ()
-    source: str = ""
+    source: str = field(default="", compare=False)
     doc: str = ""
     interactions: tuple[tuple[str, tuple[str, ...]], ...] = field(default=())
     """Specified interaction test paths, (name, components visited), for specified path coverage."""
+    interaction_lines: tuple[int, ...] = field(default=(), compare=False)
+    """The line of the file where each of `interactions` stands; empty if the model was not read from text."""
 
     def component(self, name: str) -> Component:
         """Return the component called `name`. Raises KeyError if there is none."""

@@ -360,7 +360,8 @@ def run_case(
     work.spin = 0
     _control(work, predictions[:0], 0, parameters, latencies, facts)
     work.wakes = 0
-    next_sensing = next_report = next_command = 0
+    next_report = next_command = 0
+    next_sensing = SENSING_PERIOD
     frozen = False
     n_track = 0
     while True:
@@ -394,7 +395,7 @@ def run_case(
                 facts.transitions[_P61 + k] += 1
             if parameters.schedule == 1:
                 _guard(work, seen, guarded, now, parameters, latencies)
-        if now == work.wakes:
+        while now == work.wakes:
             _think(work, seen, predictions, now, parameters, latencies, facts)
         if now == work.best_due:
             work.best_due = FAR

@@ -1,0 +1,164 @@
+"""Rules between inputs, in the guard language, become yes or no for every row of a table at once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from parcours.errors import BadDomain
+from parcours.model.expression import Apply, Binary, Expression, Field, Literal, Name, Unary, names
+
+Columns = Mapping[str, NDArray[np.float64]]
+"""The values of each input, by name, all of shape (n_rows,)."""
+
+_ARITHMETIC: dict[str, Callable[..., NDArray[np.float64]]] = {
+    "+": np.add, "-": np.subtract, "*": np.multiply, "/": np.divide, "%": np.mod,
+}  # fmt: skip
+_COMPARISON: dict[str, Callable[..., NDArray[np.bool_]]] = {
+    "<": np.less, "<=": np.less_equal, ">": np.greater, ">=": np.greater_equal, "==": np.equal, "!=":
+    np.not_equal,
+}  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Constraint:
+    """A rule that every row of values must meet: a condition over input names, and why it is there."""
+
+    name: str
+    expression: Expression
+    doc: str = ""
+
+    @property
+    def inputs(self) -> frozenset[str]:
+        """The names of the inputs that the rule speaks of."""
+        return names(self.expression)
+
+    def __str__(self) -> str:
+        return f"{self.name}: {self.expression}"
+
+
+def meets(constraint: Constraint, columns: Columns) -> NDArray[np.bool_]:
+    """Return whether each row meets the constraint, shape (n_rows,).
+
+    The answer is that of `evaluate` row by row, except that hypot is the root of the sum of squares here,
+    whose bits IEEE 754 fixes on every machine: on rows within rounding of the limit the two may differ.
+
+    Raises:
+        BadDomain: the condition has no value on some row (a division by zero, the root of a negative number).
+
+    >>> from parcours.model.expression import parse_expression
+    >>> apart = Constraint("apart", parse_expression("x != 0 && 1 / x < 2"))
+    >>> meets(apart, {"x": np.array([0.0, 0.25, 1.0])}).tolist()
+    [False, False, True]
+    """
+    n_rows = len(next(iter(columns.values())))
+    try:
+        with np.errstate(divide="raise", invalid="raise", over="raise"):
+            return np.broadcast_to(_truth(constraint.expression, columns), (n_rows,))
+    except FloatingPointError as error:
+        raise BadDomain(
+            f"constraint {constraint.name!r}",
+            f"a condition must have a value on every row, but {constraint.expression} meets a {error}",
+            "guard it: `x != 0 && 1 / x < 2` reads its right side only where the left holds",
+            slug="constraint-undefined",
+        ) from None
+
+
+def substitute(node: Expression, replace: Callable[[Expression], Expression | None]) -> Expression:
+    """Return the tree with every part replaced for which `replace` returns something, outermost first.
+
+    >>> from parcours.model.expression import parse_expression
+    >>> str(substitute(parse_expression("x - y"), lambda part: Literal(2) if part == Name("y") else None))
+    'x - 2'
+    """
+    new = replace(node)
+    if new is not None:
+        return new
+    match node:
+        case Field(of, name):
+            return Field(substitute(of, replace), name)
+        case Unary(operator, operand):
+            return Unary(operator, substitute(operand, replace))
+        case Binary(operator, left, right):
+            return Binary(operator, substitute(left, replace), substitute(right, replace))
+        case Apply(function, arguments):
+            return Apply(function, tuple(substitute(argument, replace) for argument in arguments))
+        case _:
+            return node
+
+
+def _truth(node: Expression, columns: Columns) -> NDArray[np.bool_]:
+    match node:
+        case Literal(value):
+            return np.array(bool(value))
+        case Unary("!", operand):
+            return ~_truth(operand, columns)
+        case Binary("&&" | "||" as operator, left, right):
+            first = np.array(np.broadcast_to(_truth(left, columns), (len(next(iter(columns.values()))),)))
+            # The right side is read only on the rows it decides, as the language says.
+            undecided = first if operator == "&&" else ~first
+            if undecided.any():
+                first[undecided] = _truth(
+                    right, {name: column[undecided] for name, column in columns.items()}
+                )
+            return first
+        case Binary("==" | "!=" as operator, left, right) if _is_condition(left):
+            return _COMPARISON[operator](_truth(left, columns), _truth(right, columns))
+        case Binary(operator, left, right):
+            return _COMPARISON[operator](_number(left, columns), _number(right, columns))
+        case _:
+            raise AssertionError(f"the reader lets no {node} through as a condition")
+
+
+def _is_condition(node: Expression) -> bool:
+    match node:
+        case Literal(value):
+            return isinstance(value, bool)
+        case Unary(operator, _):
+            return operator == "!"
+        case Binary(operator, _, _):
+            return operator in _COMPARISON or operator in ("&&", "||")
+        case _:
+            return False
+
+
+def _number(node: Expression, columns: Columns) -> NDArray[np.float64]:
+    match node:
+        case Literal(value):
+            return np.array(float(value))
+        case Name(id):
+            return columns[id]
+        case Unary("-", operand):
+            return -_number(operand, columns)
+        case Binary(operator, left, right):
+            return _ARITHMETIC[operator](_number(left, columns), _number(right, columns))
+        case Apply(function, arguments):
+            return _applied(function, [_number(argument, columns) for argument in arguments])
+        case _:
+            raise AssertionError(f"the reader lets no {node} through as a number")
+
+
+def _applied(function: str, arguments: list[NDArray[np.float64]]) -> NDArray[np.float64]:
+    first, *others = arguments
+    match function:
+        case "abs":
+            return np.abs(first)
+        case "floor":
+            return np.floor(first)
+        case "sqrt":
+            return np.sqrt(first)
+        case "hypot":
+            total = first * first
+            for other in others:
+                total = total + other * other
+            return np.sqrt(total)
+        case "min" | "max":
+            pick = np.minimum if function == "min" else np.maximum
+            for other in others:
+                first = pick(first, other)
+            return first
+        case _:
+            raise AssertionError(f"the reader lets no {function} through")

@@ -1,0 +1,145 @@
+"""Rows of block indices become rows of values: by seed, uniform in their blocks, within the constraints.
+
+Each case draws from a stream of its own, fixed by (campaign seed, case number). A row that breaks a
+constraint is drawn again as a whole, inside the same blocks; so values are uniform over that part of the
+blocks where the constraints hold.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from parcours.data.constraints import meets
+from parcours.data.domains import Domain, InputModel
+from parcours.data.selecting import Rows
+from parcours.data.streams import VALUES, starts, uniforms
+from parcours.errors import BadDomain, BadRequest
+
+TRIES = 100_000
+"""How often a row is drawn before its constraints count as unmeetable within its blocks."""
+
+_MOST_DRAWS, _MOST_ROWS = 4096, 1 << 16  # draws of one row, and draws in all, that are looked at together
+
+
+def draw(
+    model: InputModel, rows: Rows, cases: NDArray[np.int64], *, seed: int = 0, tries: int = TRIES
+) -> NDArray[np.float64]:
+    """Return one row of values a case, shape (n_cases, n_parameters), in the units of the domains.
+
+    A row has the same bits whichever cases are drawn with it, and in whichever order.
+
+    Args:
+        model: the inputs and the constraints on them.
+        rows: the block each value is drawn from, shape (n_cases, n_parameters).
+        cases: case numbers, not negative, shape (n_cases,).
+        seed: the campaign's seed, 0 <= seed < 2**64.
+        tries: how often a row may be drawn.
+
+    Raises:
+        BadRequest: the shapes do not fit together, or a block index, a case number or the seed is out of
+            range.
+        BadDomain: the constraints were not met within the blocks of some case in so many tries.
+
+    >>> from parcours.data.domains import split
+    >>> speed, number = split("v", "m/s", [0.0, 0.25, 0.5]), split("n", "1", [1, 6], kind="integer")
+    >>> model = InputModel("m", (speed, number))
+    >>> values = draw(model, np.array([[1, 0], [0, 0]]), np.array([4, 5]), seed=7)
+    >>> [value in model.domains[0].blocks[block] for value, block in zip(values[:, 0], [1, 0])]
+    [True, True]
+    >>> float(values[0, 1]).is_integer()
+    True
+    """
+    _check(model, rows, cases)
+    limits = _limits(model, rows)
+    start = starts(seed, cases, VALUES)
+    values = np.empty(rows.shape)
+    met = np.zeros((len(cases), len(model.constraints)), dtype=np.int64)
+    left = np.arange(len(cases))  # which rows still break a constraint
+    done = 0
+    while left.size and done < tries:
+        # Draws double from pass to pass, whichever rows are left: so a row never depends on its company.
+        n = min(max(done, 1), tries - done, _MOST_DRAWS)
+        failed = []
+        for part in np.array_split(left, max(1, len(left) * n // _MOST_ROWS)):
+            drawn = _drawn(model, start[part], [limit[part] for limit in limits], done, n)
+            columns = {name: drawn[:, :, column].ravel() for column, name in enumerate(model.names)}
+            good = np.ones((len(part), n), dtype=bool)
+            for index, constraint in enumerate(model.constraints):
+                fine = meets(constraint, columns).reshape(len(part), n)
+                met[part, index] += fine.sum(axis=1)
+                good &= fine
+            values[part] = drawn[np.arange(len(part)), good.argmax(axis=1)]  # the first good draw of each row
+            failed.append(part[~good.any(axis=1)])
+        left = np.concatenate(failed)
+        done += n
+    if left.size:
+        raise _unmeetable(model, rows[left[0]], int(cases[left[0]]), met[left[0]], tries)
+    return values
+
+
+def _drawn(
+    model: InputModel, start: NDArray[np.uint64], limits: list[NDArray[np.float64]], done: int, n: int
+) -> NDArray[np.float64]:
+    """Return draws number `done` .. `done + n - 1` of each row, shape (n_rows, n, n_parameters)."""
+    n_inputs = len(model.domains)
+    low, width, first, last = (limit[:, np.newaxis] for limit in limits)
+    words = uniforms(start, done * n_inputs, n * n_inputs).reshape(len(start), n, n_inputs)
+    drawn = low + width * words
+    whole = np.array([domain.kind == "integer" for domain in model.domains])
+    drawn = np.where(whole, np.floor(drawn), drawn)
+    # Rounding may push a value onto an open end, so the block's own first and last number are the limits.
+    return np.clip(drawn, first, last)
+
+
+def _limits(model: InputModel, rows: Rows) -> tuple[NDArray[np.float64], ...]:
+    """Return low end, width, first and last value of the block of each value; each of the shape of `rows`."""
+    tables = [
+        np.array([_ends(domain, index) for index in range(len(domain.blocks))]) for domain in model.domains
+    ]
+    ends = np.stack([table[rows[:, column]] for column, table in enumerate(tables)], axis=1)
+    return ends[:, :, 0], ends[:, :, 1] - ends[:, :, 0], ends[:, :, 2], ends[:, :, 3]
+
+
+def _ends(domain: Domain, index: int) -> tuple[float, float, float, float]:
+    block = domain.blocks[index]
+    if domain.kind == "real":
+        return block.low, block.high, block.first, block.last
+    first, last = math.ceil(block.first), math.floor(block.last)
+    return first, last + 1.0, first, last
+
+
+def _check(model: InputModel, rows: Rows, cases: NDArray[np.int64]) -> None:
+    if rows.shape != (len(cases), len(model.domains)):
+        raise BadRequest(
+            f"input model {model.name!r}",
+            f"rows must have the shape {(len(cases), len(model.domains))}, but have {rows.shape}",
+            slug="rows-shape",
+        )
+    if rows.size and (rows.min() < 0 or (rows >= np.array(model.sizes)).any()):
+        raise BadRequest(
+            f"input model {model.name!r}",
+            "a block index must be at least 0 and below the number of"
+            f" blocks of its parameter, {list(model.sizes)}",
+            slug="block-index",
+        )
+
+
+def _unmeetable(
+    model: InputModel, row: NDArray[np.int64], case: int, met: NDArray[np.int64], tries: int
+) -> BadDomain:
+    worst = model.constraints[int(np.argmin(met))]
+    blocks = ", ".join(
+        f"{domain.name} in {domain.blocks[block]} {domain.unit}"
+        for domain, block in zip(model.domains, row, strict=True)
+        if domain.name in worst.inputs
+    )
+    return BadDomain(
+        f"input model {model.name!r}, case {case}",
+        f"all constraints must hold together within {tries} draws, but none of these met all of them, and"
+        f" {worst.name!r} ({worst.expression}) held in {int(met.min())} within {blocks}",
+        "loosen the constraint or widen the blocks",
+        slug="constraint-unmet",
+    )

@@ -1,0 +1,79 @@
+"""Rules about one row, each replica or every pair of replicas become constraints over the columns of a table.
+
+A row may repeat its parameters, say for three obstacles: x, y become x1, y1, x2, y2, x3, y3. A rule over
+`each` replica names the parameters plainly (`x > 1`); a rule over `pairs` names both partners (`a.x < b.x`);
+a rule over the `row` names columns (`x1 < x2`).
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Collection, Iterator
+from functools import partial
+from typing import Literal, TypeAlias
+
+from parcours.data.constraints import substitute
+from parcours.data.domains import Domain
+from parcours.model.expression import Expression, Field, Name
+
+Scope: TypeAlias = Literal["row", "each", "pairs"]
+"""What a rule speaks of."""
+
+SCOPES: tuple[Scope, ...] = ("row", "each", "pairs")
+
+
+def numbered(domain: Domain, replica: int) -> Domain:
+    """Return the domain as one replica calls it; replicas count from 1."""
+    name = f"{domain.name}{replica}"
+    return Domain(name, domain.unit, domain.blocks, domain.kind, domain.stated, domain.doc)
+
+
+def n_instances(scope: Scope, replicas: int) -> int:
+    """Return how many constraints a rule becomes.
+
+    >>> [n_instances(scope, 3) for scope in SCOPES]
+    [1, 3, 3]
+    """
+    return {"row": 1, "each": replicas, "pairs": replicas * (replicas - 1) // 2}[scope]
+
+
+def instances(
+    name: str, scope: Scope, rule: Expression, parameters: Collection[str], replicas: int
+) -> Iterator[tuple[str, Expression]]:
+    """Yield each constraint that a rule stands for, with its name.
+
+    Args:
+        name: what the rule is called.
+        scope: what it speaks of.
+        rule: the condition.
+        parameters: names of the parameters before they are numbered.
+        replicas: how often the row repeats them.
+
+    >>> from parcours.model.expression import parse_expression
+    >>> for made in instances("order", "pairs", parse_expression("a.x < b.x"), {"x"}, 3):
+    ...     print(*made)
+    order(1, 2) x1 < x2
+    order(1, 3) x1 < x3
+    order(2, 3) x2 < x3
+    """
+    everyone = range(1, replicas + 1)
+    if scope == "row":
+        yield name, rule
+    elif scope == "each":
+        for i in everyone:
+            yield f"{name}({i})", substitute(rule, partial(_own, parameters, i))
+    else:
+        for i, j in itertools.combinations(everyone, 2):
+            yield f"{name}({i}, {j})", substitute(rule, partial(_partners, parameters, i, j))
+
+
+def _own(parameters: Collection[str], i: int, node: Expression) -> Expression | None:
+    return Name(f"{node.id}{i}") if isinstance(node, Name) and node.id in parameters else None
+
+
+def _partners(parameters: Collection[str], i: int, j: int, node: Expression) -> Expression | None:
+    match node:
+        case Field(Name("a" | "b" as partner), name) if name in parameters:
+            return Name(f"{name}{i if partner == 'a' else j}")
+        case _:
+            return None

@@ -1,0 +1,153 @@
+"""Block counts and a combination criterion become rows of block indices (Ammann & Offutt, 2008, ch. 4).
+
+The rows of a criterion stand in an endless table: its first `n_rows` satisfy the criterion, so do the next
+`n_rows`, and so on. Each Choice shuffles every repetition anew by seed, so that blocks meet in ever new
+pairings. Any row is found by its number alone; nothing is listed that was not asked for.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from parcours.data.streams import ROWS, starts, uniforms
+from parcours.errors import BadRequest, one_of
+
+LARGEST_LISTING = 1_000_000
+"""Most rows that are listed without being asked for by number."""
+
+Rows = NDArray[np.int64]
+"""Block indices, shape (n_rows, n_parameters)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Criterion:
+    """A way to combine blocks: how many rows satisfy it, and which blocks stand in which row.
+
+    Attributes:
+        n_rows: block counts to the number of rows of one repetition.
+        rows: block counts, row numbers of shape (n,), and a seed to rows of shape (n, n_parameters).
+    """
+
+    n_rows: Callable[[Sequence[int]], int]
+    rows: Callable[[Sequence[int], NDArray[np.int64], int], Rows]
+
+
+def count(criterion: str, sizes: Sequence[int]) -> int:
+    """Return how many rows one repetition of the criterion has.
+
+    Args:
+        criterion: a name in CRITERIA.
+        sizes: the number of blocks of each parameter, all positive.
+
+    Raises:
+        BadRequest: the criterion is unknown, or there is no parameter, or one without a block.
+
+    Three obstacles of six parameters each (Table VII):
+
+    >>> obstacle = [3, 3, 2, 2, 1, 1]
+    >>> [count(name, obstacle * 3) for name in ("each_choice", "base_choice", "all_combinations")]
+    [3, 19, 46656]
+    """
+    return _found(criterion, sizes).n_rows(sizes)
+
+
+def select(
+    criterion: str, sizes: Sequence[int], numbers: NDArray[np.int64] | None = None, *, seed: int = 0
+) -> Rows:
+    """Return block indices, shape (n_rows, n_parameters): one repetition, or those with the numbers given.
+
+    Args:
+        criterion: a name in CRITERIA.
+        sizes: the number of blocks of each parameter, all positive.
+        numbers: which rows of the endless table, not negative, shape (n,); None for the first repetition.
+        seed: the campaign's seed.
+
+    Raises:
+        BadRequest: the criterion is unknown, a number is negative, or one repetition is too long to be
+            listed.
+
+    >>> select("base_choice", [3, 2]).tolist()
+    [[0, 0], [1, 0], [2, 0], [0, 1]]
+    >>> select("all_combinations", [3, 2], np.array([1, 5, 7])).tolist()
+    [[0, 1], [2, 1], [0, 1]]
+    """
+    found = _found(criterion, sizes)
+    if numbers is None:
+        n = found.n_rows(sizes)
+        if n > LARGEST_LISTING:
+            raise BadRequest(
+                f"criterion {criterion!r}",
+                f"at most {LARGEST_LISTING} rows are listed at once, but it has {n}",
+                "ask for rows by number",
+                slug="rows-too-many",
+            )
+        numbers = np.arange(n)
+    if numbers.size and numbers.min() < 0:
+        raise BadRequest(
+            "rows", f"a row number must not be negative, but {numbers.min()} given", slug="row-number"
+        )
+    return found.rows(sizes, numbers, seed)
+
+
+def _found(criterion: str, sizes: Sequence[int]) -> Criterion:
+    if criterion not in CRITERIA:
+        raise BadRequest(
+            "combination criterion",
+            f"a criterion must be known, but {criterion!r} is not",
+            one_of(criterion, list(CRITERIA)),
+            slug="unknown-criterion",
+        )
+    if not sizes or min(sizes) < 1:
+        raise BadRequest(
+            "combination criterion",
+            f"every parameter must have a block, but the counts are {list(sizes)}",
+            slug="blocks-none",
+        )
+    return CRITERIA[criterion]
+
+
+def _each_choice(sizes: Sequence[int], numbers: NDArray[np.int64], seed: int) -> Rows:
+    """Each block stands in one row at least; a parameter with fewer blocks than rows fills up at random."""
+    places, n = max(sizes), len(sizes)
+    repetitions, where = np.unique(numbers // places, return_inverse=True)
+    words = uniforms(starts(seed, repetitions, ROWS), 0, 2 * n * places).reshape(
+        len(repetitions), 2, n, places
+    )
+    # Ranks of random words are a random permutation: ranks below the block count place each block once.
+    ranks = np.argsort(np.argsort(words[:, 0], axis=2, kind="stable"), axis=2, kind="stable")
+    blocks = np.array(sizes)[:, np.newaxis]
+    table = np.where(ranks < blocks, ranks, np.minimum((words[:, 1] * blocks).astype(np.int64), blocks - 1))
+    return table[where, :, numbers % places]
+
+
+def _base_choice(sizes: Sequence[int], numbers: NDArray[np.int64], seed: int) -> Rows:
+    """The base row has the first block of every parameter; each further row changes one parameter."""
+    rows = np.zeros((len(numbers), len(sizes)), dtype=np.int64)
+    left = numbers % (1 + sum(size - 1 for size in sizes))
+    for column, size in enumerate(sizes):
+        rows[:, column] = np.where((left >= 1) & (left < size), left, 0)
+        left = np.where(left >= size, left - (size - 1), 0)
+    return rows
+
+
+def _all_combinations(sizes: Sequence[int], numbers: NDArray[np.int64], seed: int) -> Rows:
+    """Row numbers count the combinations as digits do, the last parameter fastest."""
+    rows = np.empty((len(numbers), len(sizes)), dtype=np.int64)
+    left = numbers
+    for column in range(len(sizes) - 1, -1, -1):
+        left, rows[:, column] = np.divmod(left, sizes[column])
+    return rows
+
+
+CRITERIA: Final[dict[str, Criterion]] = {
+    "each_choice": Criterion(max, _each_choice),
+    "base_choice": Criterion(lambda sizes: 1 + sum(size - 1 for size in sizes), _base_choice),
+    "all_combinations": Criterion(math.prod, _all_combinations),
+}
+"""Combination criteria by name."""

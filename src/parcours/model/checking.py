@@ -1,0 +1,313 @@
+"""A Cefsm to everything that is wrong with it: names, directions and types here, doubtful behaviour in `suspicion`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+
+from parcours.errors import BadModel, one_of
+from parcours.model.expression import BOOL, Assignment, Expression, Type, type_of
+from parcours.model.expression.evaluation import INTEGER_LIMIT
+from parcours.model.expression.typing import accepts
+from parcours.model.finding import Finding
+from parcours.model.nodes import is_identifier, is_label
+from parcours.model.scope import Scopes, variable_type
+from parcours.model.structure import (
+    BASE_TYPES,
+    ENVIRONMENT,
+    Cefsm,
+    Component,
+    Machine,
+    Transition,
+    Variable,
+)
+from parcours.model.suspicion import suspicions
+
+
+def findings(cefsm: Cefsm, origin: str = "") -> list[Finding]:
+    """Return everything that is wrong or doubtful, in the order of the lines.
+
+    Args:
+        cefsm: any model, also one that was not read from a file.
+        origin: what to call the file; by default where the model was read from.
+
+    Example: a state that no path leads to, and none leads away from.
+    >>> from parcours.model.structure import Machine, Component
+    >>> lost = Machine("light", "off", ("off", "lost"), (Transition("tick", "off", "off"),))
+    >>> for finding in findings(Cefsm("lamp", (Component("Lamp", (lost,)),)), "lamp.yaml"):
+    ...     print(finding)
+    lamp.yaml: warning: every state must be reachable, but no path leads to 'lost' of 'light' in 'Lamp'; ...
+    """
+    check = _Check(cefsm, origin or cefsm.source or cefsm.name)
+    check.everything()
+    found = check.findings
+    if all(finding.rule not in ("duplicate", "name") for finding in found):
+        found += suspicions(cefsm, check.origin, check.unsound)
+    return sorted(found, key=lambda finding: (finding.line, finding.rule, finding.message))
+
+
+class _Check:
+    """Collects errors. `unsound` holds the ids of transitions whose guards mean nothing."""
+
+    def __init__(self, cefsm: Cefsm, origin: str) -> None:
+        self.cefsm, self.origin = cefsm, origin
+        self.findings: list[Finding] = []
+        self.unsound: set[str] = set()
+        self.scopes = Scopes(cefsm)
+        self.classes = self.scopes.classes
+        self.channels = {channel.name: channel for channel in cefsm.channels}
+        self.components = [component.name for component in cefsm.components]
+
+    def error(self, line: int, rule: str, message: str, remedy: str = "") -> None:
+        self.findings.append(Finding(self.origin, line, "error", rule, message, remedy))
+
+    def everything(self) -> None:
+        self.names()
+        self.messages()
+        self.links()
+        self.interactions()
+        for component in self.cefsm.components:
+            for variable in component.variables:
+                self.variable(component, variable)
+            for machine in component.machines:
+                self.machine(machine)
+                for transition in machine.transitions:
+                    self.communication(component, transition)
+                    self.computation(component, transition)
+
+    def names(self) -> None:
+        model = self.cefsm
+        if not model.components:
+            self.error(0, "no-component", "a model must have a component, but this one has none", "add one")
+        if not is_label(model.name):
+            self.error(0, "name", f"the name of a model must be one printable line, but is {model.name!r}")
+        self.distinct("component", ((each.name, each.line) for each in model.components))
+        self.distinct("channel", ((each.name, each.line) for each in model.channels))
+        self.distinct("message class", ((each.name, each.line) for each in model.messages))
+        self.distinct("interaction", ((name, 0) for name, _ in model.interactions), free=True)
+        for message in model.messages:
+            self.distinct(f"field of {message.name}", ((each.name, message.line) for each in message.fields))
+        for component in model.components:
+            owner = component.name
+            self.distinct(f"variable of {owner}", ((each.name, each.line) for each in component.variables))
+            self.distinct(
+                f"machine of {owner}", ((each.name, each.line) for each in component.machines), free=True
+            )
+            if not component.machines:
+                self.error(
+                    component.line, "no-machine", f"a component must have a machine, but {owner!r} has none"
+                )
+            for machine in component.machines:
+                what = f"state of {machine.name}"
+                self.distinct(what, ((state, machine.line) for state in machine.states), free=True)
+        ids = ((each.id, each.line) for component in model.components for each in component.transitions())
+        self.distinct("transition", ids, free=True)
+
+    def distinct(self, what: str, named: Iterable[tuple[str, int]], *, free: bool = False) -> None:
+        first: dict[str, int] = {}
+        for name, line in named:
+            if not (is_label if free else is_identifier)(name):
+                self.error(line, "name", f"the name of a {what} must be well formed, but is {name!r}")
+            if what == "component" and name == ENVIRONMENT:
+                rule = f"{ENVIRONMENT!r} is the tester, but here a component has that name"
+                self.error(line, "name", rule, "call it otherwise")
+            if name in first:
+                before = f" (line {first[name]})" if first[name] else ""
+                rule = f"each {what} must have a name of its own, but {name!r} was used before{before}"
+                self.error(line, "duplicate", rule, "rename one")
+            first.setdefault(name, line)
+
+    def messages(self) -> None:
+        known = [*BASE_TYPES, *self.classes]
+        inside: dict[str, list[str]] = {}
+        for message in self.cefsm.messages:
+            for each in message.fields:
+                if each.type not in known:
+                    rule = f"a field has a base type or a message class, but '{message.name}.{each.name}' is {each.type!r}"
+                    self.error(message.line, "unknown-message", rule, one_of(each.type, known))
+                elif not each.shape:
+                    inside.setdefault(message.name, []).append(each.type)
+        for message in self.cefsm.messages:
+            reached, border = set(), list(inside.get(message.name, ()))
+            while border:
+                if (name := border.pop()) not in reached:
+                    reached.add(name)
+                    border += inside.get(name, ())
+            if message.name in reached:
+                rule = f"a message has finite size, but {message.name!r} contains itself"
+                self.error(
+                    message.line, "message-cycle", rule, "give the field a shape, so that it is a list"
+                )
+
+    def links(self) -> None:
+        known = [ENVIRONMENT, *self.components]
+        for channel in self.cefsm.channels:
+            for end in (channel.sender, channel.receiver):
+                if end not in known:
+                    rule = f"channel {channel.name!r} must link components, but {end!r} is none"
+                    self.error(channel.line, "unknown-component", rule, one_of(end, known))
+            if channel.sender == channel.receiver == ENVIRONMENT:
+                rule = (
+                    f"channel {channel.name!r} must touch a component, but both its ends are the environment"
+                )
+                self.error(channel.line, "channel-ends", rule, "delete it")
+            if channel.message not in self.classes:
+                rule = f"channel {channel.name!r} must carry a message class, but {channel.message!r} is none"
+                self.error(channel.line, "unknown-message", rule, one_of(channel.message, list(self.classes)))
+            if channel.capacity == 0 and channel.sender == channel.receiver:
+                rule = f"a rendezvous joins two components, but {channel.name!r} leads from {channel.sender!r} to itself"
+                self.error(channel.line, "rendezvous", rule, "give the channel a capacity")
+            if channel.capacity < 0:
+                rule = (
+                    f"the capacity of channel {channel.name!r} must be 0 or more, but is {channel.capacity}"
+                )
+                self.error(channel.line, "value", rule)
+
+    def interactions(self) -> None:
+        linked = {(channel.sender, channel.receiver) for channel in self.cefsm.channels}
+        lines = self.cefsm.interaction_lines or (0,) * len(self.cefsm.interactions)
+        for (name, path), line in zip(self.cefsm.interactions, lines, strict=True):
+            if len(path) < 2:
+                rule = f"interaction {name!r} must visit two components or more, but visits {len(path)}"
+                self.error(line, "interaction", rule)
+            for visited in dict.fromkeys(path):
+                if visited not in self.components:
+                    rule = f"interaction {name!r} must visit components, but {visited!r} is none"
+                    self.error(line, "unknown-component", rule, one_of(visited, self.components))
+            for here, there in dict.fromkeys(zip(path, path[1:], strict=False)):
+                if {here, there} <= set(self.components) and (here, there) not in linked:
+                    rule = f"interaction {name!r} must follow channels, but none leads from {here!r} to {there!r}"
+                    self.error(line, "interaction", rule, "add the channel or leave out the step")
+
+    def variable(self, component: Component, variable: Variable) -> None:
+        what = f"variable '{component.name}.{variable.name}'"
+        known = [*BASE_TYPES, *self.classes]
+        if variable.type not in known:
+            rule = f"{what} must have a base type or a message class, but is {variable.type!r}"
+            self.error(variable.line, "unknown-message", rule, one_of(variable.type, known))
+        elif variable.type not in BASE_TYPES:
+            if variable.initial is not None:
+                rule = f"{what} is a message, which has no initial value, but has {variable.initial!r}"
+                self.error(variable.line, "initial", rule, "delete it")
+        elif variable.type == "enum" and len(set(variable.domain)) != max(len(variable.domain), 1):
+            rule = f"{what} must list one or more different 'values', but has {list(variable.domain)!r}"
+            self.error(variable.line, "value", rule)
+        elif variable.initial is None:
+            if variable.role == "local":
+                self.error(
+                    variable.line, "initial", f"{what} must have an initial value, but has none", "add it"
+                )
+        elif not _fits(variable):
+            allowed = (
+                f"one of {list(variable.domain)}" if variable.type == "enum" else f"of type {variable.type}"
+            )
+            if isinstance(variable.domain, range):
+                allowed = f"an integer from {variable.domain[0]} to {variable.domain[-1]}"
+            rule = f"the initial value of {what} must be {allowed}, but is {variable.initial!r}"
+            self.error(variable.line, "initial", rule)
+
+    def machine(self, machine: Machine) -> None:
+        ends = [(transition.source, transition.line) for transition in machine.transitions]
+        ends += [(transition.target, transition.line) for transition in machine.transitions]
+        for state, line in dict.fromkeys([(machine.initial, machine.line), *ends]):
+            if state not in machine.states:
+                rule = f"{state!r} must be a state of {machine.name!r}, but is not among its 'states'"
+                self.error(line, "unknown-state", rule, one_of(state, machine.states))
+
+    def communication(self, component: Component, transition: Transition) -> None:
+        used = [(send.channel, "sends on") for send in transition.sends]
+        if transition.event is not None:
+            used.insert(0, (transition.event.channel, "receives from"))
+        for name, verb in used:
+            channel = self.channels.get(name)
+            if channel is None:
+                rule = f"{transition.id!r} {verb} a channel, but {name!r} is none"
+                self.error(transition.line, "unknown-channel", rule, one_of(name, list(self.channels)))
+                continue
+            owner = channel.sender if verb == "sends on" else channel.receiver
+            if owner != component.name:
+                rule = f"{transition.id!r} {verb} {name!r}, but that end of the channel belongs to {owner!r}"
+                self.error(
+                    transition.line, "direction", rule, f"let {owner} do it, or turn the channel round"
+                )
+        meetings = [name for name, _ in used if name in self.channels and self.is_meeting(name)]
+        if len(meetings) > 1:
+            rule = f"a transition meets one partner, but {transition.id!r} has rendezvous on {' and '.join(meetings)}"
+            self.error(transition.line, "rendezvous", rule, "split it, or give the channels a capacity")
+
+    def is_meeting(self, name: str) -> bool:
+        channel = self.channels[name]
+        return channel.capacity == 0 and ENVIRONMENT not in (channel.sender, channel.receiver)
+
+    def computation(self, component: Component, transition: Transition) -> None:
+        types = self.scopes.types(component.name, transition)
+        variables = {variable.name: variable for variable in component.variables}
+        if transition.event is not None and transition.event.name in variables:
+            rule = f"the message of {transition.id!r} needs a name of its own, but {transition.event.name!r} is a variable"
+            self.error(transition.line, "shadowed-name", rule, "rename one")
+        if transition.guard is not None:
+            given = self.typed(transition, transition.guard, types, f"guard of {transition.id!r}")
+            if given is None:
+                self.unsound.add(transition.id)
+            elif given != BOOL:
+                rule = (
+                    f'guard of {transition.id!r}: a guard must be bool, but "{transition.guard}" is {given}'
+                )
+                self.error(transition.line, "type", rule)
+                self.unsound.add(transition.id)
+        for action in transition.actions:
+            where = f"action of {transition.id!r}"
+            if isinstance(action, Assignment):
+                self.assignment(transition, action, types, variables)
+            else:
+                self.all_typed(transition, action.arguments, types, where)
+        for send in transition.sends:
+            self.all_typed(transition, send.payload, types, f"message of {transition.id!r}")
+
+    def assignment(
+        self,
+        transition: Transition,
+        action: Assignment,
+        types: Mapping[str, Type],
+        variables: dict[str, Variable],
+    ) -> None:
+        where = f"action of {transition.id!r}"
+        given = self.typed(transition, action.value, types, where)
+        target = variables.get(action.target)
+        if target is None:
+            rule = f"{where}: only a variable of the component can be assigned, but {action.target!r} is none"
+            self.error(transition.line, "unknown-name", rule, one_of(action.target, list(variables)))
+        elif target.role == "input":
+            rule = f"{where}: an input is set by the environment, but {action.target!r} is assigned"
+            self.error(transition.line, "assigned-input", rule, "make its role local")
+        elif given is not None and not accepts(variable_type(target), given):
+            rule = f'{where}: {action.target!r} is {variable_type(target)}, but "{action.value}" is {given}'
+            self.error(transition.line, "type", rule)
+
+    def all_typed(
+        self, transition: Transition, values: Sequence[Expression], types: Mapping[str, Type], where: str
+    ) -> None:
+        for value in values:
+            self.typed(transition, value, types, where)
+
+    def typed(
+        self, transition: Transition, value: Expression, types: Mapping[str, Type], where: str
+    ) -> Type | None:
+        try:
+            return type_of(value, types, self.classes, where)
+        except BadModel as error:
+            self.error(transition.line, error.slug, f"{where}: {error.rule}", error.remedy)
+            return None
+
+
+def _fits(variable: Variable) -> bool:
+    value = variable.initial
+    if variable.domain and value not in variable.domain:
+        return False
+    kinds: dict[str, tuple[type, ...]] = {"bool": (bool,), "int": (int,), "real": (int, float)}
+    right = isinstance(value, kinds.get(variable.type, (str,)))
+    if isinstance(value, bool):
+        return right and variable.type == "bool"
+    return right and (not isinstance(value, int | float) or abs(value) <= _LARGEST[variable.type])
+
+
+_LARGEST = {"int": float(INTEGER_LIMIT), "real": 1.7976931348623157e308}

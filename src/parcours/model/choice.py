@@ -1,0 +1,73 @@
+"""What the tester may choose where a model leaves values open, so that a transition can be taken."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+from parcours.model.configuration import Configuration, Layout, Message, Site
+from parcours.model.expression import evaluate
+from parcours.model.witness import Question, Values, with_terms
+
+_CACHED = 100_000
+
+
+class Choices:
+    """The choices at each transition of one model, remembered by the values that they depend on."""
+
+    def __init__(self, layout: Layout) -> None:
+        self.layout = layout
+        self._remembered: dict[object, tuple[Values, ...]] = {}
+
+    def of(
+        self, configuration: Configuration, site: Site, arrived: Message, given: Mapping[str, object]
+    ) -> tuple[Values, ...]:
+        """Return the choices under which the transition can be taken, one for each different effect.
+
+        Args:
+            configuration: where the model stands.
+            site: the transition.
+            arrived: the message it takes; fields that are not said are open.
+            given: choices already made, by term.
+
+        Raises:
+            BadModel: a guard that reads nothing open has no value.
+        """
+        if site.transition.guard is None and not site.assigned and not site.contents:
+            return ((),)
+        read = tuple(configuration.values[at] for _, at in site.reads)
+        key = (site.transition.id, read, arrived, tuple(sorted(given.items(), key=lambda pair: pair[0])))
+        if key not in self._remembered:
+            if len(self._remembered) >= _CACHED:
+                self._remembered.clear()
+            self._remembered[key] = tuple(self._choose(configuration, site, arrived, given))
+        return self._remembered[key]
+
+    def _choose(
+        self, configuration: Configuration, site: Site, arrived: Message, given: Mapping[str, object]
+    ) -> Iterator[Values]:
+        scopes, guard = self.layout.scopes, site.transition.guard
+        types = scopes.types(site.component, site.transition)
+        known = with_terms(self.known(configuration, site, arrived), given)
+        question = Question(types, scopes.classes, scopes.domains(site.component), known)
+        guards, effects = ([guard] if guard is not None else []), site.effects()
+        kept = question.terms(effects)
+        if guard is not None and not question.terms(guards):
+            if not evaluate(guard, known, f"guard of {site.transition.id!r}"):
+                return
+            guards = []
+        found: dict[Values, Values] = {}
+        for values, holds in question.valuations(guards, effects):
+            if holds is None:
+                yield from (free for free, _ in question.valuations((), effects))
+                return
+            found.setdefault(tuple(pair for pair in values if pair[0] in kept), values)
+            if not kept:
+                break
+        yield from found.values()
+
+    def known(self, configuration: Configuration, site: Site, arrived: Message) -> dict[str, object]:
+        """Return the values of the names that a transition reads, as far as the model says them."""
+        known = self.layout.local(configuration, site.component)
+        if site.transition.event is not None and site.transition.event.name:
+            known[site.transition.event.name] = dict(arrived)
+        return known

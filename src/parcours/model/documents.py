@@ -1,0 +1,170 @@
+"""The text of a YAML file to a tree of nodes that know their lines, for files that may be hostile.
+
+Only plain data passes: no anchors, aliases or tags, no doubled keys, bounded size and nesting. Scalars stay text; who
+reads a node says what kind of value it wants there, so that a state may be called `on` or `1`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import NoReturn
+
+import yaml
+
+from parcours.model.finding import Finding
+
+MAX_BYTES = 1_000_000
+"""Largest model file [bytes]."""
+
+MAX_NESTING = 32
+"""Deepest nesting of lists and mappings."""
+
+
+@dataclass(frozen=True, slots=True)
+class Scalar:
+    """A single value, as its text. `plain` tells that it stood without quotes."""
+
+    text: str
+    plain: bool
+    line: int
+
+
+@dataclass(frozen=True, slots=True)
+class Sequence:
+    """A list of nodes."""
+
+    items: tuple[Node, ...]
+    line: int
+
+
+@dataclass(frozen=True, slots=True)
+class Mapping:
+    """Keys with their nodes, in the order of the file."""
+
+    items: tuple[tuple[Scalar, Node], ...]
+    line: int
+
+
+_LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # libyaml is 25 times as fast, where PyYAML has it
+
+Node = Scalar | Sequence | Mapping
+
+
+class Unreadable(Exception):
+    """The text is not a document that may be read; `finding` says why."""
+
+    def __init__(self, finding: Finding) -> None:
+        self.finding = finding
+        super().__init__(str(finding))
+
+
+def read_document(text: str, origin: str) -> tuple[Node, list[Finding]]:
+    """Return the document as a tree, and what is wrong with its keys.
+
+    Args:
+        text: YAML, one document.
+        origin: the file's name, for messages.
+
+    Raises:
+        Unreadable: the text is too large, is no YAML, or uses what is not plain data.
+
+    >>> node, findings = read_document("a: [1, x]", "here")
+    >>> node.items[0][0].text, [item.text for item in node.items[0][1].items], findings
+    ('a', ['1', 'x'], [])
+    """
+    try:
+        size = len(text.encode())
+    except UnicodeEncodeError:
+        raise _unreadable(
+            origin, 0, "yaml-syntax", "a model must be text, but this has half characters"
+        ) from None
+    if size > MAX_BYTES:
+        rule = f"a model file has at most {MAX_BYTES} bytes, but this one has {size}"
+        raise _unreadable(origin, 0, "file-size", rule, "split the model")
+    builder = _Builder(origin)
+    try:
+        return builder.document(yaml.parse(text, Loader=_LOADER)), builder.findings
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        said = " ".join(part for part in (error.context, error.problem) if part)
+        rule = f"a model must be YAML, but this is not: {said}"
+        raise _unreadable(origin, mark.line + 1 if mark else 0, "yaml-syntax", rule) from None
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
+        said = str(error).splitlines()[0] if str(error) else type(error).__name__
+        rule = f"a model must be YAML, but this is not: {said}"
+        raise _unreadable(origin, 0, "yaml-syntax", rule) from None
+
+
+def _unreadable(origin: str, line: int, slug: str, rule: str, remedy: str = "") -> Unreadable:
+    return Unreadable(Finding(origin, line, "error", slug, rule, remedy))
+
+
+def _line(event: yaml.Event) -> int:
+    return event.start_mark.line + 1 if event.start_mark else 0
+
+
+class _Builder:
+    """Parser events to nodes, without recursion into aliases: there are none."""
+
+    def __init__(self, origin: str) -> None:
+        self.origin = origin
+        self.findings: list[Finding] = []
+
+    def document(self, events: Iterator[yaml.Event]) -> Node:
+        root: Node | None = None
+        for event in events:
+            if isinstance(event, yaml.DocumentStartEvent) and root is not None:
+                self.refuse(event, "several-documents", "a file holds one document, but here a second starts")
+            if isinstance(event, yaml.NodeEvent):
+                root = self.node(event, events, 1)
+        if root is None:
+            raise _unreadable(self.origin, 0, "empty", "a model must have content, but the file is empty")
+        return root
+
+    def node(self, event: yaml.Event, events: Iterator[yaml.Event], depth: int) -> Node:
+        line = _line(event)
+        if isinstance(event, yaml.AliasEvent) or getattr(event, "anchor", None) is not None:
+            name = getattr(event, "anchor", "")
+            self.refuse(
+                event,
+                "yaml-alias",
+                f"a model has no anchors or aliases, but here is {name!r}",
+                "write it out",
+            )
+        tag = getattr(event, "tag", None)
+        if tag is not None:
+            self.refuse(event, "yaml-tag", f"a model has no tags, but here is {tag!r}", "delete the tag")
+        if depth > MAX_NESTING:
+            self.refuse(
+                event, "yaml-nesting", f"a model nests at most {MAX_NESTING} deep, but here it goes deeper"
+            )
+        if isinstance(event, yaml.ScalarEvent):
+            return Scalar(event.value, event.style in (None, ""), line)
+        if isinstance(event, yaml.SequenceStartEvent):
+            items = []
+            while not isinstance(inner := next(events), yaml.SequenceEndEvent):
+                items.append(self.node(inner, events, depth + 1))
+            return Sequence(tuple(items), line)
+        return self.mapping(events, line, depth)
+
+    def mapping(self, events: Iterator[yaml.Event], line: int, depth: int) -> Mapping:
+        pairs: dict[str, tuple[Scalar, Node]] = {}
+        while not isinstance(inner := next(events), yaml.MappingEndEvent):
+            key = self.node(inner, events, depth + 1)
+            if not isinstance(key, Scalar):
+                self.refuse(inner, "yaml-key", "a key must be a word, but here is a list or mapping")
+            value = self.node(next(events), events, depth + 1)
+            if key.text in pairs:
+                rule = (
+                    f"a key must be unique, but {key.text!r} stands in line {pairs[key.text][0].line} already"
+                )
+                self.findings.append(
+                    Finding(self.origin, key.line, "error", "duplicate-key", rule, "rename one")
+                )
+            else:
+                pairs[key.text] = (key, value)
+        return Mapping(tuple(pairs.values()), line)
+
+    def refuse(self, event: yaml.Event, slug: str, rule: str, remedy: str = "") -> NoReturn:
+        raise _unreadable(self.origin, _line(event), slug, rule, remedy)

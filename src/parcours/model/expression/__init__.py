@@ -1,0 +1,43 @@
+"""The guard and action language: text to syntax tree, tree to canonical text, value and type.
+
+It knows nothing of machines, so constraints over test data are written in it too.
+"""
+
+from parcours.model.expression.evaluation import evaluate
+from parcours.model.expression.parsing import parse_actions, parse_calls, parse_expression
+from parcours.model.expression.syntax import (
+    Apply,
+    Assignment,
+    Binary,
+    Call,
+    Expression,
+    Field,
+    Literal,
+    Name,
+    Unary,
+    names,
+)
+from parcours.model.expression.typing import BOOL, INT, REAL, TEXT, Type, type_of
+
+__all__ = [
+    "BOOL",
+    "INT",
+    "REAL",
+    "TEXT",
+    "Apply",
+    "Assignment",
+    "Binary",
+    "Call",
+    "Expression",
+    "Field",
+    "Literal",
+    "Name",
+    "Type",
+    "Unary",
+    "evaluate",
+    "names",
+    "parse_actions",
+    "parse_calls",
+    "parse_expression",
+    "type_of",
+]

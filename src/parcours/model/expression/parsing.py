@@ -1,0 +1,302 @@
+"""Text to syntax tree: the tokenizer and the parser of the guard and action language.
+
+    expression := unary (operator unary)*        precedence in syntax.LEVELS; comparisons do not chain
+    unary      := ('!' | 'not' | '-') unary | atom
+    atom       := literal | name | function '(' expression, ... ')' | '(' expression ')', then '.' field, ...
+    actions    := action (';' action)*           action := name ':=' expression | name '(' expression, ... ')'
+
+Nothing is ever evaluated here, and text from a hostile file costs at most MAX_LENGTH characters and MAX_DEPTH levels.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import isfinite
+from typing import NoReturn, TypeVar
+
+from parcours.errors import BadModel, one_of
+from parcours.model.expression.evaluation import FUNCTIONS, INTEGER_LIMIT
+from parcours.model.expression.syntax import (
+    COMPARISONS,
+    LEVELS,
+    Apply,
+    Assignment,
+    Binary,
+    Call,
+    Expression,
+    Field,
+    Literal,
+    Name,
+    Unary,
+)
+
+MAX_LENGTH = 4096
+"""Longest text of one guard, action or message list [characters]."""
+
+MAX_DEPTH = 100
+"""Deepest syntax tree, so that every later walk over it may recurse."""
+
+RESERVED = {"true", "false", "and", "or", "not"}
+"""Words of the language, which cannot be names."""
+
+_WORDS = {"and": "&&", "or": "||", "not": "!"}
+_TOKEN = re.compile(
+    r"""(?P<blank>[ \t\r\n]+)
+      | (?P<real>(?:[0-9]+\.[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?|[0-9]+[eE][+-]?[0-9]+)
+      | (?P<int>[0-9]+)
+      | (?P<name>[A-Za-z_][A-Za-z0-9_]*)
+      | (?P<text>'(?:[^'\\]|\\.)*'|"(?:[^"\\]|\\.)*")
+      | (?P<sign>:=|==|!=|<=|>=|&&|\|\||[-+*/%<>!().,;])""",
+    re.VERBOSE | re.DOTALL,
+)
+_ESCAPE = re.compile(r"\\(?:u\{(?P<code>[0-9a-fA-F]{1,6})\}|(?P<other>.))", re.DOTALL)
+_Result = TypeVar("_Result")
+
+
+@dataclass(frozen=True, slots=True)
+class _Token:
+    kind: str
+    text: str
+    at: int
+
+
+def parse_expression(text: str, where: str = "expression") -> Expression:
+    """Return the syntax tree of an expression.
+
+    Args:
+        text: e.g. `"!tcp_socket && size(points) >= 2"`; at most MAX_LENGTH characters.
+        where: what the text belongs to, for the error message.
+
+    Raises:
+        BadModel: the text is no expression, is too long or too deeply nested. The message shows where, by a caret.
+
+    Example:
+    >>> str(parse_expression("not a and (b<c+1)"))
+    '!a && b < c + 1'
+    >>> parse_expression("a && && b", "guard of p22")
+    Traceback (most recent call last):
+    ...
+    parcours.errors.BadModel: guard of p22: a value must stand at the caret, but found '&&' in "a && ^&& b" [syntax]
+    """
+    return _whole(text, where, _Parser.expression)
+
+
+def parse_actions(text: str, where: str = "action") -> tuple[Assignment | Call, ...]:
+    """Return the actions of a text such as `"a := b + 1; pause()"`, in order.
+
+    Raises:
+        BadModel: as for parse_expression.
+
+    Example:
+    >>> [str(action) for action in parse_actions("n := n+1 ; pause()")]
+    ['n := n + 1', 'pause()']
+    """
+    return _whole(text, where, lambda parser: parser.several(parser.action))
+
+
+def parse_calls(text: str, where: str = "message") -> tuple[Call, ...]:
+    """Return the calls of a text such as `"request(path); stop"`; parentheses may be left out when empty.
+
+    Raises:
+        BadModel: as for parse_expression.
+
+    Example:
+    >>> [str(call) for call in parse_calls("request(path, 3); stop")]
+    ['request(path, 3)', 'stop()']
+    """
+    return _whole(text, where, lambda parser: parser.several(parser.call))
+
+
+def _whole(text: str, where: str, rule: Callable[[_Parser], _Result]) -> _Result:
+    if len(text) > MAX_LENGTH:
+        raise BadModel(
+            where,
+            f"an expression has at most {MAX_LENGTH} characters, but this one has {len(text)}",
+            "split it over several transitions",
+            slug="expression-size",
+        )
+    parser = _Parser(text, where)
+    result = rule(parser)
+    if parser.token.kind != "end":
+        parser.fail("an operator or the end")
+    return result
+
+
+class _Parser:
+    """Recursive descent over one text; `token` is the next one."""
+
+    def __init__(self, text: str, where: str) -> None:
+        self.text, self.where = text, where
+        self.tokens = self._split()
+        self.position = 0
+        self.nesting = 0
+
+    @property
+    def token(self) -> _Token:
+        return self.tokens[self.position]
+
+    def expression(self, level: int = 1) -> Expression:
+        self._enter()
+        left = self.unary()
+        chain = 0
+        while (operator := _WORDS.get(self.token.text, self.token.text)) in LEVELS:
+            own = LEVELS[operator]
+            if own < level or self.token.kind == "text":
+                break
+            if isinstance(left, Binary) and {operator, left.operator} <= COMPARISONS and chain:
+                self.fail("the end of the comparison", "join two comparisons by &&")
+            self.position += 1
+            left = Binary(operator, left, self.expression(own + 1))
+            chain += 1
+            if self.nesting + chain > MAX_DEPTH:
+                self._too_deep()
+        self.nesting -= 1
+        return left
+
+    def unary(self) -> Expression:
+        operator = _WORDS.get(self.token.text, self.token.text)
+        if self.token.kind != "text" and operator in ("!", "-"):
+            self.position += 1
+            self._enter()
+            operand = self.unary()
+            self.nesting -= 1
+            return Unary(operator, operand)
+        result = self.atom()
+        fields = 0
+        while self.accept("."):
+            result = Field(result, self.name("a field name"))
+            fields += 1
+            if self.nesting + fields > MAX_DEPTH:
+                self._too_deep()
+        return result
+
+    def atom(self) -> Expression:
+        token = self.token
+        if self.accept("("):
+            inner = self.expression()
+            self.expect(")")
+            return inner
+        if token.kind in ("int", "real", "text"):
+            self.position += 1
+            return Literal(self._number(token) if token.kind != "text" else self._unquoted(token))
+        if token.kind == "name" and token.text in ("true", "false"):
+            self.position += 1
+            return Literal(token.text == "true")
+        name = self.name("a value")
+        if self.token.kind == "sign" and self.token.text == "(":
+            if name not in FUNCTIONS:
+                self.position -= 1
+                self.fail("a known function", one_of(name, sorted(FUNCTIONS)), slug="unknown-function")
+            return Apply(name, self.arguments())
+        return Name(name)
+
+    def several(self, rule: Callable[[], _Result]) -> tuple[_Result, ...]:
+        found = [rule()]
+        while self.accept(";") and self.token.kind != "end":
+            found.append(rule())
+        return tuple(found)
+
+    def action(self) -> Assignment | Call:
+        name = self.name("an action")
+        if self.accept(":="):
+            return Assignment(name, self.expression())
+        if not (self.token.kind == "sign" and self.token.text == "("):
+            self.fail("':=' or '('", "write name := value, or name() for an operation")
+        return Call(name, self.arguments())
+
+    def call(self) -> Call:
+        name = self.name("a channel")
+        return Call(name, self.arguments() if self.token.kind == "sign" and self.token.text == "(" else ())
+
+    def arguments(self) -> tuple[Expression, ...]:
+        self.expect("(")
+        if self.accept(")"):
+            return ()
+        found = [self.expression()]
+        while self.accept(","):
+            found.append(self.expression())
+        self.expect(")")
+        return tuple(found)
+
+    def name(self, wanted: str) -> str:
+        token = self.token
+        if token.kind != "name" or token.text in RESERVED:
+            self.fail(wanted)
+        self.position += 1
+        return token.text
+
+    def accept(self, sign: str) -> bool:
+        if self.token.kind == "sign" and self.token.text == sign:
+            self.position += 1
+            return True
+        return False
+
+    def expect(self, sign: str) -> None:
+        if not self.accept(sign):
+            self.fail(repr(sign))
+
+    def fail(self, wanted: str, remedy: str = "", *, slug: str = "syntax") -> NoReturn:
+        token = self.token
+        found = "the end" if token.kind == "end" else repr(token.text)
+        self._fail_at(token.at, f"{wanted} must stand at the caret, but found {found}", remedy, slug)
+
+    def _fail_at(self, at: int, rule: str, remedy: str = "", slug: str = "syntax") -> NoReturn:
+        before, after = self.text[:at], self.text[at:]
+        before = before if len(before) <= 40 else "..." + before[-37:]
+        after = after if len(after) <= 40 else after[:37] + "..."
+        shown = " ".join(f"{before}^{after}".split())
+        raise BadModel(self.where, f'{rule} in "{shown}"', remedy, slug=slug)
+
+    def _enter(self) -> None:
+        self.nesting += 1
+        if self.nesting > MAX_DEPTH:
+            self._too_deep()
+
+    def _too_deep(self) -> NoReturn:
+        rule = f"an expression nests at most {MAX_DEPTH} deep, but this one is deeper at the caret,"
+        self._fail_at(self.token.at, rule, "split it over several transitions", "expression-size")
+
+    def _split(self) -> list[_Token]:
+        tokens, at = [], 0
+        while at < len(self.text):
+            match = _TOKEN.match(self.text, at)
+            if match is None:
+                bad = self.text[at]
+                hints = {"=": "compare with ==, assign with :=", "&": "write &&", "|": "write ||"}
+                hints |= dict.fromkeys("'\"", "close the text with the same quote")
+                self._fail_at(
+                    at,
+                    f"a sign of the language must stand at the caret, but found {bad!r}",
+                    hints.get(bad, ""),
+                )
+            if match.lastgroup != "blank":
+                tokens.append(_Token(str(match.lastgroup), match.group(), at))
+            at = match.end()
+        tokens.append(_Token("end", "", len(self.text)))
+        return tokens
+
+    def _number(self, token: _Token) -> int | float:
+        # Digits are counted first: converting a very long one costs quadratic time.
+        if token.kind == "int" and len(token.text.lstrip("0")) <= 19 and int(token.text) <= INTEGER_LIMIT:
+            return int(token.text)
+        if token.kind == "real" and isfinite(float(token.text)):
+            return float(token.text)
+        self._fail_at(
+            token.at, f"a number must fit 64 bits, but {token.text[:24]} does not,", slug="overflow"
+        )
+
+    def _unquoted(self, token: _Token) -> str:
+        def plain(match: re.Match[str]) -> str:
+            code, other = match["code"], match["other"]
+            if code is not None and int(code, 16) <= 0x10FFFF:
+                return chr(int(code, 16))
+            simple = {"n": "\n", "t": "\t", "\\": "\\", "'": "'", '"': '"'}
+            if other not in simple:
+                self._fail_at(
+                    token.at, f"a text knows no escape {match.group()!r}", r"use \\ \' \n \t or \u{hex}"
+                )
+            return simple[other]
+
+        return _ESCAPE.sub(plain, token.text[1:-1])

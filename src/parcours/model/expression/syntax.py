@@ -1,0 +1,201 @@
+"""The syntax tree of the guard and action language, and its canonical text.
+
+`str` of a tree parses back to an equal tree. Six kinds of node are all there is, so that another tool (a solver, an
+exporter) translates the language in one page.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TypeAlias
+
+LEVELS: dict[str, int] = {
+    "||": 1,
+    "&&": 2,
+    **dict.fromkeys(("==", "!=", "<", "<=", ">", ">="), 3),
+    **dict.fromkeys(("+", "-"), 4),
+    **dict.fromkeys(("*", "/", "%"), 5),
+}
+"""How tightly each binary operator binds; all group to the left, and comparisons do not chain."""
+
+COMPARISONS = frozenset(("==", "!=", "<", "<=", ">", ">="))
+_UNARY_LEVEL, _ATOM_LEVEL = 6, 7
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Literal:
+    """A constant: true or false, an integer, a real or a text. Numbers are not negative: -1 is `Unary('-', ...)`.
+
+    >>> Literal(1) == Literal(1.0), Literal(1) == Literal(True)
+    (False, False)
+    """
+
+    value: bool | int | float | str
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Literal):
+            return NotImplemented
+        return type(self.value) is type(other.value) and self.value == other.value
+
+    def __hash__(self) -> int:
+        return hash((type(self.value).__name__, self.value))
+
+    def __str__(self) -> str:
+        return render(self)
+
+
+@dataclass(frozen=True, slots=True)
+class Name:
+    """A variable, or the name an event gave to the message it received."""
+
+    id: str
+
+    def __str__(self) -> str:
+        return render(self)
+
+
+@dataclass(frozen=True, slots=True)
+class Field:
+    """The field `name` of the message that `of` stands for."""
+
+    of: Expression
+    name: str
+
+    def __str__(self) -> str:
+        return render(self)
+
+
+@dataclass(frozen=True, slots=True)
+class Unary:
+    """`!` (not) or `-` (negative) before an operand."""
+
+    operator: str
+    operand: Expression
+
+    def __str__(self) -> str:
+        return render(self)
+
+
+@dataclass(frozen=True, slots=True)
+class Binary:
+    """Two operands joined by one of the operators of LEVELS."""
+
+    operator: str
+    left: Expression
+    right: Expression
+
+    def __str__(self) -> str:
+        return render(self)
+
+
+@dataclass(frozen=True, slots=True)
+class Apply:
+    """One of the built-in functions, applied: `hypot(x, y)`."""
+
+    function: str
+    arguments: tuple[Expression, ...]
+
+    def __str__(self) -> str:
+        return render(self)
+
+
+Expression: TypeAlias = Literal | Name | Field | Unary | Binary | Apply
+
+
+@dataclass(frozen=True, slots=True)
+class Assignment:
+    """The action `target := value`."""
+
+    target: str
+    value: Expression
+
+    def __str__(self) -> str:
+        return f"{self.target} := {self.value}"
+
+
+@dataclass(frozen=True, slots=True)
+class Call:
+    """An abstract operation of the component, such as `modify(population)`: named in tests, not computed by the model."""
+
+    name: str
+    arguments: tuple[Expression, ...] = ()
+
+    def __str__(self) -> str:
+        return f"{self.name}({', '.join(map(str, self.arguments))})"
+
+
+def render(node: Expression, marked: Expression | None = None) -> str:
+    """Return the canonical text of a tree, with a caret before the node that is `marked` (the same object).
+
+    Example:
+    >>> zero = Literal(0)
+    >>> render(Binary("<", Name("v"), Binary("-", Name("w"), zero)), marked=zero)
+    'v < w - ^0'
+    """
+    return _render(node, marked, 0)
+
+
+def _render(node: Expression, marked: Expression | None, level: int) -> str:
+    match node:
+        case Literal(value):
+            text, own = _constant(value), _ATOM_LEVEL
+        case Name(id):
+            text, own = id, _ATOM_LEVEL
+        case Field(of, name):
+            text, own = f"{_render(of, marked, _ATOM_LEVEL)}.{name}", _ATOM_LEVEL
+        case Apply(function, arguments):
+            inner = ", ".join(_render(argument, marked, 0) for argument in arguments)
+            text, own = f"{function}({inner})", _ATOM_LEVEL
+        case Unary(operator, operand):
+            text, own = operator + _render(operand, marked, _UNARY_LEVEL), _UNARY_LEVEL
+        case Binary(operator, left, right):
+            own = LEVELS[operator]
+            # A comparison cannot be the operand of a comparison, on either side; other operators group to the left.
+            first = _render(left, marked, own + 1 if operator in COMPARISONS else own)
+            text = f"{first} {operator} {_render(right, marked, own + 1)}"
+    if own < level:
+        text = f"({text})"
+    return f"^{text}" if node is marked else text
+
+
+def _constant(value: bool | int | float | str) -> str:
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, str):
+        return "'" + "".join(map(_escaped, value)) + "'"
+    return repr(value)
+
+
+def _escaped(character: str) -> str:
+    if character in "\\'":
+        return "\\" + character
+    return character if character.isprintable() else f"\\u{{{ord(character):x}}}"
+
+
+def walk(node: Expression) -> Iterator[Expression]:
+    """Yield the node and everything below it, outermost first, left to right."""
+    yield node
+    match node:
+        case Field(of, _):
+            yield from walk(of)
+        case Unary(_, operand):
+            yield from walk(operand)
+        case Binary(_, left, right):
+            yield from walk(left)
+            yield from walk(right)
+        case Apply(_, arguments):
+            for argument in arguments:
+                yield from walk(argument)
+        case _:
+            pass
+
+
+def names(node: Expression) -> frozenset[str]:
+    """Return the names that an expression reads.
+
+    Example:
+    >>> sorted(names(Binary("<", Field(Name("ob"), "x"), Name("reach"))))
+    ['ob', 'reach']
+    """
+    return frozenset(part.id for part in walk(node) if isinstance(part, Name))

@@ -1,0 +1,184 @@
+"""A syntax tree and the types of its names to its type, or the first thing wrong with it.
+
+A type is a base type, an enumeration with its values, a message class, or a list of one of these. An integer may stand
+where a real is expected; nothing else converts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import NoReturn
+
+from parcours.errors import BadModel, one_of
+from parcours.model.expression.evaluation import FUNCTIONS
+from parcours.model.expression.syntax import (
+    Apply,
+    Binary,
+    Expression,
+    Field,
+    Literal,
+    Name,
+    Unary,
+    render,
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Type:
+    """A base type or a message class by name, the values of an enumeration, and how many list dimensions it has."""
+
+    name: str
+    values: tuple[str, ...] = ()
+    rank: int = 0
+
+    def __str__(self) -> str:
+        return "list of " * self.rank + self.name + (f" {{{', '.join(self.values)}}}" if self.values else "")
+
+
+BOOL, INT, REAL, TEXT = Type("bool"), Type("int"), Type("real"), Type("text")
+_NO_CLASSES: Mapping[str, Mapping[str, Type]] = MappingProxyType({})
+
+
+def type_of(
+    expression: Expression,
+    types: Mapping[str, Type],
+    classes: Mapping[str, Mapping[str, Type]] = _NO_CLASSES,
+    where: str = "expression",
+) -> Type:
+    """Return the type of an expression.
+
+    Args:
+        expression: the syntax tree.
+        types: the type of each name.
+        classes: the fields of each message class, with their types.
+        where: what the expression belongs to, for the error message.
+
+    Raises:
+        BadModel: a name or field is unknown, or an operator or function gets what it cannot work on. A caret marks the
+            culprit in the canonical text.
+
+    Example:
+    >>> from parcours.model.expression import parse_expression
+    >>> str(type_of(parse_expression("n / 2"), {"n": INT}))
+    'real'
+    >>> type_of(parse_expression("n && ready"), {"n": INT, "ready": BOOL}, where="guard of p22")
+    Traceback (most recent call last):
+    ...
+    parcours.errors.BadModel: guard of p22: && works on bool, but got int at the caret in "^n && ready" [type]
+    """
+    return _Typing(expression, types, classes, where).of(expression)
+
+
+def accepts(target: Type, value: Type) -> bool:
+    """Return whether a value of one type may be stored where another is declared.
+
+    Example:
+    >>> accepts(REAL, INT), accepts(INT, REAL), accepts(Type("enum", ("a", "b")), Type("text", ("a",)))
+    (True, False, True)
+    """
+    if target.rank != value.rank:
+        return False
+    if target.name == "enum" and value.values:
+        return not target.values or set(value.values) <= set(target.values)
+    if target.name == "text" and value.name == "enum":
+        return True
+    return target.name == value.name or (target.name, value.name) == ("real", "int")
+
+
+class _Typing:
+    def __init__(
+        self,
+        root: Expression,
+        types: Mapping[str, Type],
+        classes: Mapping[str, Mapping[str, Type]],
+        where: str,
+    ) -> None:
+        self.root, self.types, self.classes, self.where = root, types, classes, where
+
+    def of(self, node: Expression) -> Type:
+        match node:
+            case Literal(value):
+                # A constant text carries its value, so that it may be compared with an enumeration.
+                return Type("text", (value,)) if isinstance(value, str) else _CONSTANTS[type(value)]
+            case Name(id):
+                if id not in self.types:
+                    self.fail(
+                        node,
+                        f"a name must be declared, but {id!r} is not",
+                        one_of(id, sorted(self.types)),
+                        "unknown-name",
+                    )
+                return self.types[id]
+            case Field(of, name):
+                return self.field(node, self.of(of), name)
+            case Unary(operator, operand):
+                return self.only(operand, operator, "bool" if operator == "!" else "number")
+            case Binary("&&" | "||" as operator, left, right):
+                self.only(left, operator, "bool")
+                return self.only(right, operator, "bool")
+            case Binary("==" | "!=" as operator, left, right):
+                self.comparable(node, operator, self.of(left), self.of(right))
+                return BOOL
+            case Binary(operator, left, right):
+                kinds = {self.only(left, operator, "number"), self.only(right, operator, "number")}
+                if operator in ("<", "<=", ">", ">="):
+                    return BOOL
+                return REAL if operator == "/" or REAL in kinds else INT
+            case Apply(function, arguments):
+                return self.function(node, function, arguments)
+
+    def field(self, node: Expression, record: Type, name: str) -> Type:
+        fields = self.classes.get(record.name)
+        if fields is None or record.rank:
+            self.fail(node, f"only a message has fields, but {record} has none", "", "type")
+        if name not in fields:
+            rule = f"a field must be declared, but {record.name} has no {name!r}"
+            self.fail(node, rule, one_of(name, list(fields)) if fields else "", "unknown-field")
+        return fields[name]
+
+    def function(self, node: Expression, function: str, arguments: tuple[Expression, ...]) -> Type:
+        _, fewest, most = FUNCTIONS[function]
+        if not fewest <= len(arguments) <= most:
+            wanted = str(fewest) if fewest == most else f"{fewest} to {most}"
+            self.fail(node, f"{function} takes {wanted} arguments, but got {len(arguments)}", "", "arity")
+        if function == "size":
+            given = self.of(arguments[0])
+            if not given.rank:
+                self.fail(arguments[0], f"size works on a list, but got {given} at the caret", "", "type")
+            return INT
+        kinds = [self.only(argument, function, "number") for argument in arguments]
+        if function in ("abs", "min", "max"):
+            return REAL if REAL in kinds else INT
+        return INT if function == "floor" else REAL
+
+    def only(self, node: Expression, operator: str, wanted: str) -> Type:
+        given = self.of(node)
+        allowed = (BOOL,) if wanted == "bool" else (INT, REAL)
+        if given not in allowed:
+            self.fail(node, f"{operator} works on {wanted}, but got {given} at the caret", "", "type")
+        return given
+
+    def comparable(self, node: Expression, operator: str, left: Type, right: Type) -> None:
+        words = {left.name, right.name} <= {"text", "enum"}
+        alike = words or left.name == right.name or {left, right} == {INT, REAL}
+        if left.rank or right.rank or not alike or left.name not in ("bool", "int", "real", "text", "enum"):
+            self.fail(node, f"{operator} compares like base types, but got {left} and {right}", "", "type")
+        enums = [side for side in (left, right) if side.name == "enum" and side.values]
+        others = set(left.values) & set(right.values)
+        if enums and left.values and right.values and not others:
+            word = next((side.values[0] for side in (left, right) if side.name == "text"), "")
+            remedy = one_of(word, enums[0].values) if word else ""
+            self.fail(
+                node,
+                f"{operator} must be able to hold, but {left} and {right} share no value",
+                remedy,
+                "enum-value",
+            )
+
+    def fail(self, node: Expression, rule: str, remedy: str, slug: str) -> NoReturn:
+        raise BadModel(self.where, f'{rule} in "{render(self.root, marked=node)}"', remedy, slug=slug)
+
+
+_CONSTANTS = {bool: BOOL, int: INT, float: REAL}

@@ -1,0 +1,62 @@
+"""What is wrong with a model, one frozen record a complaint, and all of them together as one error."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Literal
+
+from parcours.errors import BadModel
+
+
+@dataclass(frozen=True, slots=True, order=True)
+class Finding:
+    """One complaint about a model: where, how grave, which rule, what was given and what to do.
+
+    Args:
+        file: the model's file, or where else it came from.
+        line: line of the file [1 ..], 0 if the model was not read from text.
+        severity: an `error` makes the model unusable; a `warning` may be meant.
+        rule: the slug of the rule, an anchor in docs/messages.md.
+        message: the rule and what was given instead.
+        remedy: what to do about it; may be empty.
+
+    >>> print(Finding("robot.yaml", 7, "warning", "unreachable-state", "no path leads to 'lost'", "delete it"))
+    robot.yaml:7: warning: no path leads to 'lost'; delete it [unreachable-state]
+    """
+
+    file: str
+    line: int
+    severity: Literal["error", "warning"]
+    rule: str
+    message: str
+    remedy: str = ""
+
+    @property
+    def where(self) -> str:
+        """The file, with the line if it is known."""
+        return f"{self.file}:{self.line}" if self.line else self.file
+
+    def __str__(self) -> str:
+        tail = f"; {self.remedy}" if self.remedy else ""
+        return f"{self.where}: {self.severity}: {self.message}{tail} [{self.rule}]"
+
+
+def errors_among(findings: Iterable[Finding]) -> tuple[Finding, ...]:
+    """Return the findings that are errors, in the same order."""
+    return tuple(finding for finding in findings if finding.severity == "error")
+
+
+def complaint(errors: tuple[Finding, ...]) -> BadModel:
+    """Return one error that says all of at least one finding, one a line.
+
+    >>> twice = Finding("m.yaml", 3, "error", "duplicate", "an id must be unique, but p1 was used in line 2")
+    >>> print(complaint((twice,)))
+    m.yaml:3: an id must be unique, but p1 was used in line 2 [duplicate]
+    """
+    first = errors[0]
+    if len(errors) == 1:
+        return BadModel(first.where, first.message, first.remedy, slug=first.rule)
+    listed = "".join(f"\n  {finding}" for finding in errors)
+    rule = f"a model must have no errors, but this one has {len(errors)}:{listed}\n "
+    return BadModel(first.file, rule, "correct them from the first on", slug="model-errors")

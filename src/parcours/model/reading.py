@@ -1,0 +1,100 @@
+"""A YAML model (format `parcours: model/1`, docs/model-format.md) to a Cefsm, or to all that is wrong with it.
+
+Reading proper says what the file holds; `checking` says whether that makes sense. Both report everything at once.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from parcours.model.checking import findings as findings_of
+from parcours.model.documents import Unreadable, read_document
+from parcours.model.finding import Finding, complaint, errors_among
+from parcours.model.schema import SchemaReader
+from parcours.model.structure import Cefsm
+
+
+@dataclass(frozen=True, slots=True)
+class Checked:
+    """What became of a file: the model unless it has errors, and every finding, in the order of the lines."""
+
+    model: Cefsm | None
+    findings: tuple[Finding, ...]
+
+
+def read_model(path: str | Path) -> Cefsm:
+    """Return the model that a file holds; warnings do not matter here.
+
+    Args:
+        path: a YAML file in the format `parcours: model/1`, at most 1 MB.
+
+    Raises:
+        BadModel: the file cannot be read, or the model has errors; the message says all of them, one a line.
+    """
+    return _accepted(check_file(path))
+
+
+def parse_model(text: str, origin: str = "<text>") -> Cefsm:
+    """Return the model that a text holds.
+
+    Args:
+        text: YAML in the format `parcours: model/1`.
+        origin: what to call the text in messages.
+
+    Raises:
+        BadModel: the model has errors; the message says all of them, one a line.
+
+    Example:
+    >>> lamp = parse_model('''
+    ... parcours: model/1
+    ... name: lamp
+    ... components:
+    ...   Lamp:
+    ...     machines:
+    ...       light:
+    ...         initial: off
+    ...         transitions:
+    ...           switch_on: {from: off, to: on}
+    ...           switch_off: {from: on, to: off}
+    ... ''')
+    >>> lamp.component("Lamp").machines[0].states
+    ('off', 'on')
+    """
+    return _accepted(check_text(text, origin))
+
+
+def check_file(path: str | Path) -> Checked:
+    """Return the model of a file, or None if it has errors, with every finding. It never raises for a bad model."""
+    origin = str(path)
+    try:
+        text = Path(path).read_bytes().decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        rule = f"a model file must be UTF-8 text, but byte {error.start} is not"
+        return Checked(None, (Finding(origin, 0, "error", "encoding", rule, "save it as UTF-8"),))
+    except (OSError, ValueError) as error:
+        said = getattr(error, "strerror", None) or str(error)
+        rule = f"a model file must be readable, but this is not: {said.lower()}"
+        return Checked(None, (Finding(origin, 0, "error", "unreadable-file", rule),))
+    return check_text(text, origin)
+
+
+def check_text(text: str, origin: str = "<text>") -> Checked:
+    """Return the model of a text, or None if it has errors, with every finding. It never raises for a bad model."""
+    try:
+        document, found = read_document(text, origin)
+    except Unreadable as refusal:
+        return Checked(None, (refusal.finding,))
+    reader = SchemaReader(origin)
+    model = reader.model(document)
+    found += reader.findings
+    if not found:
+        found += findings_of(model, origin)
+    ordered = tuple(sorted(found, key=lambda finding: (finding.line, finding.rule, finding.message)))
+    return Checked(None if errors_among(ordered) else model, ordered)
+
+
+def _accepted(checked: Checked) -> Cefsm:
+    if checked.model is None:
+        raise complaint(errors_among(checked.findings))
+    return checked.model

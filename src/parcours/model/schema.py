@@ -1,0 +1,207 @@
+"""A tree of YAML nodes to a Cefsm: which keys stand where, and what kind of value each has (docs/model-format.md)."""
+
+from __future__ import annotations
+
+from typing import Literal, cast
+
+from parcours.errors import BadModel
+from parcours.model.documents import Node, Scalar
+from parcours.model.expression import Name, parse_actions, parse_calls, parse_expression
+from parcours.model.expression.evaluation import INTEGER_LIMIT
+from parcours.model.nodes import NodeReader
+from parcours.model.structure import (
+    Cefsm,
+    Channel,
+    Component,
+    Field,
+    Machine,
+    MessageClass,
+    Receive,
+    Send,
+    Transition,
+    Variable,
+)
+
+FORMAT = "model/1"
+"""The number of the format that this version reads and writes."""
+
+MAX_RANGE = 1_000_000
+"""Most values that the `range` of an integer variable may have."""
+
+MAX_CAPACITY = 1000
+"""Most messages that a channel may hold."""
+
+
+class SchemaReader(NodeReader):
+    """Reads one document as a model. Each method takes a name and its node and returns the element with stand-ins
+    where findings were made, so that one pass finds them all."""
+
+    def model(self, node: Node) -> Cefsm:
+        """Return the model the document holds."""
+        optional = ("doc", "messages", "channels", "interactions")
+        items = self.record(node, "a model", ("parcours", "name", "components"), optional)
+        version = self.text(items.get("parcours"), "'parcours'", FORMAT)
+        if version != FORMAT:
+            rule = f"'parcours' must be {FORMAT!r}, but is {version[:40]!r}"
+            self.add(items["parcours"], "format", rule, f"this version reads {FORMAT} only")
+        components = self.entries(items.get("components"), "components")
+        channels = self.entries(items.get("channels"), "channels")
+        messages = self.entries(items.get("messages"), "messages")
+        interactions = tuple(self.entries(items.get("interactions"), "interactions", self.label))
+        return Cefsm(
+            name=self.label(items.get("name"), "the name of the model"),
+            components=tuple(self.component(*entry) for entry in components),
+            channels=tuple(self.channel(*entry) for entry in channels),
+            messages=tuple(self.message(*entry) for entry in messages),
+            source=self.origin,
+            doc=self.text(items.get("doc"), "'doc'"),
+            interactions=tuple((name, self.interaction(name, path)) for name, path, _ in interactions),
+            interaction_lines=tuple(line for _, _, line in interactions),
+        )
+
+    def interaction(self, name: str, node: Node) -> tuple[str, ...]:
+        """Return the components an interaction visits."""
+        what = f"interaction {name!r}"
+        return tuple(self.identifier(part, f"a component of {what}") for part in self.listed(node, what))
+
+    def message(self, name: str, node: Node, line: int) -> MessageClass:
+        """Return a message class."""
+        items = self.record(node, f"message {name!r}", ("fields",), ("doc",))
+        fields = self.entries(items.get("fields"), f"fields of {name!r}")
+        return MessageClass(
+            name,
+            tuple(self.field(name, field, value) for field, value, _ in fields),
+            self.text(items.get("doc"), f"'doc' of {name!r}"),
+            line,
+        )
+
+    def field(self, owner: str, name: str, node: Node) -> Field:
+        """Return one field of a message class."""
+        what = f"field '{owner}.{name}'"
+        items = self.record(node, what, ("type",), ("unit", "shape", "doc"))
+        return Field(
+            name,
+            self.identifier(items.get("type"), f"'type' of {what}"),
+            self.text(items.get("unit"), f"'unit' of {what}", "1"),
+            tuple(self.length(part, what) for part in self.listed(items.get("shape"), f"'shape' of {what}")),
+            self.text(items.get("doc"), f"'doc' of {what}"),
+        )
+
+    def length(self, node: Node, what: str) -> int | str:
+        """Return one length of a shape: a number, or the name of a free length."""
+        if isinstance(node, Scalar) and node.text[:1].isdigit():
+            return self.integer(node, f"a length of {what}", 1, 10**9)
+        return self.identifier(node, f"a length of {what}")
+
+    def channel(self, name: str, node: Node, line: int) -> Channel:
+        """Return a channel."""
+        what = f"channel {name!r}"
+        items = self.record(node, what, ("from", "to", "message"), ("topic", "capacity"))
+        sender, receiver, message = (
+            self.identifier(items.get(key), f"{key!r} of {what}") for key in ("from", "to", "message")
+        )
+        capacity = 1
+        if "capacity" in items:
+            capacity = self.integer(items["capacity"], f"'capacity' of {what}", 0, MAX_CAPACITY)
+        topic = self.text(items.get("topic"), f"'topic' of {what}")
+        return Channel(name, sender, receiver, message, topic, capacity, line)
+
+    def component(self, name: str, node: Node, line: int) -> Component:
+        """Return a component."""
+        what = f"component {name!r}"
+        items = self.record(node, what, ("machines",), ("title", "variables"))
+        variables = self.entries(items.get("variables"), f"variables of {name!r}")
+        machines = self.entries(items.get("machines"), f"machines of {name!r}", self.label)
+        return Component(
+            name,
+            tuple(self.machine(*entry) for entry in machines),
+            tuple(self.variable(name, *entry) for entry in variables),
+            self.text(items.get("title"), f"'title' of {what}"),
+            line,
+        )
+
+    def variable(self, owner: str, name: str, node: Node, line: int) -> Variable:
+        """Return a variable of a component."""
+        what = f"variable '{owner}.{name}'"
+        items = self.record(node, what, ("type",), ("initial", "role", "values", "range", "unit"))
+        type_ = self.identifier(items.get("type"), f"'type' of {what}")
+        role = self.text(items.get("role"), f"'role' of {what}", "local")
+        if role not in ("local", "input"):
+            self.add(
+                items.get("role"), "value", f"'role' of {what} must be local or input, but is {role[:40]!r}"
+            )
+        initial = None
+        if "initial" in items and type_:
+            initial = self.constant(items["initial"], type_, what)
+        unit = self.text(items.get("unit"), f"'unit' of {what}", "1")
+        known_role = cast(Literal["local", "input"], role)
+        return Variable(name, type_, initial, known_role, self.domain(items, type_, what), unit, line)
+
+    def domain(self, items: dict[str, Node], type_: str, what: str) -> tuple[object, ...] | range:
+        """Return the finite domain that `values` or `range` declare, or ()."""
+        for key, owner in (("values", "enum"), ("range", "int")):
+            if key in items and type_ != owner:
+                rule = f"{key!r} belongs to {owner} variables, but {what} is of type {type_!r}"
+                self.add(items[key], "value", rule, "delete it")
+        if type_ == "enum" and "values" in items:
+            values = self.listed(items["values"], f"'values' of {what}")
+            return tuple(self.label(value, f"a value of {what}") for value in values)
+        if type_ != "int" or "range" not in items:
+            return ()
+        ends = self.listed(items["range"], f"'range' of {what}")
+        low, high = 0, 0
+        if len(ends) == 2:
+            low, high = (
+                self.integer(end, f"an end of the range of {what}", -INTEGER_LIMIT, INTEGER_LIMIT)
+                for end in ends
+            )
+        if len(ends) != 2 or not 0 <= high - low < MAX_RANGE:
+            rule = (
+                f"'range' of {what} must be [lowest, highest] with at most {MAX_RANGE} integers, but is not"
+            )
+            self.add(items["range"], "value", rule, "leave it out for an unbounded integer")
+            return ()
+        return range(low, high + 1)
+
+    def machine(self, name: str, node: Node, line: int) -> Machine:
+        """Return a machine; its states stand in order of appearance unless they are listed."""
+        what = f"machine {name!r}"
+        items = self.record(node, what, ("initial", "transitions"), ("states",))
+        initial = self.label(items.get("initial"), f"'initial' of {what}")
+        entries = self.entries(items.get("transitions"), f"transitions of {name!r}", self.label)
+        transitions = tuple(self.transition(*entry) for entry in entries)
+        if "states" in items:
+            listed = self.listed(items["states"], f"'states' of {what}")
+            states = tuple(self.label(state, f"a state of {what}") for state in listed)
+        else:
+            ends = [state for transition in transitions for state in (transition.source, transition.target)]
+            states = tuple(dict.fromkeys([initial, *ends]))
+        return Machine(name, initial, states, transitions, line)
+
+    def transition(self, id: str, node: Node, line: int) -> Transition:
+        """Return a transition."""
+        what = f"transition {id!r}"
+        items = self.record(node, what, ("from", "to"), ("event", "guard", "action", "message"))
+        return Transition(
+            id,
+            self.label(items.get("from"), f"'from' of {what}"),
+            self.label(items.get("to"), f"'to' of {what}"),
+            self.parsed(items.get("event"), f"event of {id!r}", _event, None),
+            self.parsed(items.get("guard"), f"guard of {id!r}", parse_expression, None),
+            self.parsed(items.get("action"), f"action of {id!r}", parse_actions, ()),
+            self.parsed(items.get("message"), f"message of {id!r}", _sends, ()),
+            line,
+        )
+
+
+def _event(text: str, where: str) -> Receive:
+    calls = parse_calls(text, where)
+    binders = [argument.id for argument in calls[0].arguments if isinstance(argument, Name)]
+    if len(calls) > 1 or len(binders) != len(calls[0].arguments) or len(binders) > 1:
+        rule = f"an event is channel or channel(name), but this is {text[:60]!r}"
+        raise BadModel(where, rule, "receive one message a transition", slug="event")
+    return Receive(calls[0].name, binders[0] if binders else "")
+
+
+def _sends(text: str, where: str) -> tuple[Send, ...]:
+    return tuple(Send(call.name, call.arguments) for call in parse_calls(text, where))

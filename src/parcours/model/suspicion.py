@@ -1,0 +1,184 @@
+"""A Cefsm to what it says but perhaps does not mean: warnings on reachability, choice and communication."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Set
+from itertools import combinations, islice
+
+from parcours.model.expression import Apply, Binary, Expression, Field, Literal, Name, Unary
+from parcours.model.finding import Finding
+from parcours.model.scope import Scopes
+from parcours.model.structure import ENVIRONMENT, Cefsm, Component, Machine, Transition
+from parcours.model.witness import Answer, Budget, Question
+
+MAX_PAIRS = 500
+"""Most pairs of transitions compared in one state."""
+
+
+def suspicions(cefsm: Cefsm, origin: str, unsound: Set[str] = frozenset()) -> list[Finding]:
+    """Return the warnings of a model.
+
+    Args:
+        cefsm: the model; names and ids must be distinct.
+        origin: what to call the file.
+        unsound: ids of transitions whose guards are not well typed, and so mean nothing.
+    """
+    search = _Search(cefsm, origin, unsound)
+    search.channels()
+    for component in cefsm.components:
+        for machine in component.machines:
+            search.machine(component, machine)
+    return search.findings
+
+
+class _Search:
+    def __init__(self, cefsm: Cefsm, origin: str, unsound: Set[str]) -> None:
+        self.cefsm, self.origin, self.unsound = cefsm, origin, unsound
+        self.findings: list[Finding] = []
+        self.scopes = Scopes(cefsm)
+        self.budget = Budget()
+
+    def warn(self, line: int, rule: str, message: str, remedy: str = "") -> None:
+        self.findings.append(Finding(self.origin, line, "warning", rule, message, remedy))
+
+    def channels(self) -> None:
+        transitions = [each for component in self.cefsm.components for each in component.transitions()]
+        read = {transition.event.channel for transition in transitions if transition.event is not None}
+        written = {send.channel for transition in transitions for send in transition.sends}
+        for channel in self.cefsm.channels:
+            if channel.receiver != ENVIRONMENT and channel.name not in read:
+                rule = f"a channel must be read, but no transition of {channel.receiver!r} receives {channel.name!r}"
+                remedy = f"add an event, or let it lead to: {ENVIRONMENT}"
+                self.warn(channel.line, "unread-channel", rule, remedy)
+            if channel.sender != ENVIRONMENT and channel.name not in written:
+                rule = f"a channel must be written, but no transition of {channel.sender!r} sends {channel.name!r}"
+                remedy = f"add a message, or let it come from: {ENVIRONMENT}"
+                self.warn(channel.line, "unwritten-channel", rule, remedy)
+
+    def machine(self, component: Component, machine: Machine) -> None:
+        place = f"{machine.name!r} in {component.name!r}"
+        dead = self.constantly_false(component, machine)
+        alive = [transition for transition in machine.transitions if transition.id not in dead]
+        reached = _closure(machine.initial, ((each.source, each.target) for each in alive))
+        homing = _closure(machine.initial, ((each.target, each.source) for each in alive))
+        for state in machine.states:
+            if state not in reached:
+                rule = f"every state must be reachable, but no path leads to {state!r} of {place}"
+                self.warn(machine.line, "unreachable-state", rule, "add a transition to it, or delete it")
+            elif state not in homing:
+                rule = f"every state must lead back to {machine.initial!r}, but {state!r} of {place} does not"
+                self.warn(
+                    machine.line, "no-way-back", rule, "no closed test path visits it; add a transition"
+                )
+        for transition in machine.transitions:
+            if transition.source not in reached and transition.id not in dead:
+                rule = f"a transition must be possible, but {transition.id!r} starts in {transition.source!r}, never reached"
+                self.warn(transition.line, "dead-transition", rule)
+        leaving: dict[str, list[Transition]] = {}
+        for transition in alive:
+            if transition.source in reached and transition.id not in self.unsound:
+                leaving.setdefault(transition.source, []).append(transition)
+        for state, rivals in leaving.items():
+            self.choices(component, state, rivals)
+            self.loops(state, rivals)
+
+    def constantly_false(self, component: Component, machine: Machine) -> set[str]:
+        dead = set()
+        for transition in machine.transitions:
+            if transition.guard is None or transition.id in self.unsound:
+                continue
+            answer = self.ask(component, transition, [transition.guard])
+            if answer.holds is False:
+                dead.add(transition.id)
+                rule = (
+                    f'a guard must be able to hold, but "{transition.guard}" of {transition.id!r} never does'
+                )
+                self.warn(
+                    transition.line, "dead-transition", rule, "correct the guard, or delete the transition"
+                )
+            elif answer.holds is None:
+                rule = f'could not decide whether "{transition.guard}" of {transition.id!r} can hold'
+                self.warn(
+                    transition.line, "undecided-guard", rule, "compare each variable with constants only"
+                )
+        return dead
+
+    def choices(self, component: Component, state: str, rivals: list[Transition]) -> None:
+        pairs = [
+            (one, two)
+            for one, two in islice(combinations(rivals, 2), 100 * MAX_PAIRS)
+            if _channel(one) == _channel(two)
+        ]
+        for one, two in pairs[:MAX_PAIRS]:
+            guards = [one.guard] if one.guard is not None else []
+            if two.guard is not None:
+                guards.append(_renamed(two.guard, two, one))
+            answer = self.ask(component, one if one.event and one.event.name else two, guards)
+            both = f"{one.id!r} and {two.id!r}"
+            if answer.holds:
+                example = f", for example when {answer}" if answer.values else ""
+                rule = f"a state must have one next step, but {both} can both leave {state!r}{example}"
+                self.warn(
+                    two.line, "nondeterminism", rule, "make the guards exclude each other, if it is not meant"
+                )
+            elif answer.holds is None:
+                rule = f"could not decide whether {both} can both leave {state!r}"
+                self.warn(two.line, "undecided-choice", rule, "compare each variable with constants only")
+        if len(pairs) > MAX_PAIRS or len(rivals) * (len(rivals) - 1) // 2 > 100 * MAX_PAIRS:
+            rule = f"could not compare all pairs of the {len(rivals)} transitions that leave {state!r}"
+            self.warn(rivals[0].line, "undecided-choice", rule, "split the state")
+
+    def loops(self, state: str, rivals: list[Transition]) -> None:
+        # Beside a spontaneous rival, the choice between the two was reported already.
+        if any(not each.is_loop and each.event is None for each in rivals):
+            return
+        others = [each.id for each in rivals if not each.is_loop]
+        for loop in rivals:
+            if loop.is_loop and loop.event is None and loop.guard is None and others:
+                rule = f"a loop must end, but {loop.id!r} can repeat in {state!r} for ever, beside {', '.join(others)}"
+                self.warn(loop.line, "endless-loop", rule, "give it a guard or an event")
+
+    def ask(self, component: Component, transition: Transition, guards: list[Expression]) -> Answer:
+        types = self.scopes.types(component.name, transition)
+        question = Question(types, self.scopes.classes, self.scopes.domains(component.name))
+        return question.witness(guards, self.budget)
+
+
+def _channel(transition: Transition) -> str:
+    return transition.event.channel if transition.event is not None else ""
+
+
+def _renamed(guard: Expression, owner: Transition, other: Transition) -> Expression:
+    # Both receive the same message, perhaps under different names.
+    if owner.event is None or other.event is None or not (owner.event.name and other.event.name):
+        return guard
+    return _replaced(guard, owner.event.name, other.event.name)
+
+
+def _replaced(node: Expression, old: str, new: str) -> Expression:
+    match node:
+        case Name(id):
+            return Name(new) if id == old else node
+        case Literal():
+            return node
+        case Field(of, name):
+            return Field(_replaced(of, old, new), name)
+        case Unary(operator, operand):
+            return Unary(operator, _replaced(operand, old, new))
+        case Binary(operator, left, right):
+            return Binary(operator, _replaced(left, old, new), _replaced(right, old, new))
+        case Apply(function, arguments):
+            return Apply(function, tuple(_replaced(each, old, new) for each in arguments))
+
+
+def _closure(start: str, edges: Iterable[tuple[str, str]]) -> set[str]:
+    following: dict[str, list[str]] = {}
+    for source, target in edges:
+        following.setdefault(source, []).append(target)
+    reached, border = {start}, [start]
+    while border:
+        for state in following.get(border.pop(), ()):
+            if state not in reached:
+                reached.add(state)
+                border.append(state)
+    return reached

@@ -1,0 +1,1 @@
+"""Results become numbers, pictures and pages: terminal tables, JUnit XML, and one HTML file with figures and replays."""

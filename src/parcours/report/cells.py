@@ -1,0 +1,85 @@
+"""A table's values -> the text of its cells, the same on every medium."""
+
+from __future__ import annotations
+
+import math
+
+from parcours.errors import BadRequest
+from parcours.report.pieces import Cell, Column, Marked, Table
+
+UNKNOWN = "–"
+"""What stands for a value that is not known."""
+
+
+def shown(cell: Cell, column: Column) -> str:
+    """Return the text of a cell.
+
+    Args:
+        cell: a value; text stays as it is, numbers follow the column's format.
+        column: where it stands.
+
+    Raises:
+        BadRequest: the column's format does not fit the number.
+
+    >>> stuck = Column("stuck", format=".1%")
+    >>> [shown(cell, stuck) for cell in (0.0773, Marked(0.5), "none", None, float("nan"))]
+    ['7.7%', '50.0%', 'none', '–', '–']
+    """
+    value = cell.value if isinstance(cell, Marked) else cell
+    if value is None or (isinstance(value, float) and math.isnan(value)):
+        return UNKNOWN
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, str):
+        return value
+    try:
+        return format(value, column.format).replace("-", "\N{MINUS SIGN}")
+    except (ValueError, TypeError) as error:
+        raise BadRequest(
+            f"column {column.name!r}",
+            f"its format must fit its numbers, but {column.format!r} does not fit {value!r}: {error}",
+            "give a format such as '.1%' or ',d'",
+            slug="column-format",
+        ) from error
+
+
+def sides(table: Table) -> tuple[str, ...]:
+    """Return the side each column's cells keep to: left, right or center.
+
+    >>> sides(Table("", (Column("path"), Column("length"), Column("p")), (("tp11", 3, None), ("tp12", 6, 0.5))))
+    ('left', 'right', 'right')
+    """
+    return tuple(
+        column.align if column.align != "auto" else ("right" if _numeric(table, at) else "left")
+        for at, column in enumerate(table.columns)
+    )
+
+
+def _numeric(table: Table, at: int) -> bool:
+    """Return whether a column holds numbers only, as far as anything is known in it."""
+    values = [row[at].value if isinstance(row[at], Marked) else row[at] for row in table.rows]  # type: ignore[union-attr]
+    known = [value for value in values if value is not None]
+    return bool(known) and all(isinstance(value, int | float) for value in known)
+
+
+def text_rows(table: Table) -> tuple[tuple[str, ...], ...]:
+    """Return the text of every cell, row by row."""
+    return tuple(
+        tuple(shown(cell, column) for cell, column in zip(row, table.columns, strict=True))
+        for row in table.rows
+    )
+
+
+def group_spans(table: Table) -> tuple[tuple[str, int], ...]:
+    """Return the shared headings from left to right with the number of columns each spans; empty if there are none.
+
+    >>> group_spans(Table("", (Column("v"), Column("n", group="ours"), Column("p", group="ours")), ()))
+    (('', 1), ('ours', 2))
+    """
+    spans: list[tuple[str, int]] = []
+    for column in table.columns:
+        if spans and column.group and spans[-1][0] == column.group:
+            spans[-1] = (column.group, spans[-1][1] + 1)
+        else:
+            spans.append((column.group, 1))
+    return tuple(spans) if any(name for name, _ in spans) else ()

@@ -1,0 +1,85 @@
+"""Bytes -> a file that is either whole or absent, even if the machine stops in the middle."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import socket
+from pathlib import Path
+
+from parcours.errors import BadRequest
+
+_TAG = f"{socket.gethostname()}-{{pid}}.partial"
+
+
+def write_atomically(path: Path, content: bytes) -> None:
+    """Write `content` beside `path`, force it to the disk and rename it into place.
+
+    Args:
+        path: the file to create or replace; its folder exists.
+        content: all of it.
+
+    Raises:
+        BadRequest: the folder cannot be written to, or is full.
+
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     write_atomically(Path(folder, "a"), b"whole")
+    ...     [(file.name, file.read_bytes()) for file in Path(folder).iterdir()]
+    [('a', b'whole')]
+    """
+    partial = path.with_name(f".{path.name}.{_TAG.format(pid=os.getpid())}")
+    try:
+        try:
+            with partial.open("wb") as file:
+                file.write(content)
+                file.flush()
+                os.fsync(file.fileno())
+            partial.replace(path)
+        except BaseException:
+            with contextlib.suppress(OSError):
+                partial.unlink()
+            raise
+        _sync_folder(path.parent)
+    except OSError as error:
+        raise unwritable(path, error) from error
+
+
+def unwritable(path: Path, error: OSError) -> BadRequest:
+    """Return the complaint that `path` cannot be written.
+
+    >>> print(unwritable(Path("out"), PermissionError(13, "Permission denied")))
+    out: must be writable, but: Permission denied; name another folder or free this one [folder-unwritable]
+    """
+    return BadRequest(
+        str(path),
+        f"must be writable, but: {error.strerror or error}",
+        "name another folder or free this one",
+        slug="folder-unwritable",
+    )
+
+
+def sweep(folder: Path) -> None:
+    """Remove what writers of this machine left half-written in `folder` when they were killed."""
+    for partial in folder.glob(f".*.{_TAG.format(pid='*')}"):
+        pid = partial.name.removesuffix(".partial").rpartition("-")[2]
+        if pid.isdecimal() and not _alive(int(pid)):
+            partial.unlink(missing_ok=True)
+
+
+def _alive(pid: int) -> bool:
+    try:
+        os.kill(pid, 0)
+    except (ProcessLookupError, OverflowError):
+        return False
+    except PermissionError:
+        return True
+    return True
+
+
+def _sync_folder(folder: Path) -> None:
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)

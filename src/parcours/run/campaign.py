@@ -1,0 +1,142 @@
+"""A campaign -> its results in a folder: computes the shards that are missing, in any number of workers.
+
+The results are the same bytes for any number of workers, any order, and however often it was interrupted.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import importlib
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from parcours.errors import BadRequest, HostFailure, ParcoursError
+from parcours.run.atomic import sweep
+from parcours.run.pool import run_tasks
+from parcours.run.store import Campaign, Rows, Store, create
+
+Simulate = Callable[[int, int], Rows]
+"""(first case, how many) -> their results, shape (how many,)."""
+
+Progress = Callable[[int, int], None]
+"""Told (cases finished, cases in all) at the start and after every shard."""
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """How far a campaign came."""
+
+    store: Store
+    finished: int
+    """Cases whose results are in the folder."""
+    interrupted: bool
+
+    def __str__(self) -> str:
+        """Say it in a sentence."""
+        total = self.store.campaign.n_cases
+        if not self.interrupted:
+            return f"all {total} cases are finished in {self.store.folder}"
+        return (
+            f"interrupted: {self.finished} of {total} cases are finished and kept in {self.store.folder};"
+            " run the same command again to compute the rest"
+        )
+
+
+def run_campaign(
+    simulate: Simulate | str,
+    campaign: Campaign,
+    folder: Path,
+    *,
+    workers: int = 1,
+    progress: Progress | None = None,
+) -> Outcome:
+    """Compute what is missing of a campaign, and return how far it came. Ctrl-C ends it early.
+
+    Args:
+        simulate: the study's function, or its name "module:function". With several workers it is pickled and
+            runs in processes of its own; with one worker it runs here.
+        campaign: what to compute.
+        folder: where the results go; resumed if this very campaign was begun there.
+        workers: number of processes, at least 1.
+        progress: called in this process.
+
+    Raises:
+        BadRequest: a count is out of range, `simulate` cannot be found or sent, or the folder cannot be
+            written to.
+        BadResults: the folder holds something else, or damaged shards.
+        HostFailure: `simulate` raised or gave results of the wrong form, or a worker died twice on a shard.
+
+    >>> import numpy as np, tempfile
+    >>> def squares(first: int, count: int) -> Rows:
+    ...     return np.array([(n, n * n) for n in range(first, first + count)], campaign.dtype)
+    >>> campaign = Campaign("squares", "plain", 0, 5, np.dtype([("n", "i8"), ("n2", "i8")]), shard_size=2)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     run_campaign(squares, campaign, Path(folder)).store.load()["n2"].tolist()
+    [0, 1, 4, 9, 16]
+    """
+    if workers < 1:
+        raise BadRequest(
+            "workers", f"at least one is needed, but {workers} were asked for", slug="count-range"
+        )
+    function = _resolve(simulate) if isinstance(simulate, str) else simulate
+    store = create(folder, campaign)
+    missing = store.missing()
+    finished = campaign.n_cases - sum(len(campaign.cases(shard)) for shard in missing)
+    report = progress or (lambda done, total: None)
+    report(finished, campaign.n_cases)
+    task = _ComputeShard(simulate if isinstance(simulate, str) else function, store)
+
+    def name(shard: int) -> str:
+        cases = campaign.cases(shard)
+        return f"shard {shard} (cases {cases.start}..{cases.stop - 1})"
+
+    try:
+        if workers == 1 or len(missing) <= 1:
+            done = (_here(task, shard, name) for shard in missing)
+        else:
+            done = run_tasks(task, missing, min(workers, len(missing)), name)
+        with contextlib.closing(done):
+            for shard in done:
+                finished += len(campaign.cases(shard))
+                report(finished, campaign.n_cases)
+    except KeyboardInterrupt:
+        left = sum(len(campaign.cases(shard)) for shard in store.missing())
+        return Outcome(store, campaign.n_cases - left, interrupted=True)
+    finally:
+        sweep(folder)  # of what a stopped worker left half-written
+    return Outcome(store, finished, interrupted=False)
+
+
+@dataclass(frozen=True, slots=True)
+class _ComputeShard:
+    """Computes and writes one shard, in whatever process it finds itself."""
+
+    simulate: Simulate | str
+    store: Store
+
+    def __call__(self, shard: int) -> None:
+        function = _resolve(self.simulate) if isinstance(self.simulate, str) else self.simulate
+        cases = self.store.campaign.cases(shard)
+        self.store.write(shard, function(cases.start, len(cases)))
+
+
+def _here(task: Callable[[int], None], shard: int, name: Callable[[int], str]) -> int:
+    try:
+        task(shard)
+    except ParcoursError:
+        raise
+    except Exception as error:
+        rule = f"must be computed without an error, but raised {type(error).__name__}: {error}"
+        raise HostFailure(name(shard), rule, slug="shard-raised") from error
+    return shard
+
+
+def _resolve(dotted: str) -> Simulate:
+    module, _, attribute = dotted.partition(":")
+    try:
+        function: Simulate = getattr(importlib.import_module(module), attribute)
+    except (ImportError, AttributeError, ValueError) as error:
+        rule = f"must be 'module:function' of something importable, but: {error}"
+        raise BadRequest(f"simulate {dotted!r}", rule, slug="simulate-name") from error
+    return function

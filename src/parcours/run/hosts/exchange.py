@@ -1,0 +1,354 @@
+"""Components, links and a clock -> a trace: the one set of rules by which every host in this process runs.
+
+At most one transition of a component is in progress at a time; while it is, or while the component waits for
+room on a link, what arrives is queued. A transition is recorded, and its messages leave, when its execution
+time is over.
+
+Simultaneous events happen in a total order: 1. transitions that end, so that a component due to be free is
+free; 2. messages that arrive, so that a message counts as in time at its very deadline; 3. wakes. Among
+equals: components in the order given, the environment last, channels in the order of the links; then in the
+order in which they were caused.
+"""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import NoReturn, cast
+
+import numpy as np
+
+from parcours.errors import BadRequest, HostFailure, one_of
+from parcours.run.clocks import Clock
+from parcours.run.hosts.passage import Execution, Passage, Streams, at_once
+from parcours.run.hosts.seats import Answer, Answering, Lane, Message, Seat, silence
+from parcours.run.port import ENVIRONMENT, Component, Link, LinkKind, Step
+from parcours.run.trace import Kind, Noise, Trace, TraceEvent
+
+_END, _ARRIVE, _WAKE = range(3)
+_LIVELOCK = 100_000
+"""So many events at one instant of simulated time are taken for an endless loop."""
+
+
+class Exchange:
+    """Runs components on a clock. See `SimulatedHost` and `WallClockHost` for the arguments."""
+
+    label = "exchange"
+
+    def __init__(
+        self,
+        components: Sequence[Component],
+        links: Sequence[Link],
+        clock: Clock,
+        *,
+        environment: Component | Answer = silence,
+        passages: Mapping[str, Passage] | None = None,
+        execution: Execution = at_once,
+        rng: np.random.Generator | None = None,
+    ) -> None:
+        tester = (
+            Answering(environment) if not hasattr(environment, "next_wake") else cast(Component, environment)
+        )
+        self._clock = clock
+        self._seats = {part.name: Seat(part, k) for k, part in enumerate((*components, tester))}
+        self._environment = self._seats[tester.name]
+        self._lanes = {link.channel: Lane(link, k) for k, link in enumerate(links)}
+        self._passages = dict(passages or {})
+        self._execution = execution
+        self._streams = Streams(rng or np.random.default_rng(0))
+        self._open = True
+        if tester.name != ENVIRONMENT or len(self._seats) != len(components) + 1:
+            names = ", ".join(part.name for part in (*components, tester))
+            rule = f"component names differ, and the tester's is {ENVIRONMENT!r}, but given were: {names}"
+            raise HostFailure(f"{self.label} host", rule, slug="host-names")
+        for channel in self._passages:
+            if channel not in self._lanes:
+                remedy = one_of(channel, list(self._lanes))
+                raise HostFailure(
+                    "passages", f"no link is called {channel!r}", remedy, slug="unknown-channel"
+                )
+        self._clear()
+
+    def _clear(self) -> None:
+        self._heap: list[tuple[int, int, int, int, Callable[[], None]]] = []
+        self._events: list[TraceEvent] = []
+        self._caused = self._sent = self._instant = self._at_instant = 0
+
+    def reset(self) -> None:
+        """Return everything to where it began: no message, no event, random streams at their start."""
+        self._must_be_open()
+        self._clear()
+        for seat in self._seats.values():
+            seat.component.reset()
+            seat.clear()
+        for lane in self._lanes.values():
+            lane.clear()
+        self._streams.restart()
+        self._clock.restart()
+
+    def close(self) -> None:
+        """Let go of the components. Closing again does nothing; the trace stays readable."""
+        self._open = False
+        self._heap.clear()
+        for seat in self._seats.values():
+            seat.clear()
+
+    def trace(self, case: str = "", noise: Noise | None = None) -> Trace:
+        """Return what has happened since the beginning or the last reset; payloads included."""
+        return Trace(self._clock.name, tuple(self._events), self.label, case, noise)
+
+    def note(self, text: str) -> None:
+        """Write a remark of the tester's into the trace."""
+        self._record("note", text=text)
+
+    def inject(self, channel: str, message: object, at: int | None = None) -> None:
+        """Send `message` in the place of the environment, or of a component that is not on this host.
+
+        Args:
+            channel: a link whose sender is not on this host.
+            message: the payload.
+            at: when [ns]; now if not given.
+
+        Raises:
+            BadRequest: the channel is unknown, belongs to a component of this host, or the time is past.
+        """
+        self._must_be_open()
+        lane = self._lanes.get(channel)
+        if lane is None:
+            raise BadRequest("inject", f"no link is called {channel!r}", one_of(channel, list(self._lanes)),
+                             slug="unknown-channel")  # fmt: skip
+        if lane.link.sender != ENVIRONMENT and lane.link.sender in self._seats:
+            rule = f"only the tester's channels can be injected, but {lane.link.sender} itself sends here"
+            raise BadRequest(f"channel {channel!r}", rule, "leave the component out", slug="foreign-channel")
+        now = self._clock.now()
+        if at is not None and at < now:
+            rule = f"time never runs backwards, but {at} ns was given at {now} ns"
+            raise BadRequest(f"inject on {channel!r}", rule, "inject before the run", slug="time-backwards")
+        self._push(now if at is None else at, _ARRIVE, lane.index, lambda: self._send(None, lane, message))
+
+    def run(self, until: int) -> None:
+        """Run until the time `until` [ns], or until nothing is left that could happen.
+
+        Raises:
+            HostFailure: a component raised, sent on a channel that is not its own, or never comes to rest.
+        """
+        self._must_be_open()
+        for seat in self._seats.values():
+            self._push(self._clock.now(), _WAKE, seat.index, lambda seat=seat: self._work(seat, rung=True))  # type: ignore[misc]
+        while self._heap and self._heap[0][0] <= until:
+            due, _, _, _, act = heapq.heappop(self._heap)
+            self._watch(self._clock.advance(due))
+            act()
+        if self._heap:
+            self._clock.advance(until)
+            return
+        stuck = [f"{seat.name} waits to send on {seat.waits}" for seat in self._seats.values() if seat.waits]
+        if stuck:
+            self.note("deadlock: " + ", ".join(stuck))
+        self._clock.rest(until)
+
+    def _must_be_open(self) -> None:
+        if not self._open:
+            raise HostFailure(f"{self.label} host", "is closed", "make a new one", slug="host-closed")
+
+    def _watch(self, now: int) -> None:
+        self._at_instant = self._at_instant + 1 if now == self._instant else 0
+        self._instant = now
+        if self._at_instant > _LIVELOCK:
+            last = next((event.component for event in reversed(self._events) if event.component), "")
+            self._spins(last)
+
+    def _spins(self, name: str) -> NoReturn:
+        rule = f"time must pass, but {_LIVELOCK} events followed one another at {self._clock.now()} ns"
+        remedy = "let next_wake advance after wake, or give its work a duration"
+        raise HostFailure(f"component {name!r}", rule, remedy, slug="livelock")
+
+    def _push(self, time: int, rank: int, order: int, act: Callable[[], None]) -> None:
+        self._caused += 1
+        heapq.heappush(self._heap, (time, rank, order, self._caused, act))
+
+    def _record(self, kind: Kind, seat: Seat | None = None, message: Message | None = None,
+                transition: str = "", text: str = "") -> None:  # fmt: skip
+        channel, number, payload = (
+            (message.channel, message.number, message.payload) if message else ("", -1, None)
+        )
+        name = seat.name if seat else ENVIRONMENT if message else ""
+        self._events.append(
+            TraceEvent(self._clock.now(), kind, name, transition, channel, number, text, payload)
+        )
+
+    def _work(self, seat: Seat, *, rung: bool = False) -> None:
+        """Let a component go on until it waits for time, for room, or for something to do.
+
+        A wake that is due at this very instant begins only when its own event `rung`: messages come first.
+        """
+        fruitless = 0
+        while seat.step is None and not seat.waits and not seat.outbox:
+            if seat.work is None and not self._take_up(seat, rung):
+                return
+            rung = False
+            assert seat.work is not None
+            try:
+                seat.step = next(seat.work, None)
+                cost = self._cost(seat, seat.step)
+            except HostFailure:
+                raise
+            except Exception as error:
+                self._broke(seat, error)
+            if seat.step is None:
+                seat.work = None
+                fruitless += 1
+                if fruitless > _LIVELOCK:
+                    self._spins(seat.name)
+            else:
+                self._push(self._clock.now() + cost, _END, seat.index, lambda: self._end(seat))
+
+    def _take_up(self, seat: Seat, rung: bool) -> bool:
+        """Give an idle component the message or wake that has been due longest; say whether there was one."""
+        now = self._clock.now()
+        try:
+            wake = seat.component.next_wake()
+        except Exception as error:
+            self._broke(seat, error)
+        first = seat.inbox[0] if seat.inbox else None
+        is_due = wake is not None and (wake < now or (rung and wake == now))
+        if is_due and (first is None or cast(int, wake) < first.arrived):
+            return self._begin(seat, seat.component.wake, now)
+        if first is not None:
+            seat.inbox.popleft()
+            self._record("receive", seat, first)
+            self._make_room(first)
+            return self._begin(seat, seat.component.handle, first.channel, first.payload, now)
+        if wake is not None and wake != seat.wake:
+            seat.wake = wake
+            self._push(wake, _WAKE, seat.index, lambda: self._ring(seat, wake))
+        return False
+
+    def _begin(self, seat: Seat, act: Callable[..., Iterator[Step]], *arguments: object) -> bool:
+        try:
+            seat.work = iter(act(*arguments))
+        except Exception as error:
+            self._broke(seat, error)
+        return True
+
+    def _ring(self, seat: Seat, wake: int) -> None:
+        if seat.wake == wake:
+            seat.wake = None
+            self._work(seat, rung=True)
+
+    def _cost(self, seat: Seat, step: Step | None) -> int:
+        if step is None or (seat is self._environment and not step.transition):
+            return 0
+        for _channel, _payload in step.sends:
+            pass  # a step that is none is found here, while its component can be blamed
+        cost = self._execution(seat.name, step.transition, self._streams[f"component {seat.name}"])
+        return _not_negative(cost, f"execution time of {step.transition}")
+
+    def _end(self, seat: Seat) -> None:
+        step, seat.step = seat.step, None
+        assert step is not None
+        if step.transition:
+            self._record("take", seat, transition=step.transition)
+        seat.outbox.extend(step.sends)
+        self._flush(seat)
+
+    def _flush(self, seat: Seat) -> None:
+        while seat.outbox and not seat.waits:
+            channel, payload = seat.outbox.popleft()
+            lane = self._lanes.get(channel)
+            if lane is None or not (lane.link.sender == seat.name or self._stands_in(seat, lane)):
+                rule = f"sends only on channels that are its own, but used {channel!r}"
+                own = ", ".join(c for c, other in self._lanes.items() if other.link.sender == seat.name)
+                raise HostFailure(
+                    f"component {seat.name!r}", rule, f"its channels: {own}", slug="not-its-channel"
+                )
+            self._send(seat, lane, payload)
+        self._work(seat)
+
+    def _stands_in(self, seat: Seat, lane: Lane) -> bool:
+        return seat is self._environment and lane.link.sender not in self._seats
+
+    def _send(self, seat: Seat | None, lane: Lane, payload: object) -> None:
+        message = Message(lane.link.channel, self._sent, payload, seat)
+        self._sent += 1
+        self._record("send", seat, message)
+        waits = lane.link.kind is not LinkKind.TOPIC and lane.link.receiver in self._seats
+        if waits and lane.open >= max(lane.link.capacity, 1):
+            lane.parked.append(message)
+            if seat is not None:
+                seat.waits = lane.link.channel
+        else:
+            self._dispatch(lane, message)
+
+    def _dispatch(self, lane: Lane, message: Message) -> None:
+        channel = lane.link.channel
+        passage, rng, delay = self._passages.get(channel), self._streams[f"channel {channel}"], 0
+        if passage is not None:
+            # Both numbers are drawn for every message: a changed drop rate does not shift the latencies.
+            lost = rng.random() < passage.drop
+            delay = _not_negative(passage.latency(rng), f"latency of {channel}")
+            if lost:
+                self._record("drop", message.sender, message, text="lost")
+                return
+        lane.open += 1
+        if (
+            lane.link.kind is LinkKind.RENDEZVOUS
+            and message.sender is not None
+            and self._receiver(lane) is not None
+        ):
+            message.sender.waits = channel
+        arrival = self._clock.now() + delay
+        if passage is None or not passage.reorder:
+            arrival = max(arrival, lane.last_arrival)
+        lane.last_arrival = max(arrival, lane.last_arrival)
+        self._push(arrival, _ARRIVE, lane.index, lambda: self._arrive(lane, message))
+
+    def _receiver(self, lane: Lane) -> Seat | None:
+        return self._seats.get(lane.link.receiver)
+
+    def _arrive(self, lane: Lane, message: Message) -> None:
+        seat = self._receiver(lane) or self._environment
+        waiting = [other for other in seat.inbox if other.channel == message.channel]
+        if (
+            lane.link.kind is LinkKind.TOPIC
+            and seat is not self._environment
+            and len(waiting) >= lane.link.capacity
+        ):
+            seat.inbox.remove(waiting[0])
+            lane.open -= 1
+            self._record("drop", seat, waiting[0], text="overrun")
+        message.arrived = self._clock.now()
+        seat.inbox.append(message)
+        self._work(seat)
+
+    def _make_room(self, message: Message) -> None:
+        lane = self._lanes[message.channel]
+        lane.open -= 1
+        if lane.link.kind is LinkKind.RENDEZVOUS:
+            self._resume(message.sender)
+        if lane.parked:
+            parked = lane.parked.popleft()
+            self._dispatch(lane, parked)
+            if lane.link.kind is not LinkKind.RENDEZVOUS:
+                self._resume(parked.sender)
+
+    def _resume(self, seat: Seat | None) -> None:
+        if seat is not None and seat.waits:
+            seat.waits = ""
+            self._push(self._clock.now(), _END, seat.index, lambda: self._flush(seat))
+
+    def _broke(self, seat: Seat, error: Exception) -> NoReturn:
+        rule = f"must keep to the port's contract, but raised {type(error).__name__}: {error}"
+        after = next(
+            (e.transition for e in reversed(self._events) if e.transition and e.component == seat.name), ""
+        )
+        remedy = f"it happened at {self._clock.now()} ns" + (
+            f", after {after}" if after else ", before any transition"
+        )
+        raise HostFailure(f"component {seat.name!r}", rule, remedy, slug="component-raised") from error
+
+
+def _not_negative(time: int, what: str) -> int:
+    if time < 0:
+        raise HostFailure(what, f"time never runs backwards, but {time} ns was drawn", slug="time-backwards")
+    return time

@@ -1,0 +1,52 @@
+"""Components in simulated time -> a trace: deterministic, and nothing is late that was not told to be."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from parcours.run.clocks import SimulatedClock
+from parcours.run.hosts.exchange import Exchange
+from parcours.run.hosts.passage import Execution, Passage, at_once
+from parcours.run.hosts.seats import Answer, silence
+from parcours.run.port import Component, Link
+
+
+class SimulatedHost(Exchange):
+    """A discrete-event host. The same arguments give the same trace, on every machine.
+
+    Args:
+        components: the system under test; who is absent is played by the environment.
+        links: the channels between them, e.g. `links(cefsm)`.
+        environment: the tester, which receives what is sent to it and injects: a function
+            (channel, payload, time [ns]) -> sends, or a component called "environment".
+        passages: channel -> latency, drop rate, reordering; a channel that is not named delivers at once.
+        execution: how long a component works on a transition [ns].
+        rng: the one source of all that is drawn; without it the streams start from seed 0.
+
+    Raises:
+        HostFailure: two components share a name, or a passage names no link.
+    """
+
+    label = "simulated"
+
+    def __init__(
+        self,
+        components: Sequence[Component],
+        links: Sequence[Link],
+        *,
+        environment: Component | Answer = silence,
+        passages: Mapping[str, Passage] | None = None,
+        execution: Execution = at_once,
+        rng: np.random.Generator | None = None,
+    ) -> None:
+        super().__init__(
+            components,
+            links,
+            SimulatedClock(),
+            environment=environment,
+            passages=passages,
+            execution=execution,
+            rng=rng,
+        )

@@ -1,0 +1,327 @@
+"""Shards of results <-> a folder: each shard a NumPy file, written once, whole or not at all, with SHA-256.
+
+A shard holds the results of consecutive cases as a structured array without padding, little-endian: the same
+bytes whoever computes it. `campaign.json` says what the shards are results of. A shard is finished when its
+sum stands.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.lib.recfunctions import repack_fields
+from numpy.typing import NDArray
+
+from parcours.errors import BadRequest, BadResults, HostFailure
+from parcours.run.atomic import sweep, unwritable, write_atomically
+
+FORMAT = "campaign/1"
+_MANIFEST = "campaign.json"
+_MOST_SHARDS = 1_000_000
+
+Rows = NDArray[np.void]
+"""Results, one record a case, shape (n_cases,)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Campaign:
+    """What is computed: everything that decides the bytes of the results.
+
+    Args:
+        study: e.g. ramp_system.
+        schedule: which variant of the system under test, e.g. original.
+        seed: of the whole campaign, not negative.
+        n_cases: at least 1.
+        dtype: the record of one case; padding and byte order are normalised.
+        parameters: whatever else the study depends on; JSON values only.
+        shard_size: cases a shard, at least 1.
+
+    Raises:
+        BadRequest: a count is out of range, or the dtype or parameters cannot be stored.
+
+    >>> campaign = Campaign("demo", "original", 1, 10, np.dtype([("x", "f8")]), shard_size=4)
+    >>> [campaign.cases(k) for k in campaign.shards]
+    [range(0, 4), range(4, 8), range(8, 10)]
+    """
+
+    study: str
+    schedule: str
+    seed: int
+    n_cases: int
+    dtype: np.dtype[np.void]
+    parameters: Mapping[str, object] = field(default_factory=dict)
+    shard_size: int = 256
+
+    def __post_init__(self) -> None:
+        for name, least in (("seed", 0), ("n_cases", 1), ("shard_size", 1)):
+            count = getattr(self, name)
+            if not isinstance(count, int) or count < least:
+                rule = f"{name} is a whole number of at least {least}, but was given as {count!r}"
+                raise BadRequest(f"campaign {self.study!r}", rule, slug="count-range")
+        if len(self.shards) > _MOST_SHARDS:
+            rule = f"a campaign has at most {_MOST_SHARDS} shards, but would have {len(self.shards)}"
+            raise BadRequest(f"campaign {self.study!r}", rule, "give a larger shard_size", slug="shard-count")
+        if self.dtype.names is None or self.dtype.hasobject:
+            rule = f"results are records of numbers, but their dtype is {self.dtype}"
+            raise BadRequest(
+                f"campaign {self.study!r}", rule, "give a structured dtype", slug="results-dtype"
+            )
+        object.__setattr__(self, "dtype", repack_fields(self.dtype.newbyteorder("<"), recurse=True))
+        try:
+            text = json.dumps(dict(self.parameters), sort_keys=True, allow_nan=False)
+        except (TypeError, ValueError) as error:
+            rule = f"parameters are finite numbers, texts, lists and mappings, but: {error}"
+            raise BadRequest(f"campaign {self.study!r}", rule, slug="results-parameters") from error
+        object.__setattr__(self, "parameters", json.loads(text))
+
+    @property
+    def shards(self) -> range:
+        """The numbers of all shards."""
+        return range(-(-self.n_cases // self.shard_size))
+
+    def cases(self, shard: int) -> range:
+        """Return the case numbers of a shard."""
+        return range(shard * self.shard_size, min((shard + 1) * self.shard_size, self.n_cases))
+
+    def manifest(self) -> dict[str, object]:
+        """Return the campaign as JSON values."""
+        return {
+            "parcours": FORMAT,
+            "study": self.study,
+            "schedule": self.schedule,
+            "seed": self.seed,
+            "parameters": self.parameters,
+            "n_cases": self.n_cases,
+            "shard_size": self.shard_size,
+            "dtype": json.loads(json.dumps(np.lib.format.dtype_to_descr(self.dtype))),
+        }
+
+
+class Store:
+    """The results of one campaign in one folder. Make it with `create` or `open_results`."""
+
+    def __init__(self, folder: Path, campaign: Campaign) -> None:
+        self.folder, self.campaign = folder, campaign
+
+    def path(self, shard: int) -> Path:
+        """Return where a shard's array lies; its sum lies beside it, with .sha256 appended."""
+        return self.folder / f"shard-{shard:06d}.npy"
+
+    def missing(self) -> tuple[int, ...]:
+        """Return the shards that are still to be computed."""
+        return tuple(shard for shard in self.campaign.shards if not _sum(self.path(shard)).exists())
+
+    def write(self, shard: int, rows: Rows) -> None:
+        """Write the results of a shard's cases, shape (len(cases),).
+
+        Raises:
+            HostFailure: shape or dtype are not the campaign's.
+            BadRequest: the folder cannot be written to.
+        """
+        cases, dtype = self.campaign.cases(shard), self.campaign.dtype
+        if rows.shape != (len(cases),) or rows.dtype.names is None or _plain(rows.dtype) != dtype:
+            rule = f"must give {len(cases)} records of {dtype}, but gave shape {rows.shape} of {rows.dtype}"
+            raise HostFailure(f"cases {cases.start}..{cases.stop - 1}", rule, slug="shard-shape")
+        buffer = io.BytesIO()
+        packed = np.zeros(len(cases), dtype)  # padding of the given array is never copied: fields are
+        _copy_fields(rows, packed)
+        np.lib.format.write_array(buffer, packed, version=(1, 0), allow_pickle=False)
+        content = buffer.getvalue()
+        path = self.path(shard)
+        write_atomically(path, content)
+        write_atomically(_sum(path), f"{hashlib.sha256(content).hexdigest()}  {path.name}\n".encode())
+
+    def read(self, shard: int) -> Rows:
+        """Return the results of a finished shard, shape (len(cases),).
+
+        Raises:
+            BadResults: the shard is missing, cut short, changed since, or of another form.
+        """
+        path = self.path(shard)
+        try:
+            content, noted = path.read_bytes(), _sum(path).read_text(encoding="ascii").split()
+        except (OSError, UnicodeDecodeError) as error:
+            raise _damaged(path, f"must be readable with its sum, but: {error}") from error
+        found = hashlib.sha256(content).hexdigest()
+        if not noted or noted[0] != found:
+            raise _damaged(
+                path,
+                f"must have the SHA-256 noted beside it, but its {len(content)} bytes have {found[:12]}...:"
+                " it was cut short or changed",
+            )
+        try:
+            rows: Rows = np.load(io.BytesIO(content), allow_pickle=False)
+        except (ValueError, EOFError) as error:
+            raise _damaged(path, f"must be a NumPy array, but: {error}") from error
+        expected = (len(self.campaign.cases(shard)),)
+        if rows.shape != expected or rows.dtype != self.campaign.dtype:
+            raise _damaged(
+                path, f"must hold {expected[0]} records of the manifest's dtype, but holds {rows.shape}"
+            )
+        return rows
+
+    def verify(self) -> None:
+        """Read every finished shard. Raises BadResults for the first damaged one."""
+        for _ in self:
+            pass
+
+    def __iter__(self) -> Iterator[Rows]:
+        absent = set(self.missing())
+        return (self.read(shard) for shard in self.campaign.shards if shard not in absent)
+
+    def load(self, *, partial: bool = False) -> Rows:
+        """Return the results of all cases in order, shape (n_cases,).
+
+        Args:
+            partial: accept a campaign that is not finished, and return the finished shards' cases.
+
+        Raises:
+            BadResults: shards are missing (unless `partial`) or damaged.
+        """
+        absent = self.missing()
+        if absent and not partial:
+            total = len(self.campaign.shards)
+            rule = (
+                f"a finished campaign has {total} shards, but {len(absent)} are missing, from {absent[0]} on"
+            )
+            raise BadResults(str(self.folder), rule, "resume the campaign", slug="results-unfinished")
+        parts = list(self)
+        return np.concatenate(parts) if parts else np.zeros(0, self.campaign.dtype)
+
+
+def create(folder: Path, campaign: Campaign) -> Store:
+    """Return the store of this campaign in `folder`: begun there now, or begun earlier and to be resumed.
+
+    Args:
+        folder: is made if it does not exist; may hold nothing else.
+        campaign: must be the one begun there, if one was.
+
+    Raises:
+        BadRequest: the folder cannot be written to.
+        BadResults: it holds another campaign, or results without a manifest, or damaged shards.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        begun = (folder / _MANIFEST).exists()
+        orphan = next(folder.glob("shard-*"), None)
+    except OSError as error:
+        raise unwritable(folder, error) from error
+    if not begun:
+        if orphan is not None:
+            rule = f"results need their {_MANIFEST}, but there is only {orphan.name}"
+            raise BadResults(str(folder), rule, "name an empty folder", slug="results-manifest")
+        content = json.dumps(campaign.manifest(), indent=1, sort_keys=True, allow_nan=False) + "\n"
+        write_atomically(folder / _MANIFEST, content.encode())
+        return Store(folder, campaign)
+    store = open_results(folder)
+    ours, theirs = campaign.manifest(), store.campaign.manifest()
+    differing = [
+        f"{key} {theirs[key]!r} instead of {ours[key]!r}" for key in ours if ours[key] != theirs[key]
+    ]
+    if differing:
+        rule = f"holds another campaign: {'; '.join(differing)}"
+        raise BadResults(
+            str(folder), rule, "name another folder, or ask for the same campaign", slug="results-other"
+        )
+    write_atomically(folder / ".writable", b"")
+    (folder / ".writable").unlink(missing_ok=True)
+    sweep(folder)
+    store.verify()
+    return store
+
+
+def open_results(folder: Path) -> Store:
+    """Return the store that lies in `folder`, for reading.
+
+    Raises:
+        BadResults: there is no campaign, or its manifest is cut short, of another version or not a
+            campaign's.
+    """
+    path = folder / _MANIFEST
+    try:
+        document = json.loads(path.read_bytes())
+    except OSError as error:
+        rule = f"a results folder holds a {_MANIFEST}, but: {error.strerror}"
+        raise BadResults(
+            str(folder), rule, "name a folder that a campaign wrote", slug="results-manifest"
+        ) from error
+    except (ValueError, RecursionError) as error:
+        rule = f"must be JSON, but is cut short or changed: {error}"
+        raise BadResults(
+            str(path), rule, "run the campaign into a new folder", slug="results-manifest"
+        ) from error
+    version = document.get("parcours") if isinstance(document, dict) else None
+    if version != FORMAT:
+        rule = f"this version reads {FORMAT!r}, but the file says {version!r}"
+        raise BadResults(str(path), rule, "use the version of Parcours that wrote it", slug="results-version")
+    try:
+        campaign = Campaign(
+            study=_text(document["study"]),
+            schedule=_text(document["schedule"]),
+            seed=document["seed"],
+            n_cases=document["n_cases"],
+            dtype=np.lib.format.descr_to_dtype(_tuples(document["dtype"])),  # type: ignore[arg-type]
+            parameters=document["parameters"],
+            shard_size=document["shard_size"],
+        )
+    except (
+        ArithmeticError,
+        AttributeError,
+        LookupError,
+        RecursionError,
+        SyntaxError,
+        TypeError,
+        ValueError,
+        BadRequest,
+    ) as error:
+        rule = f"must describe a campaign, but does not: {error}"
+        raise BadResults(
+            str(path), rule, "run the campaign into a new folder", slug="results-manifest"
+        ) from error
+    return Store(folder, campaign)
+
+
+def _sum(path: Path) -> Path:
+    return path.with_name(path.name + ".sha256")
+
+
+def _damaged(path: Path, rule: str) -> BadResults:
+    remedy = f"delete {path.name} and {path.name}.sha256, and resume the campaign"
+    return BadResults(str(path), rule, remedy, slug="shard-damaged")
+
+
+def _text(value: object) -> str:
+    if not isinstance(value, str):
+        raise TypeError(f"{value!r} is no text")
+    return value
+
+
+def _plain(dtype: np.dtype[np.void]) -> np.dtype[np.void]:
+    plain: np.dtype[np.void] = repack_fields(dtype.newbyteorder("<"), recurse=True)
+    return plain
+
+
+def _copy_fields(source: Rows, target: Rows) -> None:
+    for name in target.dtype.names or ():
+        if target.dtype[name].names is None:
+            target[name] = source[name]
+        else:
+            _copy_fields(source[name], target[name])
+
+
+def _tuples(descr: object) -> object:
+    """Give back to a dtype description the tuples that JSON turned into lists: [name, type, shape]."""
+    if not isinstance(descr, list):
+        raise TypeError(f"dtype {descr!r} is no list of fields")
+    made: list[tuple[object, ...]] = []
+    for name, kind, *shape in descr:
+        made.append(
+            (name, _tuples(kind) if isinstance(kind, list) else kind, *(tuple(part) for part in shape))
+        )
+    return made

@@ -1,0 +1,237 @@
+"""What happened in a run, in order of time: one form of record from every host, and its file.
+
+Verdicts are predicates over this record. Payloads stay in memory: a file holds none, since a replay is a
+re-simulation.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal, get_args
+
+from parcours.errors import BadResults
+from parcours.run.atomic import write_atomically
+from parcours.run.clocks import ClockName
+
+Kind = Literal["take", "send", "receive", "hold", "release", "drop", "deviation", "note"]
+"""take: a transition was completed. send, receive: a message left its sender, was taken up. hold, release: a
+gate kept a message back, let it go. drop: it was lost. deviation: something else than demanded. note: any
+remark."""
+
+FORMAT = "trace/1"
+REPEAT = "repeat"
+"""The text of the note that parts one repeat of an exercise from the next: no duration reaches across it."""
+
+_KINDS: dict[str, Kind] = {kind: kind for kind in get_args(Kind)}
+_CLOCKS: dict[str, ClockName] = {clock: clock for clock in get_args(ClockName)}
+
+
+@dataclass(frozen=True, slots=True)
+class TraceEvent:
+    """One thing that happened. Fields that do not apply are empty; message number -1 is no message.
+
+    `time` is in nanoseconds since the run began. Two events are equal if they say the same; payloads do not
+    count.
+    """
+
+    time: int
+    kind: Kind
+    component: str = ""
+    transition: str = ""
+    channel: str = ""
+    message: int = -1
+    text: str = ""
+    payload: object = field(default=None, compare=False, repr=False)
+
+
+@dataclass(frozen=True, slots=True)
+class Noise:
+    """How long reading the clock took in an empty loop in the same run: what the machine itself adds [ns]."""
+
+    samples: int
+    p50: int
+    p99: int
+    max: int
+
+
+@dataclass(frozen=True, slots=True)
+class Trace:
+    """A run: which clock its times are from, and its events, times never decreasing."""
+
+    clock: ClockName
+    events: tuple[TraceEvent, ...]
+    host: str = ""
+    case: str = ""
+    noise: Noise | None = None
+
+
+def transitions(trace: Trace, component: str | None = None) -> tuple[str, ...]:
+    """Return the transitions taken, in order; of one component only, if named.
+
+    >>> transitions(Trace("simulated", (TraceEvent(0, "take", "A", "p1"), TraceEvent(1, "note"))))
+    ('p1',)
+    """
+    return tuple(
+        event.transition
+        for event in trace.events
+        if event.kind == "take" and (component is None or event.component == component)
+    )
+
+
+def durations(trace: Trace, begin: str, end: str) -> tuple[int, ...]:
+    """Return how long it took from each taking of `begin` to the next taking of `end` [ns].
+
+    A `begin` followed by another `begin`, or by the end of its repeat, before any `end`, gives no duration.
+
+    Args:
+        trace: of any clock; judge its durations only if `trace.clock` is "wall".
+        begin: a transition's name.
+        end: a transition's name; may be `begin` itself, for its period.
+
+    >>> taken = ((0, "p1"), (3, "p2"), (5, "p1"), (6, "p1"), (10, "p2"))
+    >>> durations(Trace("wall", tuple(TraceEvent(t, "take", "A", p) for t, p in taken)), "p1", "p2")
+    (3, 4)
+    """
+    found: list[int] = []
+    opened: int | None = None
+    for event in trace.events:
+        if event.kind == "note" and event.text == REPEAT:
+            opened = None
+        elif event.kind == "take":
+            if event.transition == end and opened is not None:
+                found.append(event.time - opened)
+                opened = None
+            if event.transition == begin:
+                opened = event.time
+    return tuple(found)
+
+
+def held(trace: Trace) -> dict[int, int]:
+    """Return how long each released message was kept in its gate: message number -> time [ns].
+
+    >>> held(Trace("wall", (TraceEvent(2, "hold", message=7), TraceEvent(9, "release", message=7))))
+    {7: 7}
+    """
+    since: dict[int, int] = {}
+    kept: dict[int, int] = {}
+    for event in trace.events:
+        if event.kind == "hold":
+            since[event.message] = event.time
+        elif event.kind == "release" and event.message in since:
+            kept[event.message] = event.time - since[event.message]
+    return kept
+
+
+def write_trace(path: Path, trace: Trace) -> None:
+    """Write the trace as JSON Lines: a header, one array an event, and a last line that counts them.
+
+    Args:
+        path: the file to create or replace, atomically.
+        trace: its payloads are left out.
+
+    Raises:
+        BadRequest: the file cannot be written.
+    """
+    write_atomically(path, "".join(line + "\n" for line in _lines(trace)).encode())
+
+
+def _lines(trace: Trace) -> Iterator[str]:
+    noise = trace.noise and [trace.noise.samples, trace.noise.p50, trace.noise.p99, trace.noise.max]
+    head = {"parcours": FORMAT, "clock": trace.clock, "host": trace.host, "case": trace.case, "noise": noise}
+    yield json.dumps(head)
+    for e in trace.events:
+        yield json.dumps([e.time, e.kind, e.component, e.transition, e.channel, e.message, e.text])
+    yield json.dumps({"events": len(trace.events)})
+
+
+def read_trace(path: Path) -> Trace:
+    """Return the trace that `write_trace` wrote.
+
+    Args:
+        path: a JSON Lines file.
+
+    Raises:
+        BadResults: the file is missing, cut short, of another version, or no trace at all.
+    """
+    try:
+        lines = path.read_text(encoding="utf-8").split("\n")
+    except (OSError, UnicodeDecodeError) as error:
+        raise BadResults(
+            str(path), f"must be a readable trace file, but: {error}", slug="trace-unreadable"
+        ) from error
+    head = _parsed(path, 1, lines[0])
+    if not isinstance(head, dict) or head.get("parcours") != FORMAT:
+        given = head.get("parcours") if isinstance(head, dict) else None
+        raise BadResults(
+            f"{path}:1",
+            f"a trace begins with the format {FORMAT!r}, but this file names {given!r}",
+            "read it with the version of Parcours that wrote it, or run the case again",
+            slug="trace-version",
+        )
+    last = _tail(lines)
+    if last is None or lines[-1] != "":
+        raise BadResults(
+            str(path),
+            f"a trace ends with the count of its {len(lines) - 2} events, but this file is cut short",
+            "run the case again",
+            slug="trace-cut-short",
+        )
+    noise, clock, host, case = (head.get(key) for key in ("noise", "clock", "host", "case"))
+    sound = noise is None or (
+        isinstance(noise, list) and len(noise) == 4 and all(type(n) is int for n in noise)
+    )
+    if not (
+        isinstance(clock, str)
+        and clock in _CLOCKS
+        and sound
+        and isinstance(host, str)
+        and isinstance(case, str)
+    ):
+        raise _malformed(path, 1, lines[0])
+    events: list[TraceEvent] = []
+    for number, line in enumerate(lines[1:-2], start=2):
+        events.append(_event(path, number, line))
+        if len(events) > 1 and events[-1].time < events[-2].time:
+            raise BadResults(
+                f"{path}:{number}",
+                f"time never runs backwards, but {events[-1].time} ns follows {events[-2].time} ns",
+                "the file was edited or mixed up: run the case again",
+                slug="trace-backwards",
+            )
+    return Trace(_CLOCKS[clock], tuple(events), host, case, noise and Noise(*noise))
+
+
+def _tail(lines: list[str]) -> int | None:
+    try:
+        tail = json.loads(lines[-2]) if len(lines) > 2 else None
+    except (ValueError, RecursionError):
+        return None
+    count = tail.get("events") if isinstance(tail, dict) else None
+    return count if isinstance(count, int) and count == len(lines) - 3 else None
+
+
+def _event(path: Path, number: int, line: str) -> TraceEvent:
+    match _parsed(path, number, line):
+        case [int(time), str(kind), str(component), str(transition), str(channel), int(message), str(text)]:
+            if kind in _KINDS:
+                return TraceEvent(time, _KINDS[kind], component, transition, channel, message, text)
+    raise _malformed(path, number, line)
+
+
+def _parsed(path: Path, number: int, line: str) -> object:
+    try:
+        return json.loads(line)
+    except (ValueError, RecursionError) as error:
+        raise _malformed(path, number, line) from error
+
+
+def _malformed(path: Path, number: int, line: str) -> BadResults:
+    return BadResults(
+        f"{path}:{number}",
+        f"each line of a trace is a JSON header, event or count, but this one is {line[:60]!r}",
+        "run the case again",
+        slug="trace-line",
+    )

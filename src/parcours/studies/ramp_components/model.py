@@ -1,0 +1,24 @@
+"""The behavioural and the structural model of RAMP's components, and their input domains."""
+
+from __future__ import annotations
+
+import functools
+from importlib.resources import files
+
+from parcours.data import InputModel, parse_input_model
+from parcours.model import parse_model
+from parcours.model.structure import Cefsm
+
+
+@functools.cache
+def component_model() -> Cefsm:
+    """Return the model of the six components (Fig. 3, Tables I and II)."""
+    text = (files(__package__) / "model.yaml").read_text(encoding="utf-8")
+    return parse_model(text, "ramp_components/model.yaml")
+
+
+@functools.cache
+def component_inputs() -> InputModel:
+    """Return the input domains of the messages: five parameters, ten blocks (section IV-C)."""
+    text = (files(__package__) / "domains.yaml").read_text(encoding="utf-8")
+    return parse_input_model(text, "ramp_components/domains.yaml")
