@@ -82,6 +82,13 @@ def combinations(
 
     Raises:
         BadRequest: there are more than `MOST_CANDIDATES` candidates, or a component has no internal path.
+
+    >>> from importlib.resources import files
+    >>> from parcours.model import read_model
+    >>> ramp = read_model(files("parcours.studies") / "ramp_components" / "model.yaml")
+    >>> from parcours.abtc.interactions import interaction_paths
+    >>> [str(kept) for itp in interaction_paths(ramp)[2:4] for kept in combinations(ramp, itp).kept]
+    ['(tp11, tp51, tp11)', '(tp11, tp41+tp42, tp11)']
     """
     paths = internal_paths(cefsm) if paths is None else paths
     components = list(dict.fromkeys(interaction.components))

@@ -39,6 +39,12 @@ def component_graph(cefsm: Cefsm) -> dict[tuple[str, str], tuple[Channel, ...]]:
     """Return the edges (sender, receiver) of the component graph with their channels, in file order.
 
     The environment is no node of the graph: what it sends is test data, not an interaction.
+
+    >>> from importlib.resources import files
+    >>> from parcours.model import read_model
+    >>> ramp = read_model(files("parcours.studies") / "ramp_components" / "model.yaml")
+    >>> len(component_graph(ramp))
+    9
     """
     edges: dict[tuple[str, str], list[Channel]] = {}
     for channel in cefsm.channels:
@@ -51,6 +57,12 @@ def edge_pairs(cefsm: Cefsm) -> tuple[tuple[str, str, str], ...]:
     """Return every path of two edges in the component graph: what edge-pair coverage of it would ask for.
 
     The paper calls its four round trips edge-pair coverage; RAMP's graph has 24 such pairs in all.
+
+    >>> from importlib.resources import files
+    >>> from parcours.model import read_model
+    >>> ramp = read_model(files("parcours.studies") / "ramp_components" / "model.yaml")
+    >>> len(edge_pairs(ramp))
+    24
     """
     edges = list(component_graph(cefsm))
     return tuple((a, b, d) for a, b in edges for c, d in edges if b == c)
@@ -71,6 +83,12 @@ def hub(cefsm: Cefsm) -> str | None:
     """Return the component that shares channels with most others, the first in the file among equals.
 
     RAMP's hub is its Planner. A model whose components share no channel has none.
+
+    >>> from importlib.resources import files
+    >>> from parcours.model import read_model
+    >>> ramp = read_model(files("parcours.studies") / "ramp_components" / "model.yaml")
+    >>> hub(ramp)
+    'Planner'
     """
     counts = partners(cefsm)
     most = max(counts.values(), default=0)

@@ -29,6 +29,13 @@ def notation(of: AbstractCase | Combination, title: str = "") -> str:
     Args:
         of: an abstract case, or only its combination; of a case the start vector is added where it is not
         all zero. title: what the paper calls the case, e.g. ABTC1; left out when empty.
+
+    >>> from importlib.resources import files
+    >>> from parcours.model import read_model
+    >>> ramp = read_model(files("parcours.studies") / "ramp_components" / "model.yaml")
+    >>> from parcours.abtc.serialising import abstract_cases
+    >>> print(notation(next(abstract_cases(ramp)), "ABTC1").splitlines()[0])
+    Combination ITP1 (tp12, tp21, tp12) = ABTC1:
     """
     combination = of.combination if isinstance(of, AbstractCase) else of
     head = f"Combination {combination.interaction.name} {combination}{f' = {title}' if title else ''}:"

@@ -78,6 +78,14 @@ def meetings(cefsm: Cefsm, paths: Mapping[str, Sequence[InternalPath]]) -> tuple
     Args:
         cefsm: the model.
         paths: for each component its internal paths, as `parcours.paths.internal_paths` returns them.
+
+    >>> from importlib.resources import files
+    >>> from parcours.model import read_model
+    >>> ramp = read_model(files("parcours.studies") / "ramp_components" / "model.yaml")
+    >>> from parcours.paths import internal_paths
+    >>> found = meetings(ramp, internal_paths(ramp))
+    >>> [(m.sender.name, m.receiver.name) for m in found if m.stand_in]
+    [('tp51', 'tp11'), ('tp42', 'tp11')]
     """
     found: list[Meeting] = []
     for channel in _inner_channels(cefsm):

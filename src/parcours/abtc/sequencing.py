@@ -37,10 +37,9 @@ class Event:
     """One transition of a serialised execution sequence.
 
     `after` holds the positions of the events it had to wait for: the one before it on its own path, the one
-    that brings the path before it to the starting point, the send it receives. `before`, given for the
-    first event of a reference, is the event by which the path before it leaves that point. Any order that
-    keeps `after` and `before` is a run of the same case. Events of one `turn` are simultaneous in the lock
-    step.
+    that brings the path before it to the starting point, the send it receives. `before`, given for the first
+    event of a reference, is the event by which the path before it leaves that point. Any order that keeps
+    both is a run of the model. Events of one `turn` are simultaneous in the lock step.
     """
 
     position: int
@@ -80,6 +79,14 @@ def serialise(case: AbstractCase) -> tuple[Event, ...]:
 
     Raises:
         BadSuite: references wait for each other and none can go on, as in a case whose starts were edited.
+
+    >>> from importlib.resources import files
+    >>> from parcours.model import read_model
+    >>> ramp = read_model(files("parcours.studies") / "ramp_components" / "model.yaml")
+    >>> from parcours.abtc.serialising import abstract_cases
+    >>> events = serialise(next(abstract_cases(ramp)))
+    >>> print(events[6])
+    6 TrajectoryGenerator tp21#1 p22: receive trajectory_request from event 1
     """
     return _LockStep(case).run()
 

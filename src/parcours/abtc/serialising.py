@@ -78,6 +78,12 @@ def abstract_cases(
 
     Raises:
         BadRequest: no policy has that name, or an interaction path has too many combinations.
+
+    >>> from importlib.resources import files
+    >>> from parcours.model import read_model
+    >>> ramp = read_model(files("parcours.studies") / "ramp_components" / "model.yaml")
+    >>> next(abstract_cases(ramp)).id
+    'ITP1-tp12.tp21.tp12-0.0.0'
     """
     for combination in _all_combinations(cefsm, interactions):
         yield from serialisations(cefsm, combination, policy)
@@ -92,6 +98,12 @@ def case_counts(cefsm: Cefsm, policy: str = DEFAULT) -> dict[str, int]:
 
     Raises:
         BadRequest: no policy has that name, or an interaction path has too many combinations.
+
+    >>> from importlib.resources import files
+    >>> from parcours.model import read_model
+    >>> ramp = read_model(files("parcours.studies") / "ramp_components" / "model.yaml")
+    >>> case_counts(ramp)
+    {'ITP1': 3, 'ITP2': 3, 'ITP3': 3, 'ITP4': 10, 'ITP5': 18, 'ITP6': 30}
     """
     counts = {interaction.name: 0 for interaction in interaction_paths(cefsm)}
     for combination in _all_combinations(cefsm, None):
@@ -110,6 +122,14 @@ def serialisations(cefsm: Cefsm, combination: Combination, policy: str = DEFAULT
 
     Raises:
         BadRequest: no policy has that name.
+
+    >>> from importlib.resources import files
+    >>> from parcours.model import read_model
+    >>> ramp = read_model(files("parcours.studies") / "ramp_components" / "model.yaml")
+    >>> from parcours.abtc.interactions import interaction_paths
+    >>> (combination,) = combinations(ramp, interaction_paths(ramp)[0]).kept
+    >>> [case.start_vector for case in serialisations(ramp, combination)]
+    [(0, 0, 0), (0, 0, 1), (0, 0, 2)]
     """
     places = _places(cefsm, combination, policy)
     for chosen in product(*(range(len(place.points)) for place in places[:-1])):

@@ -13,7 +13,7 @@ from pathlib import Path
 from parcours.data.domains import InputModel
 from parcours.data.schema import InputModelReader
 from parcours.errors import BadDomain
-from parcours.model.documents import MAX_BYTES, Unreadable, read_document
+from parcours.model.documents import MAX_BYTES, read_document
 from parcours.model.finding import Finding, complaint
 
 
@@ -43,7 +43,7 @@ def read_input_model(path: Path | str, constants: Mapping[str, float] | None = N
             str(path),
             f"an input model must be a readable file, but: {said}",
             "check the path",
-            slug="file-unreadable",
+            slug="unreadable-file",
         ) from None
     return parse_input_model(text, str(path), constants)
 
@@ -72,10 +72,9 @@ def parse_input_model(text: str, origin: str, constants: Mapping[str, float] | N
     >>> model.names, [str(constraint) for constraint in model.constraints]
     (('x1', 'x2'), ['apart(1, 2): abs(x1 - x2) >= 0.2'])
     """
-    try:
-        root, findings = read_document(text, origin)
-    except Unreadable as error:
-        raise _complaint([error.finding]) from None
+    root, findings = read_document(text, origin)
+    if root is None:
+        raise _complaint(findings)
     reader = InputModelReader(origin, constants or {})
     model = reader.model(root)
     if findings or reader.findings:

@@ -1,7 +1,12 @@
 """Models: a YAML file to a checked Cefsm, its guard language, its step relation and its drawings."""
 
+from parcours.model.checking import findings
+from parcours.model.configuration import Configuration, Layout, Move
+from parcours.model.drawing import predicate, to_dot, to_text
 from parcours.model.finding import Finding
+from parcours.model.picture import to_svg
 from parcours.model.reading import Checked, check_file, check_text, parse_model, read_model
+from parcours.model.stepping import Steps, enabled, initial, step
 from parcours.model.structure import (
     ENVIRONMENT,
     Cefsm,
@@ -15,6 +20,7 @@ from parcours.model.structure import (
     Transition,
     Variable,
 )
+from parcours.model.writing import write_model
 
 __all__ = [
     "ENVIRONMENT",
@@ -22,16 +28,29 @@ __all__ = [
     "Channel",
     "Checked",
     "Component",
+    "Configuration",
     "Field",
     "Finding",
+    "Layout",
     "Machine",
     "MessageClass",
+    "Move",
     "Receive",
     "Send",
+    "Steps",
     "Transition",
     "Variable",
     "check_file",
     "check_text",
+    "enabled",
+    "findings",
+    "initial",
     "parse_model",
+    "predicate",
     "read_model",
+    "step",
+    "to_dot",
+    "to_svg",
+    "to_text",
+    "write_model",
 ]

@@ -1,14 +1,15 @@
-"""A Cefsm to everything that is wrong with it: names, directions and types here, doubtful behaviour in `suspicion`."""
+"""A Cefsm to all that is wrong with it: names, directions and types here, doubtful choices in `suspicion`."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from itertools import pairwise
 
-from parcours.errors import BadModel, one_of
+from parcours.errors import BadModel
 from parcours.model.expression import BOOL, Assignment, Expression, Type, type_of
 from parcours.model.expression.evaluation import INTEGER_LIMIT
 from parcours.model.expression.typing import accepts
-from parcours.model.finding import Finding
+from parcours.model.finding import Finding, advice
 from parcours.model.nodes import is_identifier, is_label
 from parcours.model.scope import Scopes, variable_type
 from parcours.model.structure import (
@@ -59,6 +60,9 @@ class _Check:
 
     def error(self, line: int, rule: str, message: str, remedy: str = "") -> None:
         self.findings.append(Finding(self.origin, line, "error", rule, message, remedy))
+
+    def advice(self, given: str, known: Sequence[str]) -> str:
+        return advice(given, known, self.findings)
 
     def everything(self) -> None:
         self.names()
@@ -122,8 +126,9 @@ class _Check:
         for message in self.cefsm.messages:
             for each in message.fields:
                 if each.type not in known:
-                    rule = f"a field has a base type or a message class, but '{message.name}.{each.name}' is {each.type!r}"
-                    self.error(message.line, "unknown-message", rule, one_of(each.type, known))
+                    what = f"{message.name}.{each.name}"
+                    rule = f"a field has a base type or a message class, but {what!r} is {each.type!r}"
+                    self.error(message.line, "unknown-message", rule, self.advice(each.type, known))
                 elif not each.shape:
                     inside.setdefault(message.name, []).append(each.type)
         for message in self.cefsm.messages:
@@ -144,7 +149,7 @@ class _Check:
             for end in (channel.sender, channel.receiver):
                 if end not in known:
                     rule = f"channel {channel.name!r} must link components, but {end!r} is none"
-                    self.error(channel.line, "unknown-component", rule, one_of(end, known))
+                    self.error(channel.line, "unknown-component", rule, self.advice(end, known))
             if channel.sender == channel.receiver == ENVIRONMENT:
                 rule = (
                     f"channel {channel.name!r} must touch a component, but both its ends are the environment"
@@ -152,9 +157,11 @@ class _Check:
                 self.error(channel.line, "channel-ends", rule, "delete it")
             if channel.message not in self.classes:
                 rule = f"channel {channel.name!r} must carry a message class, but {channel.message!r} is none"
-                self.error(channel.line, "unknown-message", rule, one_of(channel.message, list(self.classes)))
+                self.error(
+                    channel.line, "unknown-message", rule, self.advice(channel.message, list(self.classes))
+                )
             if channel.capacity == 0 and channel.sender == channel.receiver:
-                rule = f"a rendezvous joins two components, but {channel.name!r} leads from {channel.sender!r} to itself"
+                rule = f"a rendezvous joins two components, but {channel.name!r} has both ends at one"
                 self.error(channel.line, "rendezvous", rule, "give the channel a capacity")
             if channel.capacity < 0:
                 rule = (
@@ -172,10 +179,10 @@ class _Check:
             for visited in dict.fromkeys(path):
                 if visited not in self.components:
                     rule = f"interaction {name!r} must visit components, but {visited!r} is none"
-                    self.error(line, "unknown-component", rule, one_of(visited, self.components))
-            for here, there in dict.fromkeys(zip(path, path[1:], strict=False)):
+                    self.error(line, "unknown-component", rule, self.advice(visited, self.components))
+            for here, there in dict.fromkeys(pairwise(path)):
                 if {here, there} <= set(self.components) and (here, there) not in linked:
-                    rule = f"interaction {name!r} must follow channels, but none leads from {here!r} to {there!r}"
+                    rule = f"{name!r} must follow channels, but none leads from {here!r} to {there!r}"
                     self.error(line, "interaction", rule, "add the channel or leave out the step")
 
     def variable(self, component: Component, variable: Variable) -> None:
@@ -183,7 +190,7 @@ class _Check:
         known = [*BASE_TYPES, *self.classes]
         if variable.type not in known:
             rule = f"{what} must have a base type or a message class, but is {variable.type!r}"
-            self.error(variable.line, "unknown-message", rule, one_of(variable.type, known))
+            self.error(variable.line, "unknown-message", rule, self.advice(variable.type, known))
         elif variable.type not in BASE_TYPES:
             if variable.initial is not None:
                 rule = f"{what} is a message, which has no initial value, but has {variable.initial!r}"
@@ -211,7 +218,7 @@ class _Check:
         for state, line in dict.fromkeys([(machine.initial, machine.line), *ends]):
             if state not in machine.states:
                 rule = f"{state!r} must be a state of {machine.name!r}, but is not among its 'states'"
-                self.error(line, "unknown-state", rule, one_of(state, machine.states))
+                self.error(line, "unknown-state", rule, self.advice(state, machine.states))
 
     def communication(self, component: Component, transition: Transition) -> None:
         used = [(send.channel, "sends on") for send in transition.sends]
@@ -221,7 +228,7 @@ class _Check:
             channel = self.channels.get(name)
             if channel is None:
                 rule = f"{transition.id!r} {verb} a channel, but {name!r} is none"
-                self.error(transition.line, "unknown-channel", rule, one_of(name, list(self.channels)))
+                self.error(transition.line, "unknown-channel", rule, self.advice(name, list(self.channels)))
                 continue
             owner = channel.sender if verb == "sends on" else channel.receiver
             if owner != component.name:
@@ -231,7 +238,8 @@ class _Check:
                 )
         meetings = [name for name, _ in used if name in self.channels and self.is_meeting(name)]
         if len(meetings) > 1:
-            rule = f"a transition meets one partner, but {transition.id!r} has rendezvous on {' and '.join(meetings)}"
+            both = " and ".join(meetings)
+            rule = f"a transition meets one partner, but {transition.id!r} has rendezvous on {both}"
             self.error(transition.line, "rendezvous", rule, "split it, or give the channels a capacity")
 
     def is_meeting(self, name: str) -> bool:
@@ -242,7 +250,8 @@ class _Check:
         types = self.scopes.types(component.name, transition)
         variables = {variable.name: variable for variable in component.variables}
         if transition.event is not None and transition.event.name in variables:
-            rule = f"the message of {transition.id!r} needs a name of its own, but {transition.event.name!r} is a variable"
+            binder = transition.event.name
+            rule = f"the message of {transition.id!r} needs a name of its own, but {binder!r} is a variable"
             self.error(transition.line, "shadowed-name", rule, "rename one")
         if transition.guard is not None:
             given = self.typed(transition, transition.guard, types, f"guard of {transition.id!r}")
@@ -275,7 +284,7 @@ class _Check:
         target = variables.get(action.target)
         if target is None:
             rule = f"{where}: only a variable of the component can be assigned, but {action.target!r} is none"
-            self.error(transition.line, "unknown-name", rule, one_of(action.target, list(variables)))
+            self.error(transition.line, "unknown-name", rule, self.advice(action.target, list(variables)))
         elif target.role == "input":
             rule = f"{where}: an input is set by the environment, but {action.target!r} is assigned"
             self.error(transition.line, "assigned-input", rule, "make its role local")

@@ -1,4 +1,4 @@
-"""Where a model stands and what it may do next, as frozen values, and the tables that say what stands where in them."""
+"""Where a model stands and what it may do next, as frozen values, with the tables that say what is where."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ Inputs = tuple[tuple[str, object], ...]
 
 @dataclass(frozen=True, slots=True)
 class Configuration:
-    """Where a model stands: three flat tuples in the order that `Layout` names, so that they hash and pack well."""
+    """Where a model stands: three flat tuples in the order of `Layout`, so that they hash and pack well."""
 
     states: tuple[str, ...]
     values: tuple[object, ...]
@@ -40,7 +40,7 @@ class Configuration:
 
 @dataclass(frozen=True, slots=True)
 class Move:
-    """One step that can be taken: a transition's id, that of its partner in a rendezvous, and the tester's choice.
+    """A step that can be taken: a transition's id, its partner's in a rendezvous, and the tester's choice.
 
     >>> print(Move("p24", "p16"))
     p24+p16
@@ -56,7 +56,7 @@ class Move:
 
 @dataclass(frozen=True, slots=True)
 class Content:
-    """What a send says of its message: an expression for each field, or one message that is passed on as a whole."""
+    """What a send says of its message: an expression for each field, or one message passed on as a whole."""
 
     fields: tuple[tuple[str, Expression], ...]
     is_passed: bool = False
@@ -72,7 +72,8 @@ class Site:
         transition: the transition.
         contents: what each of its sends says, in their order.
         assigned: its assignments to variables that have values, with the index in `Configuration.values`.
-        reads: (name, index in `Configuration.values`) of the component's local variables that matter to the choice.
+        reads: (name, index in `Configuration.values`) of the component's local variables that matter to the
+            choice.
     """
 
     component: str

@@ -1,7 +1,7 @@
 """The text of a YAML file to a tree of nodes that know their lines, for files that may be hostile.
 
-Only plain data passes: no anchors, aliases or tags, no doubled keys, bounded size and nesting. Scalars stay text; who
-reads a node says what kind of value it wants there, so that a state may be called `on` or `1`.
+Only plain data passes: no anchors, aliases or tags, no doubled keys, bounded size and nesting. Scalars stay
+text; who reads a node says what kind of value it wants there, so that a state may be called `on` or `1`.
 """
 
 from __future__ import annotations
@@ -51,53 +51,55 @@ _LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # libyaml is 25 times a
 Node = Scalar | Sequence | Mapping
 
 
-class Unreadable(Exception):
-    """The text is not a document that may be read; `finding` says why."""
+class _RefusalError(Exception):
+    """Ends reading early; `finding` says why."""
 
     def __init__(self, finding: Finding) -> None:
         self.finding = finding
         super().__init__(str(finding))
 
 
-def read_document(text: str, origin: str) -> tuple[Node, list[Finding]]:
-    """Return the document as a tree, and what is wrong with its keys.
+def read_document(text: str, origin: str) -> tuple[Node | None, list[Finding]]:
+    """Return the document as a tree, or None if it cannot be one, and what is wrong with it as YAML.
 
     Args:
         text: YAML, one document.
         origin: the file's name, for messages.
 
-    Raises:
-        Unreadable: the text is too large, is no YAML, or uses what is not plain data.
-
     >>> node, findings = read_document("a: [1, x]", "here")
     >>> node.items[0][0].text, [item.text for item in node.items[0][1].items], findings
     ('a', ['1', 'x'], [])
+    >>> print(read_document("a: &x [*x]", "here")[1][0])
+    here:1: error: a model has no anchors or aliases, but here is 'x'; write it out [yaml-alias]
     """
-    try:
-        size = len(text.encode())
-    except UnicodeEncodeError:
-        raise _unreadable(
-            origin, 0, "yaml-syntax", "a model must be text, but this has half characters"
-        ) from None
-    if size > MAX_BYTES:
-        rule = f"a model file has at most {MAX_BYTES} bytes, but this one has {size}"
-        raise _unreadable(origin, 0, "file-size", rule, "split the model")
     builder = _Builder(origin)
     try:
-        return builder.document(yaml.parse(text, Loader=_LOADER)), builder.findings
+        return builder.document(yaml.parse(_sized(text, origin), Loader=_LOADER)), builder.findings
+    except _RefusalError as refusal:
+        return None, [refusal.finding]
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         said = " ".join(part for part in (error.context, error.problem) if part)
-        rule = f"a model must be YAML, but this is not: {said}"
-        raise _unreadable(origin, mark.line + 1 if mark else 0, "yaml-syntax", rule) from None
-    except (yaml.YAMLError, ValueError, RecursionError) as error:
-        said = str(error).splitlines()[0] if str(error) else type(error).__name__
-        rule = f"a model must be YAML, but this is not: {said}"
-        raise _unreadable(origin, 0, "yaml-syntax", rule) from None
+        line = mark.line + 1 if mark else 0
+    except (yaml.YAMLError, ValueError) as error:
+        said, line = str(error).partition("\n")[0], 0
+    rule = f"a model must be YAML, but this is not: {said}"
+    return None, [Finding(origin, line, "error", "yaml-syntax", rule)]
 
 
-def _unreadable(origin: str, line: int, slug: str, rule: str, remedy: str = "") -> Unreadable:
-    return Unreadable(Finding(origin, line, "error", slug, rule, remedy))
+def _sized(text: str, origin: str) -> str:
+    try:
+        size = len(text.encode())
+    except UnicodeEncodeError:
+        raise _refusal(origin, 0, "encoding", "a model must be text, but this has half characters") from None
+    if size > MAX_BYTES:
+        rule = f"a model file has at most {MAX_BYTES} bytes, but this one has {size}"
+        raise _refusal(origin, 0, "file-size", rule, "split the model")
+    return text
+
+
+def _refusal(origin: str, line: int, slug: str, rule: str, remedy: str = "") -> _RefusalError:
+    return _RefusalError(Finding(origin, line, "error", slug, rule, remedy))
 
 
 def _line(event: yaml.Event) -> int:
@@ -119,7 +121,7 @@ class _Builder:
             if isinstance(event, yaml.NodeEvent):
                 root = self.node(event, events, 1)
         if root is None:
-            raise _unreadable(self.origin, 0, "empty", "a model must have content, but the file is empty")
+            raise _refusal(self.origin, 0, "empty", "a model must have content, but the file is empty")
         return root
 
     def node(self, event: yaml.Event, events: Iterator[yaml.Event], depth: int) -> Node:
@@ -167,4 +169,4 @@ class _Builder:
         return Mapping(tuple(pairs.values()), line)
 
     def refuse(self, event: yaml.Event, slug: str, rule: str, remedy: str = "") -> NoReturn:
-        raise _unreadable(self.origin, _line(event), slug, rule, remedy)
+        raise _refusal(self.origin, _line(event), slug, rule, remedy)

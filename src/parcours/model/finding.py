@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from parcours.errors import BadModel
+from parcours.errors import BadModel, one_of
+
+MAX_LABEL = 120
+"""Longest name of a state, transition or machine [characters]."""
+
+_ADVISED = 200
 
 
 @dataclass(frozen=True, slots=True, order=True)
@@ -21,8 +26,8 @@ class Finding:
         message: the rule and what was given instead.
         remedy: what to do about it; may be empty.
 
-    >>> print(Finding("robot.yaml", 7, "warning", "unreachable-state", "no path leads to 'lost'", "delete it"))
-    robot.yaml:7: warning: no path leads to 'lost'; delete it [unreachable-state]
+    >>> print(Finding("robot.yaml", 7, "warning", "unreachable-state", "no path leads to 'lost'"))
+    robot.yaml:7: warning: no path leads to 'lost' [unreachable-state]
     """
 
     file: str
@@ -40,6 +45,20 @@ class Finding:
     def __str__(self) -> str:
         tail = f"; {self.remedy}" if self.remedy else ""
         return f"{self.where}: {self.severity}: {self.message}{tail} [{self.rule}]"
+
+
+def advice(given: str, known: Sequence[str], found: Sequence[Finding]) -> str:
+    """Return the remedy for an unknown name, unless so much was found already that looking would take long.
+
+    >>> advice("ligth", ["light", "sound"], [])
+    "did you mean 'light'? Known: light, sound"
+    """
+    if not known or len(found) > _ADVISED:
+        return ""
+    if len(known) <= 30:
+        return one_of(given[:MAX_LABEL], known)
+    hint, _, _ = one_of(given[:MAX_LABEL], known[:1000]).rpartition("Known: ")
+    return hint.strip() or f"{len(known)} names are known"
 
 
 def errors_among(findings: Iterable[Finding]) -> tuple[Finding, ...]:

@@ -7,17 +7,14 @@ import re
 from collections.abc import Callable, Iterator
 from typing import Protocol, TypeVar
 
-from parcours.errors import BadModel, one_of
+from parcours.errors import BadModel
 from parcours.model.documents import Mapping, Node, Scalar, Sequence
 from parcours.model.expression.evaluation import INTEGER_LIMIT
 from parcours.model.expression.parsing import RESERVED
-from parcours.model.finding import Finding
+from parcours.model.finding import MAX_LABEL, Finding, advice
 from parcours.model.structure import BASE_TYPES
 
 _T = TypeVar("_T")
-
-MAX_LABEL = 120
-"""Longest name of a state, transition or machine [characters]."""
 
 _IDENTIFIER = re.compile(r"[A-Za-z_][A-Za-z0-9_]*", re.ASCII)
 _INT = re.compile(r"[-+]?[0-9]{1,19}", re.ASCII)
@@ -76,7 +73,7 @@ class NodeReader:
                 items[key.text] = value
             else:
                 rule = f"{what} has no key {brief(key.text)}"
-                self.add(key, "unknown-key", rule, one_of(key.text[:MAX_LABEL], [*required, *optional]))
+                self.add(key, "unknown-key", rule, advice(key.text, [*required, *optional], self.findings))
         for name in required:
             if name not in items:
                 self.add(node, "missing-key", f"{what} must have the key {name!r}, but has not", "add it")

@@ -1,6 +1,7 @@
-"""A YAML model (format `parcours: model/1`, docs/model-format.md) to a Cefsm, or to all that is wrong with it.
+"""A YAML model (docs/model-format.md) to a Cefsm, or to all that is wrong with it.
 
-Reading proper says what the file holds; `checking` says whether that makes sense. Both report everything at once.
+Reading proper says what the file holds; `checking` says whether that makes sense. Both report everything at
+once.
 """
 
 from __future__ import annotations
@@ -9,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from parcours.model.checking import findings as findings_of
-from parcours.model.documents import Unreadable, read_document
+from parcours.model.documents import read_document
 from parcours.model.finding import Finding, complaint, errors_among
 from parcours.model.schema import SchemaReader
 from parcours.model.structure import Cefsm
@@ -65,7 +66,7 @@ def parse_model(text: str, origin: str = "<text>") -> Cefsm:
 
 
 def check_file(path: str | Path) -> Checked:
-    """Return the model of a file, or None if it has errors, with every finding. It never raises for a bad model."""
+    """Return the model of a file, None if it has errors, and every finding; never raise for a bad model."""
     origin = str(path)
     try:
         text = Path(path).read_bytes().decode("utf-8-sig")
@@ -80,11 +81,10 @@ def check_file(path: str | Path) -> Checked:
 
 
 def check_text(text: str, origin: str = "<text>") -> Checked:
-    """Return the model of a text, or None if it has errors, with every finding. It never raises for a bad model."""
-    try:
-        document, found = read_document(text, origin)
-    except Unreadable as refusal:
-        return Checked(None, (refusal.finding,))
+    """Return the model of a text, None if it has errors, and every finding; never raise for a bad model."""
+    document, found = read_document(text, origin)
+    if document is None:
+        return Checked(None, tuple(found))
     reader = SchemaReader(origin)
     model = reader.model(document)
     found += reader.findings

@@ -1,4 +1,4 @@
-"""A tree of YAML nodes to a Cefsm: which keys stand where, and what kind of value each has (docs/model-format.md)."""
+"""A tree of YAML nodes to a Cefsm: which keys stand where, with what kind of value (docs/model-format.md)."""
 
 from __future__ import annotations
 
@@ -33,8 +33,11 @@ MAX_CAPACITY = 1000
 
 
 class SchemaReader(NodeReader):
-    """Reads one document as a model. Each method takes a name and its node and returns the element with stand-ins
-    where findings were made, so that one pass finds them all."""
+    """Reads one document as a model.
+
+    Each method takes a name and its node and returns the element, with stand-ins where findings were made, so
+    that one pass finds them all.
+    """
 
     def model(self, node: Node) -> Cefsm:
         """Return the model the document holds."""

@@ -1,14 +1,17 @@
-"""What a model does: a configuration and a move to the next configuration. Every later stage agrees with this relation.
+"""What a model does: a configuration and a move to the next one. Every later stage agrees with this relation.
 
-One move is one transition, or the two of a rendezvous. A transition takes its message, needs its guard, does its
-actions in order, and then sends. What the model leaves open is the tester's choice:
+One move is one transition, or the two of a rendezvous. A transition takes its message, needs its guard, does
+its actions in order, and then sends. What the model leaves open is the tester's choice:
 
 - `input` variables, and fields of messages whose content is not modelled, may have any value at each step; a
-  transition is enabled when its guard holds for some value of what is open (also when that cannot be decided);
-- a receive from `environment` is always possible, and a send to it, or on a channel that nobody reads, never blocks;
+  transition is enabled when its guard holds for some value of what is open (also when that cannot be
+  decided);
+- a receive from `environment` is always possible, and a send to it, or on a channel that nobody reads, never
+  blocks;
 - so it is with the channels called `opened`: there the tester stands in at both ends, and nothing is kept.
 
-Other channels of capacity n hold n messages, and a send to a full one is not enabled. Capacity 0 is a rendezvous.
+Other channels of capacity n hold n messages, and a send to a full one is not enabled. Capacity 0 is a
+rendezvous.
 """
 
 from __future__ import annotations
@@ -69,10 +72,10 @@ def enabled(
     inputs: Mapping[str, object] | None = None,
     opened: Set[str] = frozenset(),
 ) -> tuple[Move, ...]:
-    """Return the moves that can be taken, in the order of the file, each with values of what is open that allow it.
+    """Return the moves that can be taken, in the order of the file, each with a choice that allows it.
 
-    A transition whose assignments or messages use what is open appears once for each value of a finite domain, and for
-    some representatives of an infinite one.
+    A transition whose assignments or messages use what is open appears once for each value of a finite
+    domain, and for some representatives of an infinite one.
 
     Args:
         cefsm: a model without errors.
@@ -99,7 +102,8 @@ def step(
         opened: channels at both ends of which the tester stands in.
 
     Raises:
-        BadRequest: the move is not possible here: wrong state, a false guard, nothing to receive, no room to send.
+        BadRequest: the move is not possible here: wrong state, a false guard, nothing to receive, no room to
+            send.
         BadModel: an assigned value leaves the domain of its variable, or cannot be computed.
     """
     return _steps(cefsm, frozenset(opened)).step(configuration, move)

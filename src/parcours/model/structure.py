@@ -1,7 +1,8 @@
-"""What a model is: communicating extended finite state machines, Q = (S, s0, E, P, T, A, M, V, C) (paper, section IV-A).
+"""What a model is: communicating extended finite state machines (paper, section IV-A).
 
-A `Cefsm` has components (processes); each runs one or more machines side by side; machines take transitions, each with
-a predicate (event, [guard], actions, messages); channels link components and carry messages of a declared class.
+A `Cefsm` has components (processes); each runs one or more machines side by side; machines take transitions,
+each with a predicate (event, [guard], actions, messages); channels link components and carry messages of a
+declared class.
 """
 
 from __future__ import annotations
@@ -16,12 +17,12 @@ ENVIRONMENT = "environment"
 """The partner of every channel whose other end lies outside the model: the tester."""
 
 BASE_TYPES = ("bool", "int", "real", "enum", "text")
-"""The value types that guards compute with; any other type must name a message class and is carried, not computed."""
+"""The value types that guards compute with; any other names a message class and is carried, not computed."""
 
 
 @dataclass(frozen=True, slots=True)
 class Field:
-    """One field of a message class: its value type, SI unit and shape (empty for a scalar; names are free lengths)."""
+    """One field of a message class: type, SI unit and shape (empty for a scalar; names are free lengths)."""
 
     name: str
     type: str
@@ -60,7 +61,8 @@ class Channel:
 class Variable:
     """A variable of a component, its initial value and its finite domain, if it has one.
 
-    An `input` variable is set by the environment at will (a monitored variable); a `local` one only by actions.
+    An `input` variable is set by the environment at will (a monitored variable); a `local` one only by
+    actions.
     """
 
     name: str
@@ -74,7 +76,7 @@ class Variable:
 
 @dataclass(frozen=True, slots=True)
 class Receive:
-    """The event of a transition: a message arrives on `channel`; its fields are bound to `name` in guard and actions."""
+    """The event of a transition: a message arrives on `channel`; guard and actions call it `name`."""
 
     channel: str
     name: str = ""
@@ -82,7 +84,7 @@ class Receive:
 
 @dataclass(frozen=True, slots=True)
 class Send:
-    """An output of a transition: a message leaves on `channel`; `payload` is what the model says of its content."""
+    """A message leaves on `channel`; `payload` is what the model says of its content."""
 
     channel: str
     payload: tuple[Expression, ...] = ()
@@ -90,7 +92,7 @@ class Send:
 
 @dataclass(frozen=True, slots=True)
 class Transition:
-    """One transition with its predicate event / [guard] / actions / messages. `id` is the paper's name, e.g. p22."""
+    """A transition with its predicate event/[guard]/actions/messages. `id` is the paper's name, e.g. p22."""
 
     id: str
     source: str
@@ -164,7 +166,7 @@ class Cefsm:
         raise KeyError(name)
 
     def transition(self, id: str) -> tuple[Component, Machine, Transition]:
-        """Return the transition called `id` with the component and machine it belongs to, or raise KeyError."""
+        """Return the transition called `id` with its component and machine, or raise KeyError."""
         for component in self.components:
             for machine in component.machines:
                 for transition in machine.transitions:

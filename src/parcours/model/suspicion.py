@@ -47,11 +47,13 @@ class _Search:
         written = {send.channel for transition in transitions for send in transition.sends}
         for channel in self.cefsm.channels:
             if channel.receiver != ENVIRONMENT and channel.name not in read:
-                rule = f"a channel must be read, but no transition of {channel.receiver!r} receives {channel.name!r}"
+                rule = (
+                    f"a channel must be read, but no event of {channel.receiver!r} receives {channel.name!r}"
+                )
                 remedy = f"add an event, or let it lead to: {ENVIRONMENT}"
                 self.warn(channel.line, "unread-channel", rule, remedy)
             if channel.sender != ENVIRONMENT and channel.name not in written:
-                rule = f"a channel must be written, but no transition of {channel.sender!r} sends {channel.name!r}"
+                rule = f"a channel must be written, but {channel.sender!r} never sends {channel.name!r}"
                 remedy = f"add a message, or let it come from: {ENVIRONMENT}"
                 self.warn(channel.line, "unwritten-channel", rule, remedy)
 
@@ -72,7 +74,10 @@ class _Search:
                 )
         for transition in machine.transitions:
             if transition.source not in reached and transition.id not in dead:
-                rule = f"a transition must be possible, but {transition.id!r} starts in {transition.source!r}, never reached"
+                start = transition.source
+                rule = (
+                    f"a transition must be possible, but {transition.id!r} starts in {start!r}, never reached"
+                )
                 self.warn(transition.line, "dead-transition", rule)
         leaving: dict[str, list[Transition]] = {}
         for transition in alive:
@@ -135,7 +140,8 @@ class _Search:
         others = [each.id for each in rivals if not each.is_loop]
         for loop in rivals:
             if loop.is_loop and loop.event is None and loop.guard is None and others:
-                rule = f"a loop must end, but {loop.id!r} can repeat in {state!r} for ever, beside {', '.join(others)}"
+                beside = ", ".join(others)
+                rule = f"a loop must end, but {loop.id!r} can repeat in {state!r} for ever, beside {beside}"
                 self.warn(loop.line, "endless-loop", rule, "give it a guard or an event")
 
     def ask(self, component: Component, transition: Transition, guards: list[Expression]) -> Answer:

@@ -1,8 +1,8 @@
 """Guards to values under which they hold together, or to the fact that there are none.
 
-Finite domains are enumerated. Reals, large integers and texts that the guards only compare with other values are cut
-at those values, which is exact too: between two neighbouring cuts no guard changes. Anything else is tried at likely
-values, and when none fits the answer is that it could not be decided.
+Finite domains are enumerated. Reals, large integers and texts that the guards only compare with other values
+are cut at those values, which is exact too: between two neighbouring cuts no guard changes. Anything else is
+tried at likely values, and when none fits the answer is that it could not be decided.
 """
 
 from __future__ import annotations
@@ -66,7 +66,8 @@ class Question:
     def witness(self, guards: Sequence[Expression], budget: Budget | None = None) -> Answer:
         """Return whether all guards can hold together, with the first values found.
 
-        A valuation under which a guard has no value (division by zero) does not count. The guards must be well typed.
+        A valuation under which a guard has no value (division by zero) does not count. The guards must be
+        well typed.
 
         >>> from parcours.model.expression import BOOL, REAL, parse_expression
         >>> question = Question({"v": REAL, "stop": BOOL}, {})
@@ -82,7 +83,9 @@ class Question:
     def valuations(
         self, guards: Sequence[Expression], others: Sequence[Expression] = (), budget: Budget | None = None
     ) -> Iterator[tuple[Values, bool | None]]:
-        """Yield valuations of the free terms of `guards` and `others` under which the guards hold, each with True.
+        """Yield valuations of the open terms under which the guards hold, each with True.
+
+        They give values to what `others` read, too.
 
         When the search was not complete and found nothing, the last and only one is empty, with None.
         """

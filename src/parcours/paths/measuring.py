@@ -30,8 +30,8 @@ def measure(of: Machine | Cefsm, criterion: str, *sequences: Sequence[str]) -> C
     """Return which requirements the sequences meet, seen machine by machine.
 
     A machine stands in its initial state before it moves, so that state counts as visited. Two transitions
-    count as a pair if the machine took them one after the other, whatever other machines did between, and if
-    the first leads to where the second begins; where a sequence jumps (a machine was reset) it makes no pair.
+    are a pair if the machine took them one after the other, whatever other machines did between. Where a
+    sequence jumps (a machine was reset) it meets no pair: none is required that does not join.
 
     Args:
         of: a machine, or a model with all its machines.
@@ -78,7 +78,7 @@ def _by_machine(name: str, sequence: Sequence[str], owner: dict[str, str]) -> di
                 f"sequence, entry {place}",
                 f"must name transitions of '{name}', but {id!r} is none",
                 one_of(id, list(owner)),
-                slug="unknown-transition",
+                slug="foreign-transition",
             )
         parts.setdefault(owner[id], []).append(id)
     return parts
@@ -87,10 +87,8 @@ def _by_machine(name: str, sequence: Sequence[str], owner: dict[str, str]) -> di
 def _visited(label: str, machine: Machine, ids: list[str]) -> set[Requirement]:
     """Return every state, transition and pair that the machine visited."""
     by_id = {transition.id: transition for transition in machine.transitions}
-    taken = [by_id[id] for id in ids]
-    seen = {Requirement(label, "state", (state,)) for t in taken for state in (t.source, t.target)}
-    seen |= {Requirement(label, "transitions", (t.id,)) for t in taken}
-    seen |= {
-        Requirement(label, "transitions", (a.id, b.id)) for a, b in pairwise(taken) if a.target == b.source
+    ends = {state for id in ids for state in (by_id[id].source, by_id[id].target)}
+    steps = [*((id,) for id in ids), *pairwise(ids)]
+    return {Requirement(label, "state", (state,)) for state in ends} | {
+        Requirement(label, "transitions", each) for each in steps
     }
-    return seen

@@ -1,1 +1,1 @@
-"""Results become numbers, pictures and pages: terminal tables, JUnit XML, and one HTML file with figures and replays."""
+"""Results become tables, charts and pages: for the terminal, for build servers, and as one HTML file."""

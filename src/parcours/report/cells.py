@@ -11,6 +11,11 @@ UNKNOWN = "–"
 """What stands for a value that is not known."""
 
 
+def value_of(cell: Cell) -> str | int | float | None:
+    """Return a cell's value without its mark."""
+    return cell.value if isinstance(cell, Marked) else cell
+
+
 def shown(cell: Cell, column: Column) -> str:
     """Return the text of a cell.
 
@@ -25,7 +30,7 @@ def shown(cell: Cell, column: Column) -> str:
     >>> [shown(cell, stuck) for cell in (0.0773, Marked(0.5), "none", None, float("nan"))]
     ['7.7%', '50.0%', 'none', '–', '–']
     """
-    value = cell.value if isinstance(cell, Marked) else cell
+    value = value_of(cell)
     if value is None or (isinstance(value, float) and math.isnan(value)):
         return UNKNOWN
     if isinstance(value, bool):
@@ -46,8 +51,8 @@ def shown(cell: Cell, column: Column) -> str:
 def sides(table: Table) -> tuple[str, ...]:
     """Return the side each column's cells keep to: left, right or center.
 
-    >>> sides(Table("", (Column("path"), Column("length"), Column("p")), (("tp11", 3, None), ("tp12", 6, 0.5))))
-    ('left', 'right', 'right')
+    >>> sides(Table("", (Column("path"), Column("length")), (("tp11", 3), ("tp12", None))))
+    ('left', 'right')
     """
     return tuple(
         column.align if column.align != "auto" else ("right" if _numeric(table, at) else "left")
@@ -57,8 +62,7 @@ def sides(table: Table) -> tuple[str, ...]:
 
 def _numeric(table: Table, at: int) -> bool:
     """Return whether a column holds numbers only, as far as anything is known in it."""
-    values = [row[at].value if isinstance(row[at], Marked) else row[at] for row in table.rows]  # type: ignore[union-attr]
-    known = [value for value in values if value is not None]
+    known = [value for value in (value_of(row[at]) for row in table.rows) if value is not None]
     return bool(known) and all(isinstance(value, int | float) for value in known)
 
 
@@ -71,7 +75,7 @@ def text_rows(table: Table) -> tuple[tuple[str, ...], ...]:
 
 
 def group_spans(table: Table) -> tuple[tuple[str, int], ...]:
-    """Return the shared headings from left to right with the number of columns each spans; empty if there are none.
+    """Return the shared headings from left to right, and how many columns each spans; empty without any.
 
     >>> group_spans(Table("", (Column("v"), Column("n", group="ours"), Column("p", group="ours")), ()))
     (('', 1), ('ours', 2))

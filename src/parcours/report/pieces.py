@@ -1,6 +1,6 @@
 """What a report page is made of: pieces of plain data, whoever draws them later on paper, screen or terminal.
 
-A study composes these; the rest of report/ turns them into HTML (page), text (terminal) and pictures (still, figures).
+A study composes these; the rest of report/ turns them into HTML (page), text (terminal) and pictures (still).
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from parcours.errors import BadRequest
 
 Tone: TypeAlias = Literal["good", "fair", "neutral", "poor", "bad", "worst"]
-"""How welcome a value is; one scale for cells, findings and slices of charts, each with a colour of its own."""
+"""How welcome a value is: one scale, each step with a colour, for cells, findings and slices of charts."""
 
 Align: TypeAlias = Literal["auto", "left", "right", "center"]
 
@@ -31,7 +31,7 @@ class Marked:
     why: str = ""
 
 
-Cell: TypeAlias = str | int | float | None | Marked
+Cell: TypeAlias = str | int | float | Marked | None
 """A value in a table; None and NaN stand for what is not known and print as a dash."""
 
 
@@ -102,7 +102,7 @@ class Table:
 
 @dataclass(frozen=True, slots=True)
 class Figure:
-    """A drawing: `svg` is an <svg> element, trusted because report/ drew it; `alt` says in words what it shows."""
+    """A drawing: `svg` is an <svg> element of our own making, so trusted; `alt` says in words what it shows."""
 
     title: str
     svg: str
@@ -112,7 +112,7 @@ class Figure:
 
 @dataclass(frozen=True, slots=True)
 class Text:
-    """Paragraphs, parted by blank lines; **strong**, *stressed*, `code`, [link](#anchor) and lines "- item" are known."""
+    """Paragraphs parted by blank lines, with the marks that prose.py knows; everything else is shown as it is."""
 
     body: str
 
@@ -163,8 +163,8 @@ class Replay:
         note: small print below it.
 
     Raises:
-        BadRequest: there is no sample, the shapes disagree, a number is not finite, a size is not positive, or the
-            times do not increase.
+        BadRequest: there is no sample, the shapes disagree, a number is not finite, a size is not positive,
+            or the times do not increase.
     """
 
     title: str
@@ -193,7 +193,9 @@ class Replay:
                 values.shape == due, f"{name} must have shape {due}, but has {values.shape}", "replay-shape"
             )
             self._require(
-                bool(np.isfinite(values).all()), f"{name} must be finite, but is not everywhere", "replay-values"
+                bool(np.isfinite(values).all()),
+                f"{name} must be finite, but is not everywhere",
+                "replay-values",
             )
         self._require(
             bool((np.diff(self.times) > 0.0).all()), "times must increase, but do not", "replay-values"
@@ -205,7 +207,9 @@ class Replay:
                 "replay-values",
             )
         self._require(
-            bool(np.isfinite(self.goal).all()), f"the goal must be finite, but is {self.goal}", "replay-values"
+            bool(np.isfinite(self.goal).all()),
+            f"the goal must be finite, but is {self.goal}",
+            "replay-values",
         )
 
     def _require(self, holds: bool, rule: str, slug: str) -> None:
@@ -213,7 +217,7 @@ class Replay:
             raise BadRequest(f"replay {self.title!r}", rule, "check what was recorded", slug=slug)
 
     def clearance(self) -> Floats:
-        """Return the least gap between robot and obstacles at each time [m], shape (n_times,); infinite without any."""
+        """Return the least gap to an obstacle at each time [m], shape (n_times,); infinite without any."""
         if not self.obstacle_radii:
             return np.full(len(self.times), np.inf)
         gap = np.hypot(self.obstacle_x - self.x[:, None], self.obstacle_y - self.y[:, None])
@@ -226,7 +230,7 @@ Piece: TypeAlias = Table | Figure | Text | Code | Findings | Replay
 
 @dataclass(frozen=True, slots=True)
 class Section:
-    """A titled part of a page: a lead in plain words, then its pieces. An empty anchor is made from the title."""
+    """A titled part of a page: a lead in plain words, then its pieces; an empty anchor is made from the title."""
 
     title: str
     lead: str

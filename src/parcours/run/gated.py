@@ -175,11 +175,18 @@ class _Gate:
         instance.path.append(step.transition)
 
     def _pull(self, event: Event, instance: _Instance) -> Step | None:
-        """Return the next step of what the instance is doing; None if it has nothing more to do."""
+        """Return the next step of what the instance is doing; None if it has nothing more to do.
+
+        Steps that the model does not name are passed over; what they send goes to the tester.
+        """
         if instance.work is None:
             return None
         try:
             step = next(instance.work, None)
+            while step is not None and step.transition == "":
+                for channel, payload in step.sends:
+                    self._record("send", event, channel=channel, message=self._number(), payload=payload)
+                step = next(instance.work, None)
             if step is not None:
                 Counter(
                     channel for channel, _ in step.sends

@@ -127,7 +127,7 @@ def read_suite(path: Path | str) -> Iterator[Case]:
             str(path),
             f"a suite must be a readable file, but: {error.strerror or error}",
             "check the path",
-            slug="file-unreadable",
+            slug="unreadable-file",
         ) from None
     if header.get("parcours") != FORMAT or len(header) != 1:
         raise BadSuite(

@@ -1,7 +1,7 @@
 """A syntax tree and a valuation to a value.
 
-Integers and reals are 64-bit: what leaves that range is an error, as is a division by zero. `/` divides as reals; `%`
-has the sign of its divisor; `&&` and `||` read their right side only when it matters.
+Integers and reals are 64-bit: what leaves that range is an error, as is a division by zero. `/` divides as
+reals; `%` has the sign of its divisor; `&&` and `||` read their right side only when it matters.
 """
 
 from __future__ import annotations
@@ -39,8 +39,8 @@ FUNCTIONS: dict[str, tuple[Callable[..., object], int, int]] = {
     "abs": (abs, 1, 1),
     "floor": (math.floor, 1, 1),
     "hypot": (math.hypot, 1, 8),
-    "max": (max, 1, 8),
-    "min": (min, 1, 8),
+    "max": (max, 2, 8),
+    "min": (min, 2, 8),
     "size": (_size, 1, 1),
     "sqrt": (math.sqrt, 1, 1),
 }
@@ -70,17 +70,18 @@ def evaluate(expression: Expression, valuation: Mapping[str, Value], where: str 
         where: what the expression belongs to, for the error message.
 
     Raises:
-        BadModel: a name or field has no value, the operand of an operator has the wrong type, a number leaves 64 bits,
-            a division by zero or the root of a negative number. A caret marks the culprit in the canonical text.
+        BadModel: a name or field has no value, the operand of an operator has the wrong type, a number leaves
+            64 bits, a division by zero or the root of a negative number. A caret marks the culprit in the
+            canonical text.
 
     Example:
     >>> from parcours.model.expression import parse_expression
     >>> evaluate(parse_expression("hypot(ob.x, ob.y) < reach"), {"ob": {"x": 3.0, "y": 4.0}, "reach": 5.5})
     True
-    >>> evaluate(parse_expression("1 / n"), {"n": 0}, "guard of p22")
+    >>> evaluate(parse_expression("1 / n"), {"n": 0}, "p22")
     Traceback (most recent call last):
     ...
-    parcours.errors.BadModel: guard of p22: a divisor must not be zero, but it is in "^1 / n" [division-by-zero]
+    parcours.errors.BadModel: p22: a divisor must not be zero, but it is in "^1 / n" [division-by-zero]
     """
     return _Evaluation(expression, valuation, where).of(expression)
 

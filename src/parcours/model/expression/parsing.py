@@ -5,7 +5,8 @@
     atom       := literal | name | function '(' expression, ... ')' | '(' expression ')', then '.' field, ...
     actions    := action (';' action)*           action := name ':=' expression | name '(' expression, ... ')'
 
-Nothing is ever evaluated here, and text from a hostile file costs at most MAX_LENGTH characters and MAX_DEPTH levels.
+Nothing is ever evaluated here, and text from a hostile file costs at most MAX_LENGTH characters and MAX_DEPTH
+levels.
 """
 
 from __future__ import annotations
@@ -70,15 +71,16 @@ def parse_expression(text: str, where: str = "expression") -> Expression:
         where: what the text belongs to, for the error message.
 
     Raises:
-        BadModel: the text is no expression, is too long or too deeply nested. The message shows where, by a caret.
+        BadModel: the text is no expression, is too long or too deeply nested. The message shows where, by a
+            caret.
 
     Example:
     >>> str(parse_expression("not a and (b<c+1)"))
     '!a && b < c + 1'
-    >>> parse_expression("a && && b", "guard of p22")
+    >>> parse_expression("a && && b", "p2")
     Traceback (most recent call last):
     ...
-    parcours.errors.BadModel: guard of p22: a value must stand at the caret, but found '&&' in "a && ^&& b" [syntax]
+    parcours.errors.BadModel: p2: a value must stand at the caret, but found '&&' in "a && ^&& b" [syntax]
     """
     return _whole(text, where, _Parser.expression)
 
@@ -281,11 +283,10 @@ class _Parser:
         # Digits are counted first: converting a very long one costs quadratic time.
         if token.kind == "int" and len(token.text.lstrip("0")) <= 19 and int(token.text) <= INTEGER_LIMIT:
             return int(token.text)
-        if token.kind == "real" and isfinite(float(token.text)):
-            return float(token.text)
-        self._fail_at(
-            token.at, f"a number must fit 64 bits, but {token.text[:24]} does not,", slug="overflow"
-        )
+        if token.kind == "int" or not isfinite(float(token.text)):
+            rule = f"a number must fit 64 bits, but {token.text[:24]} does not,"
+            self._fail_at(token.at, rule, slug="overflow")
+        return float(token.text)
 
     def _unquoted(self, token: _Token) -> str:
         def plain(match: re.Match[str]) -> str:

@@ -1,7 +1,7 @@
 """The syntax tree of the guard and action language, and its canonical text.
 
-`str` of a tree parses back to an equal tree. Six kinds of node are all there is, so that another tool (a solver, an
-exporter) translates the language in one page.
+`str` of a tree parses back to an equal tree. Six kinds of node are all there is, so that another tool (a
+solver, an exporter) translates the language in one page.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _UNARY_LEVEL, _ATOM_LEVEL = 6, 7
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Literal:
-    """A constant: true or false, an integer, a real or a text. Numbers are not negative: -1 is `Unary('-', ...)`.
+    """A constant: true or false, an integer, a real or a text. Not negative: -1 is `Unary('-', Literal(1))`.
 
     >>> Literal(1) == Literal(1.0), Literal(1) == Literal(True)
     (False, False)
@@ -116,7 +116,7 @@ class Assignment:
 
 @dataclass(frozen=True, slots=True)
 class Call:
-    """An abstract operation of the component, such as `modify(population)`: named in tests, not computed by the model."""
+    """An abstract operation, such as `modify(population)`: named in tests, not computed by the model."""
 
     name: str
     arguments: tuple[Expression, ...] = ()
@@ -151,7 +151,7 @@ def _render(node: Expression, marked: Expression | None, level: int) -> str:
             text, own = operator + _render(operand, marked, _UNARY_LEVEL), _UNARY_LEVEL
         case Binary(operator, left, right):
             own = LEVELS[operator]
-            # A comparison cannot be the operand of a comparison, on either side; other operators group to the left.
+            # A comparison is no operand of a comparison, on either side; other operators group to the left.
             first = _render(left, marked, own + 1 if operator in COMPARISONS else own)
             text = f"{first} {operator} {_render(right, marked, own + 1)}"
     if own < level:

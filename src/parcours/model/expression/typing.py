@@ -1,7 +1,7 @@
 """A syntax tree and the types of its names to its type, or the first thing wrong with it.
 
-A type is a base type, an enumeration with its values, a message class, or a list of one of these. An integer may stand
-where a real is expected; nothing else converts.
+A type is a base type, an enumeration with its values, a message class, or a list of one of these. An integer
+may stand where a real is expected; nothing else converts.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from parcours.model.expression.syntax import (
 
 @dataclass(frozen=True, slots=True)
 class Type:
-    """A base type or a message class by name, the values of an enumeration, and how many list dimensions it has."""
+    """A base type or message class by name, the values of an enumeration, the number of list dimensions."""
 
     name: str
     values: tuple[str, ...] = ()
@@ -56,8 +56,8 @@ def type_of(
         where: what the expression belongs to, for the error message.
 
     Raises:
-        BadModel: a name or field is unknown, or an operator or function gets what it cannot work on. A caret marks the
-            culprit in the canonical text.
+        BadModel: a name or field is unknown, or an operator or function gets what it cannot work on. A caret
+            marks the culprit in the canonical text.
 
     Example:
     >>> from parcours.model.expression import parse_expression
@@ -107,7 +107,7 @@ class _Typing:
                     self.fail(
                         node,
                         f"a name must be declared, but {id!r} is not",
-                        one_of(id, sorted(self.types)),
+                        self.known(id, sorted(self.types)),
                         "unknown-name",
                     )
                 return self.types[id]
@@ -135,7 +135,7 @@ class _Typing:
             self.fail(node, f"only a message has fields, but {record} has none", "", "type")
         if name not in fields:
             rule = f"a field must be declared, but {record.name} has no {name!r}"
-            self.fail(node, rule, one_of(name, list(fields)) if fields else "", "unknown-field")
+            self.fail(node, rule, self.known(name, list(fields)), "unknown-field")
         return fields[name]
 
     def function(self, node: Expression, function: str, arguments: tuple[Expression, ...]) -> Type:
@@ -176,6 +176,10 @@ class _Typing:
                 remedy,
                 "enum-value",
             )
+
+    def known(self, given: str, names: list[str]) -> str:
+        # Finding the nearest of very many names would take long.
+        return one_of(given, names) if 0 < len(names) <= 100 else ""
 
     def fail(self, node: Expression, rule: str, remedy: str, slug: str) -> NoReturn:
         raise BadModel(self.where, f'{rule} in "{render(self.root, marked=node)}"', remedy, slug=slug)

@@ -135,7 +135,7 @@ class Control:
         self._state = one(CONTROL)
         self._pose = one(POSE)
         self._next_command = 0
-        self._next_report = 0
+        self._next_report = REPORT_PERIOD
         self._executing = False
 
     def next_wake(self) -> int | None:
@@ -156,29 +156,43 @@ class Control:
                 yield Step("", (("cmd_vel", (0.0, 0.0)),))
         elif channel == "pose" and isinstance(message, Report):
             self._pose = message.pose
-        elif self._next_report > now:
-            yield Step("p47")
         else:
             yield Step("p41")
 
     def wake(self, now: int) -> Iterator[Step]:
         """Report the state and command the robot, whichever is due."""
-        if self._next_report <= now:
-            self._next_report += REPORT_PERIOD
-            yield Step("p47")
-            yield Step("p48", (("update", Report(now, self._pose.copy())),))
-            yield Step("p49")
+        yield from self.tick(now)
         if self._next_command <= now:
-            self._next_command += COMMAND_PERIOD
-            was_paused = self._state.paused
-            command(self._state, self._pose, now, self._parameters)
-            sends = (("cmd_vel", (float(self._state.command_v), float(self._state.command_w))),)
-            if self._state.paused and self._executing:
-                self._executing = False
-                yield Step("p43", sends)
-            elif was_paused and not self._state.paused:
-                self._executing = True
-                yield Step("p44", sends)
-                yield Step("p45")
-            else:
-                yield Step("", sends)
+            yield from self.execute(now)
+
+    def tick(self, now: int) -> Iterator[Step]:
+        """Report the robot's state if the interval is over at `now` [ns]."""
+        if self._next_report > now:
+            yield Step("p47")
+            return
+        self._next_report += REPORT_PERIOD
+        yield Step("p48", (("update", Report(now, self._pose.copy())),))
+        yield Step("p49")
+
+    def execute(self, now: int) -> Iterator[Step]:
+        """Command the robot for the next command period from `now` [ns]."""
+        self._next_command += COMMAND_PERIOD
+        state = self._state
+        was_paused = state.paused
+        command(state, self._pose, now, self._parameters)
+        yield Step("", (("cmd_vel", (float(state.command_v), float(state.command_w))),))
+        if state.paused and self._executing:
+            self._executing = False
+            yield Step("p43")
+        elif was_paused and not state.paused:
+            self._executing = True
+            yield Step("p44")
+            yield Step("p45")
+        elif self._executing and (now - state.begins) * 1e-9 >= state.trajectory.duration:
+            self._executing = False
+            yield Step("p46")
+
+    @property
+    def trajectory(self) -> Record:
+        """The TRAJECTORY it follows."""
+        return self._state.trajectory

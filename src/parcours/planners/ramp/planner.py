@@ -109,14 +109,13 @@ class Planner:
         if self._conversation is not None and self._conversation.cycle != "planning":
             return
         if self._planner.t_next <= now:
-            yield from self._begin_control(now)
+            yield from self.control(now)
         elif self._parameters.schedule == 0 and self._next_guard <= now:
             self._next_guard += GUARD_PERIOD
             self._planner.halted = 1 if is_imminent(self._planner, now, self._parameters) else 0
             yield Step("", (("imminent_collision", bool(self._planner.halted)),))
         elif self._next_planning <= now:
-            self._next_planning += self._period
-            yield from self._begin_planning()
+            yield from self.plan()
 
     def handle(self, channel: str | None, message: object, now: int) -> Iterator[Step]:
         """Take up an obstacle list, a report, or the answer of a service."""
@@ -183,17 +182,16 @@ class Planner:
         for i in range(self._planner.n):
             _note(self._planner.members[i].trajectory, response, i)
 
-    # Sensing cycle: p15 .. p19.
+    # Sensing cycle, p15 .. p19. p16 and p18 are answers with something left to ask; the last answers lead to p17 and p19.
 
     def _begin_sensing(self, obstacles: Obstacles, now: int) -> Iterator[Step]:
         self._obstacles = obstacles
-        sends: list[tuple[str, object]] = []
         if self._parameters.schedule == 1 and not self._planner.halted and self._sees_imminent_collision(obstacles, now):
-            sends.append(("imminent_collision", True))
+            yield Step("", (("imminent_collision", True),))
         self._to_predict = list(range(len(obstacles.states)))
         self._predictions = many(PREDICTION, len(obstacles.states))
         tag = self._open("sensing")
-        yield Step("p15", (*sends, *self._prediction_request(tag)))
+        yield Step("p15", self._prediction_request(tag))
 
     def _sees_imminent_collision(self, obstacles: Obstacles, now: int) -> bool:
         """Run the guard as the task of its own that it is: on fresh predictions, before anything else."""
@@ -221,30 +219,30 @@ class Planner:
         planner = self._planner
         if isinstance(message, TrajectoryResponse):
             self._predictions[self._to_predict.pop(0)] = message.trajectories[0]
-            yield Step("p16", self._prediction_request(message.tag))
             if self._to_predict:
+                yield Step("p16", self._prediction_request(message.tag))
                 return
             note_nearest(planner, self._obstacles.states)
             self._asked_population = evaluates_population(planner, now)
             asked = self._evaluation(self._population()) if self._asked_population else self._evaluation_of_moving_on(now)
             yield Step("p17", (asked,))
         elif isinstance(message, EvaluationResponse):
-            also_moving_on = self._asked_population and planner.moving_on.n > 0
-            if self._asked_population:
+            if not self._asked_population:
+                note_moving_on(planner, float(message.t_collision[0]))
+            else:
                 self._note_population(message)
                 self._asked_population = False
-            else:
-                note_moving_on(planner, float(message.t_collision[0]))
-            if also_moving_on:
-                yield Step("p18", (self._evaluation_of_moving_on(now),))
-                return
+                if planner.moving_on.n > 0:
+                    yield Step("p18", (self._evaluation_of_moving_on(now),))
+                    return
             self._conversation = None
-            yield Step("p18")
             yield Step("p19")
 
     # Planning cycle: p11, then answers that the model does not name.
 
-    def _begin_planning(self) -> Iterator[Step]:
+    def plan(self) -> Iterator[Step]:
+        """Begin a planning cycle."""
+        self._next_planning += self._period
         compensate(self._planner, self._parameters)
         choose_modification(self._planner)
         request = ModificationRequest(self._open("planning"), self._planner.request.copy())
@@ -280,7 +278,8 @@ class Planner:
 
     # Control cycle: p12 and p13, then the adaptation of the population.
 
-    def _begin_control(self, now: int) -> Iterator[Step]:
+    def control(self, now: int) -> Iterator[Step]:
+        """Run a control cycle at `now` [ns], as far as it needs no answer."""
         self._best = commit(self._planner, now, self._parameters)
         best = one(TRAJECTORY)
         copy_trajectory(best, self._planner.moving_on, 0)

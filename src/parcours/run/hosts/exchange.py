@@ -73,6 +73,7 @@ class Exchange:
         self._heap: list[tuple[int, int, int, int, Callable[[], None]]] = []
         self._events: list[TraceEvent] = []
         self._caused = self._sent = self._instant = self._at_instant = 0
+        self._acting = ""
 
     def reset(self) -> None:
         """Return everything to where it began: no message, no event, random streams at their start."""
@@ -155,8 +156,7 @@ class Exchange:
         self._at_instant = self._at_instant + 1 if now == self._instant else 0
         self._instant = now
         if self._at_instant > _LIVELOCK:
-            last = next((event.component for event in reversed(self._events) if event.component), "")
-            self._spins(last)
+            self._spins(self._acting)
 
     def _spins(self, name: str) -> NoReturn:
         rule = f"time must pass, but {_LIVELOCK} events followed one another at {self._clock.now()} ns"
@@ -183,6 +183,7 @@ class Exchange:
         A wake that is due at this very instant begins only when its own event `rung`: messages come first.
         """
         fruitless = 0
+        self._acting = seat.name
         while seat.step is None and not seat.waits and not seat.outbox:
             if seat.work is None and not self._take_up(seat, rung):
                 return

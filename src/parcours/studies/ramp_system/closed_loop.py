@@ -15,7 +15,7 @@ import numpy as np
 from parcours.arena.obstacles import place_at
 from parcours.arena.world import NEVER, WORLD, advance, begin
 from parcours.kernels import Record, kernel
-from parcours.planners.ramp.control import COMMAND_PERIOD, CONTROL, command, follow, signal
+from parcours.planners.ramp.control import COMMAND_PERIOD, CONTROL, REPORT_PERIOD, command, follow, signal
 from parcours.planners.ramp.control_cycle import control_cycle, is_at_rest
 from parcours.planners.ramp.guard import evaluate_moving_on, is_imminent
 from parcours.planners.ramp.latency import draw
@@ -28,9 +28,8 @@ from parcours.streams import start
 from parcours.studies.ramp_system.facts import FACTS, TRANSITIONS
 
 SENSING_PERIOD = 50_000_000
-REPORT_PERIOD = 33_333_333
 GUARD_PERIOD = 50_000_000
-"""Times between obstacle messages (20 Hz), robot reports (30 Hz) and imminent-collision checks (20 Hz) [ns]."""
+"""Times between obstacle messages (20 Hz) and imminent-collision checks (20 Hz) [ns]."""
 
 FAR = 1 << 62
 
@@ -155,9 +154,9 @@ def _callback(
         sensing_cycle(planner, seen, first, now, predictions, parameters)
         n = len(seen)
         facts.transitions[_P15] += 1
-        facts.transitions[_P16] += n
+        facts.transitions[_P16] += n - 1
         facts.transitions[_P17] += 1
-        facts.transitions[_P18] += 2
+        facts.transitions[_P18] += 1
         facts.transitions[_P19] += 1
         _count_service(facts.transitions, _P21, n)
         _count_service(facts.transitions, _P31, 2)
@@ -251,8 +250,8 @@ def _execute(work: Record, now: int, parameters: Record, facts: Record) -> None:
         facts.transitions[_P44] += 1
         facts.transitions[_P45] += 1
     work.paused_before = control.paused
-    if not control.paused and not had_left and control.has:
-        facts.transitions[_P41] += 1
+    facts.transitions[_P47] += 1
+    facts.transitions[_P41] += 1 if not had_left else 0
 
 
 @kernel
@@ -360,8 +359,7 @@ def run_case(
     work.spin = 0
     _control(work, predictions[:0], 0, parameters, latencies, facts)
     work.wakes = 0
-    next_report = next_command = 0
-    next_sensing = SENSING_PERIOD
+    next_report, next_sensing, next_command = REPORT_PERIOD, SENSING_PERIOD, 0
     frozen = False
     n_track = 0
     while True:
@@ -383,7 +381,6 @@ def run_case(
             next_report += REPORT_PERIOD
             _report(work)
             work.report_time = work.t_report = now
-            facts.transitions[_P47] += 1
             facts.transitions[_P48] += 1
             facts.transitions[_P49] += 1
         if now == next_sensing:

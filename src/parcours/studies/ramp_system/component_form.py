@@ -51,8 +51,7 @@ class World:
         )  # fmt: skip
         self.obstacles = obstacles.copy()
         begin(self.world, self.obstacles)
-        self._next_report = self._next_command = 0
-        self._next_sensing = SENSING_PERIOD
+        self._next_report, self._next_sensing, self._next_command = REPORT_PERIOD, SENSING_PERIOD, 0
         self.track: list[tuple[int, float, float, float]] = []
 
     def next_wake(self) -> int | None:

@@ -1,0 +1,168 @@
+"""A model to text: tables for the terminal, and Graphviz' DOT."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Sequence
+
+from parcours.model.structure import ENVIRONMENT, Cefsm, Machine, Transition
+
+WIDTH = 110
+"""Widest line of a table [characters]."""
+
+
+def predicate(transition: Transition) -> str:
+    """Return the predicate of a transition as the paper prints it: (event/[guard]/actions/messages).
+
+    >>> from parcours.model.expression import Name
+    >>> print(predicate(Transition("p24", "generating", "sending", guard=Name("done"))))
+    (-/[done]/-/-)
+    """
+    event = "-"
+    if transition.event is not None:
+        event = transition.event.channel + (f"({transition.event.name})" if transition.event.name else "")
+    guard = "-" if transition.guard is None else f"[{transition.guard}]"
+    actions = "; ".join(map(str, transition.actions)) or "-"
+    sends = (
+        "; ".join(f"{send.channel}({', '.join(map(str, send.payload))})" for send in transition.sends) or "-"
+    )
+    return f"({event}/{guard}/{actions}/{sends})"
+
+
+def to_text(cefsm: Cefsm) -> str:
+    """Return the model as tables, one for each machine and one of the channels, WIDTH wide or less.
+
+    >>> from parcours.model import parse_model
+    >>> lamp = parse_model('''
+    ... parcours: model/1
+    ... name: lamp
+    ... components:
+    ...   Lamp:
+    ...     machines:
+    ...       light: {initial: off, transitions: {switch: {from: off, to: off}}}
+    ... ''')
+    >>> print(to_text(lamp))
+    lamp: 1 component, 1 machine, 1 state, 1 transition, 0 channels
+    <BLANKLINE>
+    Lamp
+      light, starts in off
+        state  transition  predicate  target
+        -----  ----------  ---------  ------
+        off    switch      (-/-/-/-)  off
+    """
+    machines = [machine for component in cefsm.components for machine in component.machines]
+    counts = (
+        _counted(len(cefsm.components), "component"),
+        _counted(len(machines), "machine"),
+        _counted(sum(len(machine.states) for machine in machines), "state"),
+        _counted(sum(len(machine.transitions) for machine in machines), "transition"),
+        _counted(len(cefsm.channels), "channel"),
+    )
+    lines = [f"{cefsm.name}: {', '.join(counts)}"]
+    lines += textwrap.wrap(cefsm.doc, WIDTH, initial_indent="  ", subsequent_indent="  ")
+    for component in cefsm.components:
+        title = f" ({component.title})" if component.title and component.title != component.name else ""
+        lines += ["", component.name + title]
+        if component.variables:
+            said = ", ".join(f"{each.name}: {each.type}" + _note(each.role) for each in component.variables)
+            lines += textwrap.wrap(f"variables {said}", WIDTH, initial_indent="  ", subsequent_indent="    ")
+        for machine in component.machines:
+            lines += [f"  {machine.name}, starts in {machine.initial}", *_machine_table(machine)]
+    if cefsm.channels:
+        rows = [
+            (each.name, each.sender, each.receiver, each.message, each.topic or "-", str(each.capacity))
+            for each in cefsm.channels
+        ]
+        lines += ["", "channels", *_table(("channel", "from", "to", "message", "topic", "capacity"), rows, 2)]
+    if cefsm.interactions:
+        lines += ["", "interactions"]
+        lines += _table(("name", "path"), [(name, " -> ".join(path)) for name, path in cefsm.interactions], 2)
+    return "\n".join(lines)
+
+
+def to_dot(model: Cefsm | Machine) -> str:
+    """Return the model or machine in Graphviz' language; a component is a cluster, a channel an edge.
+
+    >>> from parcours.model.structure import Transition
+    >>> print(to_dot(Machine("light", "off", ("off",), (Transition("tick", "off", "off"),))))
+    digraph "light" {
+      rankdir=LR; node [shape=ellipse, fontsize=11]; edge [fontsize=10];
+      "light" [shape=point]; "light" -> "light/off";
+      "light/off" [label="off"];
+      "light/off" -> "light/off" [label="tick\\n(-/-/-/-)"];
+    }
+    """
+    lines = [f"digraph {_quoted(model.name)} {{"]
+    lines.append("  rankdir=LR; node [shape=ellipse, fontsize=11]; edge [fontsize=10];")
+    if isinstance(model, Machine):
+        return "\n".join([*lines, *_dot_machine(model, "", "  "), "}"])
+    lines.append("  compound=true;")
+    anchors: dict[str, str] = {}
+    for component in model.components:
+        lines.append(f"  subgraph {_quoted('cluster_' + component.name)} {{")
+        lines.append(f"    label={_quoted(component.title or component.name)};")
+        for machine in component.machines:
+            anchors.setdefault(component.name, f"{component.name}/{machine.name}/{machine.initial}")
+            lines += _dot_machine(machine, component.name + "/", "    ")
+        lines.append("  }")
+    if any(ENVIRONMENT in (channel.sender, channel.receiver) for channel in model.channels):
+        anchors[ENVIRONMENT] = ENVIRONMENT
+        lines.append(f"  {_quoted(ENVIRONMENT)} [shape=box];")
+    for channel in model.channels:
+        ends = [name for name in (channel.sender, channel.receiver) if name != ENVIRONMENT]
+        clusters = zip(("ltail", "lhead"), (channel.sender, channel.receiver), strict=True)
+        marks = [f"{key}={_quoted('cluster_' + name)}" for key, name in clusters if name in ends]
+        marks += [f"label={_quoted(channel.name)}", "style=dashed"]
+        if all(name in anchors for name in ends):
+            sides = (_quoted(anchors[channel.sender]), _quoted(anchors[channel.receiver]))
+            lines.append(f"  {sides[0]} -> {sides[1]} [{', '.join(marks)}];")
+    return "\n".join([*lines, "}"])
+
+
+def _dot_machine(machine: Machine, prefix: str, indent: str) -> list[str]:
+    start = prefix + machine.name
+    name = {state: _quoted(f"{start}/{state}") for state in machine.states}
+    lines = [f"{_quoted(start)} [shape=point]; {_quoted(start)} -> {name[machine.initial]};"]
+    lines += [f"{name[state]} [label={_quoted(state)}];" for state in machine.states]
+    for transition in machine.transitions:
+        label = _quoted(f"{transition.id}\n{predicate(transition)}")
+        lines.append(f"{name[transition.source]} -> {name[transition.target]} [label={label}];")
+    return [indent + line for line in lines]
+
+
+def _quoted(text: str) -> str:
+    return '"' + text.replace("\\", "\\\\").replace('"', '\\"').replace("\n", "\\n") + '"'
+
+
+def _machine_table(machine: Machine) -> list[str]:
+    rows = []
+    for state in machine.states:
+        leaving = [transition for transition in machine.transitions if transition.source == state]
+        for first, transition in enumerate(leaving):
+            rows.append((state if not first else "", transition.id, predicate(transition), transition.target))
+        if not leaving:
+            rows.append((state, "-", "-", "-"))
+    return _table(("state", "transition", "predicate", "target"), rows, 4)
+
+
+def _table(head: Sequence[str], rows: Sequence[Sequence[str]], indent: int) -> list[str]:
+    widths = [max(len(row[at]) for row in [head, *rows]) for at in range(len(head))]
+    # The widest columns are wrapped until the table fits.
+    while indent + sum(widths) + 2 * (len(widths) - 1) > WIDTH and max(widths) > 12:
+        widths[widths.index(max(widths))] -= 1
+    lines = []
+    for row in [head, ["-" * width for width in widths], *rows]:
+        cells = [textwrap.wrap(cell, width) or [""] for cell, width in zip(row, widths, strict=True)]
+        for at in range(max(map(len, cells))):
+            parts = [cell[at] if at < len(cell) else "" for cell in cells]
+            said = "  ".join(part.ljust(width) for part, width in zip(parts, widths, strict=True))
+            lines.append(" " * indent + said.rstrip())
+    return lines
+
+
+def _counted(number: int, noun: str) -> str:
+    return f"{number} {noun}" + ("" if number == 1 else "s")
+
+
+def _note(role: str) -> str:
+    return " (input)" if role == "input" else ""

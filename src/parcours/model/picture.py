@@ -1,0 +1,300 @@
+"""A machine, or the components of a model, to one self-contained SVG picture.
+
+Nodes stand on a circle, the first one left, or around the one that most arrows touch; arrows between the same
+two nodes bow apart; loops point outwards; long labels go to a legend below. The same model gives the same
+bytes.
+
+            ___p2__
+      *-> (a)     (b) ~p4      angles grow clockwise, as y points down
+            `-p3--'
+"""
+
+from __future__ import annotations
+
+import html
+import math
+import textwrap
+from collections import Counter
+from collections.abc import Collection
+from dataclasses import dataclass
+
+from parcours.model.drawing import predicate
+from parcours.model.structure import ENVIRONMENT, Cefsm, Machine
+
+_CHARACTER = 7.2  # width of one letter at 13 px [px]
+_INK, _FAINT, _ACCENT, _PAPER, _NODE = "#1b1f24", "#9aa4af", "#0b57a4", "#ffffff", "#eef4fb"
+_LEGEND_WIDTH = 96  # [characters]
+_SHOWN = 24  # longest label on an arrow or in a node [characters]
+_TRIED = (0.5, 0.42, 0.58, 0.34, 0.66, 0.26, 0.74)
+
+Point = tuple[float, float]
+_Box = tuple[float, float, float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class _Arrow:
+    source: str
+    target: str
+    label: str
+    faint: bool = False
+
+
+def to_svg(model: Cefsm | Machine, title: str = "", covered: Collection[str] | None = None) -> str:
+    """Return a picture of a machine with its transitions, or of a model with its channels.
+
+    Args:
+        model: a machine or model without errors.
+        title: the heading; by default the model's name.
+        covered: ids of transitions (names of channels) to draw in full; all others are drawn faint and
+            dashed.
+
+    Example:
+    >>> from parcours.model.structure import Transition
+    >>> picture = to_svg(Machine("light", "off", ("off",), (Transition("tick", "off", "off"),)))
+    >>> picture.startswith("<svg xmlns"), ">tick</text>" in picture
+    (True, True)
+    """
+
+    def is_faint(name: str) -> bool:
+        return covered is not None and name not in covered
+
+    if isinstance(model, Machine):
+        names = list(dict.fromkeys([model.initial, *model.states]))
+        arrows = [_Arrow(each.source, each.target, each.id, is_faint(each.id)) for each in model.transitions]
+        legend = [(each.id, predicate(each)) for each in model.transitions]
+        initial = model.initial
+    else:
+        names = [component.name for component in model.components]
+        arrows = [
+            _Arrow(each.sender, each.receiver, each.name, is_faint(each.name)) for each in model.channels
+        ]
+        legend = [(each.name, f"{each.message} {each.topic}".strip()) for each in model.channels]
+        if any(ENVIRONMENT in (arrow.source, arrow.target) for arrow in arrows):
+            names.append(ENVIRONMENT)
+        initial = ""
+    picture = _Picture(names, arrows)
+    picture.draw(arrows, initial)
+    picture.write_legend(legend)
+    return picture.finished(title or model.name)
+
+
+class _Picture:
+    """Collects shapes and grows its bounds with them."""
+
+    def __init__(self, names: list[str], arrows: list[_Arrow]) -> None:
+        self.radius_x = {name: max(34.0, _CHARACTER * len(_cut(name)) / 2 + 14) for name in names}
+        self.radius_y = 21.0
+        label = _CHARACTER * max((len(_cut(arrow.label)) for arrow in arrows), default=0)
+        hub = _hub(names, arrows)
+        self.place = self._circle([name for name in names if name != hub], label)
+        if hub:
+            self.place[hub] = (0.0, 0.0)
+        self.under: list[str] = []
+        self.over: list[str] = []
+        self.taken: list[_Box] = []
+        self.left = self.top = math.inf
+        self.right = self.bottom = -math.inf
+
+    def _circle(self, names: list[str], label: float) -> dict[str, Point]:
+        count, widest = len(names), max(self.radius_x.values(), default=0.0)
+        if count == 1:
+            return {names[0]: (0.0, 0.0)}
+        if count == 2:
+            reach = widest + 60 + label / 2
+            return {names[0]: (-reach, 0.0), names[1]: (reach, 0.0)}
+        high = max(115.0, count * 26.0, label)
+        wide = max(widest + 85 + label, count * (widest + 24) / math.pi)
+        turn = 2 * math.pi / count
+        return {
+            name: (-wide * math.cos(turn * at), -high * math.sin(turn * at)) for at, name in enumerate(names)
+        }
+
+    def draw(self, arrows: list[_Arrow], initial: str) -> None:
+        for name, (x, y) in self.place.items():
+            rx, ry = self.radius_x[name], self.radius_y
+            self.over.append(
+                f'<ellipse cx="{x:.1f}" cy="{y:.1f}" rx="{rx:.1f}" ry="{ry:.1f}" fill="{_NODE}" '
+                f'stroke="{_ACCENT}" stroke-width="1.5"/>'
+            )
+            self.text(name, (x, y), weight="600")
+            self.taken.append((x - rx, y - ry, x + rx, y + ry))
+            self.cover(x - rx, y - ry)
+            self.cover(x + rx, y + ry)
+        between: Counter[tuple[str, str]] = Counter()
+        both_ways = {(arrow.source, arrow.target) for arrow in arrows}
+        outward: dict[str, list[_Arrow | None]] = {name: [] for name in self.place}
+        if initial:
+            outward[initial].append(None)
+        for arrow in arrows:
+            if arrow.source == arrow.target:
+                outward[arrow.source].append(arrow)
+                continue
+            pair = (arrow.source, arrow.target)
+            opposed = (arrow.target, arrow.source) in both_ways
+            self.curve(arrow, 20.0 + 34.0 * between[pair] if opposed or between[pair] else 12.0)
+            between[pair] += 1
+        for name, stubs in outward.items():
+            for at, stub in enumerate(stubs):
+                self.stub(name, stub, at - (len(stubs) - 1) / 2)
+
+    def curve(self, arrow: _Arrow, bend: float) -> None:
+        start, end = self.place[arrow.source], self.place[arrow.target]
+        dx, dy = end[0] - start[0], end[1] - start[1]
+        length = math.hypot(dx, dy)
+        # The control point lies left of the way, seen along it, so that the way back bows to the other side.
+        control = (
+            (start[0] + end[0]) / 2 + dy / length * 2 * bend,
+            (start[1] + end[1]) / 2 - dx / length * 2 * bend,
+        )
+        first = self.rim(arrow.source, control)
+        last = self.rim(arrow.target, control, gap=2.0)
+        self.line(f"M{_at(first)} Q{_at(control)} {_at(last)}", arrow.faint)
+        self.head(control, last, arrow.faint)
+        spots = [_quadratic(first, control, last, part) for part in _TRIED]
+        self.label(arrow, spots)
+
+    def stub(self, name: str, arrow: _Arrow | None, offset: float) -> None:
+        x, y = self.place[name]
+        outwards = math.atan2(y, x) if (x, y) != (0.0, 0.0) else -math.pi / 2
+        angle = outwards + offset * math.radians(52)
+        far = self.rim(name, (x + math.cos(angle), y + math.sin(angle)), gap=30.0)
+        if arrow is None:
+            tip = self.rim(name, far, gap=2.0)
+            self.under.append(f'<circle cx="{far[0]:.1f}" cy="{far[1]:.1f}" r="4" fill="{_INK}"/>')
+            self.cover(far[0] - 5, far[1] - 5)
+            self.cover(far[0] + 5, far[1] + 5)
+            self.line(f"M{_at(far)} L{_at(tip)}", False)
+            self.head(far, tip, False)
+            return
+        sides = []
+        for side in (-1, 1):
+            turned = angle + side * math.radians(17)
+            sides.append(self.rim(name, (x + math.cos(turned), y + math.sin(turned)), gap=1.5))
+        across = (-math.sin(angle), math.cos(angle))
+        reach = self.rim(name, (x + math.cos(angle), y + math.sin(angle)), gap=48.0)
+        pulls = [(reach[0] + side * 24 * across[0], reach[1] + side * 24 * across[1]) for side in (-1, 1)]
+        self.line(f"M{_at(sides[0])} C{_at(pulls[0])} {_at(pulls[1])} {_at(sides[1])}", arrow.faint)
+        self.head(pulls[1], sides[1], arrow.faint)
+        half = _CHARACTER * len(_cut(arrow.label)) / 2
+        spots = []
+        for gap in (44.0, 58.0, 72.0):
+            away = gap + half * abs(math.cos(angle))
+            spots.append(self.rim(name, (x + math.cos(angle), y + math.sin(angle)), gap=away))
+        self.label(arrow, spots)
+
+    def rim(self, name: str, toward: Point, gap: float = 0.0) -> Point:
+        # The point of a node's rim on the ray to another point, a gap further out.
+        x, y = self.place[name]
+        dx, dy = toward[0] - x, toward[1] - y
+        scale = 1.0 / math.hypot(dx / self.radius_x[name], dy / self.radius_y)
+        length = math.hypot(dx, dy)
+        return x + dx * scale + dx / length * gap, y + dy * scale + dy / length * gap
+
+    def line(self, path: str, faint: bool) -> None:
+        style = f'stroke="{_FAINT}" stroke-dasharray="5 4"' if faint else f'stroke="{_INK}"'
+        self.under.append(f'<path d="{path}" fill="none" {style} stroke-width="1.4"/>')
+
+    def head(self, before: Point, tip: Point, faint: bool) -> None:
+        angle = math.atan2(tip[1] - before[1], tip[0] - before[0])
+        wings = [
+            (tip[0] - 9 * math.cos(angle + side), tip[1] - 9 * math.sin(angle + side)) for side in (-0.4, 0.4)
+        ]
+        points = " ".join(map(_at, [tip, *wings]))
+        self.under.append(f'<polygon points="{points}" fill="{_FAINT if faint else _INK}"/>')
+
+    def label(self, arrow: _Arrow, spots: list[Point]) -> None:
+        half = _CHARACTER * len(_cut(arrow.label)) / 2 + 2
+        boxes = [(x - half, y - 9, x + half, y + 9) for x, y in spots]
+        free = [at for at, box in enumerate(boxes) if not any(_overlap(box, other) for other in self.taken)]
+        at = free[0] if free else 0
+        self.taken.append(boxes[at])
+        self.cover(*boxes[at][:2])
+        self.cover(*boxes[at][2:])
+        left, top, right, bottom = boxes[at]
+        self.over.append(
+            f'<rect x="{left:.1f}" y="{top:.1f}" width="{right - left:.1f}" height="{bottom - top:.1f}" '
+            f'fill="{_PAPER}" fill-opacity="0.85"/>'
+        )
+        self.text(arrow.label, spots[at], colour=_FAINT if arrow.faint else _INK)
+
+    def text(self, text: str, place: Point, *, colour: str = _INK, weight: str = "400") -> None:
+        full = f"<title>{_safe(text)}</title>" if _cut(text) != text else ""
+        self.over.append(
+            f'<text x="{place[0]:.1f}" y="{place[1] + 4.5:.1f}" text-anchor="middle" fill="{colour}" '
+            f'font-weight="{weight}">{_safe(_cut(text))}{full}</text>'
+        )
+
+    def write_legend(self, legend: list[tuple[str, str]]) -> None:
+        self.left, self.right = min(self.left, 0.0), max(self.right, 0.0)
+        self.top, self.bottom = min(self.top, 0.0), max(self.bottom, 0.0)
+        column = max((len(_cut(name)) for name, _ in legend), default=0) * _CHARACTER + 18
+        y, x = self.bottom + 34, self.left
+        for name, said in legend:
+            for at, part in enumerate(textwrap.wrap(said, _LEGEND_WIDTH) or [""]):
+                if at == 0:
+                    self.line_of_legend(_cut(name), (x, y), "600")
+                self.line_of_legend(part, (x + column, y), "400")
+                y += 18
+
+    def line_of_legend(self, text: str, place: Point, weight: str) -> None:
+        self.over.append(
+            f'<text x="{place[0]:.1f}" y="{place[1]:.1f}" fill="{_INK}" font-weight="{weight}" '
+            f'font-family="ui-monospace, Menlo, Consolas, monospace" font-size="12">{_safe(text)}</text>'
+        )
+        self.cover(place[0] + len(text) * 7.3, place[1] + 4)
+
+    def cover(self, x: float, y: float) -> None:
+        self.left, self.right = min(self.left, x), max(self.right, x)
+        self.top, self.bottom = min(self.top, y), max(self.bottom, y)
+
+    def finished(self, title: str) -> str:
+        left, top = self.left - 20, self.top - 52
+        wide = max(self.right + 20 - left, _CHARACTER * len(title) + 60)
+        high = self.bottom + 16 - top
+        heading = (
+            f'<text x="{left + 20:.1f}" y="{top + 26:.1f}" font-size="15" font-weight="600" '
+            f'fill="{_INK}">{_safe(title)}</text>'
+        )
+        shapes = "\n".join([heading, *self.under, *self.over])
+        return (
+            f'<svg xmlns="http://www.w3.org/2000/svg" role="img" aria-label="{_safe(title)}" '
+            f'viewBox="{left:.1f} {top:.1f} {wide:.1f} {high:.1f}" width="{wide:.0f}" height="{high:.0f}" '
+            f'font-family="system-ui, -apple-system, Segoe UI, sans-serif" font-size="13">\n'
+            f'<rect x="{left:.1f}" y="{top:.1f}" width="{wide:.1f}" height="{high:.1f}" rx="8" '
+            f'fill="{_PAPER}"/>\n'
+            f"{shapes}\n</svg>\n"
+        )
+
+
+def _hub(names: list[str], arrows: list[_Arrow]) -> str:
+    # A node that most arrows touch stands in the middle, if there are enough others to surround it.
+    touched = Counter(name for arrow in arrows for name in {arrow.source, arrow.target})
+    if len(names) < 6 or not touched:
+        return ""
+    hub, count = max(touched.items(), key=lambda item: item[1])
+    return hub if 3 * count > 2 * len(arrows) else ""
+
+
+def _quadratic(start: Point, control: Point, end: Point, part: float) -> Point:
+    rest = 1 - part
+    x, y = (
+        rest * rest * a + 2 * rest * part * b + part * part * c
+        for a, b, c in zip(start, control, end, strict=True)
+    )
+    return x, y
+
+
+def _overlap(one: _Box, two: _Box) -> bool:
+    return one[0] < two[2] and two[0] < one[2] and one[1] < two[3] and two[1] < one[3]
+
+
+def _cut(text: str) -> str:
+    return text if len(text) <= _SHOWN else text[: _SHOWN - 1] + "\u2026"
+
+
+def _at(point: Point) -> str:
+    return f"{point[0]:.1f},{point[1]:.1f}"
+
+
+def _safe(text: str) -> str:
+    return html.escape("".join(letter if letter.isprintable() else "\ufffd" for letter in text))

@@ -1,0 +1,241 @@
+"""Samples -> charts of how they are distributed: histograms, cumulative shares, durations against limits.
+
+Fig. 5a and 5c of Abdelgawad et al. are `durations` and `histogram`, drawn so that several series compare.
+Each chart says its numbers in words too (`alt`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from parcours.report.drawing import (
+    INK,
+    MUTED,
+    PAPER,
+    SERIES,
+    TONES,
+    bad_data,
+    canvas,
+    percent,
+    require_data,
+    svg_of,
+)
+from parcours.report.pieces import Figure, Floats
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure as Canvas
+
+
+def histogram(
+    title: str,
+    series: Mapping[str, ArrayLike],
+    edges: Sequence[float],
+    axis: str,
+    quantiles: Mapping[str, Sequence[tuple[float, float]]] | None = None,
+    note: str = "",
+) -> Figure:
+    """Return one histogram a series above a common axis, in shares of the series, with its median (Fig. 5c).
+
+    Args:
+        title: what the chart shows.
+        series: name -> values in the unit of `axis`, any shape; NaN is left out.
+        edges: ends of the bins, increasing, shape (n_bins + 1,); values beyond count in the outermost bins.
+        axis: what the values are, with unit.
+        quantiles: name -> (share, value) pairs of a series of which no more is known, drawn as marks.
+        note: small print below it.
+
+    Raises:
+        BadRequest: there is no series, or the edges are too few or do not increase.
+    """
+    quantiles = quantiles or {}
+    require_data(title, edges, {**series, **quantiles})
+    bins = np.asarray(edges, dtype=np.float64)
+    if len(bins) < 2 or not (np.diff(bins) > 0.0).all():
+        raise bad_data(title, f"bin edges must increase, at least two, but are {list(edges)}")
+    told = []
+    with canvas(0.55 + 0.95 * len(series) + 0.65 * len(quantiles), len(series) + len(quantiles)) as (
+        figure,
+        panels,
+    ):
+        for k, (name, values) in enumerate(series.items()):
+            known = _known(values)
+            counts = np.histogram(np.clip(known, bins[0], bins[-1]), bins)[0] / max(known.size, 1)
+            colour = SERIES[k % len(SERIES)]
+            panels[k].bar(
+                bins[:-1], counts, np.diff(bins), align="edge", color=colour, edgecolor=PAPER, linewidth=0.8
+            )
+            panels[k].yaxis.set_major_formatter(percent)
+            panels[k].grid(visible=False, axis="x")
+            panels[k].set_title(f"{name}  (n = {known.size})", loc="left", color=INK)
+            if known.size:
+                median = float(np.median(known))
+                _mark(panels[k], median, f"median {median:.3g}")
+                told.append(f"{name}: {known.size} values, median {median:.3g}, largest {known.max():.3g}")
+            else:
+                told.append(f"{name}: no values")
+        for panel, (name, marks) in zip(panels[len(series) :], quantiles.items(), strict=True):
+            panel.plot(
+                [value for _, value in marks],
+                [0.5] * len(marks),
+                "-|",
+                color=SERIES[2],
+                markersize=14,
+                mew=1.6,
+            )
+            for share, value in marks:
+                panel.text(value, 0.78, f"{share:.0%}", ha="center", va="bottom", fontsize=8.0, color=MUTED)
+            panel.set_ylim(0.0, 1.3)
+            panel.set_yticks([])
+            panel.grid(visible=False)
+            panel.spines["left"].set_visible(False)
+            panel.set_title(f"{name}  (quantiles)", loc="left", color=INK)
+            told.append(f"{name}: " + ", ".join(f"{share:.0%} at most {value:g}" for share, value in marks))
+        panels[-1].set_xlim(bins[0], bins[-1])
+        panels[-1].set_xlabel(axis)
+        svg = svg_of(figure)
+    return Figure(title, svg, f"{axis}. " + "; ".join(told), note)
+
+
+def durations(
+    title: str,
+    groups: Mapping[str, ArrayLike],
+    limits: Mapping[str, tuple[float, float]] | None = None,
+    note: str = "",
+) -> Figure:
+    """Return durations on a logarithmic axis: each group's range, middle 90 %, median and limits (Fig. 5a).
+
+    Args:
+        title: what the chart shows.
+        groups: name -> durations [s], above 0, any shape; NaN is left out.
+        limits: name -> the lower and the upper limit set for the group [s], above 0.
+        note: small print below it.
+
+    Raises:
+        BadRequest: there is no group, a duration or limit is not above 0, or a limit names no group.
+    """
+    limits = limits or {}
+    require_data(title, list(groups), groups)
+    if unknown := [name for name in limits if name not in groups]:
+        raise bad_data(title, f"limits must name a group, but {unknown[0]!r} is none")
+    known = {name: _known(values) * 1e3 for name, values in groups.items()}
+    for values in (*known.values(), *(np.asarray(pair) for pair in limits.values())):
+        if not (np.isfinite(values).all() and (values > 0.0).all()):
+            raise bad_data(title, "durations and limits must be finite and above 0 s on a logarithmic axis")
+    told = []
+    with canvas(0.95 + 0.36 * len(groups)) as (figure, (panel,)):
+        for row, (name, values) in enumerate(known.items()):
+            if name in limits:
+                low, high = (1e3 * limit for limit in limits[name])
+                panel.fill_betweenx(
+                    [row - 0.36, row + 0.36], low, high, color=TONES["poor"], alpha=0.22, linewidth=0
+                )
+                panel.vlines([low, high], row - 0.36, row + 0.36, color=SERIES[0], linewidth=1.4)
+            if not values.size:
+                told.append(f"{name}: no durations")
+                continue
+            p5, median, p95 = (float(q) for q in np.quantile(values, (0.05, 0.5, 0.95)))
+            panel.hlines(row, values.min(), values.max(), color=SERIES[1], linewidth=1.2)
+            panel.hlines(row, p5, p95, color=SERIES[1], linewidth=6.5, alpha=0.45)
+            panel.vlines(p95, row - 0.2, row + 0.2, color=SERIES[1], linewidth=1.6)
+            panel.plot([median], [row], "o", color=SERIES[1], markersize=6, markeredgecolor=PAPER)
+            panel.plot([values.max()], [row], "|", color=SERIES[1], markersize=7)
+            told.append(
+                f"{name}: n {values.size}, median {median:.3g} ms, "
+                f"p95 {p95:.3g} ms, largest {values.max():.3g} ms"
+            )
+        panel.set_xscale("log")
+        panel.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
+        panel.set_yticks(range(len(known)), list(known))
+        panel.set_ylim(len(known) - 0.5, -0.5)
+        panel.grid(visible=False, axis="y")
+        panel.set_xlabel("duration [ms], logarithmic")
+        _legend_of_durations(figure, limited=bool(limits))
+        svg = svg_of(figure)
+    return Figure(title, svg, "; ".join(told), note)
+
+
+def cumulative(
+    title: str,
+    series: Mapping[str, ArrayLike],
+    axis: str,
+    quantiles: Mapping[str, Sequence[tuple[float, float]]] | None = None,
+    note: str = "",
+) -> Figure:
+    """Return the share of values at most as large as any given one, a step line a series.
+
+    Args:
+        title: what the chart shows.
+        series: name -> values in the unit of `axis`, any shape; NaN is left out.
+        axis: what the values are, with unit.
+        quantiles: name -> (share, value) pairs of a series of which no more is known, drawn as dots.
+        note: small print below it.
+
+    Raises:
+        BadRequest: there is no series.
+    """
+    quantiles = quantiles or {}
+    require_data(title, [*series, *quantiles], {**series, **quantiles})
+    told = []
+    with canvas(2.7) as (figure, (panel,)):
+        for k, (name, values) in enumerate(series.items()):
+            known = np.sort(_known(values))
+            panel.step(
+                np.concatenate([known[:1], known]), np.arange(len(known) + 1) / max(len(known), 1), where="post",
+                color=SERIES[k % len(SERIES)], linewidth=1.8, label=f"{name} (n = {known.size})",
+            )  # fmt: skip
+            told.append(
+                f"{name}: median {np.median(known):.3g} of {known.size}"
+                if known.size
+                else f"{name}: no values"
+            )
+        for name, marks in quantiles.items():
+            at = [value for _, value in marks]
+            panel.plot(
+                at, [share for share, _ in marks], "D", color=SERIES[2], label=name, markeredgecolor=PAPER
+            )
+            told.append(f"{name}: " + ", ".join(f"{share:.0%} at most {value:g}" for share, value in marks))
+        panel.set_ylim(0.0, 1.02)
+        panel.yaxis.set_major_formatter(percent)
+        panel.set_xlabel(axis)
+        figure.legend(loc="outside upper left", ncols=3)
+        svg = svg_of(figure)
+    return Figure(title, svg, f"{axis}. " + "; ".join(told), note)
+
+
+def _known(values: ArrayLike) -> Floats:
+    """Return the values that are numbers, flat."""
+    flat: Floats = np.asarray(values, dtype=np.float64).ravel()
+    return flat[~np.isnan(flat)]
+
+
+def _mark(panel: Axes, at: float, text: str) -> None:
+    """Draw a vertical mark with its text in the margin above the panel."""
+    panel.axvline(at, color=INK, linewidth=1.1)
+    panel.annotate(
+        text, (at, 1.0), xycoords=("data", "axes fraction"), xytext=(3, -1), textcoords="offset points",
+        va="top", fontsize=8.0, color=INK,
+    )  # fmt: skip
+
+
+def _legend_of_durations(figure: Canvas, *, limited: bool) -> None:
+    """Say what the marks of `durations` mean."""
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    keys = [
+        Line2D([], [], color=SERIES[1], marker="o", linestyle="", label="median"),
+        Patch(color=SERIES[1], alpha=0.45, label="middle 90 %"),
+        Line2D([], [], color=SERIES[1], linewidth=1.2, label="range"),
+    ]
+    if limited:
+        keys.append(
+            Patch(
+                facecolor=TONES["poor"], alpha=0.35, edgecolor=SERIES[0], label="limits set, lower to upper"
+            )
+        )
+    figure.legend(handles=keys, loc="outside upper left", ncols=4)

@@ -1,0 +1,166 @@
+"""A matplotlib drawing -> an <svg> element that a page can adopt; and the one style in which charts are drawn.
+
+The element carries no date, no random id and no address. Its colours are CSS variables with a fallback, so that
+a chart follows the page into the dark and stands alone as well; its text stays text.
+"""
+
+from __future__ import annotations
+
+import io
+import re
+from collections.abc import Iterator, Mapping, Sequence, Sized
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+from parcours.errors import BadRequest
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure as Canvas
+
+WIDTH = 7.6
+"""Width of a chart [in]; at 72 points an inch and 4/3 px a point it fills a page's column."""
+
+INK, MUTED, RULE, PAPER = "#1c2430", "#5b6675", "#d9dee6", "#fefefe"
+
+SERIES = ("#d55e00", "#0072b2", "#79808c", "#00805c", "#a8548a", "#b08900")
+"""Colours of series (after Okabe and Ito, Color Universal Design, 2008); each has a marker of its own too."""
+
+MARKERS = ("o", "s", "D", "^", "v", "P")
+
+TONES = {
+    "good": "#0072b2",
+    "fair": "#62b1e2",
+    "neutral": "#b4bac4",
+    "poor": "#e8b13a",
+    "bad": "#d55e00",
+    "worst": "#7a2259",
+}
+"""Colours of tones, from blue by way of yellow to purple: apart in hue and lightness for colour-blind eyes."""
+
+_NAMES = {
+    INK: "ink",
+    MUTED: "muted",
+    RULE: "rule",
+    PAPER: "panel",
+    **{colour: f"c{k}" for k, colour in enumerate(SERIES)},
+}
+
+_STYLE: Any = {
+    "svg.fonttype": "none",
+    "svg.hashsalt": "parcours",
+    "font.family": "sans-serif",
+    "font.sans-serif": ["DejaVu Sans"],
+    "font.size": 9.0,
+    "axes.titlesize": 9.0,
+    "axes.labelsize": 9.0,
+    "xtick.labelsize": 8.5,
+    "ytick.labelsize": 9.0,
+    "legend.fontsize": 9.0,
+    "legend.frameon": False,
+    "text.color": INK,
+    "axes.labelcolor": MUTED,
+    "xtick.color": MUTED,
+    "ytick.color": MUTED,
+    "ytick.labelcolor": INK,
+    "axes.edgecolor": RULE,
+    "axes.facecolor": "none",
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "grid.color": RULE,
+    "grid.linewidth": 0.7,
+    "xtick.major.size": 0.0,
+    "ytick.major.size": 0.0,
+    "figure.facecolor": "none",
+    "text.usetex": False,
+    "text.parse_math": False,
+    "axes.unicode_minus": True,
+}
+
+
+@contextmanager
+def canvas(height: float, rows: int = 1) -> Iterator[tuple[Canvas, list[Axes]]]:
+    """Yield an empty chart of `rows` panels above each other with a common horizontal axis, in our style.
+
+    Args:
+        height: of the whole [in].
+        rows: number of panels.
+    """
+    import matplotlib
+    from matplotlib.backends.backend_svg import FigureCanvasSVG
+    from matplotlib.figure import Figure as Canvas
+
+    # defaults first: a matplotlibrc of the user must not change our bytes
+    with (
+        matplotlib.rc_context({**matplotlib.rcParamsDefault, "backend": "svg"}),
+        matplotlib.rc_context(_STYLE),
+    ):
+        matplotlib.rcParams.update(matplotlib.rcParamsDefault)
+        matplotlib.rcParams.update(_STYLE)
+        figure = Canvas(figsize=(WIDTH, height), layout="constrained")
+        FigureCanvasSVG(figure)
+        panels = figure.subplots(rows, 1, sharex=True, squeeze=False)
+        yield figure, list(panels[:, 0])
+
+
+def svg_of(figure: Canvas) -> str:
+    """Return the chart as an <svg> element; the same bytes for the same chart."""
+    text = io.StringIO()
+    figure.savefig(text, format="svg", metadata={"Date": None, "Creator": None}, transparent=True)
+    svg = text.getvalue()
+    svg = svg[svg.index("<svg") :].strip()
+    svg = re.sub(r"<metadata>.*?</metadata>\s*", "", svg, flags=re.DOTALL)
+    # inside a page a <style> element would reach the whole page
+    svg = re.sub(r"<style[^>]*>.*?</style>\s*", "", svg, flags=re.DOTALL)
+    svg = svg.replace("<svg ", '<svg stroke-linejoin="round" stroke-linecap="butt" ', 1)
+    svg = re.sub(r"\s*\n\s*", "\n", svg)
+    svg = svg.replace("'DejaVu Sans'", "var(--sans, 'DejaVu Sans')")
+    return re.sub(r"(?<=[:\s])#[0-9a-f]{6}\b", _variable, svg)
+
+
+def _variable(match: re.Match[str]) -> str:
+    name = _NAMES.get(match[0])
+    return f"var(--{name}, {match[0]})" if name else match[0]
+
+
+def label_ink(colour: str) -> str:
+    """Return black or white, whichever reads better on a colour (relative luminance, WCAG 2.1).
+
+    >>> label_ink("#0072b2"), label_ink("#e8b13a")
+    ('#ffffff', '#000000')
+    """
+    channels = (int(colour[k : k + 2], 16) / 255.0 for k in (1, 3, 5))
+    linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in channels]
+    luminance = 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
+    return "#000000" if (luminance + 0.05) / 0.05 > 1.05 / (luminance + 0.05) else "#ffffff"
+
+
+def percent(value: float, _: float = 0.0) -> str:
+    """Return a share as a tick label.
+
+    >>> percent(0.25), percent(0.005)
+    ('25 %', '0.5 %')
+    """
+    return f"{100.0 * value:g} %"
+
+
+def require_data(title: str, groups: Sequence[object], series: Mapping[str, object]) -> None:
+    """Raise BadRequest unless there is something to draw."""
+    if not groups or not series:
+        raise bad_data(title, "it must have at least one group and one series, but has none")
+
+
+def require_same_length(title: str, groups: Sequence[object], series: Mapping[str, Sized]) -> None:
+    """Raise BadRequest unless each series has one value a group."""
+    for name, values in series.items():
+        if len(values) != len(groups):
+            raise bad_data(
+                title, f"{name!r} must have one value a group, {len(groups)}, but has {len(values)}"
+            )
+
+
+def bad_data(title: str, rule: str) -> BadRequest:
+    """Return the complaint that a chart cannot be drawn."""
+    return BadRequest(f"chart {title!r}", rule, "check the results it is drawn from", slug="chart-data")

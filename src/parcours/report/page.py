@@ -1,0 +1,120 @@
+"""A page's pieces -> one self-contained HTML file: style, script, charts and replay data inside, nothing loaded.
+
+The same page gives the same bytes. All text from outside is escaped by the template; a Content-Security-Policy lets
+only our own script run, whatever a title may hold.
+"""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import itertools
+import re
+from collections.abc import Iterator
+from functools import cache
+from importlib import resources
+from typing import TYPE_CHECKING
+
+from markupsafe import Markup
+
+from parcours.report import prose
+from parcours.report.cells import group_spans, shown, sides
+from parcours.report.pieces import Cell, Column, Figure, Marked, Page, Piece, Replay, anchors
+from parcours.report.recording import embedded
+from parcours.report.still import described, still
+
+if TYPE_CHECKING:
+    from jinja2 import Template
+
+
+def to_html(page: Page) -> str:
+    """Return the page as one HTML document that needs no network.
+
+    Args:
+        page: what to show.
+
+    Raises:
+        BadRequest: a column's format does not fit its numbers.
+
+    >>> from parcours.report.pieces import Section
+    >>> html = to_html(Page("A <b> page", "", (), (Section("Why", "Because.", ()),)))
+    >>> "A &lt;b&gt; page" in html, '<section id="why"' in html
+    (True, True)
+    """
+    script = _file("replay.js")
+    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode("ascii")
+    numbers = itertools.count(1)
+    return _template().render(
+        page=page,
+        sections=list(
+            zip(anchors(page), page.sections, (blocks(s.pieces) for s in page.sections), strict=True)
+        ),
+        style=Markup(_file("page.css")),
+        script=Markup(script),
+        script_hash=digest,
+        drawn=lambda figure: _adopted(figure, next(numbers)),
+    )
+
+
+def blocks(pieces: tuple[Piece, ...]) -> Iterator[tuple[str, list[Piece]]]:
+    """Return runs of pieces as the template lays them out: replays that follow each other share a grid.
+
+    >>> from parcours.report.pieces import Code, Text
+    >>> [(kind, len(run)) for kind, run in blocks((Text("a"), Text("b"), Code("c")))]
+    [('Text', 1), ('Text', 1), ('Code', 1)]
+    """
+    for kind, run in itertools.groupby(pieces, lambda piece: type(piece).__name__):
+        if kind == "Replay":
+            yield kind, list(run)
+        else:
+            yield from ((kind, [piece]) for piece in run)
+
+
+@cache
+def _template() -> Template:
+    from jinja2 import Environment, StrictUndefined
+
+    environment = Environment(
+        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
+    environment.filters.update(
+        prose=prose.html,
+        inline=prose.inline_html,
+        cells=_cells,
+        spans=group_spans,
+        sides=sides,
+        json=_json,
+        still=lambda replay: Markup(still(replay)),
+        described=described,
+    )
+    return environment.from_string(_file("page.html"))
+
+
+def _cells(row: tuple[Cell, ...], columns: tuple[Column, ...]) -> list[tuple[str, str, str]]:
+    """Return text, tone and reason of each cell of a row."""
+    return [
+        (shown(cell, column), *((cell.tone, cell.why) if isinstance(cell, Marked) else ("", "")))
+        for cell, column in zip(row, columns, strict=True)
+    ]
+
+
+def _json(replay: Replay) -> Markup:
+    """Return a replay's data for a <script> element; no text in it can end that element."""
+    text = embedded(replay)
+    for character in "<>&\u2028\u2029":
+        text = text.replace(character, f"\\u{ord(character):04x}")
+    return Markup(text)
+
+
+def _adopted(figure: Figure, number: int) -> Markup:
+    """Return a figure's drawing with ids of its own on this page, and without namespaces, which HTML does not need."""
+    svg = re.sub(r'\s(?:xmlns(?::\w+)?)="[^"]*"', "", figure.svg)
+    prefix = f"f{number}-"
+    svg = re.sub(r'(?<=\sid=")', prefix, svg)
+    svg = re.sub(r'(?<=url\(#)|(?<=href="#)', prefix, svg)
+    return Markup(svg)
+
+
+@cache
+def _file(name: str) -> str:
+    return resources.files("parcours.report").joinpath(name).read_text(encoding="utf-8")

@@ -1,0 +1,66 @@
+"""A replay -> the compact JSON that the page's player reads: whole millimetres, each as the step from the last.
+
+replay.js sums the steps up again; whole numbers, so nothing is lost on the way.
+"""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+
+from parcours.report.pieces import Floats, Replay
+
+PER_METRE = 1000
+"""Resolution of lengths: 1 mm."""
+
+PER_SECOND = 1000
+"""Resolution of times: 1 ms."""
+
+PER_RADIAN = 1000
+"""Resolution of headings: 1 mrad."""
+
+
+def embedded(replay: Replay) -> str:
+    """Return the replay as JSON.
+
+    Keys: t, x, y, h (time, position, heading) and ox, oy (one list an obstacle) hold steps; halts holds the samples
+    where `halted` changes, starting from not halted; r, or, size, goal, tol are plain values [m].
+
+    >>> at = np.array([0.0, 0.5])
+    >>> print(embedded(Replay("t", "", at, at, at, at, at > 0, at[:, None], at[:, None] + 1.0, 0.125, (0.1,),
+    ...                       (2.0, 2.0), (2.0, 2.0), 0.2)))  # doctest: +NORMALIZE_WHITESPACE
+    {"t":[0,500],"x":[0,500],"y":[0,500],"h":[0,500],"halts":[1],"ox":[[0,500]],"oy":[[1000,500]],
+     "r":0.125,"or":[0.1],"size":[2.0,2.0],"goal":[2.0,2.0],"tol":0.2}
+    """
+    halted = np.asarray(replay.halted, dtype=np.int8)
+    record = {
+        "t": steps(replay.times, PER_SECOND),
+        "x": steps(replay.x, PER_METRE),
+        "y": steps(replay.y, PER_METRE),
+        "h": steps(replay.heading, PER_RADIAN),
+        "halts": np.flatnonzero(np.diff(halted, prepend=0)).tolist(),
+        "ox": [steps(column, PER_METRE) for column in replay.obstacle_x.T],
+        "oy": [steps(column, PER_METRE) for column in replay.obstacle_y.T],
+        "r": float(replay.robot_radius),
+        "or": [float(radius) for radius in replay.obstacle_radii],
+        "size": [float(side) for side in replay.arena],
+        "goal": [float(place) for place in replay.goal],
+        "tol": float(replay.goal_tolerance),
+    }
+    return json.dumps(record, separators=(",", ":"), allow_nan=False)
+
+
+def steps(values: Floats, per_unit: int) -> list[int]:
+    """Return the values in whole parts of a unit, the first as it is and each other as the step from the last.
+
+    Args:
+        values: any unit, shape (n,).
+        per_unit: parts of a unit.
+
+    >>> steps(np.array([1.0, 1.2504, 1.2]), 1000)
+    [1000, 250, -50]
+    """
+    whole = np.round(values * per_unit).astype(np.int64)
+    stepped: list[int] = np.diff(whole, prepend=0).tolist()
+    return stepped

@@ -1,0 +1,191 @@
+// Turns each recorded run on the page into a player: the arena on a canvas, the clearance below it, play, speed, time.
+"use strict";
+(() => {
+  const css = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+  const sum = (steps, per) => { let at = 0; return steps.map((step) => (at += step) / per); };
+  const make = (tag, attributes = {}, ...inside) => {
+    const element = document.createElement(tag);
+    for (const [name, value] of Object.entries(attributes)) element.setAttribute(name, value);
+    element.append(...inside);
+    return element;
+  };
+  const TRAIL = 3; // how long an obstacle's trail is [s]
+  const redraws = [];
+
+  function player(figure) {
+    const d = JSON.parse(figure.querySelector('script[type="application/json"]').textContent);
+    const t = sum(d.t, 1000), x = sum(d.x, 1000), y = sum(d.y, 1000), h = sum(d.h, 1000);
+    const ox = d.ox.map((steps) => sum(steps, 1000)), oy = d.oy.map((steps) => sum(steps, 1000));
+    const n = t.length, start = t[0], end = t[n - 1];
+    const halted = new Array(n).fill(false);
+    d.halts.forEach((from, k) => { if (k % 2 === 0) halted.fill(true, from, d.halts[k + 1] ?? n); });
+    const gap = t.map((_, i) => Math.min(...ox.map((_, k) =>
+      Math.hypot(ox[k][i] - x[i], oy[k][i] - y[i]) - d.r - d.or[k])));
+    const least = gap.indexOf(Math.min(...gap));
+    const [width, height] = d.size, rim = 1.2 * Math.max(d.r, d.tol, 0, ...d.or);
+
+    const field = make("canvas", { class: "field", "aria-hidden": "true" });
+    const strip = make("canvas", { class: "strip", "aria-hidden": "true" });
+    const button = make("button", { type: "button" }, "Play");
+    const slider = make("input", { type: "range", min: start, max: end, step: "any", value: start, "aria-label": "Time" });
+    const speed = make("select", { "aria-label": "Speed" }, ...[1, 2, 5].map((k) => make("option", { value: k }, `${k}×`)));
+    const output = make("output");
+    const box = make("div", { class: "player" }, field, strip, make("div", { class: "bar" }, button, slider, speed), output);
+    figure.querySelector(".still").after(box);
+
+    let now = start, running = false, last = 0;
+
+    const sample = (time) => { // the last sample at or before a time
+      let low = 0, high = n - 1;
+      while (low < high) { const mid = (low + high + 1) >> 1; if (t[mid] <= time) low = mid; else high = mid - 1; }
+      return low;
+    };
+    const turn = (from, to) => Math.atan2(Math.sin(to - from), Math.cos(to - from));
+
+    function prepare(canvas, w, hgt) { // crisp on any screen; returns a context in CSS pixels
+      const ratio = window.devicePixelRatio || 1;
+      if (canvas.width !== Math.round(w * ratio) || canvas.height !== Math.round(hgt * ratio)) {
+        canvas.width = Math.round(w * ratio); canvas.height = Math.round(hgt * ratio);
+        canvas.style.height = `${hgt}px`;
+      }
+      const g = canvas.getContext("2d");
+      g.setTransform(ratio, 0, 0, ratio, 0, 0);
+      g.clearRect(0, 0, w, hgt);
+      return g;
+    }
+
+    function draw() {
+      const w = box.clientWidth;
+      if (!w) return;
+      const scale = Math.min(w / (width + 2 * rim), 640 / (height + 2 * rim));
+      const left = (w - width * scale) / 2;
+      const px = (m) => left + m * scale, py = (m) => (height + rim - m) * scale;
+      const g = prepare(field, w, (height + 2 * rim) * scale);
+      const ink = css("--ink"), muted = css("--muted"), rule = css("--rule");
+      const i = sample(now), j = Math.min(i + 1, n - 1);
+      const f = j > i ? (now - t[i]) / (t[j] - t[i]) : 0;
+      const mix = (list) => list[i] + f * (list[j] - list[i]);
+      const disc = (cx, cy, r) => { g.beginPath(); g.arc(px(cx), py(cy), r * scale, 0, 2 * Math.PI); };
+
+      g.fillStyle = css("--panel"); g.fillRect(px(0), py(height), width * scale, height * scale);
+      g.strokeStyle = rule; g.lineWidth = 1; g.beginPath();
+      const step = 0.5 * Math.max(1, Math.ceil(Math.max(width, height) / 20));
+      for (let a = step; a < width - 1e-9; a += step) { g.moveTo(px(a), py(0)); g.lineTo(px(a), py(height)); }
+      for (let a = step; a < height - 1e-9; a += step) { g.moveTo(px(0), py(a)); g.lineTo(px(width), py(a)); }
+      g.stroke();
+      g.strokeStyle = muted; g.strokeRect(px(0), py(height), width * scale, height * scale);
+
+      disc(...d.goal, d.tol);
+      g.fillStyle = g.strokeStyle = css("--c3"); g.globalAlpha = 0.14; g.fill(); g.globalAlpha = 1; g.lineWidth = 1.5; g.stroke();
+
+      const from = sample(Math.max(start, now - TRAIL));
+      ox.forEach((_, k) => {
+        g.strokeStyle = ink; g.lineWidth = 2; g.lineCap = "round";
+        for (let s = from; s < i; s++) {
+          g.globalAlpha = 0.5 * (1 - (now - t[s]) / TRAIL);
+          if (g.globalAlpha <= 0) continue;
+          g.beginPath(); g.moveTo(px(ox[k][s]), py(oy[k][s])); g.lineTo(px(ox[k][s + 1]), py(oy[k][s + 1])); g.stroke();
+        }
+        disc(mix(ox[k]), mix(oy[k]), d.or[k]);
+        g.fillStyle = ink; g.globalAlpha = 0.22; g.fill(); g.globalAlpha = 0.75; g.lineWidth = 1.2; g.stroke(); g.globalAlpha = 1;
+      });
+
+      const colour = halted[i] ? css("--c0") : css("--c1");
+      g.strokeStyle = css("--c1"); g.lineWidth = 1.6; g.lineJoin = "round"; g.globalAlpha = 0.8; g.beginPath(); g.moveTo(px(x[0]), py(y[0]));
+      for (let s = 1; s <= i; s++) g.lineTo(px(x[s]), py(y[s]));
+      g.lineTo(px(mix(x)), py(mix(y))); g.stroke();
+      disc(mix(x), mix(y), d.r);
+      g.fillStyle = g.strokeStyle = colour; g.globalAlpha = 0.35; g.fill(); g.globalAlpha = 1; g.lineWidth = 2; g.stroke();
+      const heading = h[i] + f * turn(h[i], h[j]);
+      g.beginPath(); g.moveTo(px(mix(x)), py(mix(y)));
+      g.lineTo(px(mix(x) + d.r * Math.cos(heading)), py(mix(y) + d.r * Math.sin(heading))); g.stroke();
+
+      drawStrip(w, px(0), px(width));
+      const clear = gap.length && isFinite(gap[i]) ? `${(gap[i] + f * (gap[j] - gap[i])).toFixed(3)} m` : "–";
+      const cell = (label, value, name = "") => {
+        const b = make("b", name ? { class: name } : {}, value);
+        return make("span", {}, `${label} `, b);
+      };
+      output.replaceChildren(cell("time", `${now.toFixed(1)} s`), cell("clearance", clear),
+        cell("state", halted[i] ? "halted" : "free", halted[i] ? "halted" : ""));
+      slider.value = now;
+      slider.setAttribute("aria-valuetext", `${now.toFixed(1)} s, clearance ${clear}${halted[i] ? ", halted" : ""}`);
+    }
+
+    function drawStrip(w, from, to) { // clearance over time; shaded while halted
+      const tall = 54, g = prepare(strip, w, tall), across = (time) => from + (to - from) * (time - start) / (end - start || 1);
+      g.globalAlpha = 0.2; g.fillStyle = css("--c0");
+      d.halts.forEach((a, k) => {
+        if (k % 2 === 0) { const b = d.halts[k + 1] ?? n - 1; g.fillRect(across(t[a]), 6, Math.max(1, across(t[b]) - across(t[a])), tall - 12); }
+      });
+      g.globalAlpha = 1;
+      if (isFinite(gap[least])) {
+        const low = Math.min(0, gap[least]), top = Math.max(0.5, low + 0.5), up = (v) => tall - 6 - (tall - 12) * (Math.min(v, top) - low) / (top - low);
+        g.strokeStyle = css("--rule"); g.lineWidth = 1; g.beginPath(); g.moveTo(from, up(0)); g.lineTo(to, up(0)); g.stroke();
+        g.strokeStyle = css("--muted"); g.lineWidth = 1.3; g.beginPath();
+        gap.forEach((v, s) => g[s ? "lineTo" : "moveTo"](across(t[s]), up(v)));
+        g.stroke();
+        g.fillStyle = css("--ink"); g.beginPath(); g.arc(across(t[least]), up(gap[least]), 2.6, 0, 2 * Math.PI); g.fill();
+        g.fillStyle = css("--muted"); g.font = `11px ${css("--sans")}`;
+        g.textAlign = across(t[least]) > (from + to) / 2 ? "right" : "left";
+        g.fillText(`least clearance ${gap[least].toFixed(3)} m`, across(t[least]) + (g.textAlign === "right" ? -7 : 7), Math.max(16, up(gap[least]) - 5));
+      }
+      g.strokeStyle = css("--c1"); g.lineWidth = 1.5; g.beginPath(); g.moveTo(across(now), 2); g.lineTo(across(now), tall - 2); g.stroke();
+    }
+
+    function frame(stamp) {
+      if (!running) return;
+      now += Math.min(0.25, (stamp - last) / 1000) * Number(speed.value);
+      last = stamp;
+      if (now >= end) { now = end; set(false); }
+      draw();
+      if (running) requestAnimationFrame(frame);
+    }
+    function set(go) {
+      running = go;
+      button.textContent = go ? "Pause" : now >= end ? "Replay" : "Play";
+      if (!go) return;
+      if (now >= end) now = start;
+      requestAnimationFrame((stamp) => { last = stamp; frame(stamp); });
+    }
+    function seek(time) {
+      now = Math.min(end, Math.max(start, time));
+      if (!running) set(false);
+      draw();
+    }
+
+    button.addEventListener("click", () => set(!running));
+    field.addEventListener("click", () => set(!running));
+    slider.addEventListener("input", () => seek(Number(slider.value)));
+    slider.addEventListener("keydown", (event) => { // one second a key, ten with shift or page keys
+      const by = { ArrowLeft: -1, ArrowDown: -1, ArrowRight: 1, ArrowUp: 1, PageDown: -10, PageUp: 10 }[event.key];
+      if (by) { event.preventDefault(); seek(now + by * (event.shiftKey ? 10 : 1)); }
+      if (event.key === " ") { event.preventDefault(); set(!running); }
+    });
+    let dragging = false;
+    const pointed = (event) => {
+      const scale = Math.min(box.clientWidth / (width + 2 * rim), 640 / (height + 2 * rim));
+      seek(start + (end - start) * (event.offsetX - (box.clientWidth - width * scale) / 2) / (width * scale));
+    };
+    strip.addEventListener("pointerdown", (event) => { dragging = true; strip.setPointerCapture(event.pointerId); pointed(event); });
+    strip.addEventListener("pointermove", (event) => { if (dragging) pointed(event); });
+    for (const done of ["pointerup", "pointercancel"]) strip.addEventListener(done, () => { dragging = false; });
+    new ResizeObserver(draw).observe(box);
+    redraws.push(draw);
+    draw();
+  }
+
+  document.documentElement.classList.add("js");
+  for (const figure of document.querySelectorAll("figure.replay")) player(figure);
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => redraws.forEach((draw) => draw()));
+
+  // the contents list shows where the reader is
+  const links = new Map([...document.querySelectorAll("nav a")].map((link) => [link.hash.slice(1), link]));
+  const seen = new IntersectionObserver((entries) => {
+    for (const entry of entries) links.get(entry.target.id)?.classList.toggle("here", entry.isIntersecting);
+  }, { rootMargin: "-30% 0px -65% 0px" });
+  for (const section of document.querySelectorAll("main > section")) seen.observe(section);
+
+  // paper has no folds
+  addEventListener("beforeprint", () => { for (const fold of document.querySelectorAll("details")) fold.open = true; });
+})();
