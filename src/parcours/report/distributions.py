@@ -185,7 +185,7 @@ def cumulative(
         for k, (name, values) in enumerate(series.items()):
             known = np.sort(_known(values))
             panel.step(
-                np.concatenate([known[:1], known]), np.arange(len(known) + 1) / max(len(known), 1), where="post",
+                np.concatenate([known[:1], known]), np.linspace(0.0, 1.0, len(known) + 1), where="post",
                 color=SERIES[k % len(SERIES)], linewidth=1.8, label=f"{name} (n = {known.size})",
             )  # fmt: skip
             told.append(

@@ -1,7 +1,7 @@
-"""A matplotlib drawing -> an <svg> element that a page can adopt; and the one style in which charts are drawn.
+"""A matplotlib drawing -> an <svg> element that a page can adopt; and the one style of all charts.
 
-The element carries no date, no random id and no address. Its colours are CSS variables with a fallback, so that
-a chart follows the page into the dark and stands alone as well; its text stays text.
+The element carries no date, no random id and no address. Its colours are CSS variables with a fallback, so
+that a chart follows the page into the dark and stands alone as well; its text stays text.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ TONES = {
     "bad": "#d55e00",
     "worst": "#7a2259",
 }
-"""Colours of tones, from blue by way of yellow to purple: apart in hue and lightness for colour-blind eyes."""
+"""Colours of tones, from blue by way of yellow to purple: apart in hue and in lightness."""
 
 _NAMES = {
     INK: "ink",
@@ -92,12 +92,9 @@ def canvas(height: float, rows: int = 1) -> Iterator[tuple[Canvas, list[Axes]]]:
     from matplotlib.backends.backend_svg import FigureCanvasSVG
     from matplotlib.figure import Figure as Canvas
 
-    # defaults first: a matplotlibrc of the user must not change our bytes
-    with (
-        matplotlib.rc_context({**matplotlib.rcParamsDefault, "backend": "svg"}),
-        matplotlib.rc_context(_STYLE),
-    ):
-        matplotlib.rcParams.update(matplotlib.rcParamsDefault)
+    with matplotlib.rc_context():
+        # defaults first: a matplotlibrc of the user must not change our bytes
+        matplotlib.rcdefaults()
         matplotlib.rcParams.update(_STYLE)
         figure = Canvas(figsize=(WIDTH, height), layout="constrained")
         FigureCanvasSVG(figure)

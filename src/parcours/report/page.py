@@ -1,7 +1,7 @@
-"""A page's pieces -> one self-contained HTML file: style, script, charts and replay data inside, nothing loaded.
+"""A page's pieces -> one HTML file with style, script, charts and replay data inside; it loads nothing.
 
-The same page gives the same bytes. All text from outside is escaped by the template; a Content-Security-Policy lets
-only our own script run, whatever a title may hold.
+The same page gives the same bytes. All text from outside is escaped by the template; a Content-Security-Policy
+lets only our own script run, whatever a title may hold.
 """
 
 from __future__ import annotations
@@ -107,7 +107,7 @@ def _json(replay: Replay) -> Markup:
 
 
 def _adopted(figure: Figure, number: int) -> Markup:
-    """Return a figure's drawing with ids of its own on this page, and without namespaces, which HTML does not need."""
+    """Return a figure's drawing with ids of its own on this page, without the namespaces HTML can do without."""
     svg = re.sub(r'\s(?:xmlns(?::\w+)?)="[^"]*"', "", figure.svg)
     prefix = f"f{number}-"
     svg = re.sub(r'(?<=\sid=")', prefix, svg)

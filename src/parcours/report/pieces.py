@@ -102,7 +102,7 @@ class Table:
 
 @dataclass(frozen=True, slots=True)
 class Figure:
-    """A drawing: `svg` is an <svg> element of our own making, so trusted; `alt` says in words what it shows."""
+    """A drawing: `svg` is an <svg> element of our own making, so trusted; `alt` says it in words."""
 
     title: str
     svg: str
@@ -112,7 +112,7 @@ class Figure:
 
 @dataclass(frozen=True, slots=True)
 class Text:
-    """Paragraphs parted by blank lines, with the marks that prose.py knows; everything else is shown as it is."""
+    """Paragraphs parted by blank lines, with the marks that prose.py knows; all else is shown as it is."""
 
     body: str
 
@@ -230,7 +230,7 @@ Piece: TypeAlias = Table | Figure | Text | Code | Findings | Replay
 
 @dataclass(frozen=True, slots=True)
 class Section:
-    """A titled part of a page: a lead in plain words, then its pieces; an empty anchor is made from the title."""
+    """A titled part of a page: a lead in plain words, then pieces; an empty anchor is made from the title."""
 
     title: str
     lead: str

@@ -1,6 +1,6 @@
 """Paragraphs with a few marks of emphasis -> HTML in which everything else is escaped, or plain text.
 
-The marks are a part of Markdown: **strong**, *stressed*, `code`, [words](#anchor), and lists of lines "- item".
+The marks are a part of Markdown: **strong**, *stressed*, `code`, [words](#anchor), lists of lines "- item".
 """
 
 from __future__ import annotations

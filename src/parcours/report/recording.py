@@ -1,4 +1,4 @@
-"""A replay -> the compact JSON that the page's player reads: whole millimetres, each as the step from the last.
+"""A replay -> the compact JSON that the page's player reads: whole millimetres, as steps from the last.
 
 replay.js sums the steps up again; whole numbers, so nothing is lost on the way.
 """
@@ -24,14 +24,16 @@ PER_RADIAN = 1000
 def embedded(replay: Replay) -> str:
     """Return the replay as JSON.
 
-    Keys: t, x, y, h (time, position, heading) and ox, oy (one list an obstacle) hold steps; halts holds the samples
-    where `halted` changes, starting from not halted; r, or, size, goal, tol are plain values [m].
+    Keys: t, x, y, h (time, position, heading) and ox, oy (one list an obstacle) hold steps; halts holds the
+    samples where `halted` changes, starting from not halted; r, or, size, goal, tol are plain values [m].
 
     >>> at = np.array([0.0, 0.5])
-    >>> print(embedded(Replay("t", "", at, at, at, at, at > 0, at[:, None], at[:, None] + 1.0, 0.125, (0.1,),
-    ...                       (2.0, 2.0), (2.0, 2.0), 0.2)))  # doctest: +NORMALIZE_WHITESPACE
-    {"t":[0,500],"x":[0,500],"y":[0,500],"h":[0,500],"halts":[1],"ox":[[0,500]],"oy":[[1000,500]],
-     "r":0.125,"or":[0.1],"size":[2.0,2.0],"goal":[2.0,2.0],"tol":0.2}
+    >>> run = Replay("t", "", at, at, at, at, at > 0, at[:, None], at[:, None] + 1.0, 0.125, (0.1,),
+    ...              (2.0, 2.0), (2.0, 2.0), 0.2)
+    >>> embedded(run)[:68]
+    '{"t":[0,500],"x":[0,500],"y":[0,500],"h":[0,500],"halts":[1],"ox":[['
+    >>> embedded(run)[62:]
+    '"ox":[[0,500]],"oy":[[1000,500]],"r":0.125,"or":[0.1],"size":[2.0,2.0],"goal":[2.0,2.0],"tol":0.2}'
     """
     halted = np.asarray(replay.halted, dtype=np.int8)
     record = {

@@ -139,7 +139,8 @@ def render(node: Expression, marked: Expression | None = None) -> str:
 def _render(node: Expression, marked: Expression | None, level: int) -> str:
     match node:
         case Literal(value):
-            text, own = _constant(value), _ATOM_LEVEL
+            # A number before a field needs parentheses: "0.x" starts with the real "0.".
+            text, own = _constant(value), _ATOM_LEVEL if isinstance(value, bool | str) else _UNARY_LEVEL
         case Name(id):
             text, own = id, _ATOM_LEVEL
         case Field(of, name):

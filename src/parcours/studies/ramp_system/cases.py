@@ -93,7 +93,7 @@ class SystemCases:
         """Return the stable id of a case: study, abstract case, row.
 
         >>> SystemCases(0).id(10)
-        'ramp_system/DOPS-tp11.tp21.tp31-0.0.1/1'
+        'ramp_system/together-tp11.tp21.tp31-0.0.1/1'
         """
         if self.protocol == "published":
             return f"ramp_system/published-{folder_of(number).folder}/{number}"

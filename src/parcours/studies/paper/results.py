@@ -1,0 +1,103 @@
+"""All runs of the paper's study -> one folder of results, from which the report is composed.
+
+Results are computed by campaigns, so an interrupted demo goes on where it stopped.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from parcours.run.campaign import run_campaign
+from parcours.studies.ramp_components.study import (
+    Functional,
+    Timing,
+    component_plan,
+    paper_sample,
+    run_functional,
+    run_timing,
+)
+from parcours.studies.ramp_system.cases import PROTOCOLS, Protocol
+from parcours.studies.ramp_system.study import PUBLISHED_CASES, SCHEDULES, SystemStudy, system_study
+
+Progress = Callable[[str, int, int], None]
+"""Told (what, done, in all)."""
+
+
+@dataclass(frozen=True, slots=True)
+class SystemResults:
+    """One campaign: its study and the facts of its cases, array of FACTS of shape (n_cases,)."""
+
+    study: SystemStudy
+    facts: NDArray[np.void]
+
+
+@dataclass(frozen=True, slots=True)
+class PaperResults:
+    """Everything the report stands on.
+
+    Attributes:
+        seed: of all campaigns.
+        functional: every component case: 67 abstract cases times the rows of Each Choice.
+        sample: ids of the 60 of them that Table VIII counts.
+        timing: the 60 timing cases.
+        system: (protocol, schedule) -> campaign.
+    """
+
+    seed: int
+    functional: tuple[Functional, ...]
+    sample: tuple[str, ...]
+    timing: tuple[Timing, ...]
+    system: dict[tuple[Protocol, str], SystemResults]
+
+
+class Interrupted(Exception):  # noqa: N818 - what was finished is kept, so this is no error
+    """The user stopped the runs; what was finished is in the folder."""
+
+
+def run_paper(
+    folder: Path, *, cases: int, seed: int, workers: int, progress: Progress = lambda what, done, total: None
+) -> PaperResults:
+    """Run the whole study and return its results.
+
+    Args:
+        folder: where campaigns keep their shards.
+        cases: system cases per schedule; the published protocol runs its 905, or as many if fewer are asked for.
+        seed: campaign seed.
+        workers: processes for the campaigns.
+        progress: called as the work goes on.
+
+    Raises:
+        Interrupted: Ctrl-C during a campaign.
+    """
+    plan = component_plan(seed)
+    functional: list[Functional] = []
+    for case in plan.cases():
+        functional.append(run_functional(case))
+        progress("component cases", len(functional), len(plan))
+    sample = paper_sample(plan)
+    timing: list[Timing] = []
+    for timed in run_timing(sample):
+        timing.append(timed)
+        progress("timing cases", len(timing), len(sample))
+    system: dict[tuple[Protocol, str], SystemResults] = {}
+    for protocol in PROTOCOLS:
+        for schedule in SCHEDULES:
+            study = system_study(schedule, seed=seed, protocol=protocol)
+            n = cases if protocol == "table-vii" else min(cases, PUBLISHED_CASES)
+            what = f"system cases, {schedule}" + (", published protocol" if protocol == "published" else "")
+            outcome = run_campaign(
+                study,
+                study.campaign(n),
+                folder / f"{protocol}-{schedule}",
+                workers=workers,
+                progress=lambda done, total, what=what: progress(what, done, total),  # type: ignore[misc]
+            )
+            if outcome.interrupted:
+                raise Interrupted(str(outcome))
+            system[protocol, schedule] = SystemResults(study, outcome.store.load())
+    return PaperResults(seed, tuple(functional), tuple(case.id for case in sample), tuple(timing), system)
