@@ -12,7 +12,7 @@ import hashlib
 import os
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 import llvmlite
 import numba
@@ -44,7 +44,7 @@ def kernel_cache() -> Path:
     return base / f"kernels-{digest.hexdigest()[:16]}"
 
 
-numba.config.CACHE_DIR = str(kernel_cache())
+numba.config.CACHE_DIR = str(kernel_cache())  # type: ignore[attr-defined]
 
 
 def kernel(function: F) -> F:
@@ -53,8 +53,7 @@ def kernel(function: F) -> F:
     The same inputs give the same bits on every machine: fastmath is off, and kernels take sin, cos, exp and the like
     from `elementary`, not from the machine's mathematics library.
     """
-    compiled: F = numba.njit(error_model="numpy", fastmath=False, cache=True, nogil=True)(function)
-    return compiled
+    return cast(F, numba.njit(error_model="numpy", fastmath=False, cache=True, nogil=True)(function))
 
 
 def is_warm() -> bool:

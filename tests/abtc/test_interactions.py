@@ -57,7 +57,5 @@ def test_edge_pairs_include_the_way_back() -> None:
 
 
 def test_an_unknown_criterion_is_refused() -> None:
-    with pytest.raises(
-        BadRequest, match=r"'EPCC' was given; did you mean 'EPC'.*unknown-interaction-criterion"
-    ):
+    with pytest.raises(BadRequest, match=r"'EPCC' was given; did you mean 'EPC'.*unknown-interaction-criterion"):
         interaction_paths(model(), "EPCC")

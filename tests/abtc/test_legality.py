@@ -115,9 +115,7 @@ def test_the_step_relation_refuses_a_receive_before_its_send() -> None:
     send = next(event for event in events if event.transition == "p15" and event.reference == 0)
     receive = next(event for event in events if event.transition == "p22")
     early = [
-        event
-        for event in events
-        if event is not receive and event.reference == 1 and event.position < receive.position
+        event for event in events if event is not receive and event.reference == 1 and event.position < receive.position
     ]
     order = (*early, receive, *(event for event in events if event not in (*early, receive)))
     assert order.index(receive) < order.index(send)

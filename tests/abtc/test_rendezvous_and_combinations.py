@@ -45,9 +45,7 @@ def test_who_talks_with_the_sender_stands_in_for_a_missing_receiver() -> None:
         ("B", (step("b1", "ask", "answer"),)),
         channels="ask:AB answer:BA",
     )
-    found = [
-        (m.channel, m.sender.name, m.receiver.name, m.stand_in) for m in meetings(half, internal_paths(half))
-    ]
+    found = [(m.channel, m.sender.name, m.receiver.name, m.stand_in) for m in meetings(half, internal_paths(half))]
     assert found == [("ask", "tp11", "tp21", False), ("answer", "tp21", "tp11", True)]
 
 
@@ -91,10 +89,7 @@ def test_a_hop_that_no_path_can_make_leaves_nothing() -> None:
     (trip,) = interaction_paths(mute, "EPC")
     result = combinations(mute, trip)
     assert result.kept == ()
-    assert (
-        "A -> B: tp11 and tp21 have no rendezvous, nor have any other paths of the two"
-        in result.dropped[0].reason
-    )
+    assert "A -> B: tp11 and tp21 have no rendezvous, nor have any other paths of the two" in result.dropped[0].reason
 
 
 def test_components_side_by_side_need_no_rendezvous() -> None:

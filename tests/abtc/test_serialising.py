@@ -44,9 +44,7 @@ def talking_models(draw: st.DrawFn) -> Cefsm:
     components = []
     for name in names:
         size = draw(st.integers(1, 3))
-        arcs = [(n, (n + 1) % size) for n in range(size)] + [
-            (n, n) for n in range(draw(st.integers(0, size)))
-        ]
+        arcs = [(n, (n + 1) % size) for n in range(size)] + [(n, n) for n in range(draw(st.integers(0, size)))]
         heard = [None, *(channel.name for channel in channels if channel.receiver == name)]
         told = [None, *(channel.name for channel in channels if channel.sender == name)]
         transitions = []
@@ -83,9 +81,7 @@ def check_sequence(case: AbstractCase) -> None:
 
 @given(talking_models(), st.sampled_from(list(POLICIES)))
 @settings(max_examples=150, deadline=None)
-def test_any_case_of_any_model_runs_to_its_end_and_keeps_order_and_rendezvous(
-    model: Cefsm, policy: str
-) -> None:
+def test_any_case_of_any_model_runs_to_its_end_and_keeps_order_and_rendezvous(model: Cefsm, policy: str) -> None:
     for case in islice(abstract_cases(model, policy), 20):
         check_sequence(case)
 
@@ -136,9 +132,7 @@ def test_ids_stay_the_same_between_releases() -> None:
     assert ids[15] == "ITP4-tp11.tp41+tp42.tp11-0.0+3.3"
     assert ids[36] == "ITP5-tp61.tp11+tp12.tp21.tp11+tp12.tp31.tp11+tp12.tp41-0.1+1.1.3+3.3.5+5.5"
     assert ids[66] == "ITP6-tp41+tp42.tp11.tp51.tp11.tp41+tp42-0+4.5.5.7.7+7"
-    assert (
-        next(abstract_cases(OBSTACLES, "before-return")).id == "together-tp11.tp21.tp31-0.0.0-before-return"
-    )
+    assert next(abstract_cases(OBSTACLES, "before-return")).id == "together-tp11.tp21.tp31-0.0.0-before-return"
 
 
 def test_a_hubs_partner_starts_right_after_the_request() -> None:
@@ -194,9 +188,7 @@ def test_what_no_earlier_path_sends_comes_from_the_environment() -> None:
 def test_a_case_whose_starts_wait_for_each_other_is_refused() -> None:
     case = next(abstract_cases(OBSTACLES))
     knot = replace(case, starts=(Start(2, 1), Start(0, 1), Start(1, 1)))
-    with pytest.raises(
-        BadSuite, match=r"tp11#0, tp21#1, tp31#2 cannot go on after 0 steps.*serialisation-stuck"
-    ):
+    with pytest.raises(BadSuite, match=r"tp11#0, tp21#1, tp31#2 cannot go on after 0 steps.*serialisation-stuck"):
         serialise(knot)
 
 

@@ -70,9 +70,7 @@ def test_distances_off_the_limit_are_judged_as_the_language_does(x: float, y: fl
 
 def test_a_constraint_without_a_value_names_itself_and_the_remedy() -> None:
     constraint = Constraint("ratio", parse_expression("1 / x < 2"))
-    with pytest.raises(
-        BadDomain, match=r"constraint 'ratio'.*1 / x < 2.*divide by zero.*constraint-undefined"
-    ):
+    with pytest.raises(BadDomain, match=r"constraint 'ratio'.*1 / x < 2.*divide by zero.*constraint-undefined"):
         meets(constraint, {"x": np.array([1.0, 0.0])})
 
 

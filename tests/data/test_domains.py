@@ -17,9 +17,7 @@ CLOSED = st.sampled_from(["left", "right"])
 
 
 @given(EDGES, CLOSED, st.floats(0, 1))
-def test_a_value_of_the_range_lies_in_exactly_one_block(
-    edges: list[float], closed: str, share: float
-) -> None:
+def test_a_value_of_the_range_lies_in_exactly_one_block(edges: list[float], closed: str, share: float) -> None:
     domain = split("d", "m", edges, closed="left" if closed == "left" else "right")
     value = min(max(edges[0] + share * (edges[-1] - edges[0]), edges[0]), edges[-1])
     holders = [index for index, block in enumerate(domain.blocks) if value in block]
@@ -27,13 +25,9 @@ def test_a_value_of_the_range_lies_in_exactly_one_block(
 
 
 @given(EDGES, CLOSED)
-def test_edges_and_their_neighbours_have_one_owner_and_beyond_the_ends_none(
-    edges: list[float], closed: str
-) -> None:
+def test_edges_and_their_neighbours_have_one_owner_and_beyond_the_ends_none(edges: list[float], closed: str) -> None:
     domain = split("d", "m", edges, closed="left" if closed == "left" else "right")
-    near = [
-        x for edge in edges for x in (edge, math.nextafter(edge, -math.inf), math.nextafter(edge, math.inf))
-    ]
+    near = [x for edge in edges for x in (edge, math.nextafter(edge, -math.inf), math.nextafter(edge, math.inf))]
     for value in near:
         holders = [index for index, block in enumerate(domain.blocks) if value in block]
         inside = edges[0] <= value <= edges[-1]

@@ -122,9 +122,7 @@ def test_a_file_cannot_stand_for_more_columns_or_constraints_than_allowed() -> N
     with pytest.raises(BadDomain, match="columns"):
         parse_input_model(head + many, "m.yaml")
     with pytest.raises(BadDomain, match="columns"):
-        parse_input_model(
-            head + "  x: {unit: m, edges: [0, 1]}\nconstraints: {c: {pairs: a.x != b.x}}\n", "m.yaml"
-        )
+        parse_input_model(head + "  x: {unit: m, edges: [0, 1]}\nconstraints: {c: {pairs: a.x != b.x}}\n", "m.yaml")
 
 
 @pytest.mark.parametrize(
@@ -137,11 +135,7 @@ def test_a_file_cannot_stand_for_more_columns_or_constraints_than_allowed() -> N
         "a: " + "[" * 40 + "]" * 40,
         "a: 1\n---\nb: 2",
         "parcours: data/1\nname: m\nparameters: {}\n",
-        "parcours: data/1\nname: m\nparameters: {x: {unit: m, edges: [0, "
-        + "(" * 500
-        + "1"
-        + ")" * 500
-        + "]}}",
+        "parcours: data/1\nname: m\nparameters: {x: {unit: m, edges: [0, " + "(" * 500 + "1" + ")" * 500 + "]}}",
         "parcours: data/1\nname: m\nparameters: {x: {unit: m, edges: [0, " + "9" * 2000 + "]}}",
         "x" * 1_000_001,
     ],
@@ -164,9 +158,7 @@ def test_hostile_text_gets_one_clear_answer(text: str) -> None:
 
 
 @settings(max_examples=150, deadline=None)
-@given(
-    st.integers(0, len(GOOD) - 1), st.integers(0, 12), st.text("{}[](),:\"'-|&*!%#\n 0x9.é\x00", max_size=4)
-)
+@given(st.integers(0, len(GOOD) - 1), st.integers(0, 12), st.text("{}[](),:\"'-|&*!%#\n 0x9.é\x00", max_size=4))
 def test_a_damaged_file_is_read_or_refused_but_never_breaks_the_reader(at: int, cut: int, put: str) -> None:
     damaged = GOOD[:at] + put + GOOD[at + cut :]
     try:

@@ -39,9 +39,7 @@ def test_set_sizes_are_those_of_ammann_and_offutt(sizes: list[int], each: int, b
 
 
 @given(SIZES, st.integers(0, 2**64 - 1), st.integers(0, 10**9))
-def test_every_repetition_of_each_choice_places_every_block(
-    sizes: list[int], seed: int, repetition: int
-) -> None:
+def test_every_repetition_of_each_choice_places_every_block(sizes: list[int], seed: int, repetition: int) -> None:
     n = count("each_choice", sizes)
     rows = select("each_choice", sizes, np.arange(n) + repetition * n, seed=seed)
     assert rows.shape == (max(sizes), len(sizes))

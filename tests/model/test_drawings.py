@@ -26,11 +26,7 @@ def test_predicates_print_as_in_table_ii() -> None:
 
 def test_the_tables_hold_every_transition_and_channel_within_the_width() -> None:
     text = to_text(MODEL)
-    assert all(
-        re.search(rf"\b{each.id}\b", text)
-        for component in MODEL.components
-        for each in component.transitions()
-    )
+    assert all(re.search(rf"\b{each.id}\b", text) for component in MODEL.components for each in component.transitions())
     assert all(channel.name in text for channel in MODEL.channels)
     assert max(map(len, text.splitlines())) <= WIDTH
 
@@ -52,8 +48,7 @@ def test_labels_and_states_of_a_picture_do_not_cover_each_other() -> None:
     for _, machine in MACHINES:
         root = ElementTree.fromstring(to_svg(machine))
         ellipses = [
-            [float(each.get(key, "")) for key in ("cx", "cy", "rx", "ry")]
-            for each in root.iter(f"{SVG}ellipse")
+            [float(each.get(key, "")) for key in ("cx", "cy", "rx", "ry")] for each in root.iter(f"{SVG}ellipse")
         ]
         boxes = [(x - rx, y - ry, x + rx, y + ry) for x, y, rx, ry in ellipses]
         for each in list(root.iter(f"{SVG}rect"))[1:]:

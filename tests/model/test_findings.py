@@ -246,9 +246,7 @@ def test_a_finding_names_the_line() -> None:
 
 
 def test_all_errors_come_at_once_and_reading_raises_with_all_of_them() -> None:
-    broken = (
-        SOUND.replace("guard: ready", "guard: raedy").replace("alarm}", "alram}").replace("load < 3", "load")
-    )
+    broken = SOUND.replace("guard: ready", "guard: raedy").replace("alarm}", "alram}").replace("load < 3", "load")
     with pytest.raises(BadModel) as caught:
         parse_model(broken, "pair.yaml")
     lines = str(caught.value).splitlines()
@@ -289,8 +287,7 @@ def test_the_paper_s_own_gaps_are_warnings_and_no_others_show() -> None:
     checked = check_file(STUDIES / "ramp_components" / "model.yaml")
     assert checked.model is not None
     said = sorted(
-        (finding.rule, *(name for name in _NAMED if repr(name) in finding.message))
-        for finding in checked.findings
+        (finding.rule, *(name for name in _NAMED if repr(name) in finding.message)) for finding in checked.findings
     )
     assert said == [
         ("nondeterminism", "p11", "p12"),

@@ -32,9 +32,7 @@ from parcours.model.expression import (
 from parcours.model.expression.parsing import MAX_DEPTH, MAX_LENGTH, RESERVED
 from parcours.model.expression.syntax import LEVELS
 
-identifiers = st.from_regex(r"[A-Za-z_][A-Za-z0-9_]{0,8}", fullmatch=True).filter(
-    lambda name: name not in RESERVED
-)
+identifiers = st.from_regex(r"[A-Za-z_][A-Za-z0-9_]{0,8}", fullmatch=True).filter(lambda name: name not in RESERVED)
 constants = st.one_of(
     st.booleans(),
     st.integers(0, 2**63 - 1),
@@ -60,11 +58,7 @@ def test_the_text_of_a_tree_parses_back_to_the_tree(tree: Expression) -> None:
     assert parse_expression(str(tree)) == tree
 
 
-@given(
-    st.lists(
-        st.builds(Assignment, identifiers, trees) | st.builds(Call, identifiers, st.tuples(trees)), min_size=1
-    )
-)
+@given(st.lists(st.builds(Assignment, identifiers, trees) | st.builds(Call, identifiers, st.tuples(trees)), min_size=1))
 def test_actions_parse_back_too(actions: list[Assignment | Call]) -> None:
     text = "; ".join(map(str, actions))
     if len(text) <= MAX_LENGTH:
@@ -87,9 +81,7 @@ def test_any_text_is_a_tree_or_a_complaint(text: str) -> None:
 
 numeric = st.recursive(
     st.builds(Literal, st.integers(0, 9)) | st.just(Name("x")),
-    lambda inner: (
-        st.builds(Unary, st.just("-"), inner) | st.builds(Binary, st.sampled_from("+-*/%"), inner, inner)
-    ),
+    lambda inner: st.builds(Unary, st.just("-"), inner) | st.builds(Binary, st.sampled_from("+-*/%"), inner, inner),
     max_leaves=8,
 )
 
@@ -128,7 +120,7 @@ def test_what_is_well_typed_has_a_value_of_its_type(tree: Expression) -> None:
     except BadModel as error:
         assert error.slug in {"division-by-zero", "overflow"}
     else:
-        kinds = {"bool": bool, "int": int, "real": (int, float), "text": str, "Pose": dict}
+        kinds = {"bool": (bool,), "int": (int,), "real": (int, float), "text": (str,), "Pose": (dict,)}
         assert isinstance(value, kinds[type_.name])
 
 

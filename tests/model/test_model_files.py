@@ -6,6 +6,7 @@ import random
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Literal
 
 import pytest
 from hypothesis import given, settings
@@ -33,7 +34,8 @@ from parcours.model import (
     to_text,
     write_model,
 )
-from parcours.model.expression import Assignment, Call, Literal, Name, parse_expression
+from parcours.model.expression import Assignment, Call, Name, parse_expression
+from parcours.model.expression import Literal as Constant
 
 STUDIES = sorted((Path(parcours.__file__).parent / "studies").glob("ramp_*/model.yaml"))
 RAMP = STUDIES[0].read_text()
@@ -83,7 +85,7 @@ def variables(draw: st.DrawFn) -> list[Variable]:
             values = st.booleans()
         elif type_ == "int":
             values = st.integers(-9, 9)
-            domain = draw(st.sampled_from([(), range(-9, 10)]))
+            domain = range(-9, 10) if draw(st.booleans()) else ()
         elif type_ == "real":
             values = st.floats(allow_nan=False, allow_infinity=False)
         elif type_ == "text":
@@ -91,19 +93,15 @@ def variables(draw: st.DrawFn) -> list[Variable]:
         elif type_ == "enum":
             domain = tuple(draw(distinct(labels, 1, 3)))
             values = st.sampled_from(domain)
-        role = draw(st.sampled_from(["local", "input"])) if type_ != "M" else "local"
-        found.append(
-            Variable(f"v_{name}", type_, draw(values), role, domain, draw(st.sampled_from(["1", "m/s"])))
-        )
+        role: Literal["local", "input"] = "input" if type_ != "M" and draw(st.booleans()) else "local"
+        found.append(Variable(f"v_{name}", type_, draw(values), role, domain, draw(st.sampled_from(["1", "m/s"]))))
     return found
 
 
 @st.composite
 def models(draw: st.DrawFn) -> Cefsm:
     fields = tuple(
-        Field(
-            name, draw(st.sampled_from(["int", "real", "text", "bool"])), draw(docs), draw(shapes), draw(docs)
-        )
+        Field(name, draw(st.sampled_from(["int", "real", "text", "bool"])), draw(docs), draw(shapes), draw(docs))
         for name in draw(distinct(names, 0, 3))
     )
     owners = draw(distinct(names, 2, 3))
@@ -125,23 +123,21 @@ def models(draw: st.DrawFn) -> Cefsm:
         transitions = []
         for id_ in (next(ids), next(ids)):
             received = [each.name for each in channels if each.receiver == owner and each.capacity]
-            event = (
-                Receive(draw(st.sampled_from(received)), draw(st.sampled_from(["", "got"])))
-                if received
-                else None
-            )
+            event = Receive(draw(st.sampled_from(received)), draw(st.sampled_from(["", "got"]))) if received else None
             bools = [Name(each.name) for each in own if each.type == "bool"]
             guard = draw(st.sampled_from([None, *bools, parse_expression("1 + 1 > 1 || !false")]))
             ints = [each.name for each in own if each.type == "int" and each.role == "local"]
-            actions = (*(Assignment(name, Literal(3)) for name in ints), Call("act", (Literal(draw(docs)),)))
-            sends = [Send(each.name, (Literal(1.5),)) for each in channels if each.sender == owner][:1]
+            actions: tuple[Assignment | Call, ...] = (
+                *(Assignment(name, Constant(3)) for name in ints),
+                Call("act", (Constant(draw(docs)),)),
+            )
+            sends = [Send(each.name, (Constant(1.5),)) for each in channels if each.sender == owner][:1]
             ends = (draw(st.sampled_from(states)), draw(st.sampled_from(states)))
             transitions.append(Transition(id_, *ends, event, guard, actions, tuple(sends)))
         machine = Machine(draw(labels), states[0], tuple(states), tuple(transitions))
         components.append(Component(owner, (machine,), tuple(own), draw(docs)))
     tours = tuple(
-        (name, (owners[0], each.receiver))
-        for name, each in zip(draw(distinct(labels, 0, 1)), channels, strict=False)
+        (name, (owners[0], each.receiver)) for name, each in zip(draw(distinct(labels, 0, 1)), channels, strict=False)
     )
     tours = tuple(tour for tour in tours if "environment" not in tour[1])
     message = MessageClass("M", fields, draw(docs))
@@ -207,9 +203,7 @@ def test_a_hostile_document_is_refused_by_name(text: str, rule: str) -> None:
 
 
 def test_a_bomb_of_aliases_is_refused_where_it_starts() -> None:
-    bomb = "a: &a [x]\n" + "".join(
-        f"{b}: &{b} [*{a}, *{a}]\n" for a, b in zip("abcdefgh", "bcdefghi", strict=True)
-    )
+    bomb = "a: &a [x]\n" + "".join(f"{b}: &{b} [*{a}, *{a}]\n" for a, b in zip("abcdefgh", "bcdefghi", strict=True))
     [finding] = check_text(bomb).findings
     assert (finding.line, finding.rule) == (1, "yaml-alias")
 
@@ -276,9 +270,7 @@ def _mutated(draw: Callable[..., random.Random]) -> str:
                 lines[at] = f"{key}: {source.choice(SCALARS)}"
             case 3:
                 place = source.randrange(len(lines[at]) + 1)
-                lines[at] = (
-                    lines[at][:place] + source.choice("{}[]:,'\"!&*#|>-%@`\t\x07é ") + lines[at][place:]
-                )
+                lines[at] = lines[at][:place] + source.choice("{}[]:,'\"!&*#|>-%@`\t\x07é ") + lines[at][place:]
             case 4:
                 lines[at] = "  " * source.randrange(4) + lines[at].strip()
             case _:

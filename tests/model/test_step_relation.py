@@ -1,4 +1,4 @@
-"""The step relation agrees with a slow, obvious interpreter, and keeps its word on queues, rendezvous and the tester."""
+"""The step relation agrees with a slow, obvious interpreter, on queues, rendezvous and the tester too."""
 
 from __future__ import annotations
 
@@ -66,9 +66,7 @@ def small_models(draw: st.DrawFn) -> Cefsm:
             said = parse_expression(draw(st.sampled_from(["n", "1", "(n + 1) % 2"])))
             sends = draw(st.sampled_from([(), *((Send(name, (said,)),) for name in writes)]))
             ends = draw(st.tuples(st.sampled_from("xy"), st.sampled_from("xy")))
-            transitions.append(
-                Transition(f"{owner}{at}", *ends, event, parse_expression(guard), actions, sends)
-            )
+            transitions.append(Transition(f"{owner}{at}", *ends, event, parse_expression(guard), actions, sends))
         own = (
             Variable("n", "int", 1, domain=range(3)),
             Variable("go", "bool", None, "input"),
@@ -170,7 +168,8 @@ components:
       m:
         initial: u
         transitions:
-          b1: {from: u, to: u, event: tell(it), guard: "it.k > 0", action: sum := sum + it.k; sure := it.sure, message: lost}
+          b1: {from: u, to: u, event: tell(it), guard: "it.k > 0", message: lost,
+               action: sum := sum + it.k; sure := it.sure}
 """
 
 
@@ -197,9 +196,7 @@ def test_a_full_queue_blocks_and_an_unread_channel_does_not() -> None:
         assert moves(model, here).count("b1") <= 1
     assert here.states[0] == "x" and here.queues != ((),)
     assert moves(model, here) == ["b1"]
-    assert moves(model, here, opened={"tell"}) == ["a1", "a1", "b1"][:1] + ["b1"] or "a1" in moves(
-        model, here, opened={"tell"}
-    )
+    assert moves(model, here, opened={"tell"}) == ["a1", "b1", "b1"]
 
 
 def test_the_tester_supplies_what_the_guard_needs() -> None:
@@ -214,8 +211,9 @@ def test_the_tester_supplies_what_the_guard_needs() -> None:
 def test_inputs_that_are_given_decide() -> None:
     model = parse_model(PAIR)
     [move] = enabled(model, initial(model), {"A.fast": True})
-    assert move.inputs == () or move.inputs == (("A.fast", True),)
-    with pytest.raises(BadRequest, match="did you mean 'A.fast'"):
+    assert move.inputs == (("A.fast", True),)
+    assert step(model, initial(model), move).queues == (((("k", 1), ("sure", True)),),)
+    with pytest.raises(BadRequest, match=r"did you mean 'A\.fast'"):
         enabled(model, initial(model), {"A.fats": True})
     with pytest.raises(BadRequest, match="unknown-input"):
         enabled(model, initial(model), {"A.n": 2})
@@ -225,8 +223,8 @@ def test_opened_channels_are_played_by_the_tester_at_both_ends() -> None:
     model = parse_model(PAIR)
     here = initial(model)
     assert "b1" not in moves(model, here) and "b1" in moves(model, here, opened={"tell"})
-    [_, fast, *_] = enabled(model, here, opened={"tell"})
-    assert step(model, here, fast, opened={"tell"}).queues == ((),)
+    sent, *_ = enabled(model, here, opened={"tell"})
+    assert step(model, here, sent, opened={"tell"}).queues == ((),)
     with pytest.raises(BadRequest, match="only channels"):
         enabled(model, here, opened={"tlel"})
 
@@ -280,6 +278,5 @@ def test_an_impossible_move_says_why(text: str, move: Move, why: str) -> None:
 def test_two_equal_models_do_not_share_their_tables() -> None:
     one, two = parse_model(PAIR), parse_model(PAIR.replace("n := n + 1", "n := n + 2"))
     assert [
-        step(model, initial(model), Steps(model).enabled(initial(model), {})[0]).values[0]
-        for model in (one, two)
+        step(model, initial(model), Steps(model).enabled(initial(model), {})[0]).values[0] for model in (one, two)
     ] == [1, 2]

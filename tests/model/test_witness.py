@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from itertools import product
 
 import pytest
@@ -33,9 +34,7 @@ atoms = st.one_of(
         st.sampled_from([Name("v"), Name("w")]),
         st.sampled_from(NUMBERS).map(Literal),
     ),
-    st.builds(
-        Binary, st.sampled_from(["==", "!="]), st.just(Name("word")), st.sampled_from("ab").map(Literal)
-    ),
+    st.builds(Binary, st.sampled_from(["==", "!="]), st.just(Name("word")), st.sampled_from("ab").map(Literal)),
     st.builds(Binary, st.sampled_from(["<", "=="]), st.just(Name("n")), st.integers(0, 3).map(Literal)),
 )
 guards: st.SearchStrategy[Expression] = st.recursive(
@@ -53,7 +52,7 @@ GRID = [step / 4 for step in range(-1, 10)]
 @given(st.lists(guards, min_size=1, max_size=2))
 def test_the_answer_is_that_of_trying_everything(both: list[Expression]) -> None:
     used = {name: name in str(both) for name in ("v", "w", "word", "n")}
-    domains = {
+    domains: dict[str, Iterable[object]] = {
         "p": [False, True],
         "q": [False, True],
         "v": GRID if used["v"] else [0.0],
@@ -80,7 +79,7 @@ def ask(text: str, **known: object) -> object:
         "flag": BOOL,
     }
     classes = {"Pose": {"x": REAL, "path": Type("Pose", rank=1)}}
-    return Question(types, classes, {"m": range(0, 1000)}, known).witness([parse_expression(text)]).holds
+    return Question(types, classes, {"m": range(1000)}, known).witness([parse_expression(text)]).holds
 
 
 @pytest.mark.parametrize(
@@ -100,7 +99,7 @@ def ask(text: str, **known: object) -> object:
         ("n + 1 > n", True),
         ("n * n == 49 && n > 7", None),
         ("v < n", True),
-        ("1 / n > 0 && n == 0", False),
+        ("1 / n > 0 && n == 0", None),
         ("flag && n > 9223372036854775806", True),
     ],
 )

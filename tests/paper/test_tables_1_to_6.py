@@ -36,9 +36,7 @@ def test_table_2_has_37_predicates() -> None:
 
 
 def test_table_3_is_what_edge_coverage_yields() -> None:
-    found = {
-        p.name: (p.component, p.states[0], p.ids) for paths in internal_paths(RAMP).values() for p in paths
-    }
+    found = {p.name: (p.component, p.states[0], p.ids) for paths in internal_paths(RAMP).values() for p in paths}
     assert found == {
         "tp11": ("Planner", "planning", ("p11", "p12", "p13")),
         "tp12": ("Planner", "listening", ("p14", "p15", "p16", "p17", "p18", "p19")),
@@ -93,17 +91,14 @@ def test_table_5_prints_abtc_1_like_the_paper() -> None:
         "Combination ITP1 (tp12, tp21, tp12) = ABTC1:",
         "(tp12[listening -p14-> listening -p15-> generating -p16-> generating"
         " -p17-> evaluating -p18-> evaluating -p19-> listening]",
-        " -||-> tp21[listening -p21-> listening -p22-> generating -p23-> generating"
-        " -p24-> sending -p25-> listening]",
+        " -||-> tp21[listening -p21-> listening -p22-> generating -p23-> generating -p24-> sending -p25-> listening]",
         " -||-> tp12[listening -p14-> listening -p15-> generating -p16-> generating"
         " -p17-> evaluating -p18-> evaluating -p19-> listening])",
     ]
 
 
 def test_table_6_gives_each_obstacle_one_path() -> None:
-    found = {
-        path.name: (path.states, path.ids) for paths in internal_paths(OBSTACLES).values() for path in paths
-    }
+    found = {path.name: (path.states, path.ids) for paths in internal_paths(OBSTACLES).values() for path in paths}
     assert found == {
         f"tp{n}1": (("stopped", "moving", "stopped"), (f"p{n}1", f"p{n}2")) for n in (1, 2, 3)
     }  # fmt: skip

@@ -73,9 +73,7 @@ def test_paths_are_runs_from_the_initial_state_to_a_final_one(machine: Machine, 
 
 @given(machines(most_states=7, most_transitions=14), st.sampled_from(["edge", "edge-pair"]))
 @settings(max_examples=100, deadline=None)
-def test_a_machine_that_always_leads_back_is_covered_by_one_closed_path(
-    machine: Machine, criterion: str
-) -> None:
+def test_a_machine_that_always_leads_back_is_covered_by_one_closed_path(machine: Machine, criterion: str) -> None:
     paths = cover(machine, criterion)
     if final_states(machine) == (machine.initial,):
         assert [path.is_closed for path in paths] == [True]

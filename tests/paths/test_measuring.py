@@ -49,7 +49,5 @@ def test_requirements_of_a_model_name_component_and_machine() -> None:
 
 
 def test_a_foreign_transition_is_refused_with_its_place() -> None:
-    with pytest.raises(
-        BadRequest, match=r"sequence, entry 1: .*'upp'.*did you mean 'up'.*\[foreign-transition\]"
-    ):
+    with pytest.raises(BadRequest, match=r"sequence, entry 1: .*'upp'.*did you mean 'up'.*\[foreign-transition\]"):
         measure(LAMP, "edge", ["up", "upp"])

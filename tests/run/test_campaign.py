@@ -80,16 +80,12 @@ def simulate(first: int, count: int) -> Rows:
 
 def contents(folder: Path) -> dict[str, bytes]:
     # A worker that outlives its killed parent may still be writing the shard it was on.
-    return {
-        file.name: file.read_bytes() for file in sorted(folder.iterdir()) if not file.name.startswith(".")
-    }
+    return {file.name: file.read_bytes() for file in sorted(folder.iterdir()) if not file.name.startswith(".")}
 
 
 def test_one_and_two_workers_give_the_same_bytes(study: Path, tmp_path: Path) -> None:
     for workers in (1, 2):
-        outcome = run_campaign(
-            "toy_campaign_study:simulate", campaign(), tmp_path / str(workers), workers=workers
-        )
+        outcome = run_campaign("toy_campaign_study:simulate", campaign(), tmp_path / str(workers), workers=workers)
         assert outcome.finished == 95 and not outcome.interrupted
     assert contents(tmp_path / "1") == contents(tmp_path / "2")
     assert open_results(tmp_path / "1").load()["case"].tolist() == list(range(95))
@@ -127,9 +123,7 @@ def test_a_campaign_killed_in_the_middle_resumes_to_the_bytes_of_an_uninterrupte
         assert contents(folder) == contents(whole)
 
 
-def test_a_real_ctrl_c_ends_the_process_in_order_and_leaves_nothing_half_written(
-    study: Path, tmp_path: Path
-) -> None:
+def test_a_real_ctrl_c_ends_the_process_in_order_and_leaves_nothing_half_written(study: Path, tmp_path: Path) -> None:
     script = tmp_path / "go.py"
     script.write_text(
         "import sys\nfrom pathlib import Path\nimport toy_campaign_study as toy\n"
@@ -163,9 +157,7 @@ def test_ctrl_c_keeps_what_is_finished_and_says_so(study: Path, tmp_path: Path) 
             if done >= 30:
                 raise KeyboardInterrupt
 
-        outcome = run_campaign(
-            "toy_campaign_study:simulate", campaign(), folder, workers=workers, progress=interrupt
-        )
+        outcome = run_campaign("toy_campaign_study:simulate", campaign(), folder, workers=workers, progress=interrupt)
         assert outcome.interrupted and 30 <= outcome.finished < 95
         assert str(outcome).startswith(f"interrupted: {outcome.finished} of 95 cases are finished and kept")
         assert len(open_results(folder).load(partial=True)) == outcome.finished
@@ -209,9 +201,7 @@ def test_padding_and_byte_order_never_reach_the_file(tmp_path: Path) -> None:
 
 @given(n_cases=st.integers(1, 60), shard_size=st.integers(1, 70))
 @settings(max_examples=25, deadline=None)
-def test_shards_partition_the_cases(
-    n_cases: int, shard_size: int, tmp_path_factory: pytest.TempPathFactory
-) -> None:
+def test_shards_partition_the_cases(n_cases: int, shard_size: int, tmp_path_factory: pytest.TempPathFactory) -> None:
     asked = campaign(n_cases, shard_size)
     assert [case for shard in asked.shards for case in asked.cases(shard)] == list(range(n_cases))
     folder = tmp_path_factory.mktemp("c")
@@ -288,9 +278,7 @@ def test_a_folder_with_another_campaign_is_refused(tmp_path: Path, other: Campai
         (None, "results-manifest"),
     ],
 )
-def test_a_manifest_that_is_not_ours_is_refused(
-    tmp_path: Path, change: dict[str, object] | None, slug: str
-) -> None:
+def test_a_manifest_that_is_not_ours_is_refused(tmp_path: Path, change: dict[str, object] | None, slug: str) -> None:
     create(tmp_path / "c", campaign())
     path = tmp_path / "c" / "campaign.json"
     path.write_text(json.dumps(json.loads(path.read_text()) | change) if change else path.read_text()[:-20])

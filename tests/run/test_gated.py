@@ -148,9 +148,7 @@ GOOD_A = Plain("A", poll=steps(("a1", ("ask", 1)), "a2"))
 GOOD_B = Plain("B", messages={"ask": steps("b1", ("b2", ("out", 5))), "data": steps("b3")})
 
 
-def run(
-    a: Plain = GOOD_A, b: Plain = GOOD_B, data: object = "data", events: tuple[Event, ...] = ASK
-) -> Execution:
+def run(a: Plain = GOOD_A, b: Plain = GOOD_B, data: object = "data", events: tuple[Event, ...] = ASK) -> Execution:
     return execute(events, lambda name: {"A": a, "B": b}[name], lambda received: data)
 
 

@@ -22,9 +22,7 @@ def simulated(components: Sequence[Component], links: Sequence[Link], environmen
     return SimulatedHost(components, links, environment=environment)
 
 
-def simulated_with_jitter(
-    components: Sequence[Component], links: Sequence[Link], environment: Answer
-) -> Host:
+def simulated_with_jitter(components: Sequence[Component], links: Sequence[Link], environment: Answer) -> Host:
     return SimulatedHost(
         components,
         links,
@@ -47,24 +45,17 @@ def test_a_host_does_its_duty(make: Factory, duty: str) -> None:
 
 def shuffles(trace: Trace) -> Trace:
     received = [e.message for e in trace.events if e.kind == "receive" and e.channel == "numbers"]
-    swapped = (
-        dict(zip(received, [received[1], received[0], *received[2:]], strict=True))
-        if len(received) > 1
-        else {}
-    )
+    swapped = dict(zip(received, [received[1], received[0], *received[2:]], strict=True)) if len(received) > 1 else {}
     return replace(
         trace,
         events=tuple(
-            replace(e, message=swapped.get(e.message, e.message)) if e.kind == "receive" else e
-            for e in trace.events
+            replace(e, message=swapped.get(e.message, e.message)) if e.kind == "receive" else e for e in trace.events
         ),
     )
 
 
 def doubles(trace: Trace) -> Trace:
-    return replace(
-        trace, events=tuple(e for event in trace.events for e in [event] * (1 + (event.message == 3)))
-    )
+    return replace(trace, events=tuple(e for event in trace.events for e in [event] * (1 + (event.message == 3))))
 
 
 def loses(trace: Trace) -> Trace:
@@ -124,9 +115,7 @@ def test_the_battery_finds_a_component_state_that_outlives_reset() -> None:
     class Forgetful:
         """Resets the host but keeps the components as they are."""
 
-        def __init__(
-            self, components: Sequence[Component], links: Sequence[Link], environment: Answer
-        ) -> None:
+        def __init__(self, components: Sequence[Component], links: Sequence[Link], environment: Answer) -> None:
             self._parts = components, links
             self._environment = environment
             self.reset()

@@ -21,18 +21,14 @@ def test_the_channels_of_ramp_become_services_and_topics_as_table_1_has_them() -
     kinds = {link.channel: link.kind for link in links(model)}
     services = {channel for channel, kind in kinds.items() if kind is LinkKind.SERVICE}
     assert services == {
-        f"{what}_{way}"
-        for what in ("trajectory", "evaluation", "modification")
-        for way in ("request", "response")
+        f"{what}_{way}" for what in ("trajectory", "evaluation", "modification") for way in ("request", "response")
     }
     assert {channel for channel, kind in kinds.items() if kind is LinkKind.TOPIC} == {
         "odometry", "obstacles", "best_trajectory", "update",
     }  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    ("capacity", "kind"), [(0, LinkKind.TOPIC), (0, LinkKind.SERVICE), (-1, LinkKind.RENDEZVOUS)]
-)
+@pytest.mark.parametrize(("capacity", "kind"), [(0, LinkKind.TOPIC), (0, LinkKind.SERVICE), (-1, LinkKind.RENDEZVOUS)])
 def test_a_link_that_can_hold_nothing_is_refused(capacity: int, kind: LinkKind) -> None:
     with pytest.raises(BadRequest, match="link-capacity"):
         Link("c", "A", "B", capacity, kind)
@@ -78,9 +74,7 @@ EXAMPLE = Trace("wall", tuple(TraceEvent(10 * k, "take", "A", f"p{k}") for k in 
 
 @given(data=st.data())
 @settings(max_examples=60, deadline=None)
-def test_a_trace_cut_anywhere_is_refused(
-    data: st.DataObject, tmp_path_factory: pytest.TempPathFactory
-) -> None:
+def test_a_trace_cut_anywhere_is_refused(data: st.DataObject, tmp_path_factory: pytest.TempPathFactory) -> None:
     path = tmp_path_factory.mktemp("trace") / "t.jsonl"
     write_trace(path, EXAMPLE)
     whole = path.read_bytes()

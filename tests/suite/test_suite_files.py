@@ -18,9 +18,7 @@ NAMES = st.from_regex(r"[a-z_][a-z0-9_]{0,5}", fullmatch=True)
 PARTS = st.from_regex(r"[A-Za-z0-9][A-Za-z0-9_.+@=,-]{0,11}", fullmatch=True)
 VALUES = st.dictionaries(NAMES, st.floats(-1e300, 1e300), max_size=4)
 CASES = st.lists(
-    st.tuples(
-        PARTS, PARTS, st.integers(0, 2**63 - 1), VALUES, st.floats(1e-9, 1e9), st.integers(0, 2**64 - 1)
-    ),
+    st.tuples(PARTS, PARTS, st.integers(0, 2**63 - 1), VALUES, st.floats(1e-9, 1e9), st.integers(0, 2**64 - 1)),
     max_size=5,
 ).map(
     lambda rows: [

@@ -33,9 +33,7 @@ def test_intervals_are_the_published_ones(count: int, n: int, low: float, high: 
 
 
 @given(COUNTS, st.floats(0.5, 0.999))
-def test_an_interval_holds_the_share_and_solves_the_score_equation(
-    counts: tuple[int, int], confidence: float
-) -> None:
+def test_an_interval_holds_the_share_and_solves_the_score_equation(counts: tuple[int, int], confidence: float) -> None:
     from scipy.stats import norm
 
     count, n = counts
@@ -106,9 +104,7 @@ def test_a_like_rate_is_near_the_published_and_a_far_one_is_not() -> None:
 
 
 @given(COUNTS, COUNTS)
-def test_fisher_is_symmetric_and_overlap_is_that_of_the_intervals(
-    a: tuple[int, int], b: tuple[int, int]
-) -> None:
+def test_fisher_is_symmetric_and_overlap_is_that_of_the_intervals(a: tuple[int, int], b: tuple[int, int]) -> None:
     here, there = compare_with_published(*a, *b), compare_with_published(*b, *a)
     assert here.p_value == pytest.approx(there.p_value)
     assert 0 <= here.p_value <= 1 + 1e-9

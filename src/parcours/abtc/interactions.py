@@ -72,9 +72,7 @@ def partners(cefsm: Cefsm) -> dict[str, int]:
     """Return with how many others each component shares a channel, in file order."""
     edges = component_graph(cefsm)
     return {
-        component.name: len(
-            {other for edge in edges if component.name in edge for other in edge} - {component.name}
-        )
+        component.name: len({other for edge in edges if component.name in edge for other in edge} - {component.name})
         for component in cefsm.components
     }
 

@@ -42,8 +42,7 @@ def notation(of: AbstractCase | Combination, title: str = "") -> str:
     between = "\n || " if not combination.meetings else "\n -||-> "
     visits = [" || ".join(spelled(path) for path in paths) for paths in combination.visits]
     grouped = [
-        f"{{{text}}}" if len(paths) > 1 else text
-        for text, paths in zip(visits, combination.visits, strict=True)
+        f"{{{text}}}" if len(paths) > 1 else text for text, paths in zip(visits, combination.visits, strict=True)
     ]
     body = f"({between.join(grouped)})"
     if isinstance(of, AbstractCase) and any(of.start_vector):

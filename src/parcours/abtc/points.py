@@ -58,9 +58,7 @@ POLICIES: dict[str, Policy] = {
         hub_at_request=True,
     ),
     "all-states": Policy("every state the path comes to, the final one included", _all_states),
-    "before-return": Policy(
-        "every state the path comes to before it returns to where it began", _before_return
-    ),
+    "before-return": Policy("every state the path comes to before it returns to where it began", _before_return),
     "distinct-states": Policy("each state once, where the path first comes to it", _distinct_states),
     "every-transition": Policy("before and after every transition, loops included", _every_transition),
 }

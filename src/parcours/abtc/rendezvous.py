@@ -97,9 +97,7 @@ def meetings(cefsm: Cefsm, paths: Mapping[str, Sequence[InternalPath]]) -> tuple
     for channel in _inner_channels(cefsm):
         if not any(receives_from(t, channel.name) for t in _transitions(cefsm, channel.receiver)):
             for receiver in _acquainted(found, channel):
-                stand_ins += [
-                    Meeting(channel.name, sender, receiver, True) for sender in _senders(paths, channel)
-                ]
+                stand_ins += [Meeting(channel.name, sender, receiver, True) for sender in _senders(paths, channel)]
     return tuple(found + stand_ins)
 
 

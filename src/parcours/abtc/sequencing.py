@@ -127,8 +127,7 @@ class _LockStep:
         newcomers = []
         for reference, start in enumerate(self.case.starts):
             if reference not in self.started and (
-                start.after is None
-                or (start.after in self.started and len(self.taken[start.after]) >= start.done)
+                start.after is None or (start.after in self.started and len(self.taken[start.after]) >= start.done)
             ):
                 self.started.add(reference)
                 newcomers.append(reference)

@@ -101,9 +101,7 @@ def _truth(node: Expression, columns: Columns) -> NDArray[np.bool_]:
             # The right side is read only on the rows it decides, as the language says.
             undecided = first if operator == "&&" else ~first
             if undecided.any():
-                first[undecided] = _truth(
-                    right, {name: column[undecided] for name, column in columns.items()}
-                )
+                first[undecided] = _truth(right, {name: column[undecided] for name, column in columns.items()})
             return first
         case Binary("==" | "!=" as operator, left, right) if _is_condition(left):
             return _COMPARISON[operator](_truth(left, columns), _truth(right, columns))

@@ -61,9 +61,7 @@ class Block:
         return self.first <= value <= self.last
 
     def __str__(self) -> str:
-        return (
-            f"{'[' if self.low_closed else '('}{self.low:g}, {self.high:g}{']' if self.high_closed else ')'}"
-        )
+        return f"{'[' if self.low_closed else '('}{self.low:g}, {self.high:g}{']' if self.high_closed else ')'}"
 
     @property
     def width(self) -> float:
@@ -125,8 +123,7 @@ class Domain:
                 owners = "both" if above.low_closed else "neither"
                 raise BadDomain(
                     where,
-                    f"{above.low:g} {self.unit} must belong to one block, but {owners} of"
-                    f" {below} and {above} holds it",
+                    f"{above.low:g} {self.unit} must belong to one block, but {owners} of {below} and {above} holds it",
                     "close exactly one of the two ends",
                     slug="blocks-edge",
                 )
@@ -205,9 +202,7 @@ class InputModel:
         return tuple(len(domain.blocks) for domain in self.domains)
 
 
-def split(
-    name: str, unit: str, edges: Sequence[float], *, closed: Closed = "right", kind: Kind = "real"
-) -> Domain:
+def split(name: str, unit: str, edges: Sequence[float], *, closed: Closed = "right", kind: Kind = "real") -> Domain:
     """Return the domain whose blocks lie between consecutive edges; both outer ends belong to it.
 
     Args:

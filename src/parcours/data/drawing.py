@@ -96,9 +96,7 @@ def _drawn(
 
 def _limits(model: InputModel, rows: Rows) -> tuple[NDArray[np.float64], ...]:
     """Return low end, width, first and last value of the block of each value; each of the shape of `rows`."""
-    tables = [
-        np.array([_ends(domain, index) for index in range(len(domain.blocks))]) for domain in model.domains
-    ]
+    tables = [np.array([_ends(domain, index) for index in range(len(domain.blocks))]) for domain in model.domains]
     ends = np.stack([table[rows[:, column]] for column, table in enumerate(tables)], axis=1)
     return ends[:, :, 0], ends[:, :, 1] - ends[:, :, 0], ends[:, :, 2], ends[:, :, 3]
 
@@ -121,15 +119,12 @@ def _check(model: InputModel, rows: Rows, cases: NDArray[np.int64]) -> None:
     if rows.size and (rows.min() < 0 or (rows >= np.array(model.sizes)).any()):
         raise BadRequest(
             f"input model {model.name!r}",
-            "a block index must be at least 0 and below the number of"
-            f" blocks of its parameter, {list(model.sizes)}",
+            f"a block index must be at least 0 and below the number of blocks of its parameter, {list(model.sizes)}",
             slug="block-index",
         )
 
 
-def _unmeetable(
-    model: InputModel, row: NDArray[np.int64], case: int, met: NDArray[np.int64], tries: int
-) -> BadDomain:
+def _unmeetable(model: InputModel, row: NDArray[np.int64], case: int, met: NDArray[np.int64], tries: int) -> BadDomain:
     worst = model.constraints[int(np.argmin(met))]
     blocks = ", ".join(
         f"{domain.name} in {domain.blocks[block]} {domain.unit}"

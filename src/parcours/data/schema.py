@@ -67,21 +67,16 @@ class InputModelReader(NodeReader):
             if (domain := self.domain(name, node, line))
         ]
         if not once and not self.findings:
-            self.add(
-                top["parameters"], "parameters-none", "an input model must have a parameter, but has none"
-            )
+            self.add(top["parameters"], "parameters-none", "an input model must have a parameter, but has none")
         if len(once) * max(replicas, 1) > MAX_COLUMNS:
             self.add(
                 top["parameters"],
                 "columns",
-                f"a row has at most {MAX_COLUMNS} columns, but this one would"
-                f" have {len(once) * replicas or len(once)}",
+                f"a row has at most {MAX_COLUMNS} columns, but this one would have {len(once) * replicas or len(once)}",
                 "repeat it less often",
             )
             once = []
-        domains = (
-            [numbered(domain, i) for i in range(1, replicas + 1) for domain in once] if replicas else once
-        )
+        domains = [numbered(domain, i) for i in range(1, replicas + 1) for domain in once] if replicas else once
         for double, n in Counter(domain.name for domain in domains).items():
             if n > 1:
                 self.add(
@@ -108,9 +103,7 @@ class InputModelReader(NodeReader):
             what = f"constant {name!r}"
             record = self.record(entry, what, ("value", "unit"), ("doc",))
             if name in self.constants:
-                self.findings.append(
-                    Finding(self.origin, line, "error", "duplicate-name", "pi is given already")
-                )
+                self.findings.append(Finding(self.origin, line, "error", "duplicate-name", "pi is given already"))
                 continue
             value = self.number(record.get("value"), what)
             self.constants[name] = self.replaced.get(name, value)
@@ -126,9 +119,7 @@ class InputModelReader(NodeReader):
                     slug="unknown-constant",
                 )
             if not math.isfinite(value):
-                raise BadRequest(
-                    f"constant {name!r}", f"it must be finite, but {value} given", slug="constant"
-                )
+                raise BadRequest(f"constant {name!r}", f"it must be finite, but {value} given", slug="constant")
 
     def domain(self, name: str, node: Node, line: int) -> Domain | None:
         """Return the domain of one parameter, or None after adding findings that say why there is none."""
@@ -144,9 +135,7 @@ class InputModelReader(NodeReader):
         if name in self.constants:
             self.add(node, "duplicate-name", f"a name must be unique, but {name!r} is a constant already")
         if ("edges" in record) == ("blocks" in record):
-            self.add(
-                node, "blocks-or-edges", f"{what} must have either blocks or edges", "keep one of the two"
-            )
+            self.add(node, "blocks-or-edges", f"{what} must have either blocks or edges", "keep one of the two")
         if "closed" in record and "edges" not in record:
             self.add(record["closed"], "closed", f"{what}: closed goes with edges; blocks have brackets")
         if len(self.findings) > before:
@@ -246,9 +235,7 @@ class InputModelReader(NodeReader):
             (scope,) = scopes
             left -= n_instances(scope, replicas)
             if left < 0:
-                self.add(
-                    entry, "columns", f"a file stands for at most {MAX_COLUMNS} constraints, but has more"
-                )
+                self.add(entry, "columns", f"a file stands for at most {MAX_COLUMNS} constraints, but has more")
                 return
             rule = self.parsed(record[scope], where, parse_expression, None)
             if rule is None:
@@ -260,8 +247,6 @@ class InputModelReader(NodeReader):
                     self.add(record[scope], error.slug, f"{error.where}: {error.rule}", error.remedy)
                     break
                 if given != BOOL:
-                    self.add(
-                        record[scope], "type", f"{where} must be true or false, but is {given}", "compare it"
-                    )
+                    self.add(record[scope], "type", f"{where} must be true or false, but is {given}", "compare it")
                     break
                 yield Constraint(full_name, instance, doc)

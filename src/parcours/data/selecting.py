@@ -57,9 +57,7 @@ def count(criterion: str, sizes: Sequence[int]) -> int:
     return _found(criterion, sizes).n_rows(sizes)
 
 
-def select(
-    criterion: str, sizes: Sequence[int], numbers: NDArray[np.int64] | None = None, *, seed: int = 0
-) -> Rows:
+def select(criterion: str, sizes: Sequence[int], numbers: NDArray[np.int64] | None = None, *, seed: int = 0) -> Rows:
     """Return block indices, shape (n_rows, n_parameters): one repetition, or those with the numbers given.
 
     Args:
@@ -89,9 +87,7 @@ def select(
             )
         numbers = np.arange(n)
     if numbers.size and numbers.min() < 0:
-        raise BadRequest(
-            "rows", f"a row number must not be negative, but {numbers.min()} given", slug="row-number"
-        )
+        raise BadRequest("rows", f"a row number must not be negative, but {numbers.min()} given", slug="row-number")
     return found.rows(sizes, numbers, seed)
 
 
@@ -116,9 +112,7 @@ def _each_choice(sizes: Sequence[int], numbers: NDArray[np.int64], seed: int) ->
     """Each block stands in one row at least; a parameter with fewer blocks than rows fills up at random."""
     places, n = max(sizes), len(sizes)
     repetitions, where = np.unique(numbers // places, return_inverse=True)
-    words = uniforms(starts(seed, repetitions, ROWS), 0, 2 * n * places).reshape(
-        len(repetitions), 2, n, places
-    )
+    words = uniforms(starts(seed, repetitions, ROWS), 0, 2 * n * places).reshape(len(repetitions), 2, n, places)
     # Ranks of random words are a random permutation: ranks below the block count place each block once.
     ranks = np.argsort(np.argsort(words[:, 0], axis=2, kind="stable"), axis=2, kind="stable")
     blocks = np.array(sizes)[:, np.newaxis]

@@ -35,13 +35,9 @@ def starts(seed: int, cases: NDArray[np.int64], purpose: int) -> NDArray[np.uint
         BadRequest: the seed does not fit, or a case number is negative.
     """
     if not 0 <= seed < 2**64:
-        raise BadRequest(
-            "seed", f"a seed must be a whole number from 0 to 2**64 - 1, but {seed} given", slug="seed"
-        )
+        raise BadRequest("seed", f"a seed must be a whole number from 0 to 2**64 - 1, but {seed} given", slug="seed")
     if cases.size and cases.min() < 0:
-        raise BadRequest(
-            "cases", f"a case number must not be negative, but {cases.min()} given", slug="case-number"
-        )
+        raise BadRequest("cases", f"a case number must not be negative, but {cases.min()} given", slug="case-number")
     # Arrays throughout: numpy warns when a lone number wraps around, and wrapping is meant here.
     campaign = _mixed(np.array([seed], dtype=np.uint64) + _GOLDEN)
     aim = np.array([purpose], dtype=np.uint64) * _MIX_1 + _GOLDEN

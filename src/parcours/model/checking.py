@@ -93,13 +93,9 @@ class _Check:
         for component in model.components:
             owner = component.name
             self.distinct(f"variable of {owner}", ((each.name, each.line) for each in component.variables))
-            self.distinct(
-                f"machine of {owner}", ((each.name, each.line) for each in component.machines), free=True
-            )
+            self.distinct(f"machine of {owner}", ((each.name, each.line) for each in component.machines), free=True)
             if not component.machines:
-                self.error(
-                    component.line, "no-machine", f"a component must have a machine, but {owner!r} has none"
-                )
+                self.error(component.line, "no-machine", f"a component must have a machine, but {owner!r} has none")
             for machine in component.machines:
                 what = f"state of {machine.name}"
                 self.distinct(what, ((state, machine.line) for state in machine.states), free=True)
@@ -139,9 +135,7 @@ class _Check:
                     border += inside.get(name, ())
             if message.name in reached:
                 rule = f"a message has finite size, but {message.name!r} contains itself"
-                self.error(
-                    message.line, "message-cycle", rule, "give the field a shape, so that it is a list"
-                )
+                self.error(message.line, "message-cycle", rule, "give the field a shape, so that it is a list")
 
     def links(self) -> None:
         known = [ENVIRONMENT, *self.components]
@@ -151,22 +145,16 @@ class _Check:
                     rule = f"channel {channel.name!r} must link components, but {end!r} is none"
                     self.error(channel.line, "unknown-component", rule, self.advice(end, known))
             if channel.sender == channel.receiver == ENVIRONMENT:
-                rule = (
-                    f"channel {channel.name!r} must touch a component, but both its ends are the environment"
-                )
+                rule = f"channel {channel.name!r} must touch a component, but both its ends are the environment"
                 self.error(channel.line, "channel-ends", rule, "delete it")
             if channel.message not in self.classes:
                 rule = f"channel {channel.name!r} must carry a message class, but {channel.message!r} is none"
-                self.error(
-                    channel.line, "unknown-message", rule, self.advice(channel.message, list(self.classes))
-                )
+                self.error(channel.line, "unknown-message", rule, self.advice(channel.message, list(self.classes)))
             if channel.capacity == 0 and channel.sender == channel.receiver:
                 rule = f"a rendezvous joins two components, but {channel.name!r} has both ends at one"
                 self.error(channel.line, "rendezvous", rule, "give the channel a capacity")
             if channel.capacity < 0:
-                rule = (
-                    f"the capacity of channel {channel.name!r} must be 0 or more, but is {channel.capacity}"
-                )
+                rule = f"the capacity of channel {channel.name!r} must be 0 or more, but is {channel.capacity}"
                 self.error(channel.line, "value", rule)
 
     def interactions(self) -> None:
@@ -200,13 +188,9 @@ class _Check:
             self.error(variable.line, "value", rule)
         elif variable.initial is None:
             if variable.role == "local":
-                self.error(
-                    variable.line, "initial", f"{what} must have an initial value, but has none", "add it"
-                )
+                self.error(variable.line, "initial", f"{what} must have an initial value, but has none", "add it")
         elif not _fits(variable):
-            allowed = (
-                f"one of {list(variable.domain)}" if variable.type == "enum" else f"of type {variable.type}"
-            )
+            allowed = f"one of {list(variable.domain)}" if variable.type == "enum" else f"of type {variable.type}"
             if isinstance(variable.domain, range):
                 allowed = f"an integer from {variable.domain[0]} to {variable.domain[-1]}"
             rule = f"the initial value of {what} must be {allowed}, but is {variable.initial!r}"
@@ -233,9 +217,7 @@ class _Check:
             owner = channel.sender if verb == "sends on" else channel.receiver
             if owner != component.name:
                 rule = f"{transition.id!r} {verb} {name!r}, but that end of the channel belongs to {owner!r}"
-                self.error(
-                    transition.line, "direction", rule, f"let {owner} do it, or turn the channel round"
-                )
+                self.error(transition.line, "direction", rule, f"let {owner} do it, or turn the channel round")
         meetings = [name for name, _ in used if name in self.channels and self.is_meeting(name)]
         if len(meetings) > 1:
             both = " and ".join(meetings)
@@ -258,9 +240,7 @@ class _Check:
             if given is None:
                 self.unsound.add(transition.id)
             elif given != BOOL:
-                rule = (
-                    f'guard of {transition.id!r}: a guard must be bool, but "{transition.guard}" is {given}'
-                )
+                rule = f'guard of {transition.id!r}: a guard must be bool, but "{transition.guard}" is {given}'
                 self.error(transition.line, "type", rule)
                 self.unsound.add(transition.id)
         for action in transition.actions:
@@ -298,9 +278,7 @@ class _Check:
         for value in values:
             self.typed(transition, value, types, where)
 
-    def typed(
-        self, transition: Transition, value: Expression, types: Mapping[str, Type], where: str
-    ) -> Type | None:
+    def typed(self, transition: Transition, value: Expression, types: Mapping[str, Type], where: str) -> Type | None:
         try:
             return type_of(value, types, self.classes, where)
         except BadModel as error:

@@ -39,15 +39,23 @@ class Choices:
         if key not in self._remembered:
             if len(self._remembered) >= _CACHED:
                 self._remembered.clear()
-            self._remembered[key] = tuple(self._choose(configuration, site, arrived, given))
+            known = self.known(configuration, site, arrived)
+            fixed = self._read(site, known, given)
+            chosen = (dict(values) | fixed for values in self._choose(site, with_terms(known, fixed)))
+            self._remembered[key] = tuple(tuple(sorted(each.items())) for each in chosen)
         return self._remembered[key]
 
-    def _choose(
-        self, configuration: Configuration, site: Site, arrived: Message, given: Mapping[str, object]
-    ) -> Iterator[Values]:
+    def _read(self, site: Site, known: Mapping[str, object], given: Mapping[str, object]) -> dict[str, object]:
+        # Those of the choices already made that this transition reads.
+        types = self.layout.scopes.types(site.component, site.transition)
+        question = Question(types, self.layout.scopes.classes, known=known)
+        guards = [site.transition.guard] if site.transition.guard is not None else []
+        terms = question.terms([*guards, *site.effects()])
+        return {term: value for term, value in given.items() if term in terms}
+
+    def _choose(self, site: Site, known: Mapping[str, object]) -> Iterator[Values]:
         scopes, guard = self.layout.scopes, site.transition.guard
         types = scopes.types(site.component, site.transition)
-        known = with_terms(self.known(configuration, site, arrived), given)
         question = Question(types, scopes.classes, scopes.domains(site.component), known)
         guards, effects = ([guard] if guard is not None else []), site.effects()
         kept = question.terms(effects)

@@ -120,12 +120,7 @@ class Layout:
         ]
         self.variables = tuple(local)
         self._index = {(owner, variable.name): at for at, (owner, variable) in enumerate(local)}
-        read = {
-            each.event.channel
-            for component in cefsm.components
-            for each in component.transitions()
-            if each.event
-        }
+        read = {each.event.channel for component in cefsm.components for each in component.transitions() if each.event}
         inner = [
             channel
             for channel in cefsm.channels
@@ -138,9 +133,7 @@ class Layout:
         self.supplied = outer | self.opened
         self._messages = {channel.name: channel.message for channel in cefsm.channels}
         self.leaving = [self._by_source(slot, *pair) for slot, pair in enumerate(pairs)]
-        self.sites = {
-            site.transition.id: site for each in self.leaving for sites in each.values() for site in sites
-        }
+        self.sites = {site.transition.id: site for each in self.leaving for sites in each.values() for site in sites}
 
     def initial(self) -> Configuration:
         """Return the configuration with every machine in its initial state and every queue empty."""

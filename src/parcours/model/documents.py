@@ -138,9 +138,7 @@ class _Builder:
         if tag is not None:
             self.refuse(event, "yaml-tag", f"a model has no tags, but here is {tag!r}", "delete the tag")
         if depth > MAX_NESTING:
-            self.refuse(
-                event, "yaml-nesting", f"a model nests at most {MAX_NESTING} deep, but here it goes deeper"
-            )
+            self.refuse(event, "yaml-nesting", f"a model nests at most {MAX_NESTING} deep, but here it goes deeper")
         if isinstance(event, yaml.ScalarEvent):
             return Scalar(event.value, event.style in (None, ""), line)
         if isinstance(event, yaml.SequenceStartEvent):
@@ -158,12 +156,8 @@ class _Builder:
                 self.refuse(inner, "yaml-key", "a key must be a word, but here is a list or mapping")
             value = self.node(next(events), events, depth + 1)
             if key.text in pairs:
-                rule = (
-                    f"a key must be unique, but {key.text!r} stands in line {pairs[key.text][0].line} already"
-                )
-                self.findings.append(
-                    Finding(self.origin, key.line, "error", "duplicate-key", rule, "rename one")
-                )
+                rule = f"a key must be unique, but {key.text!r} stands in line {pairs[key.text][0].line} already"
+                self.findings.append(Finding(self.origin, key.line, "error", "duplicate-key", rule, "rename one"))
             else:
                 pairs[key.text] = (key, value)
         return Mapping(tuple(pairs.values()), line)

@@ -23,9 +23,7 @@ def predicate(transition: Transition) -> str:
         event = transition.event.channel + (f"({transition.event.name})" if transition.event.name else "")
     guard = "-" if transition.guard is None else f"[{transition.guard}]"
     actions = "; ".join(map(str, transition.actions)) or "-"
-    sends = (
-        "; ".join(f"{send.channel}({', '.join(map(str, send.payload))})" for send in transition.sends) or "-"
-    )
+    sends = "; ".join(f"{send.channel}({', '.join(map(str, send.payload))})" for send in transition.sends) or "-"
     return f"({event}/{guard}/{actions}/{sends})"
 
 

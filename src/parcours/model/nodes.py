@@ -79,9 +79,7 @@ class NodeReader:
                 self.add(node, "missing-key", f"{what} must have the key {name!r}, but has not", "add it")
         return items
 
-    def entries(
-        self, node: Node | None, what: str, name: _Name | None = None
-    ) -> Iterator[tuple[str, Node, int]]:
+    def entries(self, node: Node | None, what: str, name: _Name | None = None) -> Iterator[tuple[str, Node, int]]:
         """Yield name, value and line of each entry of a mapping from names of the user's choice."""
         if node is None or (isinstance(node, Scalar) and node.plain and node.text in ("", "~", "null")):
             return
@@ -144,9 +142,7 @@ class NodeReader:
                 return int(text)
             if type_ == "real" and len(text) <= 400 and _REAL.fullmatch(text) and math.isfinite(float(text)):
                 return float(text)
-        self.add(
-            node, "initial", f"the initial value of {what} must be of type {type_}, but is {shown(node)}"
-        )
+        self.add(node, "initial", f"the initial value of {what} must be of type {type_}, but is {shown(node)}")
         return None
 
     def parsed(self, node: Node | None, what: str, parse: Callable[[str, str], _T], absent: _T) -> _T:

@@ -65,9 +65,7 @@ def to_svg(model: Cefsm | Machine, title: str = "", covered: Collection[str] | N
         initial = model.initial
     else:
         names = [component.name for component in model.components]
-        arrows = [
-            _Arrow(each.sender, each.receiver, each.name, is_faint(each.name)) for each in model.channels
-        ]
+        arrows = [_Arrow(each.sender, each.receiver, each.name, is_faint(each.name)) for each in model.channels]
         legend = [(each.name, f"{each.message} {each.topic}".strip()) for each in model.channels]
         if any(ENVIRONMENT in (arrow.source, arrow.target) for arrow in arrows):
             names.append(ENVIRONMENT)
@@ -105,9 +103,7 @@ class _Picture:
         high = max(115.0, count * 26.0, label)
         wide = max(widest + 85 + label, count * (widest + 24) / math.pi)
         turn = 2 * math.pi / count
-        return {
-            name: (-wide * math.cos(turn * at), -high * math.sin(turn * at)) for at, name in enumerate(names)
-        }
+        return {name: (-wide * math.cos(turn * at), -high * math.sin(turn * at)) for at, name in enumerate(names)}
 
     def draw(self, arrows: list[_Arrow], initial: str) -> None:
         for name, (x, y) in self.place.items():
@@ -196,9 +192,7 @@ class _Picture:
 
     def head(self, before: Point, tip: Point, faint: bool) -> None:
         angle = math.atan2(tip[1] - before[1], tip[0] - before[0])
-        wings = [
-            (tip[0] - 9 * math.cos(angle + side), tip[1] - 9 * math.sin(angle + side)) for side in (-0.4, 0.4)
-        ]
+        wings = [(tip[0] - 9 * math.cos(angle + side), tip[1] - 9 * math.sin(angle + side)) for side in (-0.4, 0.4)]
         points = " ".join(map(_at, [tip, *wings]))
         self.under.append(f'<polygon points="{points}" fill="{_FAINT if faint else _INK}"/>')
 
@@ -278,8 +272,7 @@ def _hub(names: list[str], arrows: list[_Arrow]) -> str:
 def _quadratic(start: Point, control: Point, end: Point, part: float) -> Point:
     rest = 1 - part
     x, y = (
-        rest * rest * a + 2 * rest * part * b + part * part * c
-        for a, b, c in zip(start, control, end, strict=True)
+        rest * rest * a + 2 * rest * part * b + part * part * c for a, b, c in zip(start, control, end, strict=True)
     )
     return x, y
 

@@ -130,9 +130,7 @@ class SchemaReader(NodeReader):
         type_ = self.identifier(items.get("type"), f"'type' of {what}")
         role = self.text(items.get("role"), f"'role' of {what}", "local")
         if role not in ("local", "input"):
-            self.add(
-                items.get("role"), "value", f"'role' of {what} must be local or input, but is {role[:40]!r}"
-            )
+            self.add(items.get("role"), "value", f"'role' of {what} must be local or input, but is {role[:40]!r}")
         initial = None
         if "initial" in items and type_:
             initial = self.constant(items["initial"], type_, what)
@@ -155,13 +153,10 @@ class SchemaReader(NodeReader):
         low, high = 0, 0
         if len(ends) == 2:
             low, high = (
-                self.integer(end, f"an end of the range of {what}", -INTEGER_LIMIT, INTEGER_LIMIT)
-                for end in ends
+                self.integer(end, f"an end of the range of {what}", -INTEGER_LIMIT, INTEGER_LIMIT) for end in ends
             )
         if len(ends) != 2 or not 0 <= high - low < MAX_RANGE:
-            rule = (
-                f"'range' of {what} must be [lowest, highest] with at most {MAX_RANGE} integers, but is not"
-            )
+            rule = f"'range' of {what} must be [lowest, highest] with at most {MAX_RANGE} integers, but is not"
             self.add(items["range"], "value", rule, "leave it out for an unbounded integer")
             return ()
         return range(low, high + 1)

@@ -62,9 +62,7 @@ class Scopes:
             for component in cefsm.components
         }
         self._domains = {
-            component.name: {
-                variable.name: variable.domain for variable in component.variables if variable.domain
-            }
+            component.name: {variable.name: variable.domain for variable in component.variables if variable.domain}
             for component in cefsm.components
         }
 

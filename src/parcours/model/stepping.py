@@ -90,9 +90,7 @@ def enabled(
     return _steps(cefsm, frozenset(opened)).enabled(configuration, inputs or {})
 
 
-def step(
-    cefsm: Cefsm, configuration: Configuration, move: Move, opened: Set[str] = frozenset()
-) -> Configuration:
+def step(cefsm: Cefsm, configuration: Configuration, move: Move, opened: Set[str] = frozenset()) -> Configuration:
     """Return the configuration after a move.
 
     Args:
@@ -166,14 +164,10 @@ class Steps:
     def _site(self, configuration: Configuration, id: str, move: Move) -> Site:
         site = self.layout.sites.get(id)
         if site is None:
-            raise BadRequest(
-                f"move {move}", f"a transition must exist, but {id!r} does not", slug="unknown-transition"
-            )
+            raise BadRequest(f"move {move}", f"a transition must exist, but {id!r} does not", slug="unknown-transition")
         if configuration.states[site.slot] != site.transition.source:
             state = configuration.states[site.slot]
-            raise _impossible(
-                move, f"{id!r} starts in {site.transition.source!r}, but the machine is in {state!r}"
-            )
+            raise _impossible(move, f"{id!r} starts in {site.transition.source!r}, but the machine is in {state!r}")
         return site
 
     def _arrived(self, configuration: Configuration, site: Site) -> Message | None:
@@ -211,17 +205,10 @@ class Steps:
             after, met = self._fire(configuration, site, arrived, move)
             for partner in self._at(configuration):
                 event = partner.transition.event
-                if (
-                    met is None
-                    or event is None
-                    or event.channel != met[0]
-                    or not self._has_room(after, partner)
-                ):
+                if met is None or event is None or event.channel != met[0] or not self._has_room(after, partner):
                     continue
                 for reply in self.choices.of(after, partner, met[1], given.get(partner.component, {})):
-                    inputs = tuple(
-                        sorted({*move.inputs, *_qualified(partner, reply)}, key=lambda pair: pair[0])
-                    )
+                    inputs = tuple(sorted({*move.inputs, *_qualified(partner, reply)}, key=lambda pair: pair[0]))
                     yield Move(transition.id, partner.transition.id, inputs)
 
     def _fire(
@@ -238,10 +225,7 @@ class Steps:
             owner, variable = layout.variables[at]
             values[at] = known[variable.name] = stored(variable, evaluate(expression, known, where), owner)
         queues = list(configuration.queues)
-        if (
-            transition.event is not None
-            and (at_read := layout.queue.get(transition.event.channel)) is not None
-        ):
+        if transition.event is not None and (at_read := layout.queue.get(transition.event.channel)) is not None:
             queues[at_read] = queues[at_read][1:]
         met = None
         for send, content in zip(transition.sends, site.contents, strict=True):

@@ -47,9 +47,7 @@ class _Search:
         written = {send.channel for transition in transitions for send in transition.sends}
         for channel in self.cefsm.channels:
             if channel.receiver != ENVIRONMENT and channel.name not in read:
-                rule = (
-                    f"a channel must be read, but no event of {channel.receiver!r} receives {channel.name!r}"
-                )
+                rule = f"a channel must be read, but no event of {channel.receiver!r} receives {channel.name!r}"
                 remedy = f"add an event, or let it lead to: {ENVIRONMENT}"
                 self.warn(channel.line, "unread-channel", rule, remedy)
             if channel.sender != ENVIRONMENT and channel.name not in written:
@@ -69,15 +67,11 @@ class _Search:
                 self.warn(machine.line, "unreachable-state", rule, "add a transition to it, or delete it")
             elif state not in homing:
                 rule = f"every state must lead back to {machine.initial!r}, but {state!r} of {place} does not"
-                self.warn(
-                    machine.line, "no-way-back", rule, "no closed test path visits it; add a transition"
-                )
+                self.warn(machine.line, "no-way-back", rule, "no closed test path visits it; add a transition")
         for transition in machine.transitions:
             if transition.source not in reached and transition.id not in dead:
                 start = transition.source
-                rule = (
-                    f"a transition must be possible, but {transition.id!r} starts in {start!r}, never reached"
-                )
+                rule = f"a transition must be possible, but {transition.id!r} starts in {start!r}, never reached"
                 self.warn(transition.line, "dead-transition", rule)
         leaving: dict[str, list[Transition]] = {}
         for transition in alive:
@@ -95,17 +89,11 @@ class _Search:
             answer = self.ask(component, transition, [transition.guard])
             if answer.holds is False:
                 dead.add(transition.id)
-                rule = (
-                    f'a guard must be able to hold, but "{transition.guard}" of {transition.id!r} never does'
-                )
-                self.warn(
-                    transition.line, "dead-transition", rule, "correct the guard, or delete the transition"
-                )
+                rule = f'a guard must be able to hold, but "{transition.guard}" of {transition.id!r} never does'
+                self.warn(transition.line, "dead-transition", rule, "correct the guard, or delete the transition")
             elif answer.holds is None:
                 rule = f'could not decide whether "{transition.guard}" of {transition.id!r} can hold'
-                self.warn(
-                    transition.line, "undecided-guard", rule, "compare each variable with constants only"
-                )
+                self.warn(transition.line, "undecided-guard", rule, "compare each variable with constants only")
         return dead
 
     def choices(self, component: Component, state: str, rivals: list[Transition]) -> None:
@@ -123,9 +111,7 @@ class _Search:
             if answer.holds:
                 example = f", for example when {answer}" if answer.values else ""
                 rule = f"a state must have one next step, but {both} can both leave {state!r}{example}"
-                self.warn(
-                    two.line, "nondeterminism", rule, "make the guards exclude each other, if it is not meant"
-                )
+                self.warn(two.line, "nondeterminism", rule, "make the guards exclude each other, if it is not meant")
             elif answer.holds is None:
                 rule = f"could not decide whether {both} can both leave {state!r}"
                 self.warn(two.line, "undecided-choice", rule, "compare each variable with constants only")

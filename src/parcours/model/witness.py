@@ -114,9 +114,7 @@ class Question:
 
     def terms(self, expressions: Sequence[Expression]) -> dict[str, Type]:
         """Return the open terms that the expressions read, with their types, sorted by name."""
-        return dict(
-            sorted((pair for each in expressions for pair in self._free(each)), key=lambda pair: pair[0])
-        )
+        return dict(sorted((pair for each in expressions for pair in self._free(each)), key=lambda pair: pair[0]))
 
     def _hold(self, guards: Sequence[Expression], values: Mapping[str, object]) -> bool:
         full = with_terms(self.known, values)
@@ -187,9 +185,7 @@ class Question:
                             continue
             for term, type_ in () if exact else cut.items():
                 found[term] |= {
-                    part.value
-                    for part in walk(guard)
-                    if isinstance(part, Literal) and _like(part.value, type_)
+                    part.value for part in walk(guard) if isinstance(part, Literal) and _like(part.value, type_)
                 }
         return found
 

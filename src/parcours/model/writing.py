@@ -78,9 +78,7 @@ def _machine(machine: Machine) -> list[str]:
         lines.append(f"        states: [{', '.join(map(_text, machine.states))}]")
     empty = "" if machine.transitions else " {}"
     lines.append(f"        transitions:{empty}")
-    lines += [
-        f"          {_text(transition.id)}: {_transition(transition)}" for transition in machine.transitions
-    ]
+    lines += [f"          {_text(transition.id)}: {_transition(transition)}" for transition in machine.transitions]
     return lines
 
 

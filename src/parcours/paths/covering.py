@@ -166,8 +166,7 @@ def cover(machine: Machine, criterion: str = "edge", component: str = "") -> tup
         )
     walks = COVERS[criterion](machine)
     return tuple(
-        InternalPath(f"tp{place}", component, machine.name, tuple(walk))
-        for place, walk in enumerate(walks, start=1)
+        InternalPath(f"tp{place}", component, machine.name, tuple(walk)) for place, walk in enumerate(walks, start=1)
     )
 
 
@@ -192,15 +191,11 @@ def internal_paths(cefsm: Cefsm, criterion: str = "edge") -> dict[str, tuple[Int
     ['tp21 = t1 t2']
     """
     found = {
-        component.name: [
-            path for machine in component.machines for path in cover(machine, criterion, component.name)
-        ]
+        component.name: [path for machine in component.machines for path in cover(machine, criterion, component.name)]
         for component in cefsm.components
     }
     apart = "_" if len(found) > 9 or any(len(paths) > 9 for paths in found.values()) else ""
     return {
-        name: tuple(
-            replace(path, name=f"tp{first}{apart}{second}") for second, path in enumerate(paths, start=1)
-        )
+        name: tuple(replace(path, name=f"tp{first}{apart}{second}") for second, path in enumerate(paths, start=1))
         for first, (name, paths) in enumerate(found.items(), start=1)
     }

@@ -63,9 +63,7 @@ def measure(of: Machine | Cefsm, criterion: str, *sequences: Sequence[str]) -> C
 
 def _machines(cefsm: Cefsm) -> dict[str, Machine]:
     return {
-        f"{component.name}.{machine.name}": machine
-        for component in cefsm.components
-        for machine in component.machines
+        f"{component.name}.{machine.name}": machine for component in cefsm.components for machine in component.machines
     }
 
 

@@ -69,8 +69,7 @@ def _numeric(table: Table, at: int) -> bool:
 def text_rows(table: Table) -> tuple[tuple[str, ...], ...]:
     """Return the text of every cell, row by row."""
     return tuple(
-        tuple(shown(cell, column) for cell, column in zip(row, table.columns, strict=True))
-        for row in table.rows
+        tuple(shown(cell, column) for cell, column in zip(row, table.columns, strict=True)) for row in table.rows
     )
 
 

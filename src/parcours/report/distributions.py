@@ -58,42 +58,26 @@ def histogram(
     if len(bins) < 2 or not (np.diff(bins) > 0.0).all():
         raise bad_data(title, f"bin edges must increase, at least two, but are {list(edges)}")
     told = []
-    with canvas(0.55 + 0.95 * len(series) + 0.65 * len(quantiles), len(series) + len(quantiles)) as (
-        figure,
-        panels,
-    ):
+    rows = len(series) + len(quantiles)
+    with canvas(0.5 + 1.05 * rows, rows, same_heights=True) as (figure, panels):
         for k, (name, values) in enumerate(series.items()):
             known = _known(values)
             counts = np.histogram(np.clip(known, bins[0], bins[-1]), bins)[0] / max(known.size, 1)
             colour = SERIES[k % len(SERIES)]
-            panels[k].bar(
-                bins[:-1], counts, np.diff(bins), align="edge", color=colour, edgecolor=PAPER, linewidth=0.8
-            )
+            panels[k].bar(bins[:-1], counts, np.diff(bins), align="edge", color=colour, edgecolor=PAPER, linewidth=0.8)
             panels[k].yaxis.set_major_formatter(percent)
             panels[k].grid(visible=False, axis="x")
-            panels[k].set_title(f"{name}  (n = {known.size})", loc="left", color=INK)
+            middle = f", median {np.median(known):.3g}" if known.size else ""
+            panels[k].set_title(f"{name}: {known.size} values{middle}", loc="left", color=INK)
             if known.size:
                 median = float(np.median(known))
-                _mark(panels[k], median, f"median {median:.3g}")
+                panels[k].axvline(median, color=INK, linewidth=1.2)
                 told.append(f"{name}: {known.size} values, median {median:.3g}, largest {known.max():.3g}")
             else:
                 told.append(f"{name}: no values")
         for panel, (name, marks) in zip(panels[len(series) :], quantiles.items(), strict=True):
-            panel.plot(
-                [value for _, value in marks],
-                [0.5] * len(marks),
-                "-|",
-                color=SERIES[2],
-                markersize=14,
-                mew=1.6,
-            )
-            for share, value in marks:
-                panel.text(value, 0.78, f"{share:.0%}", ha="center", va="bottom", fontsize=8.0, color=MUTED)
-            panel.set_ylim(0.0, 1.3)
-            panel.set_yticks([])
-            panel.grid(visible=False)
-            panel.spines["left"].set_visible(False)
-            panel.set_title(f"{name}  (quantiles)", loc="left", color=INK)
+            _ruler(panel, marks)
+            panel.set_title(f"{name}: share of values at most as large", loc="left", color=INK)
             told.append(f"{name}: " + ", ".join(f"{share:.0%} at most {value:g}" for share, value in marks))
         panels[-1].set_xlim(bins[0], bins[-1])
         panels[-1].set_xlabel(axis)
@@ -131,9 +115,7 @@ def durations(
         for row, (name, values) in enumerate(known.items()):
             if name in limits:
                 low, high = (1e3 * limit for limit in limits[name])
-                panel.fill_betweenx(
-                    [row - 0.36, row + 0.36], low, high, color=TONES["poor"], alpha=0.22, linewidth=0
-                )
+                panel.fill_betweenx([row - 0.36, row + 0.36], low, high, color=TONES["poor"], alpha=0.22, linewidth=0)
                 panel.vlines([low, high], row - 0.36, row + 0.36, color=SERIES[0], linewidth=1.4)
             if not values.size:
                 told.append(f"{name}: no durations")
@@ -145,8 +127,7 @@ def durations(
             panel.plot([median], [row], "o", color=SERIES[1], markersize=6, markeredgecolor=PAPER)
             panel.plot([values.max()], [row], "|", color=SERIES[1], markersize=7)
             told.append(
-                f"{name}: n {values.size}, median {median:.3g} ms, "
-                f"p95 {p95:.3g} ms, largest {values.max():.3g} ms"
+                f"{name}: n {values.size}, median {median:.3g} ms, p95 {p95:.3g} ms, largest {values.max():.3g} ms"
             )
         panel.set_xscale("log")
         panel.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
@@ -189,17 +170,14 @@ def cumulative(
                 color=SERIES[k % len(SERIES)], linewidth=1.8, label=f"{name} (n = {known.size})",
             )  # fmt: skip
             told.append(
-                f"{name}: median {np.median(known):.3g} of {known.size}"
-                if known.size
-                else f"{name}: no values"
+                f"{name}: median {np.median(known):.3g} of {known.size}" if known.size else f"{name}: no values"
             )
         for name, marks in quantiles.items():
             at = [value for _, value in marks]
-            panel.plot(
-                at, [share for share, _ in marks], "D", color=SERIES[2], label=name, markeredgecolor=PAPER
-            )
+            panel.plot(at, [share for share, _ in marks], "D", color=SERIES[2], label=name, markeredgecolor=PAPER)
             told.append(f"{name}: " + ", ".join(f"{share:.0%} at most {value:g}" for share, value in marks))
         panel.set_ylim(0.0, 1.02)
+        panel.margins(x=0.01)
         panel.yaxis.set_major_formatter(percent)
         panel.set_xlabel(axis)
         figure.legend(loc="outside upper left", ncols=3)
@@ -213,13 +191,19 @@ def _known(values: ArrayLike) -> Floats:
     return flat[~np.isnan(flat)]
 
 
-def _mark(panel: Axes, at: float, text: str) -> None:
-    """Draw a vertical mark with its text in the margin above the panel."""
-    panel.axvline(at, color=INK, linewidth=1.1)
-    panel.annotate(
-        text, (at, 1.0), xycoords=("data", "axes fraction"), xytext=(3, -1), textcoords="offset points",
-        va="top", fontsize=8.0, color=INK,
-    )  # fmt: skip
+def _ruler(panel: Axes, marks: Sequence[tuple[float, float]]) -> None:
+    """Draw (share, value) marks on a line, labels above and below by turns to keep near ones legible."""
+    line = panel.get_xaxis_transform()
+    values = [value for _, value in marks]
+    panel.plot(values, [0.5] * len(marks), "-|", color=SERIES[2], markersize=13, mew=1.6, transform=line)
+    for k, (share, value) in enumerate(marks):
+        panel.annotate(
+            percent(share), (value, 0.5), xycoords=line, textcoords="offset points",
+            xytext=(0, -9 if k % 2 else 9), ha="center", va="top" if k % 2 else "bottom", fontsize=8.0, color=MUTED,
+        )  # fmt: skip
+    panel.tick_params(axis="y", labelleft=False)
+    panel.grid(visible=False)
+    panel.spines["left"].set_visible(False)
 
 
 def _legend_of_durations(figure: Canvas, *, limited: bool) -> None:
@@ -233,9 +217,5 @@ def _legend_of_durations(figure: Canvas, *, limited: bool) -> None:
         Line2D([], [], color=SERIES[1], linewidth=1.2, label="range"),
     ]
     if limited:
-        keys.append(
-            Patch(
-                facecolor=TONES["poor"], alpha=0.35, edgecolor=SERIES[0], label="limits set, lower to upper"
-            )
-        )
+        keys.append(Patch(facecolor=TONES["poor"], alpha=0.35, edgecolor=SERIES[0], label="limits, lower to upper"))
     figure.legend(handles=keys, loc="outside upper left", ncols=4)

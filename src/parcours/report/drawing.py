@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure as Canvas
 
-WIDTH = 7.6
+WIDTH = 8.8
 """Width of a chart [in]; at 72 points an inch and 4/3 px a point it fills a page's column."""
 
 INK, MUTED, RULE, PAPER = "#1c2430", "#5b6675", "#d9dee6", "#fefefe"
@@ -29,14 +29,17 @@ SERIES = ("#d55e00", "#0072b2", "#79808c", "#00805c", "#a8548a", "#b08900")
 MARKERS = ("o", "s", "D", "^", "v", "P")
 
 TONES = {
-    "good": "#0072b2",
+    "good": "#0071b1",
     "fair": "#62b1e2",
     "neutral": "#b4bac4",
     "poor": "#e8b13a",
-    "bad": "#d55e00",
+    "bad": "#d45d00",
     "worst": "#7a2259",
 }
-"""Colours of tones, from blue by way of yellow to purple: apart in hue and in lightness."""
+"""Colours of tones, from blue by way of yellow to purple: apart in hue and in lightness.
+
+None is the colour of a series: those follow the page into the dark; these stay, since labels stand on them.
+"""
 
 _NAMES = {
     INK: "ink",
@@ -81,12 +84,13 @@ _STYLE: Any = {
 
 
 @contextmanager
-def canvas(height: float, rows: int = 1) -> Iterator[tuple[Canvas, list[Axes]]]:
+def canvas(height: float, rows: int = 1, *, same_heights: bool = False) -> Iterator[tuple[Canvas, list[Axes]]]:
     """Yield an empty chart of `rows` panels above each other with a common horizontal axis, in our style.
 
     Args:
         height: of the whole [in].
         rows: number of panels.
+        same_heights: whether the panels have one vertical scale.
     """
     import matplotlib
     from matplotlib.backends.backend_svg import FigureCanvasSVG
@@ -98,7 +102,7 @@ def canvas(height: float, rows: int = 1) -> Iterator[tuple[Canvas, list[Axes]]]:
         matplotlib.rcParams.update(_STYLE)
         figure = Canvas(figsize=(WIDTH, height), layout="constrained")
         FigureCanvasSVG(figure)
-        panels = figure.subplots(rows, 1, sharex=True, squeeze=False)
+        panels = figure.subplots(rows, 1, sharex=True, sharey=same_heights, squeeze=False)
         yield figure, list(panels[:, 0])
 
 
@@ -153,9 +157,7 @@ def require_same_length(title: str, groups: Sequence[object], series: Mapping[st
     """Raise BadRequest unless each series has one value a group."""
     for name, values in series.items():
         if len(values) != len(groups):
-            raise bad_data(
-                title, f"{name!r} must have one value a group, {len(groups)}, but has {len(values)}"
-            )
+            raise bad_data(title, f"{name!r} must have one value a group, {len(groups)}, but has {len(values)}")
 
 
 def bad_data(title: str, rule: str) -> BadRequest:

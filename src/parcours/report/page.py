@@ -1,6 +1,6 @@
 """A page's pieces -> one HTML file with style, script, charts and replay data inside; it loads nothing.
 
-The same page gives the same bytes. All text from outside is escaped by the template; a Content-Security-Policy
+The same page gives the same bytes. The template escapes all text from outside, and a Content-Security-Policy
 lets only our own script run, whatever a title may hold.
 """
 
@@ -46,9 +46,7 @@ def to_html(page: Page) -> str:
     numbers = itertools.count(1)
     return _template().render(
         page=page,
-        sections=list(
-            zip(anchors(page), page.sections, (blocks(s.pieces) for s in page.sections), strict=True)
-        ),
+        sections=list(zip(anchors(page), page.sections, (blocks(s.pieces) for s in page.sections), strict=True)),
         style=Markup(_file("page.css")),
         script=Markup(script),
         script_hash=digest,
@@ -74,9 +72,7 @@ def blocks(pieces: tuple[Piece, ...]) -> Iterator[tuple[str, list[Piece]]]:
 def _template() -> Template:
     from jinja2 import Environment, StrictUndefined
 
-    environment = Environment(
-        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
-    )
+    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     environment.filters.update(
         prose=prose.html,
         inline=prose.inline_html,
@@ -107,7 +103,7 @@ def _json(replay: Replay) -> Markup:
 
 
 def _adopted(figure: Figure, number: int) -> Markup:
-    """Return a figure's drawing with ids of its own on this page, without the namespaces HTML can do without."""
+    """Return a figure's drawing with ids of its own, and without namespaces, of which HTML has no need."""
     svg = re.sub(r'\s(?:xmlns(?::\w+)?)="[^"]*"', "", figure.svg)
     prefix = f"f{number}-"
     svg = re.sub(r'(?<=\sid=")', prefix, svg)

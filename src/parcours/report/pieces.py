@@ -189,17 +189,13 @@ class Replay:
         for name in ("times", "x", "y", "heading", "halted", "obstacle_x", "obstacle_y"):
             values = getattr(self, name)
             due = (n, m) if name.startswith("obstacle") else (n,)
-            self._require(
-                values.shape == due, f"{name} must have shape {due}, but has {values.shape}", "replay-shape"
-            )
+            self._require(values.shape == due, f"{name} must have shape {due}, but has {values.shape}", "replay-shape")
             self._require(
                 bool(np.isfinite(values).all()),
                 f"{name} must be finite, but is not everywhere",
                 "replay-values",
             )
-        self._require(
-            bool((np.diff(self.times) > 0.0).all()), "times must increase, but do not", "replay-values"
-        )
+        self._require(bool((np.diff(self.times) > 0.0).all()), "times must increase, but do not", "replay-values")
         for size in (self.robot_radius, self.goal_tolerance, *self.obstacle_radii, *self.arena):
             self._require(
                 bool(np.isfinite(size)) and size > 0.0,

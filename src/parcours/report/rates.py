@@ -71,20 +71,16 @@ def intervals(
     require_data(title, groups, series)
     require_same_length(title, groups, series)
     spread = 0.62 / max(len(series) - 1, 1) if len(series) > 1 else 0.0
-    with canvas(0.75 + 0.17 * len(groups) * (len(series) + 1)) as (figure, (panel,)):
+    with canvas(0.75 + 0.145 * len(groups) * (len(series) + 1)) as (figure, (panel,)):
         for k, (name, rates) in enumerate(series.items()):
             offset = spread * (k - (len(series) - 1) / 2)
-            known = [
-                (row + offset, rate) for row, rate in enumerate(rates) if rate and not math.isnan(rate.share)
-            ]
+            known = [(row + offset, rate) for row, rate in enumerate(rates) if rate and not math.isnan(rate.share)]
             y = [place for place, _ in known]
             colour = SERIES[k % len(SERIES)]
-            panel.hlines(
-                y, [r.low for _, r in known], [r.high for _, r in known], color=colour, linewidth=1.6
-            )
+            panel.hlines(y, [r.low for _, r in known], [r.high for _, r in known], color=colour, linewidth=1.6)
             panel.plot(
                 [r.share for _, r in known], y, MARKERS[k % len(MARKERS)], color=colour, markersize=5.5,
-                markeredgecolor=PAPER, markeredgewidth=0.7, label=name,
+                markeredgecolor=PAPER, markeredgewidth=0.7, label=name, clip_on=False, zorder=3,
             )  # fmt: skip
         for row in range(1, len(groups)):
             panel.axhline(row - 0.5, color=RULE, linewidth=0.7)
@@ -173,17 +169,13 @@ def coverage(title: str, groups: Mapping[str, Mapping[str, int]], note: str = ""
                 raise bad_data(title, f"group {name!r} must have items and no negative counts")
             met = sum(count > 0 for count in items.values())
             missing = [item for item, count in items.items() if not count]
-            told.append(
-                f"{name}: {met} of {len(items)} met" + (f", not {', '.join(missing)}" if missing else "")
-            )
+            told.append(f"{name}: {met} of {len(items)} met" + (f", not {', '.join(missing)}" if missing else ""))
             if len(items) <= MAX_TILES:
                 _tiles(panel, row, items)
             else:
                 width = MAX_TILES - 0.08
-                panel.barh(
-                    row, width, height=0.7, left=0.04, facecolor="none", edgecolor=SERIES[0], linewidth=1.0
-                )
-                panel.barh(row, width * met / len(items), height=0.7, left=0.04, color=SERIES[1])
+                panel.barh(row, width, height=0.7, left=0.04, facecolor="none", edgecolor=SERIES[0], linewidth=1.0)
+                panel.barh(row, width * met / len(items), height=0.7, left=0.04, color=TONES["good"])
             panel.text(
                 -0.15,
                 row,
@@ -193,7 +185,7 @@ def coverage(title: str, groups: Mapping[str, Mapping[str, int]], note: str = ""
                 color=INK if met == len(items) else SERIES[0],
             )
         widest = max(min(len(items), MAX_TILES) for items in groups.values())
-        panel.set_xlim(-1.4, max(widest, 9))
+        panel.set_xlim(-1.5, max(widest, 9))
         panel.set_ylim(len(groups) - 0.5, -0.5)
         panel.set_yticks(range(len(groups)), list(groups))
         panel.set_xticks([])
@@ -212,7 +204,7 @@ def _tiles(panel: Axes, row: int, items: Mapping[str, int]) -> None:
     for at, (item, count) in enumerate(items.items()):
         panel.barh(
             row, 0.92, height=0.7, left=at + 0.04, linewidth=1.0,
-            facecolor=SERIES[1] if count else "none", edgecolor=SERIES[1] if count else SERIES[0],
+            facecolor=TONES["good"] if count else "none", edgecolor=TONES["good"] if count else SERIES[0],
         )  # fmt: skip
         panel.text(
             at + 0.5,

@@ -30,9 +30,9 @@ def embedded(replay: Replay) -> str:
     >>> at = np.array([0.0, 0.5])
     >>> run = Replay("t", "", at, at, at, at, at > 0, at[:, None], at[:, None] + 1.0, 0.125, (0.1,),
     ...              (2.0, 2.0), (2.0, 2.0), 0.2)
-    >>> embedded(run)[:68]
-    '{"t":[0,500],"x":[0,500],"y":[0,500],"h":[0,500],"halts":[1],"ox":[['
-    >>> embedded(run)[62:]
+    >>> embedded(run)[:61]
+    '{"t":[0,500],"x":[0,500],"y":[0,500],"h":[0,500],"halts":[1],'
+    >>> embedded(run)[61:]
     '"ox":[[0,500]],"oy":[[1000,500]],"r":0.125,"or":[0.1],"size":[2.0,2.0],"goal":[2.0,2.0],"tol":0.2}'
     """
     halted = np.asarray(replay.halted, dtype=np.int8)
@@ -54,7 +54,7 @@ def embedded(replay: Replay) -> str:
 
 
 def steps(values: Floats, per_unit: int) -> list[int]:
-    """Return the values in whole parts of a unit, the first as it is and each other as the step from the last.
+    """Return the values in whole parts of a unit: the first as it is, each other as the step from the last.
 
     Args:
         values: any unit, shape (n,).

@@ -25,7 +25,7 @@
     const [width, height] = d.size, rim = 1.2 * Math.max(d.r, d.tol, 0, ...d.or);
 
     const field = make("canvas", { class: "field", "aria-hidden": "true" });
-    const strip = make("canvas", { class: "strip", "aria-hidden": "true" });
+    const strip = make("canvas", { class: "strip", "aria-hidden": "true", title: "Clearance over time, up to 0.5 m; drag to move in time" });
     const button = make("button", { type: "button" }, "Play");
     const slider = make("input", { type: "range", min: start, max: end, step: "any", value: start, "aria-label": "Time" });
     const speed = make("select", { "aria-label": "Speed" }, ...[1, 2, 5].map((k) => make("option", { value: k }, `${k}×`)));
@@ -90,6 +90,12 @@
         g.fillStyle = ink; g.globalAlpha = 0.22; g.fill(); g.globalAlpha = 0.75; g.lineWidth = 1.2; g.stroke(); g.globalAlpha = 1;
       });
 
+      g.globalAlpha = 0.35; g.lineWidth = 1; g.setLineDash([2, 4]); // the whole way, past and to come
+      const whole = (a, b, stroke) => { g.strokeStyle = stroke; g.beginPath(); a.forEach((v, s) => g[s ? "lineTo" : "moveTo"](px(v), py(b[s]))); g.stroke(); };
+      ox.forEach((_, k) => whole(ox[k], oy[k], ink));
+      g.globalAlpha = 0.8; whole(x, y, css("--c1"));
+      g.setLineDash([]); g.globalAlpha = 1;
+
       const colour = halted[i] ? css("--c0") : css("--c1");
       g.strokeStyle = css("--c1"); g.lineWidth = 1.6; g.lineJoin = "round"; g.globalAlpha = 0.8; g.beginPath(); g.moveTo(px(x[0]), py(y[0]));
       for (let s = 1; s <= i; s++) g.lineTo(px(x[s]), py(y[s]));
@@ -107,7 +113,7 @@
         return make("span", {}, `${label} `, b);
       };
       output.replaceChildren(cell("time", `${now.toFixed(1)} s`), cell("clearance", clear),
-        cell("state", halted[i] ? "halted" : "free", halted[i] ? "halted" : ""));
+        cell("least", isFinite(gap[least]) ? `${gap[least].toFixed(3)} m` : "–"), cell("", halted[i] ? "halted" : "free", halted[i] ? "halted" : ""));
       slider.value = now;
       slider.setAttribute("aria-valuetext", `${now.toFixed(1)} s, clearance ${clear}${halted[i] ? ", halted" : ""}`);
     }
@@ -126,9 +132,6 @@
         gap.forEach((v, s) => g[s ? "lineTo" : "moveTo"](across(t[s]), up(v)));
         g.stroke();
         g.fillStyle = css("--ink"); g.beginPath(); g.arc(across(t[least]), up(gap[least]), 2.6, 0, 2 * Math.PI); g.fill();
-        g.fillStyle = css("--muted"); g.font = `11px ${css("--sans")}`;
-        g.textAlign = across(t[least]) > (from + to) / 2 ? "right" : "left";
-        g.fillText(`least clearance ${gap[least].toFixed(3)} m`, across(t[least]) + (g.textAlign === "right" ? -7 : 7), Math.max(16, up(gap[least]) - 5));
       }
       g.strokeStyle = css("--c1"); g.lineWidth = 1.5; g.beginPath(); g.moveTo(across(now), 2); g.lineTo(across(now), tall - 2); g.stroke();
     }

@@ -19,6 +19,9 @@ from parcours.report.pieces import Floats, Replay
 PIXELS = 420
 """Length of the longer side of the picture [px]."""
 
+SAME_PLACE = 0.02
+"""A body that moved less than this between two moments is drawn once [m]."""
+
 _INK = {
     "paper": "var(--panel, #ffffff)",
     "rule": "var(--rule, #cdd4de)",
@@ -62,20 +65,21 @@ def still(replay: Replay) -> str:
     parts = [_arena(replay)]
     at = moments(replay)
     for k, radius in enumerate(replay.obstacle_radii):
-        parts.append(_line(replay.obstacle_x[:, k], replay.obstacle_y[:, k], _INK["obstacle"], 0.25))
-        for rank, i in enumerate(at):
-            fade = 0.08 + 0.42 * ((rank + 1) / len(at)) ** 2
-            parts.append(
-                _disc(replay.obstacle_x[i, k], replay.obstacle_y[i, k], radius, _INK["obstacle"], fade, 0.02)
-            )
+        x, y = replay.obstacle_x[:, k], replay.obstacle_y[:, k]
+        parts.append(_line(x, y, _INK["obstacle"], 0.25))
+        for first, last in stays(x, y, at):
+            fade = 0.1 + 0.5 * (at.index(last) + 1) / len(at)
+            parts.append(_disc(x[first], y[first], radius, _INK["obstacle"], fade, 0.16 * fade))
     parts.append(_line(replay.x, replay.y, _INK["robot"], 0.9))
-    for i in at:
-        ink = _INK["halted"] if replay.halted[i] else _INK["robot"]
-        parts.append(_disc(replay.x[i], replay.y[i], replay.robot_radius, ink, 0.55, 0.06))
-        tip = replay.robot_radius
-        reach = [replay.x[i], replay.x[i] + tip * math.cos(replay.heading[i])]
-        rise = [replay.y[i], replay.y[i] + tip * math.sin(replay.heading[i])]
-        parts.append(_line(np.array(reach), np.array(rise), ink, 0.8))
+    for first, last in stays(replay.x, replay.y, at):
+        ink = _INK["halted"] if replay.halted[first : last + 1].any() else _INK["robot"]
+        x0, y0, heading = float(replay.x[last]), float(replay.y[last]), float(replay.heading[last])
+        parts.append(_disc(x0, y0, replay.robot_radius, ink, 0.7, 0.12))
+        tip = (
+            x0 + replay.robot_radius * math.cos(heading),
+            y0 + replay.robot_radius * math.sin(heading),
+        )
+        parts.append(_line(np.array([x0, tip[0]]), np.array([y0, tip[1]]), ink, 0.8))
     body = "".join(parts)
     # y grows upwards in the arena and downwards on the screen
     frame = f"translate({rim * scale:.1f} {size[1] - rim * scale:.1f}) scale({scale:.3f} {-scale:.3f})"
@@ -85,6 +89,26 @@ def still(replay: Replay) -> str:
         f'<g fill="none" stroke-linecap="round" stroke-linejoin="round" transform="{frame}">{body}</g>'
         f"{_labels(replay, at, scale, rim, size[1])}</svg>"
     )
+
+
+def stays(x: Floats, y: Floats, at: list[int]) -> list[tuple[int, int]]:
+    """Return where a body is at some samples: the first and the last of each run of them in one place.
+
+    Args:
+        x: positions [m], shape (n_times,); y likewise.
+        at: the samples, increasing.
+
+    >>> stays(np.array([0.0, 0.5, 0.5, 0.505, 1.0]), np.zeros(5), [0, 1, 2, 3, 4])
+    [(0, 0), (1, 3), (4, 4)]
+    """
+    found = [(at[0], at[0])]
+    for i in at[1:]:
+        first = found[-1][0]
+        if math.hypot(x[i] - x[first], y[i] - y[first]) < SAME_PLACE:
+            found[-1] = (first, i)
+        else:
+            found.append((i, i))
+    return found
 
 
 def described(replay: Replay) -> str:
@@ -132,14 +156,18 @@ def _disc(x: float, y: float, radius: float, ink: str, edge: float, fill: float)
 
 
 def _labels(replay: Replay, at: list[int], scale: float, rim: float, height: float) -> str:
-    """Return the robot's times every five moments and at the end, but where they would overprint the last."""
+    """Return when the robot was where: at every fifth place and where it stayed, as far as there is room."""
     texts: list[str] = []
-    last: tuple[float, float] | None = None
-    for i in sorted({*at[::5], at[-1]}):
-        x = (replay.x[i] + rim) * scale
-        y = height - (replay.y[i] + rim) * scale
-        if last is None or math.hypot(x - last[0], y - last[1]) > 18.0:
-            texts.append(f'<text x="{x:.1f}" y="{y - 5:.1f}">{replay.times[i]:.0f} s</text>')
-            last = (x, y)
+    taken: list[tuple[float, float]] = []
+    places = stays(replay.x, replay.y, at)
+    wanted = [place for k, place in enumerate(places) if k % 5 == 0 or place[1] != place[0] or k == len(places) - 1]
+    # the end and the long stays first: they tell most
+    for first, last in sorted(wanted, key=lambda place: (place[1] != at[-1], place[0] - place[1])):
+        x = (replay.x[last] + rim) * scale
+        y = height - (replay.y[last] + replay.robot_radius + rim) * scale - 4.0
+        if all(abs(x - a) > 48.0 or abs(y - b) > 12.0 for a, b in taken):
+            start, end = (f"{replay.times[i]:.0f}" for i in (first, last))
+            texts.append(f'<text x="{x:.1f}" y="{y:.1f}">{start if start == end else f"{start}–{end}"} s</text>')
+            taken.append((x, y))
     style = f"fill:{_INK['muted']};font:11px system-ui,sans-serif;text-anchor:middle"
     return f'<g style="{style}">{"".join(texts)}</g>'

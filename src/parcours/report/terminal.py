@@ -44,7 +44,7 @@ def print_table(table: Table, to: TextIO | None = None) -> None:
 
 
 def print_page(page: Page, to: TextIO | None = None) -> None:
-    """Print what a page says in words and tables; charts as their description, folded tables by their title.
+    """Print what a page says in words and tables; charts, replays and folded tables by their titles.
 
     Args:
         page: what to print.
@@ -84,9 +84,7 @@ def to_text(table: Table) -> str:
     pads = [_PAD[side] for side in sides(table)]
     lines = [heads, tuple("-" * width for width in widths), *body]
     text = [
-        "  ".join(
-            f"{cell:{pad}{width}}" for cell, pad, width in zip(line, pads, widths, strict=True)
-        ).rstrip()
+        "  ".join(f"{cell:{pad}{width}}" for cell, pad, width in zip(line, pads, widths, strict=True)).rstrip()
         for line in lines
     ]
     note = [plain(table.note)] if table.note else []
@@ -105,9 +103,7 @@ def to_markdown(table: Table) -> str:
     rule = {"left": ":---", "right": "---:", "center": ":---:"}
     heads = [_full_heading(table, at) for at in range(len(table.columns))]
     lines = [heads, [rule[side] for side in sides(table)], *text_rows(table)]
-    return "\n".join(
-        "| " + " | ".join(_one_line(cell).replace("|", "\\|") for cell in line) + " |" for line in lines
-    )
+    return "\n".join("| " + " | ".join(_one_line(cell).replace("|", "\\|") for cell in line) + " |" for line in lines)
 
 
 def _said(piece: object) -> str:
@@ -119,7 +115,7 @@ def _said(piece: object) -> str:
     if isinstance(piece, Findings):
         return "\n".join(map(_finding, piece.items))
     if isinstance(piece, Figure):
-        return f"{piece.title}: {piece.alt}"
+        return f"chart: {piece.title}"
     if isinstance(piece, Replay):
         return f"replay {piece.title}: {plain(piece.subtitle)}"
     if isinstance(piece, Table):
@@ -137,9 +133,7 @@ def _drawn(table: Table) -> RichTable:
     from rich.table import Table as RichTable
     from rich.text import Text as RichText
 
-    drawn = RichTable(
-        title=RichText(table.title), title_justify="left", title_style="bold", box=box.SIMPLE_HEAD
-    )
+    drawn = RichTable(title=RichText(table.title), title_justify="left", title_style="bold", box=box.SIMPLE_HEAD)
     for at, side in enumerate(sides(table)):
         drawn.add_column(RichText(_full_heading(table, at)), justify=_JUSTIFY[side], overflow="fold")
     for row in table.rows:

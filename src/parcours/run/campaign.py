@@ -76,9 +76,7 @@ def run_campaign(
     [0, 1, 4, 9, 16]
     """
     if workers < 1:
-        raise BadRequest(
-            "workers", f"at least one is needed, but {workers} were asked for", slug="count-range"
-        )
+        raise BadRequest("workers", f"at least one is needed, but {workers} were asked for", slug="count-range")
     function = _resolve(simulate) if isinstance(simulate, str) else simulate
     store = create(folder, campaign)
     missing = store.missing()

@@ -188,9 +188,7 @@ class _Gate:
                     self._record("send", event, channel=channel, message=self._number(), payload=payload)
                 step = next(instance.work, None)
             if step is not None:
-                Counter(
-                    channel for channel, _ in step.sends
-                )  # what is no step is found here and blamed on it
+                Counter(channel for channel, _ in step.sends)  # what is no step is found here and blamed on it
                 str.__len__(step.transition)
         except Exception as error:
             raise _DeviationError(event.transition, f"{type(error).__name__}: {error}") from error
@@ -226,9 +224,7 @@ class _Gate:
                 raise BadRequest("serialised case", rule, "use serialise()", slug="gate-order")
             gate = self._gates.get((source, channel))
             if not gate:
-                raise _DeviationError(
-                    f"{event.transition} on receiving {channel}", f"no message from event {source}"
-                )
+                raise _DeviationError(f"{event.transition} on receiving {channel}", f"no message from event {source}")
             number, payload = gate.popleft()
             self._record("release", event, channel=channel, message=number, payload=payload)
         self._record("receive", event, channel=channel, message=number, payload=payload)
@@ -259,17 +255,13 @@ class _Gate:
 
     def _held(self) -> tuple[Held, ...]:
         return tuple(
-            Held(number, channel, source)
-            for (source, channel), gate in self._gates.items()
-            for number, _ in gate
+            Held(number, channel, source) for (source, channel), gate in self._gates.items() for number, _ in gate
         )
 
     def _record(self, kind: Kind, event: Event | None, *, transition: str = "", channel: str = "",
                 message: int = -1, text: str = "", payload: object = None) -> None:  # fmt: skip
         name = ENVIRONMENT if event is None else instance_name(event)
-        self._events.append(
-            TraceEvent(self._clock.now(), kind, name, transition, channel, message, text, payload)
-        )
+        self._events.append(TraceEvent(self._clock.now(), kind, name, transition, channel, message, text, payload))
 
 
 def _listed(channels: Counter[str]) -> str:

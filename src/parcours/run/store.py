@@ -69,9 +69,7 @@ class Campaign:
             raise BadRequest(f"campaign {self.study!r}", rule, "give a larger shard_size", slug="shard-count")
         if self.dtype.names is None or self.dtype.hasobject:
             rule = f"results are records of numbers, but their dtype is {self.dtype}"
-            raise BadRequest(
-                f"campaign {self.study!r}", rule, "give a structured dtype", slug="results-dtype"
-            )
+            raise BadRequest(f"campaign {self.study!r}", rule, "give a structured dtype", slug="results-dtype")
         object.__setattr__(self, "dtype", repack_fields(self.dtype.newbyteorder("<"), recurse=True))
         try:
             text = json.dumps(dict(self.parameters), sort_keys=True, allow_nan=False)
@@ -161,9 +159,7 @@ class Store:
             raise _damaged(path, f"must be a NumPy array, but: {error}") from error
         expected = (len(self.campaign.cases(shard)),)
         if rows.shape != expected or rows.dtype != self.campaign.dtype:
-            raise _damaged(
-                path, f"must hold {expected[0]} records of the manifest's dtype, but holds {rows.shape}"
-            )
+            raise _damaged(path, f"must hold {expected[0]} records of the manifest's dtype, but holds {rows.shape}")
         return rows
 
     def verify(self) -> None:
@@ -187,9 +183,7 @@ class Store:
         absent = self.missing()
         if absent and not partial:
             total = len(self.campaign.shards)
-            rule = (
-                f"a finished campaign has {total} shards, but {len(absent)} are missing, from {absent[0]} on"
-            )
+            rule = f"a finished campaign has {total} shards, but {len(absent)} are missing, from {absent[0]} on"
             raise BadResults(str(self.folder), rule, "resume the campaign", slug="results-unfinished")
         parts = list(self)
         return np.concatenate(parts) if parts else np.zeros(0, self.campaign.dtype)
@@ -221,14 +215,10 @@ def create(folder: Path, campaign: Campaign) -> Store:
         return Store(folder, campaign)
     store = open_results(folder)
     ours, theirs = campaign.manifest(), store.campaign.manifest()
-    differing = [
-        f"{key} {theirs[key]!r} instead of {ours[key]!r}" for key in ours if ours[key] != theirs[key]
-    ]
+    differing = [f"{key} {theirs[key]!r} instead of {ours[key]!r}" for key in ours if ours[key] != theirs[key]]
     if differing:
         rule = f"holds another campaign: {'; '.join(differing)}"
-        raise BadResults(
-            str(folder), rule, "name another folder, or ask for the same campaign", slug="results-other"
-        )
+        raise BadResults(str(folder), rule, "name another folder, or ask for the same campaign", slug="results-other")
     write_atomically(folder / ".writable", b"")
     (folder / ".writable").unlink(missing_ok=True)
     sweep(folder)
@@ -248,14 +238,10 @@ def open_results(folder: Path) -> Store:
         document = json.loads(path.read_bytes())
     except OSError as error:
         rule = f"a results folder holds a {_MANIFEST}, but: {error.strerror}"
-        raise BadResults(
-            str(folder), rule, "name a folder that a campaign wrote", slug="results-manifest"
-        ) from error
+        raise BadResults(str(folder), rule, "name a folder that a campaign wrote", slug="results-manifest") from error
     except (ValueError, RecursionError) as error:
         rule = f"must be JSON, but is cut short or changed: {error}"
-        raise BadResults(
-            str(path), rule, "run the campaign into a new folder", slug="results-manifest"
-        ) from error
+        raise BadResults(str(path), rule, "run the campaign into a new folder", slug="results-manifest") from error
     version = document.get("parcours") if isinstance(document, dict) else None
     if version != FORMAT:
         rule = f"this version reads {FORMAT!r}, but the file says {version!r}"
@@ -281,9 +267,7 @@ def open_results(folder: Path) -> Store:
         BadRequest,
     ) as error:
         rule = f"must describe a campaign, but does not: {error}"
-        raise BadResults(
-            str(path), rule, "run the campaign into a new folder", slug="results-manifest"
-        ) from error
+        raise BadResults(str(path), rule, "run the campaign into a new folder", slug="results-manifest") from error
     return Store(folder, campaign)
 
 
@@ -321,7 +305,5 @@ def _tuples(descr: object) -> object:
         raise TypeError(f"dtype {descr!r} is no list of fields")
     made: list[tuple[object, ...]] = []
     for name, kind, *shape in descr:
-        made.append(
-            (name, _tuples(kind) if isinstance(kind, list) else kind, *(tuple(part) for part in shape))
-        )
+        made.append((name, _tuples(kind) if isinstance(kind, list) else kind, *(tuple(part) for part in shape)))
     return made

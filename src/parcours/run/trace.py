@@ -159,9 +159,7 @@ def read_trace(path: Path) -> Trace:
     try:
         lines = path.read_text(encoding="utf-8").split("\n")
     except (OSError, UnicodeDecodeError) as error:
-        raise BadResults(
-            str(path), f"must be a readable trace file, but: {error}", slug="trace-unreadable"
-        ) from error
+        raise BadResults(str(path), f"must be a readable trace file, but: {error}", slug="trace-unreadable") from error
     head = _parsed(path, 1, lines[0])
     if not isinstance(head, dict) or head.get("parcours") != FORMAT:
         given = head.get("parcours") if isinstance(head, dict) else None
@@ -180,16 +178,8 @@ def read_trace(path: Path) -> Trace:
             slug="trace-cut-short",
         )
     noise, clock, host, case = (head.get(key) for key in ("noise", "clock", "host", "case"))
-    sound = noise is None or (
-        isinstance(noise, list) and len(noise) == 4 and all(type(n) is int for n in noise)
-    )
-    if not (
-        isinstance(clock, str)
-        and clock in _CLOCKS
-        and sound
-        and isinstance(host, str)
-        and isinstance(case, str)
-    ):
+    sound = noise is None or (isinstance(noise, list) and len(noise) == 4 and all(type(n) is int for n in noise))
+    if not (isinstance(clock, str) and clock in _CLOCKS and sound and isinstance(host, str) and isinstance(case, str)):
         raise _malformed(path, 1, lines[0])
     events: list[TraceEvent] = []
     for number, line in enumerate(lines[1:-2], start=2):

@@ -59,8 +59,7 @@ class Case:
             if not is_part(part):
                 raise BadSuite(
                     where,
-                    f"the id of its {what} must consist of letters, digits and _ . + @ = , -, but"
-                    f" is {part[:60]!r}",
+                    f"the id of its {what} must consist of letters, digits and _ . + @ = , -, but is {part[:60]!r}",
                     slug="case-id",
                 )
         if not (0 <= self.number < 2**63 and 0 <= self.row < 2**63) or not 0 <= self.seed < 2**64:
@@ -71,9 +70,7 @@ class Case:
                 slug="case-number",
             )
         if not (math.isfinite(self.time_budget) and self.time_budget > 0):
-            raise BadSuite(
-                where, f"a time budget must be positive, but is {self.time_budget} s", slug="time-budget"
-            )
+            raise BadSuite(where, f"a time budget must be positive, but is {self.time_budget} s", slug="time-budget")
         if len(self.names) != len(self.values) or len(set(self.names)) != len(self.names):
             raise BadSuite(
                 where,

@@ -107,9 +107,7 @@ class Plan:
         row, abstract = divmod(number, len(self.abstracts))
         budget = self.time_budgets[row % len(self.time_budgets)]
         name = self.abstracts[abstract]
-        return Case(
-            self.study, number, name, row, self.inputs.names, tuple(values.tolist()), budget, self.seed
-        )
+        return Case(self.study, number, name, row, self.inputs.names, tuple(values.tolist()), budget, self.seed)
 
     def _check(self, numbers: NDArray[np.int64]) -> None:
         if numbers.size and not (numbers.min() >= 0 and numbers.max() < self.n_cases):

@@ -218,9 +218,7 @@ def _case(path: Path, line: int, record: dict[str, object]) -> Case:
             _whole(record, "seed"),
         )
     except BadSuite as error:
-        raise BadSuite(
-            f"{path}:{line}", f"{error.where}: {error.rule}", error.remedy, slug=error.slug
-        ) from None
+        raise BadSuite(f"{path}:{line}", f"{error.where}: {error.rule}", error.remedy, slug=error.slug) from None
     if record["id"] != case.id:
         _bad(path, line, f"the id of this case must be {case.id!r}", "suite-case")
     return case

@@ -33,7 +33,10 @@ FACTS = np.dtype(
         ("t_shared_contact", "i8"),  # ... that both closed [ns]
         ("n_robot_contacts", "i8"),
         ("n_shared_contacts", "i8"),
-        ("n_obstacle_contacts", "i8"),  # contacts that the obstacle closed alone, or that found the robot at rest
+        (
+            "n_obstacle_contacts",
+            "i8",
+        ),  # contacts that the obstacle closed alone, or that found the robot at rest
         ("min_clearance", "f8"),  # least gap to any obstacle before the end [m]; negative is overlap
         ("t_min_clearance", "i8"),  # [ns]
         ("travelled", "f8"),  # length of the robot's way [m]

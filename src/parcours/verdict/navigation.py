@@ -156,7 +156,9 @@ def explain(record: np.void) -> str:
         record: FACTS of one case.
     """
     outcome = Outcome(int(outcomes(np.array([record]))[0]))
-    seconds = {name: record[name] * 1e-9 for name in ("t_end", "t_goal", "t_goal_after", "t_last_moving", "halted_time")}
+    seconds = {
+        name: record[name] * 1e-9 for name in ("t_end", "t_goal", "t_goal_after", "t_last_moving", "halted_time")
+    }
     place = f"({record['x']:.2f}, {record['y']:.2f}) m"
     if outcome is Outcome.COLLIDED:
         times = [t for t in (record["t_robot_contact"], record["t_shared_contact"]) if t != NEVER]
@@ -170,4 +172,5 @@ def explain(record: np.void) -> str:
         return f"an obstacle rests on the goal ({-record['goal_gap']:.2f} m too near); the robot ended at {place}"
     if outcome is Outcome.STUCK:
         return f"halted for imminent collision at {place} since {seconds['t_last_moving']:.1f} s and never moved again"
-    return f"at {place}, {record['to_goal']:.2f} m from the goal, when the test ended, and never arrived while it was watched on"
+    gap = f"{record['to_goal']:.2f} m from the goal"
+    return f"at {place}, {gap}, when the test ended, and never arrived while it was watched on"

@@ -62,9 +62,7 @@ def wilson(count: int, n: int, confidence: float = 0.95) -> Rate:
     """
     _check_counts(count, n)
     if not 0.0 < confidence < 1.0:
-        raise BadRequest(
-            "confidence", f"it must lie between 0 and 1, but {confidence:g} given", slug="confidence"
-        )
+        raise BadRequest("confidence", f"it must lie between 0 and 1, but {confidence:g} given", slug="confidence")
     if n == 0:
         return Rate(0, 0, 0.0, 1.0, confidence)
     from scipy.stats import binomtest
@@ -137,9 +135,7 @@ def compare_pairs(first: ArrayLike, second: ArrayLike) -> Pairs:
             slug="pairs-shape",
         )
     first_only, second_only = int(np.sum(a & ~b)), int(np.sum(b & ~a))
-    return Pairs(
-        int(np.sum(a & b)), first_only, second_only, int(np.sum(~a & ~b)), mcnemar(first_only, second_only)
-    )
+    return Pairs(int(np.sum(a & b)), first_only, second_only, int(np.sum(~a & ~b)), mcnemar(first_only, second_only))
 
 
 @dataclass(frozen=True, slots=True)
@@ -202,9 +198,7 @@ def quantiles(values: ArrayLike, at: Sequence[float] = (0.1, 0.25, 0.5, 0.75, 0.
     """
     for share in at:
         if not 0.0 <= share <= 1.0:
-            raise BadRequest(
-                "quantiles", f"a share must lie in [0, 1], but {share:g} given", slug="quantile-share"
-            )
+            raise BadRequest("quantiles", f"a share must lie in [0, 1], but {share:g} given", slug="quantile-share")
     known: NDArray[np.float64] = np.asarray(values, dtype=np.float64).ravel()
     known = known[~np.isnan(known)]
     if known.size == 0:

@@ -119,9 +119,7 @@ class _Evaluation:
             case Binary(operator, left, right) if operator in _ORDER:
                 return _ORDER[operator](self.number(left), self.number(right))
             case Binary(operator, left, right):
-                return self.bounded(
-                    node, lambda: _ARITHMETIC[operator](self.number(left), self.number(right))
-                )
+                return self.bounded(node, lambda: _ARITHMETIC[operator](self.number(left), self.number(right)))
             case Apply("size", (argument,)):
                 value = self.of(argument)
                 return self.bounded(node, lambda: _size(value))

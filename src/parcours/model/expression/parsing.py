@@ -295,9 +295,7 @@ class _Parser:
                 return chr(int(code, 16))
             simple = {"n": "\n", "t": "\t", "\\": "\\", "'": "'", '"': '"'}
             if other not in simple:
-                self._fail_at(
-                    token.at, f"a text knows no escape {match.group()!r}", r"use \\ \' \n \t or \u{hex}"
-                )
+                self._fail_at(token.at, f"a text knows no escape {match.group()!r}", r"use \\ \' \n \t or \u{hex}")
             return simple[other]
 
         return _ESCAPE.sub(plain, token.text[1:-1])

@@ -13,7 +13,16 @@ import numpy as np
 
 from parcours.elementary import sin_cos, wrap
 from parcours.kernels import Record, kernel
-from parcours.planners.ramp.messages import POSE, SAMPLE, TRAJECTORY, Report, Step, copy_trajectory, one, pose_at
+from parcours.planners.ramp.messages import (
+    POSE,
+    SAMPLE,
+    TRAJECTORY,
+    Report,
+    Step,
+    copy_trajectory,
+    one,
+    pose_at,
+)
 from parcours.planners.ramp.parameters import Parameters
 
 COMMAND_PERIOD = 50_000_000

@@ -1,4 +1,4 @@
-"""The control cycle: commit to the best member, and re-anchor the population where the robot will be at the next one."""
+"""The control cycle: commit to the best member, and re-anchor the population where the robot will be next time."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ DRAGGED = 0.01
 @kernel
 def is_at_rest(planner: Record) -> bool:
     """Return whether the robot stands, by its last report."""
-    return abs(planner.latest.v) < MOVING and abs(planner.latest.w) < MOVING
+    return bool(abs(planner.latest.v) < MOVING and abs(planner.latest.w) < MOVING)
 
 
 @kernel

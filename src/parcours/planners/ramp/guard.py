@@ -1,8 +1,8 @@
 """Imminent collision: the motion under way and the predicted obstacles -> halt, go on, or stay halted.
 
 `original` looks at the first control period of what the robot was told, counted from its begin although the obstacles
-are counted from now, and at nothing beyond it: its look-ahead shrinks to zero before each control cycle. `guarded` looks
-a constant time ahead on the motion that is really left, with robot and obstacles at the same instants.
+are counted from now, and at nothing beyond it: its look-ahead shrinks to zero before each control cycle. `guarded`
+looks a constant time ahead on the motion that is really left, with robot and obstacles at the same instants.
 """
 
 from __future__ import annotations
@@ -31,7 +31,15 @@ def evaluate_moving_on(planner: Record, predictions: Record, now: int, parameter
     if planner.moving_on.n > 0 and len(predictions) > 0:
         begins, first, last, margin, may_leave = window(planner, now, parameters)
         t = collision_time(
-            planner.moving_on, begins, first, last, predictions, planner.drift_x, planner.drift_y, margin, may_leave,
+            planner.moving_on,
+            begins,
+            first,
+            last,
+            predictions,
+            planner.drift_x,
+            planner.drift_y,
+            margin,
+            may_leave,
             parameters,
         )
     note_moving_on(planner, t)
@@ -53,4 +61,4 @@ def is_imminent(planner: Record, now: int, parameters: Record) -> bool:
         return True
     period = (planner.t_next - planner.t_control) * 1e-9
     elapsed = (now - planner.t_control) * 1e-9
-    return planner.moving_on_t < period or planner.moving_on_t - elapsed < period
+    return bool(planner.moving_on_t < period or planner.moving_on_t - elapsed < period)

@@ -23,7 +23,7 @@ MAX_KNOTS = 8
 MAX_POPULATION = 16
 
 POSE = np.dtype([("x", "f8"), ("y", "f8"), ("heading", "f8"), ("v", "f8"), ("w", "f8")])
-"""Where a body is and how it moves: position [m], heading [rad], forward speed [m/s], yaw rate [rad/s] (MotionState)."""
+"""Where a body is and how it moves (MotionState): position [m], heading [rad], speed [m/s], yaw rate [rad/s]."""
 
 PATH = np.dtype([("n", "i8"), ("x", "f8", (MAX_KNOTS,)), ("y", "f8", (MAX_KNOTS,))])
 """Knot points from start to goal [m] (Path)."""
@@ -64,10 +64,21 @@ OBSTACLE_STATE = np.dtype([("pose", POSE), ("radius", "f8")])
 HORIZON = 121
 """Samples of a predicted obstacle motion: 12 s."""
 
-PREDICTION = np.dtype([("n", "i8"), ("x", "f8", (HORIZON,)), ("y", "f8", (HORIZON,)), ("speed", "f8"), ("radius", "f8"), ("stamp", "i8")])
+PREDICTION = np.dtype(
+    [
+        ("n", "i8"),
+        ("x", "f8", (HORIZON,)),
+        ("y", "f8", (HORIZON,)),
+        ("speed", "f8"),
+        ("radius", "f8"),
+        ("stamp", "i8"),
+    ]
+)
 """Where an obstacle is expected to be, every SAMPLE seconds from `stamp` [ns]; it stays where the samples end."""
 
-MODIFICATION = np.dtype([("operator", "i8"), ("first", PATH), ("second", PATH), ("direction", "f8"), ("distance", "f8")])
+MODIFICATION = np.dtype(
+    [("operator", "i8"), ("first", PATH), ("second", PATH), ("direction", "f8"), ("distance", "f8")]
+)
 """One or two paths to modify by an operator; direction [rad] and distance [m] of the nearest obstacle (for `move`)."""
 
 

@@ -69,11 +69,15 @@ class Parameters:
             value = getattr(self, field.name)
             if isinstance(value, float) and not (0.0 <= value < 1e9):
                 raise BadRequest(
-                    f"RAMP parameter {field.name!r}", f"it must be a number from 0 to 1e9, but is {value}", slug="parameter-range"
+                    f"RAMP parameter {field.name!r}",
+                    f"it must be a number from 0 to 1e9, but is {value}",
+                    slug="parameter-range",
                 )
         if not 1 <= self.population <= 16:
             raise BadRequest(
-                "RAMP parameter 'population'", f"it must be from 1 to 16, but is {self.population}", slug="parameter-range"
+                "RAMP parameter 'population'",
+                f"it must be from 1 to 16, but is {self.population}",
+                slug="parameter-range",
             )
         if self.schedule not in ("original", "guarded"):
             raise BadRequest(

@@ -8,7 +8,14 @@ import numpy as np
 
 from parcours.elementary import PI, atan2, sin_cos
 from parcours.kernels import Record, kernel
-from parcours.planners.ramp.messages import PATH, ModificationRequest, ModificationResponse, Step, copy_path, many
+from parcours.planners.ramp.messages import (
+    PATH,
+    ModificationRequest,
+    ModificationResponse,
+    Step,
+    copy_path,
+    many,
+)
 from parcours.planners.ramp.parameters import Parameters
 from parcours.streams import Stream, below, between, start
 
@@ -34,14 +41,14 @@ def applies(operator: int, n: int) -> bool:
         return n < LONGEST_FOR_INSERT
     if operator == SWAP:
         return n > 3
-    if operator == DELETE or operator == CHANGE:
+    if operator in (DELETE, CHANGE):
         return n > 2
     return n >= 2
 
 
 @kernel
 def far_point(path: Record, skip: int, distance: float, arena: float, stream: Stream) -> tuple[float, float]:
-    """Return a random point of the arena [m] at least `distance` from all knots but `skip` (the last try if none is)."""
+    """Return a random point of the arena [m] `distance` away from all knots but `skip` (the last try if none is)."""
     x = y = 0.0
     for _ in range(_TRIES):
         x, y = between(stream, 0.0, arena), between(stream, 0.0, arena)
@@ -107,7 +114,7 @@ def _cross(head: Record, tail: Record, cut: int, from_: int, child: Record) -> N
 
 @kernel
 def modify(request: Record, parameters: Record, stream: Stream, one: Record, two: Record) -> int:
-    """Apply the operator of a MODIFICATION; return how many of the PATHs `one` and `two` it made (0: not applicable)."""
+    """Apply the operator of a MODIFICATION; return how many of the PATHs it made (0: not applicable)."""
     operator, n = request.operator, request.first.n
     if not applies(operator, n):
         return 0

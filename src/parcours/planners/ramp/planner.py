@@ -37,7 +37,12 @@ from parcours.planners.ramp.messages import (
 )
 from parcours.planners.ramp.parameters import Parameters
 from parcours.planners.ramp.planner_state import PLANNER, begin_population
-from parcours.planners.ramp.planning_cycle import choose_modification, compensate, offer_candidate, set_candidate
+from parcours.planners.ramp.planning_cycle import (
+    choose_modification,
+    compensate,
+    offer_candidate,
+    set_candidate,
+)
 from parcours.planners.ramp.prediction import predict
 from parcours.planners.ramp.sensing_cycle import evaluate_population, evaluates_population, note_nearest
 from parcours.planners.ramp.switching import switch_path, take_up
@@ -160,7 +165,12 @@ class Planner:
         drift = (float(planner.drift_x), float(planner.drift_y))
         assert self._conversation is not None
         request = EvaluationRequest(
-            self._conversation, trajectories, self._predictions, drift, float(planner.latest.heading), bool(planner.halted)
+            self._conversation,
+            trajectories,
+            self._predictions,
+            drift,
+            float(planner.latest.heading),
+            bool(planner.halted),
         )
         return "evaluation_request", request
 
@@ -182,11 +192,15 @@ class Planner:
         for i in range(self._planner.n):
             _note(self._planner.members[i].trajectory, response, i)
 
-    # Sensing cycle, p15 .. p19. p16 and p18 are answers with something left to ask; the last answers lead to p17 and p19.
+    # Sensing cycle, p15 .. p19. p16 and p18 are answers with more left to ask; the last ones lead to p17 and p19.
 
     def _begin_sensing(self, obstacles: Obstacles, now: int) -> Iterator[Step]:
         self._obstacles = obstacles
-        if self._parameters.schedule == 1 and not self._planner.halted and self._sees_imminent_collision(obstacles, now):
+        if (
+            self._parameters.schedule == 1
+            and not self._planner.halted
+            and self._sees_imminent_collision(obstacles, now)
+        ):
             yield Step("", (("imminent_collision", True),))
         self._to_predict = list(range(len(obstacles.states)))
         self._predictions = many(PREDICTION, len(obstacles.states))
@@ -224,7 +238,9 @@ class Planner:
                 return
             note_nearest(planner, self._obstacles.states)
             self._asked_population = evaluates_population(planner, now)
-            asked = self._evaluation(self._population()) if self._asked_population else self._evaluation_of_moving_on(now)
+            asked = (
+                self._evaluation(self._population()) if self._asked_population else self._evaluation_of_moving_on(now)
+            )
             yield Step("p17", (asked,))
         elif isinstance(message, EvaluationResponse):
             if not self._asked_population:

@@ -6,7 +6,15 @@ import numpy as np
 
 from parcours.elementary import sin_cos
 from parcours.kernels import Record, kernel
-from parcours.planners.ramp.messages import MAX_POPULATION, MEMBER, MODIFICATION, NO_COLLISION, PATH, POSE, TRAJECTORY
+from parcours.planners.ramp.messages import (
+    MAX_POPULATION,
+    MEMBER,
+    MODIFICATION,
+    NO_COLLISION,
+    PATH,
+    POSE,
+    TRAJECTORY,
+)
 from parcours.planners.ramp.path_modification import far_point
 from parcours.planners.ramp.route import HYBRID, ROUTE
 from parcours.planners.ramp.trajectory_generator import generate
@@ -52,7 +60,7 @@ PLANNER = np.dtype(
 
 @kernel
 def begin_population(planner: Record, pose: Record, parameters: Record) -> None:
-    """Fill the population with random paths from `pose` to the goal, the first of them straight ahead, with trajectories.
+    """Fill the population with random paths from `pose` to the goal, the first of them straight ahead.
 
     Interior knots number 1 to 4, drawn in the arena at least `knot_distance` from the others; the seeded member leads
     one metre along the robot's heading and then to the goal (published).

@@ -118,7 +118,12 @@ def planning_cycle(
         trajectory = planner.candidate.trajectory
         generate_from_switch(planner, planner.candidate.path, planner.switch_kind, trajectory, parameters)
         evaluate(
-            trajectory, predictions, planner.drift_x, planner.drift_y, planner.latest.heading, planner.halted == 1,
+            trajectory,
+            predictions,
+            planner.drift_x,
+            planner.drift_y,
+            planner.latest.heading,
+            planner.halted == 1,
             parameters,
         )
         offer_candidate(planner, parameters)

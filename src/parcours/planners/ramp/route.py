@@ -16,7 +16,7 @@ from parcours.planners.ramp.messages import MAX_KNOTS
 from parcours.planners.ramp.profile import reachable
 
 HYBRID, HOLONOMIC, TRANSITION = 0, 1, 2
-"""Kinds of way: round the first corner; stop and rotate at each; a switch, which rounds the joint and one corner more."""
+"""Kinds of way: round the first corner; stop and rotate at each; a switch (rounds the joint and one corner more)."""
 
 LINE, CURVE, TURN = 0, 1, 2
 """Kinds of piece."""
@@ -137,7 +137,7 @@ def _lay(path: Record, pose: Record, kind: int, stop_first: bool, parameters: Re
         k += 1
     route.first_heading = heading
     if k > last or ((path.x[k] - x) ** 2 + (path.y[k] - y) ** 2 < NEAR * NEAR):
-        return v < NEAR
+        return bool(v < NEAR)
     route.first_heading = atan2(path.y[k] - y, path.x[k] - x)
     turn = wrap(route.first_heading - heading)
     if v >= NEAR and (stop_first or abs(turn) > GENTLE):

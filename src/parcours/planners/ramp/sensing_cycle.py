@@ -1,4 +1,4 @@
-"""The sensing cycle, at every obstacle message: predict all obstacles, evaluate the population and the motion under way."""
+"""The sensing cycle, at every obstacle message: predict obstacles, evaluate population and motion under way."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def note_nearest(planner: Record, obstacles: Record) -> None:
 @kernel
 def evaluates_population(planner: Record, now: int) -> bool:
     """Return whether this sensing cycle evaluates the population, or leaves it to the control cycle about to come."""
-    return planner.t_next - now > NOT_BEFORE_CONTROL or planner.halted == 1 or planner.moving_on.n == 0
+    return bool(planner.t_next - now > NOT_BEFORE_CONTROL or planner.halted == 1 or planner.moving_on.n == 0)
 
 
 @kernel
@@ -38,8 +38,13 @@ def evaluate_population(planner: Record, predictions: Record, parameters: Record
     """Evaluate every member of the population."""
     for i in range(planner.n):
         evaluate(
-            planner.members[i].trajectory, predictions, planner.drift_x, planner.drift_y, planner.latest.heading,
-            planner.halted == 1, parameters,
+            planner.members[i].trajectory,
+            predictions,
+            planner.drift_x,
+            planner.drift_y,
+            planner.latest.heading,
+            planner.halted == 1,
+            parameters,
         )
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 from parcours.kernels import Record, kernel
 from parcours.planners.ramp.messages import MAX_KNOTS, SAMPLE, copy_path, pose_at
 from parcours.planners.ramp.path_modification import insert_knot
-from parcours.planners.ramp.route import HYBRID, TRANSITION, plan_route
+from parcours.planners.ramp.route import TRANSITION, plan_route
 from parcours.planners.ramp.trajectory_generator import generate
 
 EARLIEST = 0.2
@@ -29,7 +29,7 @@ def switch_path(path: Record, pose: Record, kind: int, out: Record) -> None:
 
 @kernel
 def take_up(planner: Record, trajectory: Record, kind: int) -> None:
-    """Date a TRAJECTORY generated for a member from the planner's next switch, and count its knots as the member does."""
+    """Date a TRAJECTORY generated for a member from the planner's next switch, counting knots as the member does."""
     if kind == TRANSITION:
         for k in range(1, MAX_KNOTS):
             trajectory.knot_time[k - 1] = trajectory.knot_time[k]

@@ -109,13 +109,22 @@ def collision_time(
     may_leave: bool,
     parameters: Record,
 ) -> float:
-    """Return when the trajectory first meets any obstacle, counted from its begin [s]; NO_COLLISION if it meets none."""
+    """Return when the trajectory first meets any obstacle, from its begin on [s]; NO_COLLISION if it meets none."""
     earliest = last
     for k in range(len(predictions)):
         prediction = predictions[k]
         reach = parameters.robot_radius + prediction.radius + margin
         earliest = first_collision(
-            trajectory, begins, first, earliest, prediction, drift_x, drift_y, reach, may_leave, parameters.v_max
+            trajectory,
+            begins,
+            first,
+            earliest,
+            prediction,
+            drift_x,
+            drift_y,
+            reach,
+            may_leave,
+            parameters.v_max,
         )
     return earliest * SAMPLE if earliest < last else NO_COLLISION
 
@@ -147,7 +156,15 @@ def evaluate(
     """
     may_leave = parameters.schedule == 1
     t = collision_time(
-        trajectory, trajectory.begins, 0, trajectory.n, predictions, drift_x, drift_y, parameters.plan_margin, may_leave,
+        trajectory,
+        trajectory.begins,
+        0,
+        trajectory.n,
+        predictions,
+        drift_x,
+        drift_y,
+        parameters.plan_margin,
+        may_leave,
         parameters,
     )
     angle = abs(wrap(trajectory.first_heading - heading))
@@ -203,13 +220,31 @@ class TrajectoryEvaluation:
         for k in range(len(trajectories)):
             if request.window is None:
                 evaluate(
-                    trajectories[k], predictions, drift_x, drift_y, request.heading, request.halted, self._parameters
+                    trajectories[k],
+                    predictions,
+                    drift_x,
+                    drift_y,
+                    request.heading,
+                    request.halted,
+                    self._parameters,
                 )
                 continue
             begins, first, last, margin, may_leave = request.window
             trajectories[k].t_collision = collision_time(
-                trajectories[k], begins, first, last, predictions, drift_x, drift_y, margin, may_leave, self._parameters
+                trajectories[k],
+                begins,
+                first,
+                last,
+                predictions,
+                drift_x,
+                drift_y,
+                margin,
+                may_leave,
+                self._parameters,
             )
         return EvaluationResponse(
-            request.tag, trajectories.feasible.copy(), trajectories.fitness.copy(), trajectories.t_collision.copy()
+            request.tag,
+            trajectories.feasible.copy(),
+            trajectories.fitness.copy(),
+            trajectories.t_collision.copy(),
         )

@@ -11,8 +11,8 @@ from parcours.planners.ramp.messages import (
     MAX_KNOTS,
     MAX_SAMPLES,
     NO_COLLISION,
-    SAMPLE,
     PREDICTION,
+    SAMPLE,
     TRAJECTORY,
     Step,
     TrajectoryRequest,
@@ -140,6 +140,11 @@ class TrajectoryGenerator:
         trajectories = many(TRAJECTORY, len(request.paths))
         for k in range(len(request.paths)):
             generate(
-                request.paths[k], request.starts[k], int(request.kinds[k]), self._parameters, self._route, trajectories[k]
+                request.paths[k],
+                request.starts[k],
+                int(request.kinds[k]),
+                self._parameters,
+                self._route,
+                trajectories[k],
             )
         return trajectories

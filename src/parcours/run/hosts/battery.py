@@ -148,9 +148,7 @@ def _pipe(make: Factory) -> tuple[list[object], Trace]:
 def keeps_order(make: Factory) -> None:
     """Messages of one channel are taken up in the order in which they were sent."""
     seen, trace = _pipe(make)
-    _owe(
-        seen == sorted(seen, key=lambda n: int(str(n))), "order is kept per channel", f"the tester saw {seen}"
-    )
+    _owe(seen == sorted(seen, key=lambda n: int(str(n))), "order is kept per channel", f"the tester saw {seen}")
     for channel in ("numbers", "seen"):
         got = [e.message for e in trace.events if e.kind == "receive" and e.channel == channel]
         _owe(got == sorted(got), "order is kept per channel", f"{channel} was taken up as {got}")
@@ -220,9 +218,7 @@ def closes_twice(make: Factory) -> None:
     try:
         host.close()
     except Exception as error:
-        raise HostFailure(
-            "host", f"closing twice is harmless, but raised {error!r}", slug="host-duty"
-        ) from error
+        raise HostFailure("host", f"closing twice is harmless, but raised {error!r}", slug="host-duty") from error
     taken = transitions(host.trace())
     _owe(taken == ("c2",), "a closed host's trace can be read", f"it holds {taken}")
 

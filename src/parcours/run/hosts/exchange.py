@@ -46,9 +46,7 @@ class Exchange:
         execution: Execution = at_once,
         rng: np.random.Generator | None = None,
     ) -> None:
-        tester = (
-            Answering(environment) if not hasattr(environment, "next_wake") else cast(Component, environment)
-        )
+        tester = Answering(environment) if not hasattr(environment, "next_wake") else cast(Component, environment)
         self._clock = clock
         self._seats = {part.name: Seat(part, k) for k, part in enumerate((*components, tester))}
         self._environment = self._seats[tester.name]
@@ -64,9 +62,7 @@ class Exchange:
         for channel in self._passages:
             if channel not in self._lanes:
                 remedy = one_of(channel, list(self._lanes))
-                raise HostFailure(
-                    "passages", f"no link is called {channel!r}", remedy, slug="unknown-channel"
-                )
+                raise HostFailure("passages", f"no link is called {channel!r}", remedy, slug="unknown-channel")
         self._clear()
 
     def _clear(self) -> None:
@@ -169,13 +165,9 @@ class Exchange:
 
     def _record(self, kind: Kind, seat: Seat | None = None, message: Message | None = None,
                 transition: str = "", text: str = "") -> None:  # fmt: skip
-        channel, number, payload = (
-            (message.channel, message.number, message.payload) if message else ("", -1, None)
-        )
+        channel, number, payload = (message.channel, message.number, message.payload) if message else ("", -1, None)
         name = seat.name if seat else ENVIRONMENT if message else ""
-        self._events.append(
-            TraceEvent(self._clock.now(), kind, name, transition, channel, number, text, payload)
-        )
+        self._events.append(TraceEvent(self._clock.now(), kind, name, transition, channel, number, text, payload))
 
     def _work(self, seat: Seat, *, rung: bool = False) -> None:
         """Let a component go on until it waits for time, for room, or for something to do.
@@ -260,9 +252,7 @@ class Exchange:
             if lane is None or not (lane.link.sender == seat.name or self._stands_in(seat, lane)):
                 rule = f"sends only on channels that are its own, but used {channel!r}"
                 own = ", ".join(c for c, other in self._lanes.items() if other.link.sender == seat.name)
-                raise HostFailure(
-                    f"component {seat.name!r}", rule, f"its channels: {own}", slug="not-its-channel"
-                )
+                raise HostFailure(f"component {seat.name!r}", rule, f"its channels: {own}", slug="not-its-channel")
             self._send(seat, lane, payload)
         self._work(seat)
 
@@ -292,11 +282,7 @@ class Exchange:
                 self._record("drop", message.sender, message, text="lost")
                 return
         lane.open += 1
-        if (
-            lane.link.kind is LinkKind.RENDEZVOUS
-            and message.sender is not None
-            and self._receiver(lane) is not None
-        ):
+        if lane.link.kind is LinkKind.RENDEZVOUS and message.sender is not None and self._receiver(lane) is not None:
             message.sender.waits = channel
         arrival = self._clock.now() + delay
         if passage is None or not passage.reorder:
@@ -310,11 +296,7 @@ class Exchange:
     def _arrive(self, lane: Lane, message: Message) -> None:
         seat = self._receiver(lane) or self._environment
         waiting = [other for other in seat.inbox if other.channel == message.channel]
-        if (
-            lane.link.kind is LinkKind.TOPIC
-            and seat is not self._environment
-            and len(waiting) >= lane.link.capacity
-        ):
+        if lane.link.kind is LinkKind.TOPIC and seat is not self._environment and len(waiting) >= lane.link.capacity:
             seat.inbox.remove(waiting[0])
             lane.open -= 1
             self._record("drop", seat, waiting[0], text="overrun")
@@ -340,12 +322,8 @@ class Exchange:
 
     def _broke(self, seat: Seat, error: Exception) -> NoReturn:
         rule = f"must keep to the port's contract, but raised {type(error).__name__}: {error}"
-        after = next(
-            (e.transition for e in reversed(self._events) if e.transition and e.component == seat.name), ""
-        )
-        remedy = f"it happened at {self._clock.now()} ns" + (
-            f", after {after}" if after else ", before any transition"
-        )
+        after = next((e.transition for e in reversed(self._events) if e.transition and e.component == seat.name), "")
+        remedy = f"it happened at {self._clock.now()} ns" + (f", after {after}" if after else ", before any transition")
         raise HostFailure(f"component {seat.name!r}", rule, remedy, slug="component-raised") from error
 
 

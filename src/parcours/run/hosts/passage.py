@@ -34,9 +34,7 @@ class Passage:
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.drop <= 1.0:
-            raise BadRequest(
-                "passage", f"drop is a probability, but was given as {self.drop}", slug="drop-range"
-            )
+            raise BadRequest("passage", f"drop is a probability, but was given as {self.drop}", slug="drop-range")
 
 
 def constant(time: int) -> Latency:
@@ -64,9 +62,7 @@ def measured(times: Sequence[int]) -> Latency:
     4
     """
     if not times:
-        raise BadRequest(
-            "latency", "needs at least one measured time, but none was given", slug="latency-empty"
-        )
+        raise BadRequest("latency", "needs at least one measured time, but none was given", slug="latency-empty")
     kept = tuple(times)
     return lambda rng: kept[int(rng.integers(len(kept)))]
 
@@ -99,9 +95,7 @@ class Streams:
     def __getitem__(self, name: str) -> np.random.Generator:
         if name not in self._streams:
             word = int.from_bytes(hashlib.sha256(name.encode()).digest()[:8], "little")
-            self._streams[name] = np.random.Generator(
-                np.random.Philox(np.random.SeedSequence([self._key, word]))
-            )
+            self._streams[name] = np.random.Generator(np.random.Philox(np.random.SeedSequence([self._key, word])))
         return self._streams[name]
 
     def restart(self) -> None:

@@ -78,9 +78,7 @@ def measure(
         ("noise_samples", noise_samples, 2),
     ):
         if count < least:
-            raise BadRequest(
-                "measure", f"{name} is at least {least}, but was given as {count}", slug="count-range"
-            )
+            raise BadRequest("measure", f"{name} is at least {least}, but was given as {count}", slug="count-range")
     for _ in range(warm_up):
         host.reset()
         exercise(host)
@@ -94,9 +92,7 @@ def measure(
         # Each repeat began at zero: put it behind the one before, and let message numbers go on.
         one = host.trace().events
         events.extend(
-            replace(
-                event, time=event.time + elapsed, message=event.message + number if event.message >= 0 else -1
-            )
+            replace(event, time=event.time + elapsed, message=event.message + number if event.message >= 0 else -1)
             for event in one
         )
         elapsed = events[-1].time

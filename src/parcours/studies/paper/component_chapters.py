@@ -7,7 +7,7 @@ from collections import Counter
 import numpy as np
 
 from parcours.abtc import case_counts, combinations, interaction_paths, notation, rendezvous_pairs
-from parcours.model import Channel, to_svg
+from parcours.model import Channel, Machine, to_svg
 from parcours.paths import internal_paths, measure
 from parcours.report.distributions import durations
 from parcours.report.pieces import Cell, Code, Column, Figure, Marked, Piece, Section, Table, Text
@@ -40,7 +40,13 @@ def models_chapter() -> Section:
     rows = tuple((c.sender, c.receiver, c.message, c.topic, _receivers(c)) for c in cefsm.channels)
     channels = Table(
         "Table I: components, messages and channels",
-        (Column("from"), Column("to"), Column("message"), Column("topic or service", code=True), Column("received by")),
+        (
+            Column("from"),
+            Column("to"),
+            Column("message"),
+            Column("topic or service", code=True),
+            Column("received by"),
+        ),
         rows,
         "Table II gives `update` (p48) and the answer of Path Modification (p54) no receiver: the paper's own gap, "
         "which `parcours model check` reports as a warning. Odometry (p62) comes from outside.",
@@ -56,9 +62,7 @@ def _receivers(channel: Channel) -> str:
     cefsm = component_model()
     if channel.receiver == "environment":
         return "environment"
-    ids = [
-        t.id for t in cefsm.component(channel.receiver).transitions() if t.event and t.event.channel == channel.name
-    ]
+    ids = [t.id for t in cefsm.component(channel.receiver).transitions() if t.event and t.event.channel == channel.name]
     return ", ".join(ids) or "nobody"
 
 
@@ -66,7 +70,13 @@ def paths_chapter() -> Section:
     """Return Table III and Table IV with the interactions found."""
     cefsm = component_model()
     paths = [
-        (name, path.name, " ".join(path.ids), len(path.ids), measure(_machine(name, path.machine), "edge", path.ids).ratio)
+        (
+            name,
+            path.name,
+            " ".join(path.ids),
+            len(path.ids),
+            measure(_machine(name, path.machine), "edge", path.ids).ratio,
+        )
         for name, found in internal_paths(cefsm).items()
         for path in found
     ]
@@ -95,7 +105,7 @@ def paths_chapter() -> Section:
     return Section("Test paths", lead, (table_iii, table_iv, pairs), "paths")
 
 
-def _machine(component: str, machine: str) -> object:
+def _machine(component: str, machine: str) -> Machine:
     return next(m for m in component_model().component(component).machines if m.name == machine)
 
 
@@ -108,7 +118,9 @@ def abstract_chapter() -> Section:
     for itp in interaction_paths(cefsm):
         found = combinations(cefsm, itp)
         rows.append((itp.name, ", ".join(map(str, found.kept)), counts[itp.name], CASES_OF_PAPER[itp.name]))
-        dropped += [(itp.name, str(d).split(": ", 1)[0].removeprefix(itp.name).strip(), d.reason) for d in found.dropped]
+        dropped += [
+            (itp.name, str(d).split(": ", 1)[0].removeprefix(itp.name).strip(), d.reason) for d in found.dropped
+        ]
     epc = sum(n for name, n in counts.items() if name in ("ITP1", "ITP2", "ITP3", "ITP4"))
     total = sum(counts.values())
     rows += [
@@ -175,7 +187,8 @@ def results_chapter(results: PaperResults) -> Section:
         rows.append((itp, n, f"{low:.0f}..{high:.0f}", median, p95, worst, _passed(passed)))
     timing = Table(
         "Table VIII, performance",
-        (Column("path", code=True), Column("cases"), Column("injected limits", unit="ms"), Column("median", ".3f", unit="ms"),
+        (Column("path", code=True), Column("cases"), Column("injected limits", unit="ms"),
+         Column("median", ".3f", unit="ms"),
          Column("p95", ".3f", unit="ms"), Column("max", ".3f", unit="ms"), Column("passed")),
         tuple(rows),
         "Durations on the wall clock of this machine, in one process, of whole abstract cases with the tester's own "

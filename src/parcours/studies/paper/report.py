@@ -27,8 +27,8 @@ that the paper names a result but not how it comes about: the serialisation algo
 contents of the ten message blocks, and the published planner's latencies, which are fitted to its public logs.
 
 Known gaps of the paper are shown, not smoothed over: 67 is not 19 + 49; two messages have no receiver; the share of
-robots that paused and moved again is 18 % in the text and 23.1 % in the data; the domains of v and w are open while their
-blocks are closed.
+robots that paused and moved again is 18 % in the text and 23.1 % in the data; the domains of v and w are open while
+their blocks are closed.
 
 Where our `original` differs from the published rates, the likely reasons are: the published planner's top speed and
 control rate changed during the authors' tests; its transport delays were never measured; the world here is exact where
@@ -62,7 +62,7 @@ def compose(results: PaperResults) -> Page:
     )
     return Page(
         "Model-based testing of RAMP, repeated",
-        "Abdelgawad, McLeod, Andrews, Xiao: *Model-based Testing of Real-time Adaptive Motion Planning*, done automatically",
+        "Abdelgawad, McLeod, Andrews, Xiao: *Model-based Testing of Real-time Adaptive Motion Planning*",
         facts,
         sections,
     )

@@ -55,7 +55,7 @@ class PaperResults:
     system: dict[tuple[Protocol, str], SystemResults]
 
 
-class Interrupted(Exception):  # noqa: N818 - what was finished is kept, so this is no error
+class Interrupted(Exception):
     """The user stopped the runs; what was finished is in the folder."""
 
 

@@ -11,7 +11,17 @@ from numpy.typing import NDArray
 from parcours.data import cover
 from parcours.model import to_svg
 from parcours.report.distributions import histogram
-from parcours.report.pieces import Cell, Column, Figure, Finding, Findings, Marked, Piece, Replay, Section, Table
+from parcours.report.pieces import (
+    Cell,
+    Column,
+    Figure,
+    Finding,
+    Findings,
+    Piece,
+    Replay,
+    Section,
+    Table,
+)
 from parcours.report.rates import intervals, shares
 from parcours.studies.paper.results import PaperResults, SystemResults
 from parcours.studies.ramp_components.model import component_model
@@ -57,9 +67,10 @@ def inputs_chapter(results: PaperResults) -> Section:
         "Table VII: input domains, blocks, and how many of the drawn values fell in each",
         (Column("input", code=True), Column("domain"), Column("unit"), Column("block: values")),
         tuple(rows),
-        f"{hit.n_hit} of {hit.n_blocks} blocks hit by {hit.n_rows} cases, recomputed from the values. Every three cases "
-        "of an abstract case satisfy Each Choice (12 blocks per obstacle). Obstacles stand at least 0.2 m apart and head "
-        "at the robot's start. The printed domains of v and w are open, their blocks closed: the paper's inconsistency.",
+        f"{hit.n_hit} of {hit.n_blocks} blocks hit by {hit.n_rows} cases, recomputed from the values. Every three "
+        "cases of an abstract case satisfy Each Choice (12 blocks per obstacle). Obstacles stand at least 0.2 m apart "
+        "and head at the robot's start. The printed domains of v and w are open, their blocks closed: the paper's "
+        "inconsistency.",
     )  # fmt: skip
     vectors = Table(
         "The nine abstract cases of three obstacles",
@@ -76,7 +87,11 @@ def inputs_chapter(results: PaperResults) -> Section:
 
 def _spelled(vector: tuple[int, ...]) -> tuple[Cell, ...]:
     words = ("together with the one before", "while it moves", "after it has stopped")
-    return ("(" + ",".join(map(str, vector)) + ")", words[vector[1] - vector[0]], words[vector[2] - vector[1]])
+    return (
+        "(" + ",".join(map(str, vector)) + ")",
+        words[vector[1] - vector[0]],
+        words[vector[2] - vector[1]],
+    )
 
 
 def headline(results: PaperResults) -> Section:
@@ -88,10 +103,11 @@ def headline(results: PaperResults) -> Section:
     passed = sum(run.judgement.passed for run in results.functional)
     items = (
         Finding(f"{passed} / {len(results.functional)}", "component cases passed",
-                "67 abstract cases × 3 rows of data, each in its serialised order", "good" if passed == len(results.functional) else "bad"),
+                "67 abstract cases × 3 rows of data, each in its serialised order",
+                "good" if passed == len(results.functional) else "bad"),
         Finding(_percent(stuck[0]), "stuck in imminent collision, original", "published: 7.7 % of 905", "bad"),
         Finding(_percent(stuck[1]), "stuck, guarded", "the repaired schedule on the same cases", "good"),
-        Finding(f"{goals[0].share:.1%} → {goals[1].share:.1%}", "goal reached within 20 s", "original → guarded", "neutral"),
+        Finding(f"{goals[0].share:.1%} → {goals[1].share:.1%}", "goal reached within 20 s", "original → guarded"),
         Finding(f"{touched[0]} → {touched[1]}", "cases in which the moving robot closed the gap to a contact",
                 f"of {len(original)}; the published tests had no contact oracle", "neutral"),
     )  # fmt: skip
@@ -154,8 +170,8 @@ def outcomes_chapter(results: PaperResults) -> Section:
     )
     sound = _sound_table(series)
     lead = (
-        "Every case ended by the paper's rule, which reads flags at the end of the test, and by a sound one, which asks "
-        "the world: was the goal ever reached, who closed the gap at a contact, did a halted robot ever move again."
+        "Every case ended by the paper's rule, which reads flags at the end of the test, and by a sound one, which "
+        "asks the world: was the goal ever reached, who closed the gap at a contact, did a halted robot move again."
     )
     return Section("System tests: outcomes", lead, (table, pie, sound), "outcomes")
 
@@ -222,7 +238,7 @@ def _repair_table(results: PaperResults) -> Table:
         "reached goal in time": lambda f: published(f).reached,
         "pass": lambda f: np.isin(outcomes(f), [int(Outcome.REACHED), int(Outcome.UNDER_WAY)]),
     }
-    rows = []
+    rows: list[tuple[Cell, ...]] = []
     for words, rule in flags.items():
         pairs = compare_pairs(rule(original), rule(guarded))
         rows.append((words, pairs.both, pairs.first_only, pairs.second_only, pairs.neither, pairs.p_value))
@@ -250,7 +266,11 @@ def _folder_table(results: PaperResults) -> Table:
             (runs.folder, delays, runs.n, runs.reached / runs.n, float(ours.reached.mean()), runs.halted / runs.n,
              float(ours.halted_once.mean()), runs.stuck / runs.n, float(ours.stuck.mean()))
         )  # fmt: skip
-    pairs = [Column(n, ".0%", group=g) for g in ("reached goal", "imminent collision", "stuck") for n in ("published", "ours")]
+    pairs = [
+        Column(n, ".0%", group=g)
+        for g in ("reached goal", "imminent collision", "stuck")
+        for n in ("published", "ours")
+    ]
     return Table(
         "The authors' eight folders of raw results, and the same protocol on `original`",
         (Column("folder"), Column("delays", unit="s"), Column("tests"), *pairs),
@@ -284,7 +304,7 @@ def time_left_chapter(results: PaperResults) -> Section:
 
 def coverage_chapter(results: PaperResults) -> Section:
     """Return how often each transition of the model was taken in the real runs."""
-    rows = []
+    rows: list[tuple[Cell, ...]] = []
     totals = {s: results.system["table-vii", s].facts["transitions"].sum(axis=0) for s in ("original", "guarded")}
     cefsm = component_model()
     for k, name in enumerate(TRANSITIONS):

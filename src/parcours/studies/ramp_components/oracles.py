@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from parcours.kernels import Record
 from parcours.planners.ramp.control import Control
 from parcours.planners.ramp.messages import (
     EvaluationResponse,
@@ -61,7 +62,10 @@ def path_is_modified(execution: Execution) -> Judgement:
             same_size = after.n == before.n
             gap = np.hypot(after.x - before.x, after.y - before.y)[: before.n].max() if same_size else np.inf
             moved = max(moved, float(gap))
-    return _judge(holds and moved > SAME_PATH, f"{len(answers)} answers; a knot moved by {moved:.3g} m (inf: another size)")
+    return _judge(
+        holds and moved > SAME_PATH,
+        f"{len(answers)} answers; a knot moved by {moved:.3g} m (inf: another size)",
+    )
 
 
 def state_is_sent(execution: Execution) -> Judgement:
@@ -74,8 +78,8 @@ def state_is_sent(execution: Execution) -> Judgement:
 def control_follows(execution: Execution) -> Judgement:
     """ITP5: control <- trajectory."""
     followed = [c.trajectory for c in execution.instances.values() if isinstance(c, Control) and c.trajectory.n > 0]
-    sent = [m for m in _sent(execution, "best_trajectory")]
-    holds = bool(sent) and any(t.n == m.n and np.array_equal(t.x[: t.n], m.x[: m.n]) for t in followed for m in sent)  # type: ignore[attr-defined]
+    sent: list[Record] = _sent(execution, "best_trajectory")
+    holds = any(t.n == m.n and np.array_equal(t.x[: t.n], m.x[: m.n]) for t in followed for m in sent)
     return _judge(holds, f"{len(sent)} best trajectories were sent, {len(followed)} controls follow one")
 
 

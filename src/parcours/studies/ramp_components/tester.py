@@ -41,7 +41,7 @@ from parcours.planners.ramp.route import HYBRID, ROUTE
 from parcours.planners.ramp.sensing import Sensing
 from parcours.planners.ramp.trajectory_evaluation import TrajectoryEvaluation
 from parcours.planners.ramp.trajectory_generator import TrajectoryGenerator, generate
-from parcours.run.port import Component
+from parcours.run.port import Component, Step
 from parcours.suite import Case
 
 GOAL = (2.0, 2.0)
@@ -92,7 +92,7 @@ class Tester:
     def _planner(self) -> Planner:
         """Return a planner after its first control cycle, as the authors prepare theirs for a test."""
         planner = Planner(self._parameters, self._case.seed, self._case.number, self._begin, GOAL)
-        services = {
+        services: dict[str, TrajectoryGenerator | TrajectoryEvaluation] = {
             "trajectory_request": TrajectoryGenerator(self._parameters),
             "evaluation_request": TrajectoryEvaluation(self._parameters),
         }
@@ -105,7 +105,7 @@ class Tester:
                 asked += [send for step in steps for send in step.sends if send[0] in services]
         return planner
 
-    def prompt(self, event: Event, component: Component, now: int) -> Iterator[object]:
+    def prompt(self, event: Event, component: Component, now: int) -> Iterator[Step]:
         """Move an idle component to a transition that the model lets no message start.
 
         p17 and p19 follow the last answers, which Table II leaves out: the tester gives them.

@@ -8,6 +8,7 @@ stop durations of Table VII are drawn under that condition, so an obstacle that 
 from __future__ import annotations
 
 import functools
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from importlib.resources import files
 from typing import Literal
@@ -17,7 +18,7 @@ from numpy.typing import NDArray
 
 from parcours.abtc import AbstractCase, abstract_cases
 from parcours.arena.obstacles import OBSTACLE
-from parcours.data import Constraint, InputModel, draw, parse_input_model, select
+from parcours.data import Constraint, InputModel, draw, parse_input_model
 from parcours.elementary import PI, atan2
 from parcours.errors import BadRequest, one_of
 from parcours.kernels import Record, kernel
@@ -25,6 +26,7 @@ from parcours.model import parse_model
 from parcours.model.expression import parse_expression
 from parcours.model.structure import Cefsm
 from parcours.studies.ramp_system.published import folder_of
+from parcours.suite import Case, Plan, combine
 
 Protocol = Literal["table-vii", "published"]
 PROTOCOLS: tuple[Protocol, ...] = ("table-vii", "published")
@@ -106,19 +108,32 @@ class SystemCases:
         if self.protocol == "published":
             rows = np.zeros((len(numbers), len(model.domains)), np.int64)
             return draw(model, rows, numbers, seed=self.seed)
+        plan = self._plan(int(numbers.max(initial=0)) + 1)
         table = np.empty((len(numbers), len(model.domains)))
         for a, abstract in enumerate(start_cases()):
             where = np.flatnonzero(numbers % len(start_cases()) == a)
             mine = numbers[where]
-            sizes = [len(domain.blocks) for domain in model.domains]
-            rows = select("each_choice", sizes, mine // len(start_cases()), seed=self.seed ^ (a << 32))
             leaders = _leaders(abstract.start_vector)
             conditioned = replace(model, constraints=(*model.constraints, *_order(abstract.start_vector, leaders)))
-            drawn = draw(conditioned, rows, mine, seed=self.seed, tries=_TRIES)
+            drawn = draw(conditioned, plan.blocks(mine), mine, seed=self.seed, tries=_TRIES)
             for i, leader in enumerate(leaders):
                 drawn[:, model.names.index(f"ds{i + 1}")] = drawn[:, model.names.index(f"ds{leader + 1}")]
             table[where] = drawn
         return table
+
+    def _plan(self, n_cases: int) -> Plan:
+        ids = [abstract.id for abstract in start_cases()]
+        return combine("ramp_system", ids, input_model("table-vii"), seed=self.seed, n_cases=n_cases)
+
+    def suite(self, n_cases: int | None = None) -> Iterator[Case]:
+        """Yield the cases as files keep them; by default as many as Each Choice needs for every abstract case."""
+        names = input_model(self.protocol).names
+        total = n_cases if n_cases is not None else 3 * len(start_cases())
+        for first in range(0, total, 1024):
+            numbers = np.arange(first, min(first + 1024, total))
+            for number, values in zip(numbers.tolist(), self.values(numbers), strict=True):
+                study, abstract, row = self.id(number).split("/")
+                yield Case(study, number, abstract, int(row), names, tuple(values.tolist()), 20.0, self.seed)
 
     def obstacles(self, numbers: NDArray[np.int64]) -> Record:
         """Return the cases as an array of OBSTACLE, shape (n, 3): where they stand, how and when they move."""

@@ -19,13 +19,13 @@ from parcours.planners.ramp.control import COMMAND_PERIOD, CONTROL, REPORT_PERIO
 from parcours.planners.ramp.control_cycle import control_cycle, is_at_rest
 from parcours.planners.ramp.guard import evaluate_moving_on, is_imminent
 from parcours.planners.ramp.latency import draw
-from parcours.planners.ramp.messages import OBSTACLE_STATE, PATH, POSE, PREDICTION
+from parcours.planners.ramp.messages import PATH, POSE
 from parcours.planners.ramp.planner_state import PLANNER, begin_population
 from parcours.planners.ramp.planning_cycle import compensate, planning_cycle
 from parcours.planners.ramp.prediction import predict
 from parcours.planners.ramp.sensing_cycle import evaluate_population, sensing_cycle
 from parcours.streams import start
-from parcours.studies.ramp_system.facts import FACTS, TRANSITIONS
+from parcours.studies.ramp_system.facts import TRANSITIONS
 
 SENSING_PERIOD = 50_000_000
 GUARD_PERIOD = 50_000_000
@@ -35,7 +35,9 @@ FAR = 1 << 62
 
 _INDEX = {name: i for i, name in enumerate(TRANSITIONS)}
 _P11, _P12, _P13, _P14, _P15, _P16, _P17, _P18, _P19 = (_INDEX[f"p1{k}"] for k in range(1, 10))
-_P21, _P31, _P41, _P42, _P43, _P44, _P45, _P46 = (_INDEX[n] for n in ("p21", "p31", "p41", "p42", "p43", "p44", "p45", "p46"))
+_P21, _P31, _P41, _P42, _P43, _P44, _P45, _P46 = (
+    _INDEX[n] for n in ("p21", "p31", "p41", "p42", "p43", "p44", "p45", "p46")
+)
 _P47, _P48, _P49, _P51, _P61 = (_INDEX[n] for n in ("p47", "p48", "p49", "p51", "p61"))
 
 SETTING = np.dtype(
@@ -135,7 +137,13 @@ def _control(work: Record, predictions: Record, now: int, parameters: Record, la
 
 @kernel
 def _callback(
-    work: Record, seen: Record, predictions: Record, now: int, parameters: Record, latencies: Record, facts: Record
+    work: Record,
+    seen: Record,
+    predictions: Record,
+    now: int,
+    parameters: Record,
+    latencies: Record,
+    facts: Record,
 ) -> bool:
     """Run the callback of the planner's thread that was pending longest; return False if none is left."""
     planner = work.planner
@@ -171,9 +179,7 @@ def _callback(
 
 
 @kernel
-def _guard(
-    work: Record, seen: Record, guarded: Record, now: int, parameters: Record, latencies: Record
-) -> None:
+def _guard(work: Record, seen: Record, guarded: Record, now: int, parameters: Record, latencies: Record) -> None:
     """Run the guard as a task of its own on the obstacles just seen; it can only halt."""
     planner = work.planner
     if planner.halted:
@@ -193,7 +199,13 @@ def _guard(
 
 @kernel
 def _think(
-    work: Record, seen: Record, predictions: Record, now: int, parameters: Record, latencies: Record, facts: Record
+    work: Record,
+    seen: Record,
+    predictions: Record,
+    now: int,
+    parameters: Record,
+    latencies: Record,
+    facts: Record,
 ) -> None:
     """Let the planner's thread do its next piece of work."""
     planner = work.planner
@@ -363,7 +375,10 @@ def run_case(
     frozen = False
     n_track = 0
     while True:
-        now = min(min(min(next_sensing, next_report), min(next_command, work.wakes)), min(work.best_due, work.halt_due))
+        now = min(
+            min(min(next_sensing, next_report), min(next_command, work.wakes)),
+            min(work.best_due, work.halt_due),
+        )
         if not frozen and (now >= setting.limit or world.t_goal != NEVER):
             advance(world, obstacles, min(now, setting.limit))
             _freeze(work, obstacles, world.now, facts)

@@ -113,7 +113,11 @@ def run_components(study: SystemStudy, number: int, seconds: float) -> tuple[Wor
     robot.heading, robot.v, robot.command_v = setting.robot_heading, setting.robot_speed, setting.robot_speed
     parameters = study.parameters
     robot.v_max, robot.w_max = parameters.v_max, parameters.w_max
-    robot.a_max, robot.alpha_max, robot.radius = parameters.a_max, parameters.alpha_max, parameters.robot_radius
+    robot.a_max, robot.alpha_max, robot.radius = (
+        parameters.a_max,
+        parameters.alpha_max,
+        parameters.robot_radius,
+    )
     world.goal_x, world.goal_y, world.goal_tolerance = setting.goal_x, setting.goal_y, setting.goal_tolerance
     body = World(world, study.cases.obstacles(np.array([number]))[0])
     start = one(POSE)

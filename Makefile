@@ -1,0 +1,44 @@
+# make demo: the whole study of the paper, one report.   make test: everything a reviewer would run.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
+
+.PHONY: demo test format lint types contracts tests bench clean
+
+demo: $(VENV)/.runtime
+	$(BIN)/parcours demo --out out/demo
+
+test: lint types contracts tests
+
+lint: $(VENV)/.developer
+	$(BIN)/ruff format --check --quiet .
+	$(BIN)/ruff check --quiet .
+
+types: $(VENV)/.developer
+	$(BIN)/mypy
+
+contracts: $(VENV)/.developer
+	$(BIN)/lint-imports
+
+tests: $(VENV)/.developer
+	$(BIN)/python -m pytest
+
+format: $(VENV)/.developer
+	$(BIN)/ruff format .
+	$(BIN)/ruff check --fix .
+
+bench: $(VENV)/.runtime
+	$(BIN)/python bench/bench_system.py
+
+clean:
+	rm -rf $(VENV) out build dist .mypy_cache .ruff_cache .hypothesis .import_linter_cache
+
+$(VENV)/.runtime: pyproject.toml constraints.txt
+	$(PYTHON) -m venv $(VENV)
+	$(PIP) --editable .
+	touch $@
+
+$(VENV)/.developer: $(VENV)/.runtime
+	$(PIP) --editable '.[dev]'
+	touch $@

@@ -1,0 +1,70 @@
+"""The command line: one subcommand a stage, each imported only when it is called."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+
+import click
+
+from parcours import __version__
+from parcours.errors import ParcoursError
+
+COMMANDS = {
+    "model": "Check a model file, draw its machines.",
+    "paths": "Internal test paths of a model by a coverage criterion.",
+    "abtc": "Abstract behavioural test cases of a model.",
+    "data": "Input domains: blocks, rows, coverage of a table.",
+    "suite": "Write the executable cases of a study to a file.",
+    "run": "Execute a study and keep its results.",
+    "report": "Results of campaigns as tables, HTML and JUnit.",
+    "replay": "One case of a campaign, run again and drawn.",
+    "demo": "The whole study of the paper, as one report.",
+}
+"""Subcommand -> its line in the help; the module of the same name holds it."""
+
+
+class _Stages(click.Group):
+    """A group that imports a subcommand's module when the subcommand is called, not before."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        return list(COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        if cmd_name not in COMMANDS:
+            return None
+        command: click.Command = importlib.import_module(f"parcours.cli.{cmd_name}").command
+        return command
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        with formatter.section("Commands"):
+            formatter.write_dl(list(COMMANDS.items()))
+
+
+@click.command(cls=_Stages, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(__version__, prog_name="parcours")
+def parcours() -> None:
+    """Turn a model of behaviour into executed, judged, replayable tests of real-time motion planners.
+
+    Example: parcours demo --out out/demo
+    """
+
+
+def main() -> None:
+    """Run the command line; what was given wrongly is one paragraph on standard error and exit code 2."""
+    try:
+        parcours.main(standalone_mode=False)
+    except click.exceptions.Exit as done:
+        sys.exit(done.exit_code)
+    except click.ClickException as error:
+        error.show()
+        sys.exit(2)
+    except ParcoursError as error:
+        click.echo(f"parcours: {error}", err=True)
+        sys.exit(2)
+    except (KeyboardInterrupt, click.Abort):
+        click.echo("parcours: interrupted", err=True)
+        sys.exit(130)
+    except BrokenPipeError:
+        sys.stderr.close()
+        sys.exit(141)

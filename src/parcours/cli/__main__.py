@@ -1,0 +1,5 @@
+"""`python -m parcours.cli`."""
+
+from parcours.cli import main
+
+main()

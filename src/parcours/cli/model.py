@@ -1,0 +1,67 @@
+"""`parcours model`: what is wrong with a model file, and what it looks like."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import click
+
+from parcours.cli.options import as_json, model_file, print_json
+
+
+@click.group("model", help="Check a model file, draw its machines.")
+def command() -> None:
+    """Group of the model commands."""
+
+
+@command.command("check")
+@model_file
+@as_json
+def check(file: Path, as_json: bool) -> None:
+    """Report everything that is wrong with a model; exit code 2 if there are errors.
+
+    Example: parcours model check src/parcours/studies/ramp_components/model.yaml
+    """
+    from parcours.model import check_file
+
+    found = check_file(file).findings
+    if as_json:
+        print_json([dataclasses.asdict(finding) for finding in found])
+    else:
+        for finding in found:
+            click.echo(str(finding))
+        errors = sum(finding.severity == "error" for finding in found)
+        click.echo(f"{file}: {errors} errors, {len(found) - errors} warnings")
+    if any(finding.severity == "error" for finding in found):
+        raise click.exceptions.Exit(2)
+
+
+@command.command("show")
+@model_file
+@click.option(
+    "--svg",
+    "folder",
+    type=click.Path(path_type=Path),
+    help="Draw each machine as an SVG file into this folder.",
+)
+@click.option("--dot", is_flag=True, help="Print the model in the DOT language.")
+def show(file: Path, folder: Path | None, dot: bool) -> None:
+    """Draw the machines of a model: as tables, as pictures, or as DOT.
+
+    Example: parcours model show model.yaml --svg pictures
+    """
+    from parcours.model import read_model, to_dot, to_svg, to_text
+    from parcours.report.writing import write_text
+
+    cefsm = read_model(file)
+    if dot:
+        click.echo(to_dot(cefsm))
+        return
+    click.echo(to_text(cefsm))
+    if folder is not None:
+        for component in cefsm.components:
+            for machine in component.machines:
+                path = folder / f"{component.name}-{machine.name}.svg"
+                write_text(path, to_svg(machine, f"{component.name}: {machine.name}"))
+                click.echo(f"wrote {path}")

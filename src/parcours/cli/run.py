@@ -1,0 +1,98 @@
+"""`parcours run`: execute a study and keep its results in a folder."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from parcours.cli.options import as_json, seed, workers
+
+
+@click.command("run")
+@click.argument("study")
+@click.option("--schedule", default="original", show_default=True, help="original or guarded (ramp_system).")
+@click.option("--protocol", default="table-vii", show_default=True, help="table-vii or published (ramp_system).")
+@click.option(
+    "--cases",
+    type=click.IntRange(1, 100_000_000),
+    default=None,
+    help="How many cases; by default the paper's.",
+)
+@click.option("--robot-radius", type=float, default=0.125, show_default=True, help="[m]")
+@click.option("--obstacle-radius", type=float, default=0.1, show_default=True, help="[m]")
+@seed
+@workers
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    required=True,
+    help="Folder for the results; resumed if it holds some.",
+)
+@as_json
+def command(
+    study: str, schedule: str, protocol: str, cases: int | None, robot_radius: float, obstacle_radius: float, seed: int,
+    workers: int, out: Path, as_json: bool,
+) -> None:  # fmt: skip
+    """Execute a study. Ctrl-C keeps what was finished; the same command goes on from there.
+
+    Example: parcours run ramp_system --schedule guarded --cases 905 --out out/guarded
+    """
+    from parcours.cli.progress import progress, say_if_cold
+    from parcours.studies import check_study
+
+    check_study(study)
+    if study == "ramp_components":
+        _components(seed, cases, out, as_json)
+        return
+    from parcours.run.campaign import run_campaign
+    from parcours.studies.ramp_system.study import PUBLISHED_CASES, system_study
+
+    campaign_study = system_study(
+        schedule, seed=seed, protocol=protocol, radius=robot_radius, obstacle_radius=obstacle_radius  # type: ignore[arg-type]
+    )  # fmt: skip
+    say_if_cold()
+    with progress() as report:
+        outcome = run_campaign(
+            campaign_study,
+            campaign_study.campaign(PUBLISHED_CASES if cases is None else cases),
+            out,
+            workers=workers,
+            progress=lambda done, total: report(f"{study}, {schedule}", done, total),
+        )
+    click.echo(str(outcome), err=as_json)
+    if outcome.interrupted:
+        raise click.exceptions.Exit(130)
+    from parcours.cli.report import summarise
+
+    summarise([out], as_json)
+
+
+def _components(seed: int, cases: int | None, out: Path, as_json: bool) -> None:
+    """Run the component study and write its results as JUnit XML."""
+    from parcours.cli.options import print_json
+    from parcours.cli.progress import progress, say_if_cold
+    from parcours.report.junit import CaseResult, to_junit
+    from parcours.report.writing import write_text
+    from parcours.studies.ramp_components.study import component_plan, run_functional
+
+    n_abstract = len(component_plan(seed, 1))
+    plan = component_plan(seed, 3 if cases is None else -(-cases // n_abstract))
+    write_text(out / "results.xml", to_junit("ramp_components", ()))
+    say_if_cold()
+    results = []
+    with progress() as report:
+        wanted = len(plan) if cases is None else cases
+        for case in plan.cases(0, wanted):
+            run = run_functional(case)
+            results.append(CaseResult(case.id, run.judgement.verdict, 0.0, run.judgement.why))
+            report("ramp_components", len(results), wanted)
+    write_text(out / "results.xml", to_junit("ramp_components", results))
+    passed = sum(result.verdict == "pass" for result in results)
+    if as_json:
+        print_json([{"id": r.id, "verdict": str(r.verdict), "why": r.why} for r in results])
+    else:
+        for result in results:
+            if result.verdict != "pass":
+                click.echo(f"{result.id}: {result.verdict}: {result.why}")
+        click.echo(f"{passed} of {len(results)} component cases passed; results in {out / 'results.xml'}")
