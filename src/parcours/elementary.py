@@ -157,7 +157,7 @@ def exp(x: float) -> float:
     factor = 2.0 if k > 0 else 0.5
     for _ in range(int(abs(k))):
         y *= factor
-    return y
+    return float(y)
 
 
 @kernel

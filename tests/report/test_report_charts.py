@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import warnings
 import xml.etree.ElementTree as ET
 from collections.abc import Callable
 
@@ -31,7 +32,9 @@ CHARTS: dict[str, Callable[[], Figure]] = {
     ),
     "cumulative": lambda: cumulative("Time left", {"original": [1.0, 2.0]}, "[s]", {"published": [(0.5, 4.8)]}),
     "durations": lambda: durations("Durations", {"ITP1": [0.001, 0.002], "ITP2": []}, {"ITP1": (0.005, 0.05)}),
-    "coverage": lambda: coverage("Taken", {"Planner": {"p11": 3, "p12": 0}, "Large": dict.fromkeys("abcdefghijklmnopqrs", 1)}),
+    "coverage": lambda: coverage(
+        "Taken", {"Planner": {"p11": 3, "p12": 0}, "Large": dict.fromkeys("abcdefghijklmnopqrs", 1)}
+    ),
 }  # fmt: skip
 
 
@@ -80,6 +83,13 @@ def test_intervals_name_groups_and_series_and_say_what_is_not_known() -> None:
 def test_dollar_signs_in_names_are_no_formulas() -> None:
     figure = shares("costs", ["a$b$", "c"], {"$x_1$": [1, 1]}, ["good", "bad"])
     assert {"a$b$", "$x_1$"} <= set(texts(figure))
+
+
+def test_names_in_any_script_stay_text_and_raise_no_warning() -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        figure = shares("t", ["目標", "c"], {"原": [1, 1]}, ["good", "bad"])
+    assert {"目標", "原"} <= set(texts(figure))
 
 
 def test_shares_are_percentages_of_each_series() -> None:

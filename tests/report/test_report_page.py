@@ -169,12 +169,23 @@ def test_each_replay_carries_its_data_and_a_still_for_readers_without_scripts() 
     assert len(stills) == 2
 
 
+def test_a_replays_data_holds_no_word_of_its_author() -> None:
+    assert embedded(run(HOSTILE)) == embedded(run("case"))
+
+
 def test_embedded_numbers_are_the_recorded_ones_to_half_a_millimetre() -> None:
     replay = run()
     record = json.loads(embedded(replay))
     for key, values in (("x", replay.x), ("y", replay.y), ("h", replay.heading), ("t", replay.times)):
         assert np.abs(np.cumsum(record[key]) / 1000 - values).max() <= 0.5e-3 + 1e-12
     assert np.abs(np.cumsum(record["oy"][0]) / 1000 - replay.obstacle_y[:, 0]).max() <= 0.5e-3 + 1e-12
+
+
+def test_the_least_clearance_is_that_of_the_run_not_of_its_rounded_copy() -> None:
+    replay = run()
+    at, least = json.loads(embedded(replay))["least"]
+    assert least == pytest.approx(replay.clearance().min(), abs=0.5e-4)
+    assert replay.clearance()[at] == replay.clearance().min()
 
 
 @given(st.lists(st.floats(-50.0, 50.0), min_size=1, max_size=200))
@@ -186,9 +197,9 @@ def test_steps_do_not_add_up_rounding_errors(values: list[float]) -> None:
 @given(st.lists(st.booleans(), min_size=2, max_size=60))
 def test_halts_say_exactly_when_the_robot_was_held(held: list[bool]) -> None:
     n = len(held)
-    zero = np.zeros(n)
+    zero, times = np.zeros(n), np.linspace(0.0, 1.0, n)
     replay = Replay(
-        "t", "", np.arange(n) * 0.05, zero, zero, zero, np.array(held), np.zeros((n, 0)), np.zeros((n, 0)),
+        "t", "", times, zero, zero, zero, np.array(held), np.zeros((n, 0)), np.zeros((n, 0)),
         0.1, (), (1.0, 1.0), (1.0, 1.0), 0.1,
     )  # fmt: skip
     changes = json.loads(embedded(replay))["halts"]

@@ -74,10 +74,8 @@ def test_markdown_keeps_its_columns_whatever_a_cell_holds() -> None:
 
 def test_a_page_on_the_terminal_says_findings_tables_and_folded_titles() -> None:
     folded = Table("All cases", (Column("id"),), (("1",), ("2",)), folded=True)
-    page = Page(
-        "Report", "of *all*", (("seed", "7"),),
-        (Section("Out", "In **short**.", (Findings((Finding("3 %", "stuck", "of 905"),)), TABLE, folded, Code("a -> b"))),),
-    )  # fmt: skip
+    pieces = (Findings((Finding("3 %", "stuck", "of 905"),)), TABLE, folded, Code("a -> b"))
+    page = Page("Report", "of *all*", (("seed", "7"),), (Section("Out", "In **short**.", pieces),))
     stream = io.StringIO()
     print_page(page, stream)
     said = stream.getvalue()

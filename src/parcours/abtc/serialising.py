@@ -67,13 +67,13 @@ class _Place:
 
 
 def abstract_cases(
-    cefsm: Cefsm, policy: str = DEFAULT, interactions: Sequence[InteractionPath] | None = None
+    cefsm: Cefsm, policy: str | None = None, interactions: Sequence[InteractionPath] | None = None
 ) -> Iterator[AbstractCase]:
     """Yield the ABTCs of a model one by one, ITP by ITP, last start point fastest; memory stays flat.
 
     Args:
         cefsm: the model.
-        policy: the point policy, a name in `parcours.abtc.points.POLICIES`.
+        policy: the point policy, a name in `parcours.abtc.points.POLICIES`; by default the one the model names.
         interactions: the interaction paths to serialise; by default all of `interaction_paths(cefsm)`.
 
     Raises:
@@ -86,10 +86,10 @@ def abstract_cases(
     'ITP1-tp12.tp21.tp12-0.0.0'
     """
     for combination in _all_combinations(cefsm, interactions):
-        yield from serialisations(cefsm, combination, policy)
+        yield from serialisations(cefsm, combination, policy or cefsm.serialisation or DEFAULT)
 
 
-def case_counts(cefsm: Cefsm, policy: str = DEFAULT) -> dict[str, int]:
+def case_counts(cefsm: Cefsm, policy: str | None = None) -> dict[str, int]:
     """Return how many ABTCs each interaction path has, without enumerating them.
 
     Args:
@@ -107,7 +107,7 @@ def case_counts(cefsm: Cefsm, policy: str = DEFAULT) -> dict[str, int]:
     """
     counts = {interaction.name: 0 for interaction in interaction_paths(cefsm)}
     for combination in _all_combinations(cefsm, None):
-        places = _places(cefsm, combination, policy)
+        places = _places(cefsm, combination, policy or cefsm.serialisation or DEFAULT)
         counts[combination.interaction.name] += prod(len(place.points) for place in places[:-1])
     return counts
 

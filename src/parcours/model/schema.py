@@ -41,7 +41,7 @@ class SchemaReader(NodeReader):
 
     def model(self, node: Node) -> Cefsm:
         """Return the model the document holds."""
-        optional = ("doc", "messages", "channels", "interactions")
+        optional = ("doc", "messages", "channels", "interactions", "serialisation")
         items = self.record(node, "a model", ("parcours", "name", "components"), optional)
         version = self.text(items.get("parcours"), "'parcours'", FORMAT)
         if version != FORMAT:
@@ -58,6 +58,7 @@ class SchemaReader(NodeReader):
             messages=tuple(self.message(*entry) for entry in messages),
             source=self.origin,
             doc=self.text(items.get("doc"), "'doc'"),
+            serialisation=self.text(items.get("serialisation"), "'serialisation'"),
             interactions=tuple((name, self.interaction(name, path)) for name, path, _ in interactions),
             interaction_lines=tuple(line for _, _, line in interactions),
         )

@@ -146,6 +146,8 @@ class Cefsm:
     messages: tuple[MessageClass, ...] = ()
     source: str = field(default="", compare=False)
     doc: str = ""
+    serialisation: str = ""
+    """How rendezvous serialisation chooses start points: a policy of `parcours.abtc`; empty is its default."""
     interactions: tuple[tuple[str, tuple[str, ...]], ...] = field(default=())
     """Specified interaction test paths, (name, components visited), for specified path coverage."""
     interaction_lines: tuple[int, ...] = field(default=(), compare=False)

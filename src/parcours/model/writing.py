@@ -38,6 +38,8 @@ def write_model(cefsm: Cefsm) -> str:
     lines = [f"parcours: {FORMAT}", f"name: {_text(cefsm.name)}"]
     if cefsm.doc:
         lines.append(f"doc: {_text(cefsm.doc)}")
+    if cefsm.serialisation:
+        lines.append(f"serialisation: {_text(cefsm.serialisation)}")
     if cefsm.messages:
         lines += ["", "messages:"]
     for message in cefsm.messages:

@@ -19,7 +19,7 @@ from markupsafe import Markup
 
 from parcours.report import prose
 from parcours.report.cells import group_spans, shown, sides
-from parcours.report.pieces import Cell, Column, Figure, Marked, Page, Piece, Replay, anchors
+from parcours.report.pieces import Cell, Column, Figure, Marked, Page, Piece, anchors
 from parcours.report.recording import embedded
 from parcours.report.still import described, still
 
@@ -79,8 +79,8 @@ def _template() -> Template:
         cells=_cells,
         spans=group_spans,
         sides=sides,
-        json=_json,
-        still=lambda replay: Markup(still(replay)),
+        json=lambda replay: Markup(embedded(replay)),  # numbers and fixed keys only: no text can end the element
+        still=lambda replay: Markup(_bare(still(replay))),
         described=described,
     )
     return environment.from_string(_file("page.html"))
@@ -94,21 +94,18 @@ def _cells(row: tuple[Cell, ...], columns: tuple[Column, ...]) -> list[tuple[str
     ]
 
 
-def _json(replay: Replay) -> Markup:
-    """Return a replay's data for a <script> element; no text in it can end that element."""
-    text = embedded(replay)
-    for character in "<>&\u2028\u2029":
-        text = text.replace(character, f"\\u{ord(character):04x}")
-    return Markup(text)
-
-
 def _adopted(figure: Figure, number: int) -> Markup:
-    """Return a figure's drawing with ids of its own, and without namespaces, of which HTML has no need."""
-    svg = re.sub(r'\s(?:xmlns(?::\w+)?)="[^"]*"', "", figure.svg)
+    """Return a figure's drawing with ids that no other on the page has."""
+    svg = _bare(figure.svg)
     prefix = f"f{number}-"
     svg = re.sub(r'(?<=\sid=")', prefix, svg)
     svg = re.sub(r'(?<=url\(#)|(?<=href="#)', prefix, svg)
     return Markup(svg)
+
+
+def _bare(svg: str) -> str:
+    """Return the drawing without its namespaces: HTML needs none, and no address is left on the page."""
+    return re.sub(r'\s(?:xmlns(?::\w+)?)="[^"]*"', "", svg)
 
 
 @cache

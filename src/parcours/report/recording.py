@@ -25,15 +25,16 @@ def embedded(replay: Replay) -> str:
     """Return the replay as JSON.
 
     Keys: t, x, y, h (time, position, heading) and ox, oy (one list an obstacle) hold steps; halts holds the
-    samples where `halted` changes, starting from not halted; r, or, size, goal, tol are plain values [m].
+    samples where `halted` changes, starting from not halted; r, or, size, goal, tol are plain values [m]; least is
+    the sample of least clearance and that clearance.
 
     >>> at = np.array([0.0, 0.5])
     >>> run = Replay("t", "", at, at, at, at, at > 0, at[:, None], at[:, None] + 1.0, 0.125, (0.1,),
     ...              (2.0, 2.0), (2.0, 2.0), 0.2)
     >>> embedded(run)[:61]
     '{"t":[0,500],"x":[0,500],"y":[0,500],"h":[0,500],"halts":[1],'
-    >>> embedded(run)[61:]
-    '"ox":[[0,500]],"oy":[[1000,500]],"r":0.125,"or":[0.1],"size":[2.0,2.0],"goal":[2.0,2.0],"tol":0.2}'
+    >>> print(embedded(run)[61:])
+    "ox":[[0,500]],"oy":[[1000,500]],"r":0.125,"or":[0.1],"size":[2.0,2.0],"goal":[2.0,2.0],"tol":0.2,"least":[0,0.775]}
     """
     halted = np.asarray(replay.halted, dtype=np.int8)
     record = {
@@ -49,8 +50,18 @@ def embedded(replay: Replay) -> str:
         "size": [float(side) for side in replay.arena],
         "goal": [float(place) for place in replay.goal],
         "tol": float(replay.goal_tolerance),
+        "least": _least(replay),
     }
     return json.dumps(record, separators=(",", ":"), allow_nan=False)
+
+
+def _least(replay: Replay) -> list[float] | None:
+    """Return the sample of least clearance and that clearance [m], before rounding; None without obstacles."""
+    if not replay.obstacle_radii:
+        return None
+    clearance = replay.clearance()
+    at = int(clearance.argmin())
+    return [at, round(float(clearance[at]), 4)]
 
 
 def steps(values: Floats, per_unit: int) -> list[int]:

@@ -21,7 +21,7 @@
     d.halts.forEach((from, k) => { if (k % 2 === 0) halted.fill(true, from, d.halts[k + 1] ?? n); });
     const gap = t.map((_, i) => Math.min(...ox.map((_, k) =>
       Math.hypot(ox[k][i] - x[i], oy[k][i] - y[i]) - d.r - d.or[k])));
-    const least = gap.indexOf(Math.min(...gap));
+    const [lowest, least] = d.least ?? [0, Infinity]; // sample and clearance, as they were before rounding
     const [width, height] = d.size, rim = 1.2 * Math.max(d.r, d.tol, 0, ...d.or);
 
     const field = make("canvas", { class: "field", "aria-hidden": "true" });
@@ -113,7 +113,7 @@
         return make("span", {}, `${label} `, b);
       };
       output.replaceChildren(cell("time", `${now.toFixed(1)} s`), cell("clearance", clear),
-        cell("least", isFinite(gap[least]) ? `${gap[least].toFixed(3)} m` : "–"), cell("", halted[i] ? "halted" : "free", halted[i] ? "halted" : ""));
+        cell("least", isFinite(least) ? `${least.toFixed(3)} m` : "–"), cell("", halted[i] ? "halted" : "free", halted[i] ? "halted" : ""));
       slider.value = now;
       slider.setAttribute("aria-valuetext", `${now.toFixed(1)} s, clearance ${clear}${halted[i] ? ", halted" : ""}`);
     }
@@ -125,13 +125,13 @@
         if (k % 2 === 0) { const b = d.halts[k + 1] ?? n - 1; g.fillRect(across(t[a]), 6, Math.max(1, across(t[b]) - across(t[a])), tall - 12); }
       });
       g.globalAlpha = 1;
-      if (isFinite(gap[least])) {
-        const low = Math.min(0, gap[least]), top = Math.max(0.5, low + 0.5), up = (v) => tall - 6 - (tall - 12) * (Math.min(v, top) - low) / (top - low);
+      if (isFinite(least)) {
+        const low = Math.min(0, least), top = Math.max(0.5, low + 0.5), up = (v) => tall - 6 - (tall - 12) * (Math.min(v, top) - low) / (top - low);
         g.strokeStyle = css("--rule"); g.lineWidth = 1; g.beginPath(); g.moveTo(from, up(0)); g.lineTo(to, up(0)); g.stroke();
         g.strokeStyle = css("--muted"); g.lineWidth = 1.3; g.beginPath();
         gap.forEach((v, s) => g[s ? "lineTo" : "moveTo"](across(t[s]), up(v)));
         g.stroke();
-        g.fillStyle = css("--ink"); g.beginPath(); g.arc(across(t[least]), up(gap[least]), 2.6, 0, 2 * Math.PI); g.fill();
+        g.fillStyle = css("--ink"); g.beginPath(); g.arc(across(t[lowest]), up(least), 2.6, 0, 2 * Math.PI); g.fill();
       }
       g.strokeStyle = css("--c1"); g.lineWidth = 1.5; g.beginPath(); g.moveTo(across(now), 2); g.lineTo(across(now), tall - 2); g.stroke();
     }

@@ -45,9 +45,8 @@ def load_campaign(folder: Path) -> SystemResults:
         latencies = Latencies(
             **{k: Duration(**v) if isinstance(v, dict) else v for k, v in given["latencies"].items()}  # type: ignore[arg-type]
         )
-        cases = SystemCases(
-            campaign.seed, cast(Protocol, given["protocol"]), float(cast(float, given["obstacle_radius"]))
-        )
+        radii = [float(cast(float, given[name])) for name in ("robot_radius", "obstacle_radius")]
+        cases = SystemCases(campaign.seed, cast(Protocol, given["protocol"]), *radii)
         study = SystemStudy(
             cases, Parameters(**given["planner"]), latencies,  # type: ignore[arg-type]
             float(cast(float, given["time_limit"])), float(cast(float, given["watched_on"])),

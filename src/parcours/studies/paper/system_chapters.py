@@ -25,7 +25,7 @@ from parcours.report.pieces import (
 from parcours.report.rates import intervals, shares
 from parcours.studies.paper.results import PaperResults, SystemResults
 from parcours.studies.ramp_components.model import component_model
-from parcours.studies.ramp_system.cases import input_model, obstacle_model, start_cases
+from parcours.studies.ramp_system.cases import obstacle_model, start_cases
 from parcours.studies.ramp_system.facts import TRANSITIONS
 from parcours.studies.ramp_system.published import PUBLISHED, TIME_LEFT_QUANTILES, total
 from parcours.verdict.navigation import (
@@ -55,8 +55,8 @@ _TIME_EDGES = tuple(float(t) for t in range(0, 22, 1))
 
 def inputs_chapter(results: PaperResults) -> Section:
     """Return the obstacle model, Table VII, the start vectors, and which blocks the drawn values really hit."""
-    model = input_model("table-vii")
     campaign = results.system["table-vii", "original"]
+    model = campaign.study.cases.inputs
     numbers = np.arange(len(campaign.facts))
     hit = cover(model, campaign.study.cases.values(numbers))
     rows = []

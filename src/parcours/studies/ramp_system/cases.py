@@ -47,10 +47,15 @@ def obstacle_model() -> Cefsm:
 
 
 @functools.cache
-def input_model(protocol: Protocol = "table-vii") -> InputModel:
-    """Return the input domains of a protocol."""
+def input_model(
+    protocol: Protocol = "table-vii", robot_radius: float = 0.125, obstacle_radius: float = 0.1
+) -> InputModel:
+    """Return the input domains of a protocol; obstacles keep apart by 0.2 m, or by their diameter if that is more."""
     name = "domains.yaml" if protocol == "table-vii" else "published.yaml"
-    return parse_input_model(_text(name), f"ramp_system/{name}")
+    constants = {"least_distance": max(0.2, 2.0 * obstacle_radius)}
+    if protocol == "table-vii":
+        constants |= {"robot_radius": robot_radius, "obstacle_radius": obstacle_radius}
+    return parse_input_model(_text(name), f"ramp_system/{name}", constants)
 
 
 @functools.cache
@@ -71,11 +76,13 @@ class SystemCases:
         seed: the campaign's seed.
         protocol: "table-vii" (the paper's domains, all nine start vectors) or "published" (the authors' generator and
             delays, five start vectors).
+        robot_radius: [m].
         obstacle_radius: [m].
     """
 
     seed: int
     protocol: Protocol = "table-vii"
+    robot_radius: float = 0.125
     obstacle_radius: float = 0.1
 
     def __post_init__(self) -> None:
@@ -84,6 +91,20 @@ class SystemCases:
                 "protocol", f"it must be known, but {self.protocol!r} is not", one_of(self.protocol, PROTOCOLS),
                 slug="unknown-protocol",
             )  # fmt: skip
+
+        for name in ("robot_radius", "obstacle_radius"):
+            radius = getattr(self, name)
+            if not 0.0 < radius <= 0.5:
+                raise BadRequest(
+                    f"system cases, {name}",
+                    f"it must be above 0 and at most 0.5 m, but is {radius} m",
+                    slug="radius-range",
+                )
+
+    @property
+    def inputs(self) -> InputModel:
+        """The input model of these cases."""
+        return input_model(self.protocol, self.robot_radius, self.obstacle_radius)
 
     def vector(self, number: int) -> tuple[int, ...]:
         """Return the start vector of a case."""
@@ -103,8 +124,8 @@ class SystemCases:
         return f"ramp_system/{abstract.id}/{number // len(start_cases())}"
 
     def values(self, numbers: NDArray[np.int64]) -> NDArray[np.float64]:
-        """Return the drawn values of the cases in the order of `input_model(protocol).names`, shape (n, n_inputs)."""
-        model = input_model(self.protocol)
+        """Return the drawn values of the cases in the order of `inputs.names`, shape (n, n_inputs)."""
+        model = self.inputs
         if self.protocol == "published":
             rows = np.zeros((len(numbers), len(model.domains)), np.int64)
             return draw(model, rows, numbers, seed=self.seed)
@@ -123,11 +144,11 @@ class SystemCases:
 
     def _plan(self, n_cases: int) -> Plan:
         ids = [abstract.id for abstract in start_cases()]
-        return combine("ramp_system", ids, input_model("table-vii"), seed=self.seed, n_cases=n_cases)
+        return combine("ramp_system", ids, self.inputs, seed=self.seed, n_cases=n_cases)
 
     def suite(self, n_cases: int | None = None) -> Iterator[Case]:
         """Yield the cases as files keep them; by default as many as Each Choice needs for every abstract case."""
-        names = input_model(self.protocol).names
+        names = self.inputs.names
         total = n_cases if n_cases is not None else 3 * len(start_cases())
         for first in range(0, total, 1024):
             numbers = np.arange(first, min(first + 1024, total))
@@ -137,7 +158,7 @@ class SystemCases:
 
     def obstacles(self, numbers: NDArray[np.int64]) -> Record:
         """Return the cases as an array of OBSTACLE, shape (n, 3): where they stand, how and when they move."""
-        names = list(input_model(self.protocol).names)
+        names = list(self.inputs.names)
         values = self.values(numbers)
         column = {name: values[:, k] for k, name in enumerate(names)}
         x, y, v, w = (np.stack([column[f"{p}{i}"] for i in (1, 2, 3)], axis=1) for p in ("x", "y", "v", "w"))

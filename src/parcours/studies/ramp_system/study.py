@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from parcours.errors import BadRequest, one_of
 from parcours.kernels import Record, kernel
 from parcours.planners.ramp.latency import Latencies
 from parcours.planners.ramp.messages import OBSTACLE_STATE, PREDICTION, one
@@ -94,6 +95,7 @@ class SystemStudy:
             dtype=FACTS,
             parameters={
                 "protocol": self.cases.protocol,
+                "robot_radius": self.cases.robot_radius,
                 "obstacle_radius": self.cases.obstacle_radius,
                 "planner": dataclasses.asdict(self.parameters),
                 "latencies": dataclasses.asdict(self.latencies),
@@ -142,6 +144,13 @@ def system_study(
         protocol: which family of cases.
         radius: of the robot [m].
         obstacle_radius: [m].
+
+    Raises:
+        BadRequest: schedule or protocol is unknown, or a radius is out of range.
     """
+    if schedule not in SCHEDULES:
+        remedy = one_of(schedule, SCHEDULES)
+        raise BadRequest("schedule", f"it must be known, but {schedule!r} is not", remedy, slug="unknown-schedule")
+    cases = SystemCases(seed, protocol, radius, obstacle_radius)
     make = original if schedule == "original" else guarded
-    return SystemStudy(SystemCases(seed, protocol, obstacle_radius), make(robot_radius=radius))
+    return SystemStudy(cases, make(robot_radius=radius))

@@ -1,0 +1,62 @@
+"""Random ways through the arena with their trajectories, and samples of a record as arrays."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from parcours.kernels import Record
+from parcours.planners.ramp.messages import PATH, POSE, TRAJECTORY, one
+from parcours.planners.ramp.parameters import guarded
+from parcours.planners.ramp.route import HYBRID, ROUTE, TRANSITION
+from parcours.planners.ramp.switching import switch_path
+from parcours.planners.ramp.trajectory_generator import generate
+
+
+@dataclass(frozen=True, slots=True)
+class Way:
+    """A path, the state it was begun in, what kind was asked for, and the trajectory that came of it."""
+
+    path: Record
+    start: Record
+    kind: int
+    trajectory: Record
+
+    def samples(self, name: str) -> NDArray[np.float64]:
+        """Return one field of the trajectory's samples, shape (n,)."""
+        return np.asarray(self.trajectory[name])[: int(self.trajectory.n)]
+
+
+def random_way(rng: np.random.Generator) -> Way:
+    """Return a way of 2 to 7 random knots in the arena, begun at rest, at top speed or in between, of any kind."""
+    parameters = guarded().record()
+    path, start, trajectory = one(PATH), one(POSE), one(TRAJECTORY)
+    n, kind = int(rng.integers(2, 8)), int(rng.integers(0, 3))
+    path.n = n
+    path.x[:n], path.y[:n] = rng.uniform(0.0, 2.0, n), rng.uniform(0.0, 2.0, n)
+    towards = math.atan2(path.y[1] - path.y[0], path.x[1] - path.x[0])
+    start.heading = rng.choice([rng.uniform(-math.pi, math.pi), towards + rng.uniform(-0.3, 0.3), towards])
+    start.v = rng.choice([0.0, 0.25, rng.uniform(0.02, 0.25)])
+    before = rng.uniform(0.05, 0.5) if kind == TRANSITION else 0.0
+    start.x = path.x[0] - before * math.cos(start.heading)
+    start.y = path.y[0] - before * math.sin(start.heading)
+    entered = one(PATH)
+    switch_path(path, start, kind, entered)
+    generate(entered, start, kind, parameters, one(ROUTE), trajectory)
+    return Way(entered, start, kind, trajectory)
+
+
+@pytest.fixture(scope="session")
+def ways() -> list[Way]:
+    """Return 600 random ways, always the same ones."""
+    rng = np.random.default_rng(20160711)
+    return [random_way(rng) for _ in range(600)]
+
+
+@pytest.fixture(scope="session")
+def hybrid_ways(ways: list[Way]) -> list[Way]:
+    return [way for way in ways if way.kind == HYBRID]
