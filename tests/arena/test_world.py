@@ -100,7 +100,7 @@ def sampled_gaps(one: Record, others: Record, seconds: float) -> tuple[Floats, F
     return fine, np.hypot(x - np.interp(fine, coarse, way[:, 0]), y - np.interp(fine, coarse, way[:, 1])) - REACH
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(rows, st.floats(-1.0, 1.0))
 def test_clearance_and_contact_are_what_fine_sampling_in_continuous_time_finds(
     row: tuple[float, ...], turn: float
@@ -119,7 +119,7 @@ def test_clearance_and_contact_are_what_fine_sampling_in_continuous_time_finds(
         assert float(gaps.min()) < 2e-4
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(rows)
 def test_an_obstacle_that_sets_out_within_a_tick_blurs_clearance_by_a_millimetre_at_most(
     row: tuple[float, ...],

@@ -1,4 +1,7 @@
-"""Random ways through the arena with their trajectories, and samples of a record as arrays."""
+"""Random ways through the arena with their trajectories, the same in every run.
+
+Properties, too, are tried on the same examples in every run, and may take long where a kernel is compiled first.
+"""
 
 from __future__ import annotations
 
@@ -7,14 +10,18 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
+from hypothesis import settings
 from numpy.typing import NDArray
 
 from parcours.kernels import Record
 from parcours.planners.ramp.messages import PATH, POSE, TRAJECTORY, one
 from parcours.planners.ramp.parameters import guarded
-from parcours.planners.ramp.route import HYBRID, ROUTE, TRANSITION
+from parcours.planners.ramp.route import ROUTE, TRANSITION
 from parcours.planners.ramp.switching import switch_path
 from parcours.planners.ramp.trajectory_generator import generate
+
+settings.register_profile("compiled", deadline=None, derandomize=True)
+settings.load_profile("compiled")
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +63,3 @@ def ways() -> list[Way]:
     rng = np.random.default_rng(20160711)
     return [random_way(rng) for _ in range(600)]
 
-
-@pytest.fixture(scope="session")
-def hybrid_ways(ways: list[Way]) -> list[Way]:
-    return [way for way in ways if way.kind == HYBRID]

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import re
+import subprocess
+import sys
 import warnings
 import xml.etree.ElementTree as ET
 from collections.abc import Callable
@@ -46,6 +49,16 @@ def texts(figure: Figure) -> list[str]:
 @pytest.mark.parametrize("name", CHARTS)
 def test_a_chart_is_the_same_bytes_every_time(name: str) -> None:
     assert CHARTS[name]().svg == CHARTS[name]().svg
+
+
+def test_a_chart_is_the_same_bytes_in_another_process() -> None:
+    program = (
+        "from parcours.report.rates import shares; "
+        "print(shares('Outcomes', ['goal', 'stuck'], {'original': [90, 10], 'guarded': [99, 1]}, ['good', 'bad']).svg)"
+    )
+    environment = {**os.environ, "PYTHONHASHSEED": "7"}
+    other = subprocess.run([sys.executable, "-c", program], env=environment, capture_output=True, text=True, check=True)
+    assert other.stdout.strip() == CHARTS["shares"]().svg
 
 
 @pytest.mark.parametrize("name", CHARTS)

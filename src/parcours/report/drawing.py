@@ -114,9 +114,10 @@ def svg_of(figure: Canvas) -> str:
     with warnings.catch_warnings():
         # text stays text: what our font lacks, the reader's has
         warnings.filterwarnings("ignore", message="Glyph .* missing")
-        figure.savefig(text, format="svg", metadata={"Date": None, "Creator": None}, transparent=True)
+        figure.savefig(text, format="svg", transparent=True)
     svg = text.getvalue()
     svg = svg[svg.index("<svg") :].strip()
+    # date, version and addresses
     svg = re.sub(r"<metadata>.*?</metadata>\s*", "", svg, flags=re.DOTALL)
     # inside a page a <style> element would reach the whole page
     svg = re.sub(r"<style[^>]*>.*?</style>\s*", "", svg, flags=re.DOTALL)

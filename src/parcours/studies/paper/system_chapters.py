@@ -331,11 +331,11 @@ def coverage_chapter(results: PaperResults) -> Section:
 def replays_chapter(results: PaperResults) -> Section:
     """Return replays: a case that original ends stuck and guarded solves, its repair, a late stop and a success."""
     original, guarded = results.system["table-vii", "original"], results.system["table-vii", "guarded"]
-    stuck = published(original.facts).stuck & (original.facts["moved_after"] == 0)
+    stuck = outcomes(original.facts) == Outcome.STUCK
     solved = outcomes(guarded.facts) == Outcome.REACHED
     touched = outcomes(original.facts) == Outcome.COLLIDED
     picks: list[tuple[str, SystemResults, int]] = []
-    first = _first(stuck & solved, stuck)
+    first = _first(stuck & solved, stuck, published(original.facts).stuck)
     if first is not None:
         picks += [("Stuck", original, first), ("The same case, repaired", guarded, first)]
     late = _first(touched & solved & ~stuck, touched)
