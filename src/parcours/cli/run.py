@@ -81,13 +81,15 @@ def _components(seed: int, cases: int | None, out: Path, as_json: bool) -> None:
     write_text(out / "results.xml", to_junit("ramp_components", ()))
     say_if_cold()
     results = []
-    with progress() as report:
-        wanted = len(plan) if cases is None else cases
-        for case in plan.cases(0, wanted):
-            run = run_functional(case)
-            results.append(CaseResult(case.id, run.judgement.verdict, 0.0, run.judgement.why))
-            report("ramp_components", len(results), wanted)
-    write_text(out / "results.xml", to_junit("ramp_components", results))
+    wanted = len(plan) if cases is None else cases
+    try:
+        with progress() as report:
+            for case in plan.cases(0, wanted):
+                run = run_functional(case)
+                results.append(CaseResult(case.id, run.judgement.verdict, 0.0, run.judgement.why))
+                report("ramp_components", len(results), wanted)
+    finally:
+        write_text(out / "results.xml", to_junit("ramp_components", results))
     passed = sum(result.verdict == "pass" for result in results)
     if as_json:
         print_json([{"id": r.id, "verdict": str(r.verdict), "why": r.why} for r in results])

@@ -155,8 +155,8 @@ def outcomes_chapter(results: PaperResults) -> Section:
          Column("guarded", group="Table VII, nine start vectors"), Column("original", group="published protocol"),
          Column("guarded", group="published protocol"), Column("p, original against published", ".2g")),
         tuple(rows),
-        "Shares with Wilson 95 % intervals; p by Fisher's exact test, published protocol. The published protocol draws "
-        "what the authors' generator drew (positions from 0.75 m, one sign of w, fixed delays); Table VII starts at "
+        "Shares in per cent with Wilson 95 % intervals; p by Fisher's exact test, published protocol. The published "
+        "protocol draws what the authors' generator drew (positions from 0.75 m, one sign of w, fixed delays); Table VII starts at "
         "0.5 m and has both signs. The paper says 18 % paused and moved again; its raw results give 23.1 %.",
     )  # fmt: skip
     counts = {name: [int(flags.sum()) for flags in slices_of(facts).values()] for name, facts in series.items()}
@@ -177,7 +177,7 @@ def outcomes_chapter(results: PaperResults) -> Section:
 
 
 def _interval(rate: Rate) -> str:
-    return f"{rate.share:.1%} [{rate.low:.1%}, {rate.high:.1%}]"
+    return f"{rate.share * 100:.1f} [{rate.low * 100:.1f}, {rate.high * 100:.1f}]"
 
 
 def _sound_table(series: dict[str, NDArray[np.void]]) -> Table:
@@ -345,7 +345,7 @@ def replays_chapter(results: PaperResults) -> Section:
     if success is not None:
         picks.append(("Paused, then reached the goal", original, success))
     pieces = tuple(replay(campaign, number, words) for words, campaign, number in picks)
-    lead = "Cases run again from their numbers. Red: halted for imminent collision."
+    lead = "Cases run again from their numbers. Orange: halted for imminent collision."
     return Section("Replays", lead, pieces, "replays")
 
 

@@ -1,0 +1,202 @@
+"""Evaluation: the first collision against a plain search, and what makes one trajectory fitter than another."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from parcours.kernels import Record
+from parcours.planners.ramp.messages import (
+    NO_COLLISION,
+    OBSTACLE_STATE,
+    PREDICTION,
+    SAMPLE,
+    TRAJECTORY,
+    copy_trajectory,
+    many,
+    one,
+)
+from parcours.planners.ramp.parameters import guarded, original
+from parcours.planners.ramp.prediction import predict
+from parcours.planners.ramp.trajectory_evaluation import collision_time, evaluate, first_collision
+
+if TYPE_CHECKING:
+    from tests.planners.conftest import Way
+
+V_MAX = guarded().v_max
+Point = tuple[float, float]
+
+
+def prediction_of(x: float, y: float, heading: float, v: float, w: float, stamp: int = 0) -> Record:
+    obstacle, prediction = one(OBSTACLE_STATE), one(PREDICTION)
+    pose = obstacle.pose
+    pose.x, pose.y, pose.heading, pose.v, pose.w = x, y, heading, v, w
+    obstacle.radius = 0.1
+    predict(obstacle, stamp, prediction)
+    return prediction
+
+
+def gap(trajectory: Record, i: int, prediction: Record, shift: float, drift: Point) -> Point:
+    """Return the vector from robot to obstacle at sample i, the obstacle's place between its own samples on a line."""
+    n = int(prediction.n)
+    at = min(i, int(trajectory.n) - 1)
+    x, y = (float(np.interp(i + shift, np.arange(n), prediction[name][:n])) for name in ("x", "y"))
+    return x - float(trajectory.x[at]) - drift[0], y - float(trajectory.y[at]) - drift[1]
+
+
+def searched(
+    trajectory: Record, begins: int, first: int, last: int, prediction: Record, drift: Point, reach: float, leave: bool
+) -> int:
+    """Look at every sample and every step between two of them; skip nothing."""
+    shift = (begins - int(prediction.stamp)) * 1e-9 / SAMPLE
+    before = gap(trajectory, first, prediction, shift, drift)
+    if math.hypot(*before) < reach and not leave:
+        return first
+    leaving = leave and math.hypot(*before) < reach
+    for i in range(first + 1, last):
+        here = gap(trajectory, i, prediction, shift, drift)
+        if leaving:
+            if math.hypot(*here) < math.hypot(*before) - 1e-6:
+                return i - 1
+            leaving = math.hypot(*here) < reach
+        else:
+            step = (here[0] - before[0], here[1] - before[1])
+            length = step[0] ** 2 + step[1] ** 2
+            share = min(max(-(before[0] * step[0] + before[1] * step[1]) / length, 0.0), 1.0) if length else 0.0
+            if math.hypot(before[0] + share * step[0], before[1] + share * step[1]) < reach:
+                return i
+        before = here
+    return last
+
+
+def test_the_first_collision_is_the_one_a_plain_search_finds_over_random_motions(ways: list[Way]) -> None:
+    rng = np.random.default_rng(3)
+    found = []
+    for k, way in enumerate(ways):
+        v, w = rng.choice([0.0, rng.uniform(0.05, 0.5)]), rng.choice([0.0, rng.uniform(-1.5, 1.5)])
+        prediction = prediction_of(*rng.uniform(0.0, 2.0, 2), rng.uniform(-3.1, 3.1), v, w, int(rng.integers(2e9)))
+        reach, leave = float(rng.choice([0.225, 0.275, 0.42])), bool(k % 2)
+        begins, first, last = int(rng.integers(4e9)), int(rng.integers(0, 5)), int(way.trajectory.n)
+        last = last if k % 3 else first + 11
+        drift = (float(rng.uniform(-0.05, 0.05)), float(rng.uniform(-0.05, 0.05)))
+        hit = first_collision(way.trajectory, begins, first, last, prediction, *drift, reach, leave, V_MAX)
+        assert hit == searched(way.trajectory, begins, first, last, prediction, drift, reach, leave), k
+        found.append(hit < last)
+    assert 0.2 < np.mean(found) < 0.8
+
+
+def crossing(samples: int = 60) -> Record:
+    """Return a trajectory straight along x at top speed."""
+    trajectory = one(TRAJECTORY)
+    trajectory.n = samples
+    trajectory.x[:samples] = 0.025 * np.arange(samples)
+    trajectory.v[:samples] = 0.25
+    trajectory.duration = (samples - 1) * SAMPLE
+    trajectory.smooth = 1
+    return trajectory
+
+
+def test_head_on_at_three_quarters_of_a_metre_a_second_is_seen_at_the_sample_it_happens() -> None:
+    prediction = prediction_of(1.5, 0.0, math.pi, 0.5, 0.0)
+    touched = (1.5 - 0.225) / 0.75
+    hit = first_collision(crossing(), 0, 0, 60, prediction, 0.0, 0.0, 0.225, False, V_MAX)
+    assert hit == math.ceil(touched / SAMPLE)
+
+
+def test_a_body_that_crosses_between_two_samples_does_not_slip_through() -> None:
+    # Both are tiny: at every sample they are farther apart than reach, in between they meet.
+    trajectory = crossing()
+    prediction = prediction_of(0.5 + 0.0125, -0.5 * 2.05, math.pi / 2, 0.5, 0.0)
+    samples = [math.hypot(*gap(trajectory, i, prediction, 0.0, (0.0, 0.0))) for i in range(60)]
+    assert min(samples) > 0.02
+    assert first_collision(trajectory, 0, 0, 60, prediction, 0.0, 0.0, 0.01, False, V_MAX) == 21
+
+
+def test_a_robot_that_begins_too_near_may_leave_but_not_come_nearer() -> None:
+    behind, ahead = prediction_of(-0.1, 0.0, 0.0, 0.0, 0.0), prediction_of(0.1, 0.0, 0.0, 0.0, 0.0)
+    for prediction, may_leave, hit in ((behind, False, 0), (behind, True, 60), (ahead, False, 0), (ahead, True, 0)):
+        assert first_collision(crossing(), 0, 0, 60, prediction, 0.0, 0.0, 0.225, may_leave, V_MAX) == hit
+
+
+def test_what_lies_outside_the_window_is_not_looked_at() -> None:
+    prediction = prediction_of(1.0, 0.0, 0.0, 0.0, 0.0)
+    touched = math.ceil((1.0 - 0.225) / 0.025)
+    assert first_collision(crossing(), 0, 0, touched, prediction, 0.0, 0.0, 0.225, False, V_MAX) == touched
+    assert first_collision(crossing(), 0, 0, touched + 1, prediction, 0.0, 0.0, 0.225, False, V_MAX) == touched
+    passed = prediction_of(0.0, 0.0, 0.0, 0.0, 0.0)
+    assert first_collision(crossing(), 0, 12, 60, passed, 0.0, 0.0, 0.225, False, V_MAX) == 60
+
+
+def test_the_collision_time_is_that_of_the_first_of_all_obstacles_and_margins_bring_it_forward() -> None:
+    predictions = many(PREDICTION, 2)
+    predictions[0], predictions[1] = prediction_of(1.2, 0, 0, 0, 0), prediction_of(0.8, 0, 0, 0, 0)
+    parameters = guarded().record()
+    near = collision_time(crossing(), 0, 0, 60, predictions, 0.0, 0.0, 0.0, False, parameters)
+    far = collision_time(crossing(), 0, 0, 60, predictions[:1], 0.0, 0.0, 0.0, False, parameters)
+    wary = collision_time(crossing(), 0, 0, 60, predictions, 0.0, 0.0, 0.1, False, parameters)
+    assert wary < near < far
+    assert near == pytest.approx((0.8 - 0.225) / 0.25)
+    assert collision_time(crossing(), 0, 0, 60, predictions[:0], 0.0, 0.0, 0.0, False, parameters) == NO_COLLISION
+
+
+@pytest.mark.parametrize("parameters", [original(), guarded()], ids=["original", "guarded"])
+def test_every_feasible_trajectory_is_fitter_than_every_infeasible_one(ways: list[Way], parameters: object) -> None:
+    rng = np.random.default_rng(11)
+    feasible, infeasible = [], []
+    for way in ways:
+        predictions = many(PREDICTION, 2)
+        for k in range(2):
+            predictions[k] = prediction_of(*rng.uniform(0.3, 2.0, 2), rng.uniform(-3.1, 3.1), rng.uniform(0.0, 0.5), 0.0)
+        trajectory = one(TRAJECTORY)
+        copy_trajectory(trajectory, way.trajectory, 0)
+        evaluate(trajectory, predictions, 0.0, 0.0, float(way.start.heading), False, parameters.record())  # type: ignore[attr-defined]
+        assert 0.0 < trajectory.fitness <= 1.0
+        if trajectory.t_collision < NO_COLLISION or not trajectory.smooth:
+            assert not trajectory.feasible
+        (feasible if trajectory.feasible else infeasible).append(float(trajectory.fitness))
+    assert min(len(feasible), len(infeasible)) > 50
+    assert min(feasible) > max(infeasible)
+
+
+@given(st.floats(0.0, 49.9), st.floats(0.0, 30.0), st.floats(0.0, 14.2), st.floats(0.0, 15.8), st.floats(-3.2, 3.2))
+def test_the_longest_way_through_the_arena_is_fitter_than_the_latest_collision(
+    late: float, lasts: float, rest: float, turn: float, heading: float
+) -> None:
+    # At most five legs of a path of seven knots are left, each no longer than the arena's diagonal.
+    free, doomed = crossing(), crossing(501)
+    free.duration, free.rest_length, free.rest_turn, free.first_heading = lasts, rest, turn, heading
+    obstacle = prediction_of(0.025 * round(late / SAMPLE) + 0.22, 0.0, 0.0, 0.0, 0.0)
+    predictions = many(PREDICTION, 1)
+    predictions[0] = obstacle
+    evaluate(free, predictions[:0], 0.0, 0.0, 0.0, False, guarded().record())
+    evaluate(doomed, predictions, 0.0, 0.0, 0.0, False, original().record())
+    assert free.feasible
+    assert not doomed.feasible
+    assert free.fitness > doomed.fitness
+
+
+def test_fitness_falls_with_duration_rest_turning_and_first_heading_and_with_an_earlier_collision() -> None:
+    def fitness(predictions: Record, halted: bool = False, **changes: float) -> float:
+        trajectory = crossing()
+        for name, value in changes.items():
+            setattr(trajectory, name, value)
+        evaluate(trajectory, predictions, 0.0, 0.0, 0.0, halted, guarded().record())
+        return float(trajectory.fitness)
+
+    nobody, early, late = many(PREDICTION, 0), many(PREDICTION, 1), many(PREDICTION, 1)
+    early[0], late[0] = prediction_of(0.6, 0, 0, 0, 0), prediction_of(1.2, 0, 0, 0, 0)
+    best = fitness(nobody)
+    assert best == pytest.approx(1.0 / 5.9)
+    assert fitness(nobody, duration=7.0) == pytest.approx(1.0 / 7.0)
+    assert fitness(nobody, rest_length=1.0) == pytest.approx(1.0 / (5.9 + 8.0))
+    assert fitness(nobody, rest_turn=math.pi / 8) == pytest.approx(1.0 / 6.9)
+    assert fitness(nobody, first_heading=-math.pi / 2) == pytest.approx(1.0 / 6.4)
+    assert fitness(early) < fitness(late) < best
+    assert fitness(nobody, smooth=0) < fitness(early)
+    assert fitness(nobody, halted=True, smooth=0) == best
+    assert fitness(nobody, duration=0.2) == 1.0
