@@ -197,6 +197,7 @@ def test_fitness_falls_with_duration_rest_turning_and_first_heading_and_with_an_
     assert fitness(nobody, rest_turn=math.pi / 8) == pytest.approx(1.0 / 6.9)
     assert fitness(nobody, first_heading=-math.pi / 2) == pytest.approx(1.0 / 6.4)
     assert fitness(early) < fitness(late) < best
-    assert fitness(nobody, smooth=0) < fitness(early)
+    assert fitness(nobody, smooth=0) == pytest.approx(1.0 / (5.9 + 1e5 * 0.1 / math.pi))
+    assert fitness(nobody, smooth=0, first_heading=1.0) < fitness(nobody, smooth=0)
     assert fitness(nobody, halted=True, smooth=0) == best
     assert fitness(nobody, duration=0.2) == 1.0

@@ -17,6 +17,7 @@ from parcours.planners.ramp.messages import (
     many,
 )
 from parcours.planners.ramp.parameters import Parameters
+from parcours.planners.ramp.service import Service
 from parcours.streams import Stream, below, between, start
 
 INSERT, DELETE, CHANGE, SWAP, CROSSOVER, MOVE = range(6)
@@ -149,7 +150,7 @@ def modify(request: Record, parameters: Record, stream: Stream, one: Record, two
     return 1
 
 
-class PathModification:
+class PathModification(Service):
     """The component: answers modification requests from a random stream of its own.
 
     Args:
@@ -169,14 +170,6 @@ class PathModification:
     def reset(self) -> None:
         """Begin the random stream again."""
         start(self._stream, *self._origin)
-
-    def next_wake(self) -> int | None:
-        """Time alone demands nothing."""
-        return None
-
-    def wake(self, now: int) -> Iterator[Step]:
-        """Time alone demands nothing."""
-        yield from ()
 
     def handle(self, channel: str | None, message: object, now: int) -> Iterator[Step]:
         """Answer a ModificationRequest with a ModificationResponse."""

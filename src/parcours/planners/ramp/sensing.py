@@ -5,23 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from parcours.planners.ramp.messages import Obstacles, Step
+from parcours.planners.ramp.service import Service
 
 
-class Sensing:
+class Sensing(Service):
     """The component: passes every odometry message on as an obstacle list, in world coordinates."""
 
     name = "Sensing"
-
-    def reset(self) -> None:
-        """Nothing is kept between messages."""
-
-    def next_wake(self) -> int | None:
-        """Time alone demands nothing."""
-        return None
-
-    def wake(self, now: int) -> Iterator[Step]:
-        """Time alone demands nothing."""
-        yield from ()
 
     def handle(self, channel: str | None, message: object, now: int) -> Iterator[Step]:
         """Turn Obstacles from `odometry` into Obstacles on `obstacles`."""

@@ -10,6 +10,7 @@ from parcours.elementary import PI, wrap
 from parcours.kernels import Record, kernel
 from parcours.planners.ramp.messages import NO_COLLISION, SAMPLE, EvaluationRequest, EvaluationResponse, Step
 from parcours.planners.ramp.parameters import Parameters
+from parcours.planners.ramp.service import Service
 
 MODEST_TURN = 0.1
 """Least angle an orientation penalty counts [rad]."""
@@ -184,24 +185,13 @@ def evaluate(
     trajectory.fitness = 1.0 / max(cost, 1.0)
 
 
-class TrajectoryEvaluation:
+class TrajectoryEvaluation(Service):
     """The component: answers evaluation requests, one at a time, and keeps nothing in between."""
 
     name = "TrajectoryEvaluation"
 
     def __init__(self, parameters: Parameters) -> None:
         self._parameters = parameters.record()
-
-    def reset(self) -> None:
-        """Nothing is kept between requests."""
-
-    def next_wake(self) -> int | None:
-        """Time alone demands nothing."""
-        return None
-
-    def wake(self, now: int) -> Iterator[Step]:
-        """Time alone demands nothing."""
-        yield from ()
 
     def handle(self, channel: str | None, message: object, now: int) -> Iterator[Step]:
         """Answer an EvaluationRequest with an EvaluationResponse."""

@@ -24,6 +24,7 @@ from parcours.planners.ramp.parameters import Parameters
 from parcours.planners.ramp.prediction import predict
 from parcours.planners.ramp.profile import along, trapezoid
 from parcours.planners.ramp.route import CURVE, LINE, ROUTE, TURN, plan_route
+from parcours.planners.ramp.service import Service
 
 
 @kernel
@@ -99,7 +100,7 @@ def generate(path: Record, pose: Record, kind: int, parameters: Record, route: R
     sample_route(route, pose, parameters, trajectory)
 
 
-class TrajectoryGenerator:
+class TrajectoryGenerator(Service):
     """The component: answers trajectory requests, one at a time."""
 
     name = "TrajectoryGenerator"
@@ -107,17 +108,6 @@ class TrajectoryGenerator:
     def __init__(self, parameters: Parameters) -> None:
         self._parameters = parameters.record()
         self._route = one(ROUTE)
-
-    def reset(self) -> None:
-        """Nothing is kept between requests."""
-
-    def next_wake(self) -> int | None:
-        """Time alone demands nothing."""
-        return None
-
-    def wake(self, now: int) -> Iterator[Step]:
-        """Time alone demands nothing."""
-        yield from ()
 
     def handle(self, channel: str | None, message: object, now: int) -> Iterator[Step]:
         """Answer a TrajectoryRequest with a TrajectoryResponse."""

@@ -155,8 +155,8 @@ def outcomes_chapter(results: PaperResults) -> Section:
          Column("guarded", group="Table VII, nine start vectors"), Column("original", group="published protocol"),
          Column("guarded", group="published protocol"), Column("p, original against published", ".2g")),
         tuple(rows),
-        "Shares in per cent with Wilson 95 % intervals; p by Fisher's exact test, published protocol. The published "
-        "protocol draws what the authors' generator drew (positions from 0.75 m, one sign of w, fixed delays); Table VII starts at "
+        "Shares in per cent with Wilson 95 % intervals; p by Fisher's exact test, published protocol, which draws "
+        "what the authors' generator drew (positions from 0.75 m, one sign of w, fixed delays); Table VII starts at "
         "0.5 m and has both signs. The paper says 18 % paused and moved again; its raw results give 23.1 %.",
     )  # fmt: skip
     counts = {name: [int(flags.sum()) for flags in slices_of(facts).values()] for name, facts in series.items()}

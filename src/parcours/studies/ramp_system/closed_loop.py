@@ -13,14 +13,13 @@ from __future__ import annotations
 import numpy as np
 
 from parcours.arena.obstacles import place_at
-from parcours.arena.world import NEVER, WORLD, advance, begin
+from parcours.arena.world import NEVER, advance, begin
 from parcours.kernels import Record, kernel
-from parcours.planners.ramp.control import COMMAND_PERIOD, CONTROL, REPORT_PERIOD, command, follow, signal
+from parcours.planners.ramp.control import COMMAND_PERIOD, REPORT_PERIOD, command, follow, signal
 from parcours.planners.ramp.control_cycle import control_cycle, is_at_rest
 from parcours.planners.ramp.guard import evaluate_moving_on, is_imminent
 from parcours.planners.ramp.latency import draw
-from parcours.planners.ramp.messages import PATH, POSE
-from parcours.planners.ramp.planner_state import PLANNER, begin_population
+from parcours.planners.ramp.planner_state import begin_population
 from parcours.planners.ramp.planning_cycle import compensate, planning_cycle
 from parcours.planners.ramp.prediction import predict
 from parcours.planners.ramp.sensing_cycle import evaluate_population, sensing_cycle
@@ -39,52 +38,6 @@ _P21, _P31, _P41, _P42, _P43, _P44, _P45, _P46 = (
     _INDEX[n] for n in ("p21", "p31", "p41", "p42", "p43", "p44", "p45", "p46")
 )
 _P47, _P48, _P49, _P51, _P61 = (_INDEX[n] for n in ("p47", "p48", "p49", "p51", "p61"))
-
-SETTING = np.dtype(
-    [
-        ("seed", "u8"),
-        ("limit", "i8"),  # end of the test [ns]
-        ("extension", "i8"),  # how long it is watched beyond that, for the true remaining time [ns]
-        ("robot_x", "f8"),  # start of the robot [m]
-        ("robot_y", "f8"),
-        ("robot_heading", "f8"),  # [rad]
-        ("robot_speed", "f8"),  # [m/s]
-        ("goal_x", "f8"),  # [m]
-        ("goal_y", "f8"),
-        ("goal_tolerance", "f8"),  # [m]
-    ]
-)
-"""What all cases of a campaign share."""
-
-WORKSPACE = np.dtype(
-    [
-        ("world", WORLD),
-        ("planner", PLANNER),
-        ("control", CONTROL),
-        ("start", POSE),
-        ("report", POSE),
-        ("one", PATH),
-        ("two", PATH),
-        ("modifier", "u8", (1,)),
-        ("clock", "u8", (1,)),
-        ("obstacle_time", "i8"),  # when the pending obstacle message came [ns]; FAR if none is pending
-        ("report_time", "i8"),  # when the pending report came [ns]; FAR
-        ("t_report", "i8"),  # when the last report was made [ns]
-        ("guard_time", "i8"),
-        ("spin", "i8"),  # when the planner's thread woke for its callbacks [ns]
-        ("wakes", "i8"),  # when the thread is free again [ns]
-        ("cycle", "i8"),  # when its planning cycle began [ns]
-        ("in_callbacks", "i8"),
-        ("best_due", "i8"),  # when the best trajectory reaches control [ns]
-        ("halt_due", "i8"),  # when the imminent-collision flag does [ns]
-        ("halt_value", "i8"),
-        ("halted_before", "i8"),  # the flag at the last command
-        ("paused_before", "i8"),
-        ("t_moving", "i8"),  # last time the robot moved [ns]
-        ("t_halted", "i8"),  # when the guard last halted the robot [ns]
-    ]
-)
-"""Working memory of one run."""
 
 
 @kernel

@@ -15,8 +15,9 @@ from parcours.planners.ramp.messages import OBSTACLE_STATE, PREDICTION, one
 from parcours.planners.ramp.parameters import Parameters, guarded, original
 from parcours.run.store import Campaign
 from parcours.studies.ramp_system.cases import Protocol, SystemCases
-from parcours.studies.ramp_system.closed_loop import SETTING, WORKSPACE, run_case
+from parcours.studies.ramp_system.closed_loop import run_case
 from parcours.studies.ramp_system.facts import FACTS, TRACK
+from parcours.studies.ramp_system.workspace import SETTING, WORKSPACE
 
 PUBLISHED_CASES = 905
 """As many cases as the paper ran."""

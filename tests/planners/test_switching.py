@@ -1,0 +1,154 @@
+"""Switching: from the motion under way into every member of the population, without a jump where it is smooth."""
+
+from __future__ import annotations
+
+import functools
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from parcours.kernels import Record
+from parcours.planners.ramp.control_cycle import control_cycle
+from parcours.planners.ramp.messages import POSE, PREDICTION, SAMPLE, many, one, pose_at
+from parcours.planners.ramp.parameters import guarded, original
+from parcours.planners.ramp.planner_state import PLANNER, begin_population
+from parcours.planners.ramp.population import best_member
+from parcours.planners.ramp.route import HYBRID, NEAR, TRANSITION
+from parcours.planners.ramp.sensing_cycle import evaluate_population
+from parcours.planners.ramp.switching import EARLIEST, switch_path
+from parcours.streams import start
+
+GOAL = (2.0, 2.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Cycle:
+    """A planner after a control cycle, and the index of the member it committed to."""
+
+    planner: Record
+    best: int
+    now: int
+
+
+def begun(seed: int, schedule: str) -> tuple[Record, Record]:
+    parameters = (guarded if schedule == "guarded" else original)(population=7).record()
+    planner, pose = one(PLANNER), one(POSE)
+    planner.goal_x, planner.goal_y = GOAL
+    pose.heading, pose.v = math.pi / 4, 0.249
+    start(planner.stream, np.uint64(seed), np.uint64(0), np.uint64(1))
+    begin_population(planner, pose, parameters)
+    evaluate_population(planner, many(PREDICTION, 0), parameters)
+    return planner, parameters
+
+
+@functools.cache
+def cycles() -> list[Cycle]:
+    """Return planners after one to four control cycles, 40 seeds of each schedule."""
+    found = []
+    for seed in range(40):
+        for schedule in ("original", "guarded"):
+            planner, parameters = begun(seed, schedule)
+            for _ in range(1 + seed % 4):
+                now = int(planner.t_next)
+                best = best_member(planner.members, planner.n)
+                pose_at(planner.moving_on if planner.moving_on.n else planner.members[best].trajectory, 0.0, planner.latest)
+                control_cycle(planner, many(PREDICTION, 0), now, parameters)
+            found.append(Cycle(planner, best, now))
+    return found
+
+
+def turn(one_heading: float, other: float) -> float:
+    return abs(math.remainder(float(one_heading) - float(other), math.tau))
+
+
+def test_every_member_begins_at_the_next_control_cycle_where_the_motion_under_way_will_be() -> None:
+    for cycle in cycles():
+        planner = cycle.planner
+        expected = one(POSE)
+        pose_at(planner.moving_on, (planner.t_next - planner.moving_on.begins) * 1e-9, expected)
+        for i in range(int(planner.n)):
+            trajectory = planner.members[i].trajectory
+            assert trajectory.begins == planner.t_next
+            assert math.hypot(trajectory.x[0] - expected.x, trajectory.y[0] - expected.y) < 1e-9
+            assert trajectory.v[0] == pytest.approx(expected.v, abs=NEAR)
+
+
+def test_a_smooth_member_joins_without_a_jump_in_heading_or_a_stop() -> None:
+    smooth = 0
+    for cycle in cycles():
+        planner = cycle.planner
+        expected = one(POSE)
+        pose_at(planner.moving_on, (planner.t_next - planner.moving_on.begins) * 1e-9, expected)
+        if expected.v < 0.1:
+            continue
+        for i in range(int(planner.n)):
+            trajectory = planner.members[i].trajectory
+            if not trajectory.smooth or i == cycle.best:
+                continue
+            smooth += 1
+            n = int(trajectory.n)
+            assert turn(trajectory.heading[0], expected.heading) <= NEAR
+            first = min(n, 11)
+            steps = [turn(trajectory.heading[k], trajectory.heading[k + 1]) for k in range(first - 1)]
+            assert max(steps) <= 1.5707964 * SAMPLE
+            rotates = (trajectory.v[: first - 1] < NEAR) & (np.abs(trajectory.w[: first - 1]) > NEAR)
+            assert not rotates[: max(first - 4, 1)].any()
+    assert smooth > 100
+
+
+def test_a_member_that_is_not_smooth_makes_the_robot_stop_and_rotate() -> None:
+    stopping = 0
+    for cycle in cycles():
+        planner = cycle.planner
+        for i in range(int(planner.n)):
+            trajectory = planner.members[i].trajectory
+            n = int(trajectory.n)
+            if trajectory.smooth or n < 30:
+                continue
+            stopping += 1
+            assert trajectory.v[:n].min() == 0.0
+    assert stopping > 20
+
+
+def test_the_best_member_goes_on_with_what_is_left_of_the_motion_under_way() -> None:
+    kept = 0
+    for cycle in cycles():
+        planner = cycle.planner
+        trajectory, moving_on = planner.members[cycle.best].trajectory, planner.moving_on
+        at = round((planner.t_next - moving_on.begins) * 1e-9 / SAMPLE)
+        n = int(moving_on.n) - at
+        if n > 1 and trajectory.n == n and np.array_equal(trajectory.x[:n], moving_on.x[at : at + n]):
+            kept += 1
+    assert kept > len(cycles()) // 2
+
+
+def test_the_next_control_cycle_comes_between_the_earliest_switch_and_the_longest_period() -> None:
+    periods = np.array([(cycle.planner.t_next - cycle.planner.t_control) * 1e-9 for cycle in cycles()])
+    assert periods.min() >= EARLIEST - 1e-9
+    assert periods.max() <= guarded().control_period + 1e-9
+    assert len(np.unique(np.round(periods, 1))) > 3
+    for cycle in cycles():
+        planner = cycle.planner
+        early = planner.t_next - planner.moving_on.begins < 2_000_000_000
+        assert planner.switch_kind == (TRANSITION if early else HYBRID)
+
+
+def test_every_path_begins_at_the_anchor_and_ends_at_the_goal_after_any_cycle() -> None:
+    for cycle in cycles():
+        planner = cycle.planner
+        for i in range(int(planner.n)):
+            path = planner.members[i].path
+            assert (path.x[0], path.y[0]) == (planner.anchor.x, planner.anchor.y)
+            assert (path.x[path.n - 1], path.y[path.n - 1]) == GOAL
+
+
+def test_a_switch_puts_the_pose_before_the_anchor_and_anything_else_puts_it_in_its_place() -> None:
+    planner = cycles()[0].planner
+    path, pose, out = planner.members[0].path, one(POSE), planner.work_path
+    pose.x, pose.y = 0.11, 0.12
+    switch_path(path, pose, TRANSITION, out)
+    assert (out.n, out.x[0], out.x[1]) == (path.n + 1, 0.11, path.x[0])
+    switch_path(path, pose, HYBRID, out)
+    assert (out.n, out.x[0], out.x[1]) == (path.n, 0.11, path.x[1])
