@@ -193,13 +193,15 @@ class Control:
         if state.paused and self._executing:
             self._executing = False
             yield Step("p43")
-        elif was_paused and not state.paused:
+        elif was_paused and not state.paused and not self._executing:
             self._executing = True
             yield Step("p44")
             yield Step("p45")
         elif self._executing and (now - state.begins) * 1e-9 >= state.trajectory.duration:
             self._executing = False
             yield Step("p46")
+        elif not self._executing:
+            yield Step("p41")
 
     @property
     def trajectory(self) -> Record:

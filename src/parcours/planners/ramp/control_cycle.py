@@ -116,8 +116,12 @@ def entry_kind(planner: Record, i: int, best: int) -> int:
 
 
 @kernel
-def control_cycle(planner: Record, predictions: Record, now: int, parameters: Record) -> None:
-    """Run one whole control cycle. Afterwards moving_on is what to publish and t_next says when the next one is due."""
+def control_cycle(planner: Record, predictions: Record, now: int, parameters: Record) -> bool:
+    """Run one whole control cycle. Afterwards moving_on is what to publish and t_next says when the next one is due.
+
+    Returns:
+        Whether new trajectories were generated.
+    """
     best = commit(planner, now, parameters)
     evaluate_moving_on(planner, predictions, now, parameters)
     if clears(planner, now, parameters):
@@ -133,3 +137,4 @@ def control_cycle(planner: Record, predictions: Record, now: int, parameters: Re
             generate_from_switch(planner, member.path, entry_kind(planner, i, best), member.trajectory, parameters)
             member.trajectory.id = member.id
     evaluate_population(planner, predictions, parameters)
+    return anew

@@ -176,7 +176,7 @@ class ModificationResponse(NamedTuple):
 def one(kind: np.dtype[np.void]) -> Record:
     """Return a fresh record of the dtype, all zero, whose fields kernels and Python read by name.
 
-    >>> one(POSE).x
+    >>> float(one(POSE).x)
     0.0
     """
     return np.zeros(1, kind).view(np.recarray)[0]

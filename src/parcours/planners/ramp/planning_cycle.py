@@ -99,8 +99,8 @@ def offer_candidate(planner: Record, parameters: Record) -> None:
 @kernel
 def planning_cycle(
     planner: Record, predictions: Record, parameters: Record, modifier: Stream, one: Record, two: Record
-) -> None:
-    """Run one whole planning cycle.
+) -> int:
+    """Run one whole planning cycle; return how many candidates it made.
 
     Args:
         planner: PLANNER.
@@ -127,3 +127,4 @@ def planning_cycle(
             parameters,
         )
         offer_candidate(planner, parameters)
+    return int(n)

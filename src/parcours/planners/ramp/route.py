@@ -130,7 +130,8 @@ def _lay(path: Record, pose: Record, kind: int, stop_first: bool, parameters: Re
     route.n = 0
     route.smooth = 1
     route.rest_length = route.rest_turn = 0.0
-    x, y, heading, v = pose.x, pose.y, pose.heading, pose.v
+    x, y, heading = pose.x, pose.y, pose.heading
+    v = pose.v if pose.v >= NEAR else 0.0
     last = path.n - 1
     k = 1
     while k < last and (path.x[k] - x) ** 2 + (path.y[k] - y) ** 2 < NEAR * NEAR:

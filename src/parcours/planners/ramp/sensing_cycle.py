@@ -51,11 +51,17 @@ def evaluate_population(planner: Record, predictions: Record, parameters: Record
 @kernel
 def sensing_cycle(
     planner: Record, obstacles: Record, stamp: int, now: int, predictions: Record, parameters: Record
-) -> None:
-    """Run one whole sensing cycle on an array of OBSTACLE_STATE that was sensed at `stamp` [ns]."""
+) -> bool:
+    """Run one whole sensing cycle on an array of OBSTACLE_STATE that was sensed at `stamp` [ns].
+
+    Returns:
+        Whether the population was evaluated.
+    """
     for k in range(len(obstacles)):
         predict(obstacles[k], stamp, predictions[k])
     note_nearest(planner, obstacles)
-    if evaluates_population(planner, now):
+    evaluates = evaluates_population(planner, now)
+    if evaluates:
         evaluate_population(planner, predictions, parameters)
     evaluate_moving_on(planner, predictions, now, parameters)
+    return evaluates

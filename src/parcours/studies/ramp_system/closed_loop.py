@@ -33,7 +33,7 @@ GUARD_PERIOD = 50_000_000
 FAR = 1 << 62
 
 _INDEX = {name: i for i, name in enumerate(TRANSITIONS)}
-_P11, _P12, _P13, _P14, _P15, _P16, _P17, _P18, _P19 = (_INDEX[f"p1{k}"] for k in range(1, 10))
+_P11, _P12, _P13, _, _P15, _P16, _P17, _P18, _P19 = (_INDEX[f"p1{k}"] for k in range(1, 10))
 _P21, _P31, _P41, _P42, _P43, _P44, _P45, _P46 = (
     _INDEX[n] for n in ("p21", "p31", "p41", "p42", "p43", "p44", "p45", "p46")
 )
@@ -76,11 +76,11 @@ def _control(work: Record, predictions: Record, now: int, parameters: Record, la
     """Run a control cycle of the planner's thread and publish what it decided."""
     planner = work.planner
     was_halted = planner.halted
-    control_cycle(planner, predictions, now, parameters)
+    generated = control_cycle(planner, predictions, now, parameters)
     facts.transitions[_P12] += 1
     facts.transitions[_P13] += 1
-    _count_service(facts.transitions, _P21, 1)
-    _count_service(facts.transitions, _P31, 1)
+    _count_service(facts.transitions, _P21, 1 if generated else 0)
+    _count_service(facts.transitions, _P31, 2)
     facts.n_control_cycles += 1
     work.best_due = now + latencies.transport
     if was_halted != planner.halted or (parameters.schedule == 0 and not planner.halted):
@@ -112,15 +112,15 @@ def _callback(
             planner.t_next = min(planner.t_next, work.spin)
     elif work.obstacle_time == first:
         work.obstacle_time = FAR
-        sensing_cycle(planner, seen, first, now, predictions, parameters)
+        evaluated = sensing_cycle(planner, seen, first, now, predictions, parameters)
         n = len(seen)
         facts.transitions[_P15] += 1
         facts.transitions[_P16] += n - 1
         facts.transitions[_P17] += 1
-        facts.transitions[_P18] += 1
+        facts.transitions[_P18] += 1 if evaluated else 0
         facts.transitions[_P19] += 1
         _count_service(facts.transitions, _P21, n)
-        _count_service(facts.transitions, _P31, 2)
+        _count_service(facts.transitions, _P31, 2 if evaluated else 1)
         work.wakes = now + draw(work.clock, latencies.sensing, latencies.sensing_spread)
     elif control_time == first:
         _control(work, predictions[: len(seen) * planner.knows_obstacles], now, parameters, latencies, facts)
@@ -165,16 +165,12 @@ def _think(
     if work.in_callbacks == 0:
         work.cycle = now
         known = len(seen) * planner.knows_obstacles
-        planning_cycle(planner, predictions[:known], parameters, work.modifier, work.one, work.two)
+        n = planning_cycle(planner, predictions[:known], parameters, work.modifier, work.one, work.two)
         facts.n_planning_cycles += 1
         facts.transitions[_P11] += 1
-        facts.transitions[_P14] += 1
-        facts.transitions[_P21] += 1
-        facts.transitions[_P31] += 1
-        facts.transitions[_P51] += 1
         _count_service(facts.transitions, _P51, 1)
-        _count_service(facts.transitions, _P21, 1)
-        _count_service(facts.transitions, _P31, 1)
+        _count_service(facts.transitions, _P21, n)
+        _count_service(facts.transitions, _P31, n)
         busy = draw(work.clock, latencies.planning, latencies.planning_spread)
         period = int(1e9 / parameters.planning_rate)
         if busy > period:
@@ -204,19 +200,24 @@ def _watch(work: Record, now: int, facts: Record) -> None:
 def _execute(work: Record, now: int, parameters: Record, facts: Record) -> None:
     """Let control command the robot."""
     control, robot = work.control, work.world.robot
-    was_paused = work.paused_before
-    had_left = (now - control.begins) * 1e-9 < control.trajectory.duration
+    was_paused = control.paused
     _report(work)
     command(control, work.report, now, parameters)
     robot.command_v, robot.command_w = control.command_v, control.command_w
-    if control.paused and not was_paused:
-        facts.transitions[_P43] += 1
-    if was_paused and not control.paused:
-        facts.transitions[_P44] += 1
-        facts.transitions[_P45] += 1
-    work.paused_before = control.paused
-    facts.transitions[_P47] += 1
-    facts.transitions[_P41] += 1 if not had_left else 0
+    counts = facts.transitions
+    counts[_P47] += 1
+    if control.paused and work.executing:
+        work.executing = 0
+        counts[_P43] += 1
+    elif was_paused and not control.paused and not work.executing:
+        work.executing = 1
+        counts[_P44] += 1
+        counts[_P45] += 1
+    elif work.executing and (now - control.begins) * 1e-9 >= control.trajectory.duration:
+        work.executing = 0
+        counts[_P46] += 1
+    elif not work.executing:
+        counts[_P41] += 1
 
 
 @kernel
@@ -311,7 +312,7 @@ def run_case(
     facts.number = number
     facts.n_halts = facts.halted_time = 0
     facts.n_planning_cycles = facts.n_control_cycles = facts.n_late_cycles = 0
-    work.halted_before = work.paused_before = work.t_moving = 0
+    work.halted_before = work.executing = work.t_moving = 0
     facts.t_goal_after = NEVER
     facts.moved_after = 0
 
@@ -355,7 +356,6 @@ def run_case(
             next_sensing += SENSING_PERIOD
             _sense(work, obstacles, seen)
             work.obstacle_time = now
-            facts.transitions[_P61] += 1
             for k in range(1, 4):
                 facts.transitions[_P61 + k] += 1
             if parameters.schedule == 1:
@@ -364,8 +364,9 @@ def run_case(
             _think(work, seen, predictions, now, parameters, latencies, facts)
         if now == work.best_due:
             work.best_due = FAR
-            if control.has and not control.paused:
+            if work.executing:
                 facts.transitions[_P46] += 1
+            work.executing = 1
             follow(control, planner.moving_on, now, parameters)
             facts.transitions[_P42] += 1
         if now == work.halt_due:

@@ -48,7 +48,7 @@ WORKSPACE = np.dtype(
         ("halt_due", "i8"),  # when the imminent-collision flag does [ns]
         ("halt_value", "i8"),
         ("halted_before", "i8"),  # the flag at the last command
-        ("paused_before", "i8"),
+        ("executing", "i8"),  # 1 while control follows a trajectory
         ("t_moving", "i8"),  # last time the robot moved [ns]
         ("t_halted", "i8"),  # when the guard last halted the robot [ns]
     ]

@@ -1,0 +1,117 @@
+"""The component study: every abstract case runs to its end in its enforced order, is judged, and is timed."""
+
+from __future__ import annotations
+
+import functools
+from collections import Counter
+
+import numpy as np
+import pytest
+
+from parcours.abtc import serialise
+from parcours.data import cover
+from parcours.errors import BadRequest
+from parcours.planners.ramp.messages import EvaluationResponse, ModificationResponse, TrajectoryResponse
+from parcours.run.trace import transitions
+from parcours.studies.ramp_components.model import component_inputs
+from parcours.studies.ramp_components.oracles import ORACLES
+from parcours.studies.ramp_components.study import (
+    CASES_OF_PAPER,
+    LIMITS,
+    Functional,
+    component_plan,
+    interaction_cases,
+    interaction_of,
+    limits,
+    paper_sample,
+    run_functional,
+    run_timing,
+)
+from parcours.verdict.interaction import duration, within
+from parcours.verdict.navigation import Verdict
+
+ROWS = 3
+
+
+@functools.cache
+def results() -> tuple[Functional, ...]:
+    return tuple(run_functional(case) for case in component_plan(seed=4).cases())
+
+
+def test_all_67_abstract_cases_with_three_rows_each_complete_in_order_and_pass() -> None:
+    assert len(results()) == 67 * ROWS
+    assert [(r.case.id, r.judgement.why) for r in results() if not r.judgement.passed] == []
+    assert all(result.execution.completed for result in results())
+
+
+def test_what_was_taken_is_the_serialised_case_transition_by_transition() -> None:
+    for result in results():
+        demanded = tuple(event.transition for event in serialise(interaction_cases()[result.case.abstract]))
+        assert transitions(result.execution.trace) == demanded
+
+
+def test_three_rows_meet_each_choice_for_every_abstract_case() -> None:
+    plan, ids = component_plan(seed=4), list(interaction_cases())
+    for k in range(len(ids)):
+        assert cover(component_inputs(), plan.values(k + len(ids) * np.arange(ROWS))).is_complete
+
+
+def test_components_answer_under_the_tag_they_were_asked_under() -> None:
+    answers = TrajectoryResponse | EvaluationResponse | ModificationResponse
+    seen = 0
+    for result in results():
+        waiting: Counter[tuple[str, object]] = Counter()
+        for event in result.execution.trace.events:
+            service = event.component.split("#")[0]
+            tag = getattr(event.payload, "tag", None)
+            if event.kind == "receive" and event.channel.endswith("_request"):
+                waiting[service, tag] += 1
+            elif event.kind == "send" and isinstance(event.payload, answers) and "#" in event.component:
+                waiting[service, tag] -= 1
+                seen += 1
+        assert all(count >= 0 for count in waiting.values())
+    assert seen > 67
+
+
+def test_the_paper_s_sample_has_its_numbers_of_cases_and_spreads_over_the_abstract_ones() -> None:
+    sample = paper_sample(component_plan())
+    assert Counter(interaction_of(case) for case in sample) == CASES_OF_PAPER
+    assert sum(CASES_OF_PAPER.values()) == 60
+    assert len({case.id for case in sample}) == 60
+    for itp in ("ITP1", "ITP2", "ITP3", "ITP4"):
+        whole = {id for id, case in interaction_cases().items() if case.interaction.name == itp}
+        assert {case.abstract for case in sample if interaction_of(case) == itp} == whole
+
+
+def test_every_interaction_path_has_an_oracle_and_limits() -> None:
+    assert set(ORACLES) == set(LIMITS) == set(CASES_OF_PAPER) == {interaction_of(r.case) for r in results()}
+
+
+def test_injected_limits_run_evenly_from_the_greatest_to_the_least_of_table_viii() -> None:
+    for itp, (low, high) in LIMITS.items():
+        steps = limits(itp)
+        assert len(steps) == CASES_OF_PAPER[itp]
+        assert (steps[0], steps[-1]) == pytest.approx((high, low))
+        assert np.diff(steps) == pytest.approx(np.diff(steps)[0])
+
+
+def test_a_case_run_twice_gives_the_same_trace() -> None:
+    for result in results()[::23]:
+        assert run_functional(result.case).execution.trace == result.execution.trace
+
+
+def test_durations_are_refused_on_simulated_time_and_measured_on_the_wall() -> None:
+    with pytest.raises(BadRequest, match="simulated-duration"):
+        duration(results()[0].execution.trace)
+    timed = list(run_timing(paper_sample(component_plan())[::12], repeats=2, warm_up=1))
+    assert len(timed) == 5
+    for timing in timed:
+        assert len(timing.durations) == 2
+        assert all(0 < taken < 5_000_000_000 for taken in timing.durations)
+        assert timing.judgement == within(timing.durations, timing.limit)
+
+
+def test_a_limit_is_kept_or_broken_by_the_durations_alone() -> None:
+    assert within([4_000_000] * 20, 0.005).verdict is Verdict.PASS
+    assert within([4_000_000] * 10 + [6_000_000] * 10, 0.005).verdict is Verdict.FAIL
+    assert within([4_000_000] * 99 + [90_000_000], 0.005).verdict is Verdict.PASS

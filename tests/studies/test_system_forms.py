@@ -1,0 +1,137 @@
+"""One system case in all its forms: compiled or as components, alone or in a batch, here or on another processor."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import hashlib
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from parcours.planners.ramp.latency import none
+from parcours.run.campaign import run_campaign
+from parcours.studies.ramp_system.component_form import run_components
+from parcours.studies.ramp_system.study import SCHEDULES, SystemStudy, system_study
+from parcours.verdict.facts import NEVER
+
+
+@functools.cache
+def study(schedule: str) -> SystemStudy:
+    return system_study(schedule, seed=3)
+
+
+@functools.cache
+def facts(schedule: str) -> NDArray[np.void]:
+    return study(schedule)(0, 90)
+
+
+@pytest.mark.parametrize("number", range(7))
+@pytest.mark.parametrize("schedule", SCHEDULES)
+def test_components_on_the_simulated_host_drive_the_robot_to_the_same_bits_as_the_compiled_loop(
+    schedule: str, number: int
+) -> None:
+    timeless = dataclasses.replace(study(schedule), latencies=none(), watched_on=0.0)
+    _, track = timeless.track(number)
+    world, _ = run_components(timeless, number, float(track[-1]["time"]) * 1e-9)
+    assert len(track) > 100
+    ran = np.array(world.track[: len(track)])
+    assert len(ran) == len(track)
+    for column, name in enumerate(("time", "x", "y", "heading")):
+        assert np.array_equal(ran[:, column], track[name].astype(float)), name
+
+
+@pytest.mark.parametrize("schedule", SCHEDULES)
+def test_the_facts_of_a_case_depend_on_its_number_only_not_on_its_company(schedule: str) -> None:
+    numbers = np.arange(90)
+    assert study(schedule).run(numbers[::-1])[::-1].tobytes() == facts(schedule).tobytes()
+    mixed = np.random.default_rng(0).permutation(numbers)
+    assert study(schedule).run(mixed).tobytes() == facts(schedule)[mixed].tobytes()
+    for number in (0, 17, 89):
+        assert study(schedule)(number, 1).tobytes() == facts(schedule)[number : number + 1].tobytes()
+
+
+def test_a_replay_of_a_case_has_the_facts_of_the_campaign_and_ends_where_they_say() -> None:
+    for schedule in SCHEDULES:
+        for number in (1, 40):
+            again, track = study(schedule).track(number)
+            for name in facts(schedule).dtype.names or ():
+                if name != "n_track":
+                    assert np.array_equal(again[name][0], facts(schedule)[name][number]), name
+            near = track[np.searchsorted(track["time"], again["t_end"][0]) - 1]
+            assert np.hypot(near["x"] - again["x"][0], near["y"] - again["y"][0]) < 0.25 * 0.06
+
+
+def test_campaigns_with_one_and_two_workers_leave_the_same_bytes(tmp_path: Path) -> None:
+    contents = []
+    for workers in (1, 2):
+        folder = tmp_path / str(workers)
+        outcome = run_campaign(study("guarded"), study("guarded").campaign(90, shard_size=32), folder, workers=workers)
+        assert (outcome.finished, outcome.interrupted) == (90, False)
+        contents.append({path.name: path.read_bytes() for path in sorted(folder.iterdir())})
+        assert outcome.store.load().tobytes() == facts("guarded").tobytes()
+    assert contents[0] == contents[1]
+    assert len(contents[0]) == 1 + 2 * 3
+
+
+_PROGRAM = """
+import hashlib
+from numba.core.registry import cpu_target
+from parcours.studies.ramp_system.study import system_study
+_, name, features = cpu_target.target_context.codegen().magic_tuple()
+assert name == "x86-64" and "+avx" not in features and "+fma" not in features, (name, features)
+for schedule in ("original", "guarded"):
+    print(hashlib.sha256(system_study(schedule, seed=3)(0, 30).tobytes()).hexdigest())
+"""
+
+
+def test_a_processor_without_vector_extensions_gives_the_same_facts_to_the_bit(tmp_path: Path) -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", _PROGRAM],
+        env={
+            **os.environ, "PARCOURS_CACHE_DIR": str(tmp_path), "NUMBA_CPU_NAME": "x86-64",
+            "NUMBA_CPU_FEATURES": "+sse2,-avx,-fma",
+        },
+        capture_output=True, text=True, check=True, timeout=600,
+    )  # fmt: skip
+    here = [hashlib.sha256(facts(schedule)[:30].tobytes()).hexdigest() for schedule in SCHEDULES]
+    assert done.stdout.split() == here
+
+
+@pytest.mark.parametrize("schedule", SCHEDULES)
+def test_the_facts_of_a_case_agree_with_each_other(schedule: str) -> None:
+    rows = facts(schedule)
+    reached = rows["t_goal"] != NEVER
+    assert reached.any()
+    assert not reached.all()
+    assert np.array_equal(reached, rows["to_goal"] < 0.2)
+    late = rows["t_end"][reached] - rows["t_goal"][reached]
+    assert late.min() >= 0
+    assert late.max() <= 50_000_000  # the run ends with the next event of the loop
+    assert (rows["t_end"][~reached] == 21_000_000_000).all()
+    assert (rows["t_goal_after"][reached] == NEVER).all()
+    assert (rows["t_goal_after"][rows["t_goal_after"] != NEVER] > 21_000_000_000).all()
+    touched = rows["n_robot_contacts"] + rows["n_shared_contacts"] + rows["n_obstacle_contacts"] > 0
+    assert np.array_equal(touched, rows["t_contact"] != NEVER)
+    assert np.array_equal(touched, rows["min_clearance"] <= 0.0)
+    assert np.array_equal(rows["n_halts"] > 0, rows["halted_time"] > 0)
+    assert (rows["travelled"] <= 0.25 * rows["t_end"] * 1e-9 + 1e-9).all()
+    assert (rows["travelled"] >= np.hypot(rows["x"], rows["y"]) - 1e-9).all()
+    assert np.array_equal(rows["number"], np.arange(90))
+
+
+def test_shares_of_work_fit_the_published_rates() -> None:
+    for schedule in SCHEDULES:
+        rows = facts(schedule)
+        seconds = rows["t_end"].sum() * 1e-9
+        watched = np.where(rows["t_goal"] != NEVER, rows["t_end"], 0).sum() * 1e-9
+        whole = rows[rows["t_goal"] != NEVER]
+        sensed = whole["transitions"][:, 36].sum()  # p64, the last of Table II
+        assert sensed == pytest.approx(20.0 * watched, rel=0.01)
+        assert (rows["n_planning_cycles"] > 0).all()
+        assert rows["n_planning_cycles"].sum() > 5.0 * seconds
