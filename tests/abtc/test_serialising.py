@@ -201,3 +201,12 @@ def test_an_unknown_policy_is_refused() -> None:
 def test_start_vectors_of_obstacles_are_powers_of_what_counts_as_a_state(count: int) -> None:
     assert case_counts(obstacles(count))["together"] == 3 ** (count - 1)
     assert case_counts(obstacles(count), "distinct-states")["together"] == 2 ** (count - 1)
+
+
+def test_the_model_file_names_the_policy_and_an_argument_overrules_it() -> None:
+    named = replace(RAMP, serialisation="all-states")
+    assert case_counts(named) == case_counts(RAMP, "all-states") != case_counts(RAMP)
+    assert case_counts(named, "hub") == case_counts(RAMP)
+    assert {case.policy for case in abstract_cases(named)} == {"all-states"}
+    with pytest.raises(BadRequest, match="unknown-policy"):
+        case_counts(replace(RAMP, serialisation="hubb"))

@@ -141,7 +141,10 @@ def models(draw: st.DrawFn) -> Cefsm:
     )
     tours = tuple(tour for tour in tours if "environment" not in tour[1])
     message = MessageClass("M", fields, draw(docs))
-    return Cefsm(draw(labels), tuple(components), tuple(channels), (message,), "", draw(docs), tours)
+    policy = draw(st.sampled_from(["", "hub"]))
+    return Cefsm(
+        draw(labels), tuple(components), tuple(channels), (message,), "", draw(docs), policy, interactions=tours
+    )  # fmt: skip
 
 
 shapes: st.SearchStrategy[tuple[int | str, ...]] = st.sampled_from([(), (3,), ("n", 2)])

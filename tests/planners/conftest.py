@@ -1,7 +1,4 @@
-"""Random ways through the arena with their trajectories, the same in every run.
-
-Properties, too, are tried on the same examples in every run, and may take long where a kernel is compiled first.
-"""
+"""Random ways through the arena with their trajectories, the same in every run."""
 
 from __future__ import annotations
 
@@ -10,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from hypothesis import settings
 from numpy.typing import NDArray
 
 from parcours.kernels import Record
@@ -19,9 +15,6 @@ from parcours.planners.ramp.parameters import guarded
 from parcours.planners.ramp.route import ROUTE, TRANSITION
 from parcours.planners.ramp.switching import switch_path
 from parcours.planners.ramp.trajectory_generator import generate
-
-settings.register_profile("compiled", deadline=None, derandomize=True)
-settings.load_profile("compiled")
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,4 +55,3 @@ def ways() -> list[Way]:
     """Return 600 random ways, always the same ones."""
     rng = np.random.default_rng(20160711)
     return [random_way(rng) for _ in range(600)]
-

@@ -21,7 +21,7 @@ from parcours.planners.ramp.messages import (
     many,
     one,
 )
-from parcours.planners.ramp.parameters import guarded, original
+from parcours.planners.ramp.parameters import Parameters, guarded, original
 from parcours.planners.ramp.prediction import predict
 from parcours.planners.ramp.trajectory_evaluation import collision_time, evaluate, first_collision
 
@@ -79,9 +79,11 @@ def test_the_first_collision_is_the_one_a_plain_search_finds_over_random_motions
     found = []
     for k, way in enumerate(ways):
         v, w = rng.choice([0.0, rng.uniform(0.05, 0.5)]), rng.choice([0.0, rng.uniform(-1.5, 1.5)])
-        prediction = prediction_of(*rng.uniform(0.0, 2.0, 2), rng.uniform(-3.1, 3.1), v, w, int(rng.integers(2e9)))
+        prediction = prediction_of(
+            rng.uniform(0.0, 2.0), rng.uniform(0.0, 2.0), rng.uniform(-3.1, 3.1), v, w, int(rng.integers(2 * 10**9))
+        )
         reach, leave = float(rng.choice([0.225, 0.275, 0.42])), bool(k % 2)
-        begins, first, last = int(rng.integers(4e9)), int(rng.integers(0, 5)), int(way.trajectory.n)
+        begins, first, last = int(rng.integers(4 * 10**9)), int(rng.integers(0, 5)), int(way.trajectory.n)
         last = last if k % 3 else first + 11
         drift = (float(rng.uniform(-0.05, 0.05)), float(rng.uniform(-0.05, 0.05)))
         hit = first_collision(way.trajectory, begins, first, last, prediction, *drift, reach, leave, V_MAX)
@@ -145,16 +147,19 @@ def test_the_collision_time_is_that_of_the_first_of_all_obstacles_and_margins_br
 
 
 @pytest.mark.parametrize("parameters", [original(), guarded()], ids=["original", "guarded"])
-def test_every_feasible_trajectory_is_fitter_than_every_infeasible_one(ways: list[Way], parameters: object) -> None:
+def test_every_feasible_trajectory_is_fitter_than_every_infeasible_one(ways: list[Way], parameters: Parameters) -> None:
     rng = np.random.default_rng(11)
-    feasible, infeasible = [], []
+    feasible: list[float] = []
+    infeasible: list[float] = []
     for way in ways:
         predictions = many(PREDICTION, 2)
         for k in range(2):
-            predictions[k] = prediction_of(*rng.uniform(0.3, 2.0, 2), rng.uniform(-3.1, 3.1), rng.uniform(0.0, 0.5), 0.0)
+            predictions[k] = prediction_of(
+                rng.uniform(0.3, 2.0), rng.uniform(0.3, 2.0), rng.uniform(-3.1, 3.1), rng.uniform(0.0, 0.5), 0.0
+            )
         trajectory = one(TRAJECTORY)
         copy_trajectory(trajectory, way.trajectory, 0)
-        evaluate(trajectory, predictions, 0.0, 0.0, float(way.start.heading), False, parameters.record())  # type: ignore[attr-defined]
+        evaluate(trajectory, predictions, 0.0, 0.0, float(way.start.heading), False, parameters.record())
         assert 0.0 < trajectory.fitness <= 1.0
         if trajectory.t_collision < NO_COLLISION or not trajectory.smooth:
             assert not trajectory.feasible

@@ -67,10 +67,16 @@ def test_the_repaired_guard_warns_a_constant_time_ahead(contact: float) -> None:
     assert warning(BARE, contact) == pytest.approx(BARE.guard_horizon, abs=0.11)
 
 
-def test_the_published_guard_s_look_ahead_shrinks_as_the_control_period_runs_out_and_the_repaired_one_s_does_not() -> None:
+def test_the_published_guard_s_look_ahead_shrinks_as_the_control_period_runs_out_and_the_repaired_one_s_does_not() -> (
+    None
+):
     def look_ahead(parameters: Parameters, now: float) -> float:
         """Return how far ahead of `now` a standing obstacle on the robot's way is noticed at most [s]."""
-        ahead = [a for a in np.arange(0.05, 2.5, 0.1) if alarm(parameters, seen(SPEED * (now + a) + REACH, 0, 0, 0, now), now)]
+        ahead = [
+            a
+            for a in np.arange(0.05, 2.5, 0.1)
+            if alarm(parameters, seen(SPEED * (now + a) + REACH, 0, 0, 0, now), now)
+        ]
         return max(ahead, default=0.0)
 
     times = (0.0, 0.5, 1.0, 1.5, 1.9)

@@ -55,7 +55,12 @@ def stream_of(seed: int) -> NDArray[np.uint64]:
 
 
 def modified(
-    operator: int, interior: Knots, seed: int, second: Knots | None = None, direction: float = 0.5, distance: float = 1.0
+    operator: int,
+    interior: Knots,
+    seed: int,
+    second: Knots | None = None,
+    direction: float = 0.5,
+    distance: float = 1.0,
 ) -> list[Knots]:
     """Return what the operator makes of the path from START over the interior knots to GOAL."""
     request, first_child, second_child = one(MODIFICATION), one(PATH), one(PATH)

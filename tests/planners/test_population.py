@@ -43,7 +43,9 @@ def stream_of(seed: int) -> NDArray[np.uint64]:
     return stream
 
 
-def offered(members: Record, n: int, candidate: Record, seed: int = 0, parameters: Parameters | None = None) -> set[int]:
+def offered(
+    members: Record, n: int, candidate: Record, seed: int = 0, parameters: Parameters | None = None
+) -> set[int]:
     """Offer the candidate, and return the ids of the members that were replaced (0: it was appended)."""
     before = [int(members[k].id) for k in range(n)]
     candidate.id = 99
@@ -117,7 +119,9 @@ def test_an_infeasible_candidate_replaces_only_infeasible_members(seed: int) -> 
 
 
 def test_an_infeasible_candidate_finds_its_victim_in_most_draws() -> None:
-    members = [offered(five((True, True, False, True, False)), 5, member(2.5, 0.001, False), seed) for seed in range(50)]
+    members = [
+        offered(five((True, True, False, True, False)), 5, member(2.5, 0.001, False), seed) for seed in range(50)
+    ]
     assert sum(bool(gone) for gone in members) >= 45
 
 

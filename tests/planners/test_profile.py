@@ -11,9 +11,11 @@ from hypothesis import strategies as st
 
 from parcours.planners.ramp.profile import along, reachable, trapezoid
 
+Stretch = tuple[float, float, float, float, float]
+
 
 @st.composite
-def stretches(draw: st.DrawFn) -> tuple[float, float, float, float, float]:
+def stretches(draw: st.DrawFn) -> Stretch:
     """Return (length, v0, v1, cap, acceleration) whose end speeds can be reached from each other."""
     length, acceleration = draw(st.floats(0.001, 4.0)), draw(st.floats(0.2, 3.0))
     cap = draw(st.floats(0.05, 1.5))
@@ -29,16 +31,14 @@ def marched(length: float, v0: float, v1: float, cap: float, acceleration: float
     way = (np.arange(n) + 0.5) * length / n
     speed = np.minimum(
         cap,
-        np.minimum(
-            np.sqrt(v0 * v0 + 2.0 * acceleration * way), np.sqrt(v1 * v1 + 2.0 * acceleration * (length - way))
-        ),
+        np.minimum(np.sqrt(v0 * v0 + 2.0 * acceleration * way), np.sqrt(v1 * v1 + 2.0 * acceleration * (length - way))),
     )
     return float((length / n / speed).sum())
 
 
 @given(stretches())
-def test_the_profile_covers_exactly_the_length(stretch: tuple[float, ...]) -> None:
-    length, v0, v1, cap, acceleration = stretch
+def test_the_profile_covers_exactly_the_length(stretch: Stretch) -> None:
+    length, v0, v1, _, acceleration = stretch
     peak, up, hold, down = trapezoid(*stretch)
     assert min(up, hold, down) >= -1e-12
     way, speed = along(up + hold + down, v0, peak, up, hold, down, acceleration)
@@ -47,7 +47,7 @@ def test_the_profile_covers_exactly_the_length(stretch: tuple[float, ...]) -> No
 
 
 @given(stretches())
-def test_speed_and_acceleration_keep_their_limits_and_way_is_the_area_under_speed(stretch: tuple[float, ...]) -> None:
+def test_speed_and_acceleration_keep_their_limits_and_way_is_the_area_under_speed(stretch: Stretch) -> None:
     _, v0, v1, cap, acceleration = stretch
     peak, up, hold, down = trapezoid(*stretch)
     assert max(v0, v1) <= peak <= cap + 1e-12
@@ -64,7 +64,7 @@ def test_speed_and_acceleration_keep_their_limits_and_way_is_the_area_under_spee
 
 
 @given(stretches())
-def test_nothing_that_keeps_the_limits_is_faster(stretch: tuple[float, ...]) -> None:
+def test_nothing_that_keeps_the_limits_is_faster(stretch: Stretch) -> None:
     _, up, hold, down = trapezoid(*stretch)
     # The march misses the root-like start from rest by about a hundredth of a step's time.
     assert up + hold + down == pytest.approx(marched(*stretch), rel=0.01, abs=1e-4)

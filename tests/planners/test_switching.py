@@ -53,7 +53,9 @@ def cycles() -> list[Cycle]:
             for _ in range(1 + seed % 4):
                 now = int(planner.t_next)
                 best = best_member(planner.members, planner.n)
-                pose_at(planner.moving_on if planner.moving_on.n else planner.members[best].trajectory, 0.0, planner.latest)
+                pose_at(
+                    planner.moving_on if planner.moving_on.n else planner.members[best].trajectory, 0.0, planner.latest
+                )
                 control_cycle(planner, many(PREDICTION, 0), now, parameters)
             found.append(Cycle(planner, best, now))
     return found

@@ -52,7 +52,7 @@ def test_every_kind_of_way_is_among_the_random_ones(ways: list[Way]) -> None:
 
 def test_a_trajectory_has_between_one_and_501_samples(ways: list[Way]) -> None:
     sizes = [int(way.trajectory.n) for way in ways]
-    assert 1 <= min(sizes)
+    assert min(sizes) >= 1
     assert max(sizes) <= MAX_SAMPLES
 
 
@@ -117,7 +117,9 @@ def test_the_robot_moves_along_its_heading_at_its_speed(ways: list[Way]) -> None
         # Per-sample means differ from the middle by the acceleration within the sample, and by pieces that end in it.
         x, y, v, heading = (way.samples(name)[:-1] for name in ("x", "y", "v", "heading"))
         steps = np.hypot(np.diff(x), np.diff(y))
-        assert np.abs(steps - 0.5 * (v[1:] + v[:-1]) * SAMPLE).max(initial=0.0) <= LIMITS.a_max * SAMPLE**2 / 4 + ROUNDING
+        assert (
+            np.abs(steps - 0.5 * (v[1:] + v[:-1]) * SAMPLE).max(initial=0.0) <= LIMITS.a_max * SAMPLE**2 / 4 + ROUNDING
+        )
         moves = steps > 0.01
         course = np.arctan2(np.diff(y), np.diff(x))
         middle = heading[:-1] + 0.5 * (np.remainder(np.diff(heading) + math.pi, math.tau) - math.pi)

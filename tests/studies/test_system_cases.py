@@ -9,7 +9,7 @@ import pytest
 
 from parcours.data import cover
 from parcours.errors import BadRequest
-from parcours.studies.ramp_system.cases import STATIC, SystemCases, input_model, start_cases
+from parcours.studies.ramp_system.cases import PROTOCOLS, STATIC, SystemCases, input_model, start_cases
 from parcours.studies.ramp_system.published import PUBLISHED, folder_of, total
 
 SECOND = 1_000_000_000
@@ -57,7 +57,9 @@ def test_obstacles_begin_apart_off_the_robot_and_head_for_it() -> None:
     obstacles = SystemCases(0).obstacles(NUMBERS)
     for i in range(3):
         for j in range(i):
-            gaps = np.hypot(obstacles["x0"][:, i] - obstacles["x0"][:, j], obstacles["y0"][:, i] - obstacles["y0"][:, j])
+            gaps = np.hypot(
+                obstacles["x0"][:, i] - obstacles["x0"][:, j], obstacles["y0"][:, i] - obstacles["y0"][:, j]
+            )
             assert gaps.min() >= 0.2
     assert np.hypot(obstacles["x0"], obstacles["y0"]).min() >= 0.225
     aside = np.arctan2(-obstacles["y0"], -obstacles["x0"]) - obstacles["heading0"]
@@ -66,7 +68,12 @@ def test_obstacles_begin_apart_off_the_robot_and_head_for_it() -> None:
 
 def test_all_values_lie_in_the_ranges_of_table_vii() -> None:
     obstacles = SystemCases(0).obstacles(NUMBERS)
-    for name, low, high in (("x0", 0.5, 2.0), ("y0", 0.5, 2.0), ("speed", 0.0, 0.5), ("turn", -math.pi / 2, math.pi / 2)):
+    for name, low, high in (
+        ("x0", 0.5, 2.0),
+        ("y0", 0.5, 2.0),
+        ("speed", 0.0, 0.5),
+        ("turn", -math.pi / 2, math.pi / 2),
+    ):
         assert obstacles[name].min() >= low
         assert obstacles[name].max() <= high
     waits = obstacles["start"] / SECOND - STATIC
@@ -77,8 +84,8 @@ def test_all_values_lie_in_the_ranges_of_table_vii() -> None:
 
 
 def test_a_case_is_the_same_alone_in_a_crowd_and_in_another_order() -> None:
-    for protocol in ("table-vii", "published"):
-        cases = SystemCases(5, protocol)  # type: ignore[arg-type]
+    for protocol in PROTOCOLS:
+        cases = SystemCases(5, protocol)
         together = cases.obstacles(NUMBERS)
         assert cases.obstacles(NUMBERS[::-1])[::-1].tobytes() == together.tobytes()
         for number in (0, 8, 100, 269):
@@ -93,10 +100,10 @@ def test_another_seed_draws_other_values_and_the_same_seed_the_same() -> None:
 def test_ids_are_stable_and_no_two_cases_share_one() -> None:
     cases = SystemCases(0)
     assert cases.id(0) == "ramp_system/together-tp11.tp21.tp31-0.0.0/0"
-    assert cases.id(904) == "ramp_system/DOPS-tp11.tp21.tp31-0.1.2/100"
+    assert cases.id(904) == "ramp_system/together-tp11.tp21.tp31-0.1.2/100"
     assert SystemCases(99).id(904) == cases.id(904)
-    for protocol in ("table-vii", "published"):
-        ids = [SystemCases(0, protocol).id(k) for k in range(905)]  # type: ignore[arg-type]
+    for protocol in PROTOCOLS:
+        ids = [SystemCases(0, protocol).id(k) for k in range(905)]
         assert len(set(ids)) == 905
     for abstract in start_cases():
         assert any(abstract.id in id for id in [cases.id(k) for k in range(9)])

@@ -8,6 +8,7 @@ import hashlib
 import os
 import subprocess
 import sys
+from collections import Counter
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +17,9 @@ from numpy.typing import NDArray
 
 from parcours.planners.ramp.latency import none
 from parcours.run.campaign import run_campaign
+from parcours.run.trace import transitions
 from parcours.studies.ramp_system.component_form import run_components
+from parcours.studies.ramp_system.facts import TRANSITIONS
 from parcours.studies.ramp_system.study import SCHEDULES, SystemStudy, system_study
 from parcours.verdict.facts import NEVER
 
@@ -44,6 +47,19 @@ def test_components_on_the_simulated_host_drive_the_robot_to_the_same_bits_as_th
     assert len(ran) == len(track)
     for column, name in enumerate(("time", "x", "y", "heading")):
         assert np.array_equal(ran[:, column], track[name].astype(float)), name
+
+
+@pytest.mark.parametrize("number", [0, 3, 4, 8])
+@pytest.mark.parametrize("schedule", SCHEDULES)
+def test_the_compiled_loop_counts_the_transitions_that_the_components_take(schedule: str, number: int) -> None:
+    timeless = dataclasses.replace(study(schedule), latencies=none(), watched_on=0.0)
+    [record] = timeless(number, 1)
+    # The loop stops before the events of its last instant.
+    _, trace = run_components(timeless, number, float(record["t_end"] - 1) * 1e-9)
+    taken = Counter(transitions(trace))
+    assert {name: int(n) for name, n in zip(TRANSITIONS, record["transitions"], strict=True)} == {
+        name: taken[name] for name in TRANSITIONS
+    }
 
 
 @pytest.mark.parametrize("schedule", SCHEDULES)
@@ -131,7 +147,7 @@ def test_shares_of_work_fit_the_published_rates() -> None:
         seconds = rows["t_end"].sum() * 1e-9
         watched = np.where(rows["t_goal"] != NEVER, rows["t_end"], 0).sum() * 1e-9
         whole = rows[rows["t_goal"] != NEVER]
-        sensed = whole["transitions"][:, 36].sum()  # p64, the last of Table II
+        sensed = whole["transitions"][:, TRANSITIONS.index("p64")].sum()
         assert sensed == pytest.approx(20.0 * watched, rel=0.01)
         assert (rows["n_planning_cycles"] > 0).all()
         assert rows["n_planning_cycles"].sum() > 5.0 * seconds

@@ -11,7 +11,17 @@ from numpy.typing import NDArray
 from parcours.studies.ramp_system.facts import TRANSITIONS
 from parcours.studies.ramp_system.study import SCHEDULES, system_study
 from parcours.verdict.facts import NEVER
-from parcours.verdict.navigation import Outcome, Share, Verdict, VERDICT_OF, explain, outcomes, published, shares, true_time_left
+from parcours.verdict.navigation import (
+    VERDICT_OF,
+    Outcome,
+    Share,
+    Verdict,
+    explain,
+    outcomes,
+    published,
+    shares,
+    true_time_left,
+)
 
 CASES = 270
 
@@ -57,7 +67,7 @@ def test_imminent_collision_is_signalled_in_a_good_part_of_the_cases_but_not_in_
 def test_the_four_slices_are_a_partition_of_the_cases(schedule: str) -> None:
     slices = shares(facts(schedule))
     assert set(slices) == set(Share)
-    assert (sum(flags.astype(int) for flags in slices.values()) == 1).all()
+    assert (np.stack(list(slices.values())).sum(axis=0) == 1).all()
 
 
 @pytest.mark.parametrize("schedule", SCHEDULES)
@@ -90,10 +100,11 @@ def test_a_stuck_robot_stands_where_it_was_halted(schedule: str) -> None:
         assert record["moved_after"] == 0
 
 
-def test_the_published_schedule_really_takes_every_transition_of_the_model() -> None:
+def test_the_published_schedule_really_takes_every_transition_of_the_model_but_idle_polls() -> None:
     taken = facts("original")["transitions"].sum(axis=0)
     assert len(taken) == len(TRANSITIONS) == 37
-    assert [name for name, n in zip(TRANSITIONS, taken, strict=True) if n == 0] == []
+    untaken = {name for name, n in zip(TRANSITIONS, taken, strict=True) if n == 0}
+    assert untaken <= {"p14", "p21", "p31", "p41", "p51", "p61"}
 
 
 def test_services_send_as_many_answers_as_they_get_requests() -> None:

@@ -1,0 +1,132 @@
+"""The command line as a user meets it: help, tables, JSON, and one paragraph for every mistake."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+MODEL = ROOT / "src/parcours/studies/ramp_components/model.yaml"
+OBSTACLES = ROOT / "src/parcours/studies/ramp_system/model.yaml"
+DOMAINS = ROOT / "src/parcours/studies/ramp_system/domains.yaml"
+
+
+def parcours(*arguments: object, code: int = 0) -> str:
+    """Run the command and return what it printed: standard output, or standard error if it is to fail."""
+    done = subprocess.run(
+        [sys.executable, "-m", "parcours.cli", *map(str, arguments)], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == code, done.stderr
+    assert "Traceback" not in done.stderr
+    return done.stdout if code == 0 else done.stderr
+
+
+def test_help_names_every_stage_and_imports_nothing_heavy() -> None:
+    program = (
+        "import sys; sys.argv = ['parcours', '--help']\n"
+        "from parcours.cli import main\n"
+        "try:\n    main()\nexcept SystemExit:\n    pass\n"
+        "heavy = {'numpy', 'numba', 'scipy', 'networkx', 'matplotlib', 'rich', 'yaml', 'jinja2'} & set(sys.modules)\n"
+        "print('HEAVY', sorted(heavy))"
+    )
+    printed = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout
+    assert "HEAVY []" in printed
+    for stage in ("model", "paths", "abtc", "data", "suite", "run", "report", "replay", "demo"):
+        assert f"\n  {stage} " in printed
+
+
+@pytest.mark.parametrize(
+    "stage", ["model check", "model show", "paths", "abtc", "data", "suite", "run", "report", "demo"]
+)
+def test_every_command_has_help_with_an_example(stage: str) -> None:
+    assert "Example: parcours" in parcours(*stage.split(), "--help")
+
+
+def test_the_papers_gaps_are_warnings_and_leave_the_model_usable() -> None:
+    found = json.loads(parcours("model", "check", MODEL, "--json"))
+    unread = [finding["message"] for finding in found if finding["rule"] == "unread-channel"]
+    assert len(unread) == 2 and "'modification_response'" in unread[0] and "'update'" in unread[1]
+    assert {finding["severity"] for finding in found} == {"warning"}
+
+
+def test_a_broken_model_is_reported_with_its_lines_and_code_2(tmp_path: Path) -> None:
+    broken = tmp_path / "broken.yaml"
+    text = MODEL.read_text().replace("guard: tcp_socket,", "guard: tcp_sockett,", 1)
+    broken.write_text(text.replace("event: odometry(", "event: odometri("))
+    done = subprocess.run(
+        [sys.executable, "-m", "parcours.cli", "model", "check", str(broken)],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 2 and done.stdout.count(f"{broken}:") > 1 and "error" in done.stdout
+    assert "broken.yaml" in parcours("paths", broken, code=2)
+
+
+def test_pictures_of_the_machines_are_written(tmp_path: Path) -> None:
+    printed = parcours("model", "show", OBSTACLES, "--svg", tmp_path / "pictures")
+    assert "stopped" in printed
+    assert sorted(p.name for p in (tmp_path / "pictures").iterdir()) == [f"Obstacle{i}-motion.svg" for i in (1, 2, 3)]
+
+
+def test_paths_and_abstract_cases_are_the_papers() -> None:
+    paths = {p["name"]: p["transitions"] for p in json.loads(parcours("paths", MODEL, "--json"))}
+    assert paths["tp41"] == ["p41", "p42", "p43", "p44", "p45", "p46"]
+    assert len(json.loads(parcours("abtc", MODEL, "--json"))) == 67
+    assert len(json.loads(parcours("abtc", OBSTACLES, "--json"))) == 9
+    assert "-||->" in parcours("abtc", MODEL, "--case", "ITP1-tp12.tp21.tp12-0.0.0")
+    assert "no rendezvous" in parcours("abtc", MODEL, "--dropped")
+
+
+def test_rows_of_each_choice_hit_every_block() -> None:
+    drawn = json.loads(parcours("data", DOMAINS, "--json"))
+    assert len(drawn["rows"]) == 3 and drawn["hit"] == drawn["blocks"] == 36
+
+
+def test_a_suite_is_written_and_reads_back(tmp_path: Path) -> None:
+    from parcours.suite import read_suite
+
+    out = tmp_path / "suite.jsonl"
+    assert "27 cases" in parcours("suite", "ramp_system", "--out", out)
+    cases = list(read_suite(out))
+    assert len({case.id for case in cases}) == 27 and len({case.abstract for case in cases}) == 9
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (("run", "ramp_sytem", "--out", "x"), "did you mean 'ramp_system'"),
+        (("run", "ramp_system", "--cases", "-3", "--out", "x"), "-3"),
+        (("run", "ramp_system", "--schedule", "fast", "--out", "x"), "unknown-schedule"),
+        (("run", "ramp_system", "--protocol", "nobody", "--out", "x"), "unknown-protocol"),
+        (("run", "ramp_system", "--obstacle-radius", "-1", "--out", "x"), "radius-range"),
+        (("run", "ramp_system", "--cases", "1", "--out", "/proc/nowhere"), "folder-unwritable"),
+        (("demo", "--cases", "1", "--out", "/proc/nowhere"), "folder-unwritable"),
+        (("report", "/nowhere"), "results-manifest"),
+        (("model", "check"), "Missing argument"),
+        (("nonsense",), "No such command"),
+    ],
+)
+def test_a_mistake_costs_one_paragraph_and_code_2(arguments: tuple[str, ...], says: str, tmp_path: Path) -> None:
+    given = [str(tmp_path / "x") if argument == "x" else argument for argument in arguments]
+    assert says in parcours(*given, code=2)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_campaign_is_run_judged_resumed_and_replayed(tmp_path: Path) -> None:
+    out = tmp_path / "results"
+    run = ("run", "ramp_system", "--schedule", "original", "--cases", "9", "--workers", "1", "--out", out, "--json")
+    first = parcours(*run)
+    assert json.loads(first)[str(out)]["cases"] == 9
+    assert parcours(*run) == first
+    parcours("report", out, "--html", tmp_path / "r.html", "--junit", tmp_path / "r.xml")
+    assert "<html" in (tmp_path / "r.html").read_text() and 'tests="9"' in (tmp_path / "r.xml").read_text()
+    assert "ramp_system/" in parcours("replay", out, 4, "--html", tmp_path / "case.html")
+    assert "0 .. 8" in parcours("replay", out, 9, "--html", tmp_path / "case.html", code=2)
+    shard = next(out.glob("shard-*.npy"))
+    shard.write_bytes(shard.read_bytes()[:-100])
+    assert "cut short" in parcours("report", out, code=2)
