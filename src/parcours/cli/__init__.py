@@ -53,9 +53,7 @@ def parcours() -> None:
 def main() -> None:
     """Run the command line; what was given wrongly is one paragraph on standard error and exit code 2."""
     try:
-        parcours.main(standalone_mode=False)
-    except click.exceptions.Exit as done:
-        sys.exit(done.exit_code)
+        sys.exit(parcours.main(standalone_mode=False) or 0)  # an Exit raised inside comes back as its code
     except click.ClickException as error:
         error.show()
         sys.exit(2)
