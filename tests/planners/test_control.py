@@ -125,6 +125,7 @@ def test_the_repaired_control_halts_at_once_and_the_published_one_at_the_next_po
     for make, halts_after in ((guarded, 0), (original, 1)):
         loop = Loop(make(), planned(*STRAIGHT)).run(2.05)
         signal(loop.control, True, loop.now - 20_000_000, loop.parameters)
+        assert (loop.control.command_v == 0.0) == (make is guarded)  # not even until the next command
         loop.run(0.5)
         after = [v for v, _ in loop.commands[41:]]
         assert after.index(0.0) == halts_after

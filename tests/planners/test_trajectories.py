@@ -192,6 +192,12 @@ def test_a_moving_robot_must_stop_for_a_way_that_leads_behind_it() -> None:
     assert (trajectory.x[n - 1], trajectory.y[n - 1]) == pytest.approx((0.2, 1.0))
 
 
+def test_a_moving_robot_overshoots_a_goal_it_cannot_brake_for_and_stays_there() -> None:
+    trajectory = trajectory_of(path_of((1.0, 1.0), (1.02, 1.0)), v=0.25)
+    assert trajectory.x[trajectory.n - 1] == pytest.approx(1.0 + 0.25**2 / 2.0)
+    assert trajectory.duration == pytest.approx(0.25)
+
+
 def test_a_way_longer_than_fifty_seconds_is_cut_off_there() -> None:
     corners = [(0.0, 0.0), (2.0, 2.0), (0.0, 0.1), (2.0, 1.9), (0.0, 0.2), (2.0, 1.8), (0.0, 0.3)]
     trajectory = trajectory_of(path_of(*corners), kind=HOLONOMIC)

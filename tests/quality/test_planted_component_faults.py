@@ -20,7 +20,7 @@ from parcours.run.hosts.battery import Taken
 from parcours.run.port import Component, Step
 from parcours.studies.ramp_components import study
 from parcours.studies.ramp_components.study import Functional, component_plan, interaction_cases, run_functional
-from parcours.studies.ramp_components.tester import Tester
+from parcours.studies.ramp_components.tester import ComponentTester
 from parcours.verdict.navigation import Verdict
 
 Spoil = Callable[[Step], list[Step]]
@@ -32,7 +32,7 @@ def run_spoiled(
 ) -> list[Functional]:
     """Run one row of every abstract case of an interaction path, with the steps of one component spoilt."""
 
-    class Spoilt(Tester):
+    class Spoilt(ComponentTester):
         def component(self, name: str) -> Component:
             made = super().component(name)
             if name == component:
@@ -43,7 +43,7 @@ def run_spoiled(
     plan = component_plan()
     cases = [plan.case(plan.number(id, 0)) for id, case in interaction_cases().items() if case.interaction.name == itp]
     assert all(run_functional(case).judgement.passed for case in cases)
-    monkeypatch.setattr(study, "Tester", Spoilt)
+    monkeypatch.setattr(study, "ComponentTester", Spoilt)
     return [run_functional(case) for case in cases]
 
 
@@ -109,7 +109,7 @@ def test_a_service_that_answers_a_transition_too_often_is_found(monkeypatch: pyt
 def test_a_path_that_comes_back_unmodified_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[ModificationRequest] = []
 
-    class Lazy(Tester):
+    class Lazy(ComponentTester):
         def component(self, name: str) -> Component:
             made = super().component(name)
             if name == "PathModification":
@@ -131,7 +131,7 @@ def test_a_path_that_comes_back_unmodified_is_found(monkeypatch: pytest.MonkeyPa
 
     plan = component_plan()
     cases = [plan.case(plan.number(id, 0)) for id, c in interaction_cases().items() if c.interaction.name == "ITP3"]
-    monkeypatch.setattr(study, "Tester", Lazy)
+    monkeypatch.setattr(study, "ComponentTester", Lazy)
     all_fail([run_functional(case) for case in cases], "a knot moved by 0 m")
     assert asked
 
@@ -209,7 +209,8 @@ def test_a_planner_that_ignores_obstacle_messages_is_found(monkeypatch: pytest.M
     ("component", "itp", "first"),
     [
         ("TrajectoryGenerator", "ITP1", "p2"), ("TrajectoryEvaluation", "ITP2", "p3"),
-        ("PathModification", "ITP3", "p5"), ("Control", "ITP5", "p4"), ("Sensing", "ITP5", "p6"), ("Planner", "ITP4", "p1"),
+        ("PathModification", "ITP3", "p5"), ("Control", "ITP5", "p4"),
+        ("Sensing", "ITP5", "p6"), ("Planner", "ITP4", "p1"),
     ],
 )  # fmt: skip
 def test_a_frozen_component_is_found_at_its_first_transition(
@@ -242,7 +243,7 @@ def test_an_answer_under_a_wrong_tag_is_found_where_its_answer_matters(monkeypat
 
 
 def test_a_control_that_follows_another_trajectory_than_it_was_sent_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
-    class Deaf(Tester):
+    class Deaf(ComponentTester):
         def component(self, name: str) -> Component:
             made = super().component(name)
             if name == "Control":
@@ -258,7 +259,7 @@ def test_a_control_that_follows_another_trajectory_than_it_was_sent_is_found(mon
 
     plan = component_plan()
     cases = [plan.case(plan.number(id, 0)) for id, c in interaction_cases().items() if c.interaction.name == "ITP5"]
-    monkeypatch.setattr(study, "Tester", Deaf)
+    monkeypatch.setattr(study, "ComponentTester", Deaf)
     results = [run_functional(case) for case in cases]
     all_fail(results, "best trajectories were sent")
 

@@ -13,7 +13,7 @@ from parcours.run.clocks import WallClock
 from parcours.run.gated import Execution, execute
 from parcours.studies.ramp_components.model import component_inputs, component_model
 from parcours.studies.ramp_components.oracles import ORACLES
-from parcours.studies.ramp_components.tester import Tester
+from parcours.studies.ramp_components.tester import ComponentTester
 from parcours.suite import Case, Plan, combine
 from parcours.verdict.interaction import Judgement, duration, within
 from parcours.verdict.navigation import Verdict
@@ -76,7 +76,7 @@ class Functional:
 
 def run_functional(case: Case) -> Functional:
     """Execute one case in its serialised order in simulated time and judge it by Table VIII."""
-    tester = Tester(case)
+    tester = ComponentTester(case)
     execution = execute(
         _events(case.abstract), tester.component, tester.supply, prompt=tester.prompt, prepare=tester.prepare,
         case=case.id,
@@ -117,7 +117,7 @@ def run_timing(sample: Sequence[Case], *, repeats: int = 20, warm_up: int = 3) -
 
 def _timed(case: Case) -> int:
     """Execute the case on the wall clock and return how long it took [ns]; what can be made ready before is."""
-    tester = Tester(case)
+    tester = ComponentTester(case)
     supplied = {event.position: tester.supply(event) for event in _events(case.abstract) if _is_supplied(event)}
     references = {event.reference: event.component for event in reversed(_events(case.abstract))}
     order = dict.fromkeys(event.reference for event in _events(case.abstract))

@@ -54,7 +54,7 @@ _N_OBSTACLES = 2
 _LONG_AFTER = 60_000_000_000
 
 
-class Tester:
+class ComponentTester:
     """Everything one component case needs from outside.
 
     Args:
