@@ -70,7 +70,7 @@ def test_every_case_lies_in_exactly_one_slice_of_figure_5b() -> None:
     many = np.concatenate([facts() for _ in range(200)])
     many["to_goal"] = rng.choice([0.1, 1.0], 200)
     many["feasible"], many["halted"] = rng.integers(0, 2, 200), rng.integers(0, 2, 200)
-    assert np.all(np.sum([flags for flags in shares(many).values()], axis=0) == 1)
+    assert np.all(np.sum(list(shares(many).values()), axis=0) == 1)
     assert set(shares(many)) == set(Share)
 
 
