@@ -2,7 +2,8 @@
 
 A machine's mathematics library may choose another rounding for another processor; these use only +, -, *, / and sqrt,
 which IEEE 754 fixes. Ranges are reduced as by Cody and Waite; the polynomials are the minimax ones of FDLIBM (Sun
-Microsystems, 1993). Errors stay below 2e-16 relative for the arguments planar motion has (|angle| < 1e5 rad).
+Microsystems, 1993). Measured against exact values: sin and cos within 2.3e-16 absolute for |angle| < 1e5 rad, atan2,
+exp and log within 2.5e-16 relative.
 """
 
 from __future__ import annotations
@@ -125,7 +126,7 @@ def atan2(y: float, x: float) -> float:
 
 @kernel
 def wrap(angle: float) -> float:
-    """Return the angle brought into [-pi, pi).
+    """Return the angle brought into [-pi, pi), but for rounding (3e-13 rad at 1e5 rad).
 
     >>> wrap(3 * PI) == -PI
     True

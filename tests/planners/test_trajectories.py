@@ -77,7 +77,7 @@ def test_a_trajectory_ends_at_rest_exactly_on_the_goal_when_no_rest_remains(ways
 def test_where_a_rest_remains_the_trajectory_ends_on_a_knot_and_the_rest_is_the_polygon_from_there(
     ways: list[Way],
 ) -> None:
-    cut = [way for way in ways if way.trajectory.rest_length > 0.0]
+    cut = [way for way in ways if way.trajectory.rest_length > 0.0 and way.trajectory.n < MAX_SAMPLES]
     assert len(cut) > 50
     for way in cut:
         n = int(way.path.n)
@@ -100,9 +100,9 @@ def test_speed_changes_within_the_acceleration_limit(ways: list[Way]) -> None:
         assert np.abs(np.diff(way.samples("v"))).max(initial=0.0) <= LIMITS.a_max * SAMPLE + ROUNDING
 
 
-def test_yaw_rate_changes_within_its_limit_but_for_an_eighth_on_curves(ways: list[Way]) -> None:
+def test_yaw_rate_changes_within_its_limit_at_every_sample(ways: list[Way]) -> None:
     worst = max(float(np.abs(np.diff(way.samples("w"))).max(initial=0.0)) / SAMPLE for way in ways)
-    assert worst <= 1.125 * LIMITS.alpha_max  # measured over 6000 ways: 2.32 rad/s2 against 2.09
+    assert worst <= LIMITS.alpha_max + ROUNDING
 
 
 def test_a_trajectory_has_no_jump_in_place_or_heading(ways: list[Way]) -> None:
@@ -220,3 +220,13 @@ def test_a_pose_between_samples_lies_between_them_and_turns_the_short_way() -> N
     assert pose.x == 0.0
     pose_at(trajectory, 9.0, pose)
     assert pose.x == 0.02
+
+
+def test_a_way_longer_than_50_s_is_cut_and_still_costs_its_time() -> None:
+    path, start, trajectory = one(PATH), one(POSE), one(TRAJECTORY)
+    path.n = 7
+    path.x[:7], path.y[:7] = [0.0, 2.0, 0.0, 2.0, 0.0, 2.0, 0.0], [0.0, 2.0, 0.1, 1.9, 0.2, 1.8, 0.3]
+    generate(path, start, HOLONOMIC, LIMITS.record(), one(ROUTE), trajectory)
+    length = float(np.hypot(np.diff(path.x[:7]), np.diff(path.y[:7])).sum())
+    assert trajectory.n == MAX_SAMPLES and trajectory.duration == 50.0
+    assert trajectory.duration + trajectory.rest_length / LIMITS.estimate_v > length / LIMITS.v_max

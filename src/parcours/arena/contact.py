@@ -1,7 +1,8 @@
 """Two discs that move from one instant to the next -> least distance, moment of contact, and who closed the gap.
 
 Between two ticks both centres are taken to move on straight lines, so contact cannot slip between samples. At 0.01 s
-the true arcs stray from their chords by at most v*w*dt^2/8 = 1e-5 m.
+the true arcs stray from their chords by at most v*w*dt^2/8 = 1e-5 m; in the one tick in which an obstacle sets out or
+stops, its clearance is blurred by at most v*dt/4 = 1.25 mm.
 """
 
 from __future__ import annotations

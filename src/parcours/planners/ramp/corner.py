@@ -30,12 +30,14 @@ def corner_speed(leg: float, turn: float, parameters: Record) -> float:
         return float(parameters.v_max)
     at_ends = s * c / leg
     in_middle = s / (leg * c * c)
-    # Curvature begins at once: within one sample the yaw rate may change by alpha_max * SAMPLE. In between it climbs
-    # from the ends to the middle over about 0.9 of a leg, at no more than twice its mean rate.
-    speed = min(parameters.v_max, parameters.w_max / in_middle, parameters.alpha_max * SAMPLE / at_ends)
+    # Curvature begins at once: within one sample the yaw rate may change by alpha_max * SAMPLE, an eighth of which is
+    # left for the climb within that sample. In between it climbs from the ends to the middle over about 0.9 of a leg,
+    # at no more than 2.25 times its mean rate.
+    at_once = 0.875 * parameters.alpha_max * SAMPLE
+    speed = min(parameters.v_max, parameters.w_max / in_middle, at_once / at_ends)
     climb = in_middle - at_ends
     if climb > 0.0:
-        speed = min(speed, np.sqrt(parameters.alpha_max * 0.45 * leg / climb))
+        speed = min(speed, np.sqrt(parameters.alpha_max * 0.4 * leg / climb))
     return float(speed)
 
 

@@ -50,6 +50,9 @@ NEAR = 0.01
 GENTLE = 0.3
 """Heading change up to which no stop is needed [rad]."""
 
+SLOW_CORNER = 0.4
+"""A corner that cannot be driven at this share of the top speed is not rounded."""
+
 SHORTEST_LEG = 0.1
 """A rounded corner needs segments of at least this length [m]."""
 
@@ -82,7 +85,10 @@ def _add_turn(route: Record, x: float, y: float, heading: float, turn: float) ->
 
 @kernel
 def _speeds(route: Record, v0: float, acceleration: float) -> bool:
-    """Set the speeds between the pieces, fastest first; return whether v0 can be slowed down in time."""
+    """Set the speeds between the pieces, fastest first; return whether v0 can be slowed down in time.
+
+    Curves are driven at constant speed: speeding up on one would add to the yaw acceleration of its bend.
+    """
     n = route.n
     route.v_in[n] = 0.0
     for i in range(n - 1, -1, -1):
@@ -90,13 +96,18 @@ def _speeds(route: Record, v0: float, acceleration: float) -> bool:
             route.v_in[i] = 0.0
             continue
         limit = route.cap[i] if i == 0 else min(route.cap[i - 1], route.cap[i])
-        route.v_in[i] = min(limit, reachable(route.v_in[i + 1], route.length[i], acceleration))
+        before = route.v_in[i + 1]
+        if route.kind[i] == LINE:
+            before = reachable(before, route.length[i], acceleration)
+        route.v_in[i] = min(limit, before)
     if v0 > route.v_in[0] + 1e-9:
         return False
     route.v_in[0] = v0
     for i in range(n):
-        if route.kind[i] != TURN:
+        if route.kind[i] == LINE:
             route.v_in[i + 1] = min(route.v_in[i + 1], reachable(route.v_in[i], route.length[i], acceleration))
+        elif route.kind[i] == CURVE:
+            route.v_in[i + 1] = min(route.v_in[i + 1], route.v_in[i])
     return True
 
 
@@ -112,7 +123,7 @@ def _round_corner(
     shorter = min(before, after)
     if shorter < SHORTEST_LEG:
         return 0.0, 0.0
-    best_leg, best_speed = 0.0, 0.4 * parameters.v_max
+    best_leg, best_speed = 0.0, SLOW_CORNER * parameters.v_max
     for k in range(16):
         share = 0.1 + 0.05 * k if early else 0.85 - 0.05 * k
         leg = (1.0 - share) * shorter
@@ -160,7 +171,7 @@ def _lay(path: Record, pose: Record, kind: int, stop_first: bool, parameters: Re
         s, c = sin_cos(heading)
         turn = wrap(atan2(path.y[k] - y - leg * s, path.x[k] - x - leg * c) - heading)
         speed = corner_speed(leg, turn, parameters)
-        if speed < v:
+        if speed < v or v < SLOW_CORNER * parameters.v_max:
             return False
         _add_curve(route, x, y, heading, leg, turn, speed)
         x, y = x + leg * c, y + leg * s

@@ -42,7 +42,7 @@ def sample_route(route: Record, pose: Record, parameters: Record, trajectory: Re
         acceleration = parameters.alpha_max if kind == TURN else parameters.a_max
         v0 = 0.0 if kind == TURN else route.v_in[piece]
         v1 = 0.0 if kind == TURN else route.v_in[piece + 1]
-        cap = parameters.w_max if kind == TURN else route.cap[piece]
+        cap = parameters.w_max if kind == TURN else (route.v_in[piece] if kind == CURVE else route.cap[piece])
         peak, up, hold, down = trapezoid(route.length[piece], v0, v1, cap, acceleration)
         lasts = up + hold + down
         x, y, heading, turn = route.x[piece], route.y[piece], route.heading[piece], route.angle[piece]
@@ -88,7 +88,10 @@ def sample_route(route: Record, pose: Record, parameters: Record, trajectory: Re
         n += 1
     trajectory.n = n
     trajectory.duration = min(clock, (MAX_SAMPLES - 1) * SAMPLE)
-    trajectory.rest_length, trajectory.rest_turn = route.rest_length, route.rest_turn
+    # What is cut off still costs its time: the estimate of the rest takes it for way at the estimated speed.
+    cut = max(clock - (MAX_SAMPLES - 1) * SAMPLE, 0.0)
+    trajectory.rest_length = route.rest_length + cut * parameters.estimate_v
+    trajectory.rest_turn = route.rest_turn
     trajectory.first_heading, trajectory.smooth = route.first_heading, route.smooth
     trajectory.feasible, trajectory.fitness, trajectory.t_collision = 0, 0.0, NO_COLLISION
 
