@@ -106,6 +106,7 @@ def test_a_suite_is_written_and_reads_back(tmp_path: Path) -> None:
         (("run", "ramp_system", "--obstacle-radius", "-1", "--out", "x"), "radius-range"),
         (("run", "ramp_system", "--cases", "1", "--out", "/proc/nowhere"), "folder-unwritable"),
         (("demo", "--cases", "1", "--out", "/proc/nowhere"), "folder-unwritable"),
+        (("run", "ramp_components", "--protocol", "published", "--out", "x"), "option-study"),
         (("report", "/nowhere"), "results-manifest"),
         (("model", "check"), "Missing argument"),
         (("nonsense",), "No such command"),
@@ -130,3 +131,41 @@ def test_a_campaign_is_run_judged_resumed_and_replayed(tmp_path: Path) -> None:
     shard = next(out.glob("shard-*.npy"))
     shard.write_bytes(shard.read_bytes()[:-100])
     assert "cut short" in parcours("report", out, code=2)
+
+
+def test_component_results_are_read_by_a_later_command(tmp_path: Path) -> None:
+    out = tmp_path / "components"
+    assert "results in" in parcours("run", "ramp_components", "--cases", "3", "--out", out)
+    assert "8 of 8" in parcours("report", out, "--junit", tmp_path / "r.xml")
+    assert 'tests="63"' in (tmp_path / "r.xml").read_text()
+    (out / "components.json").write_text((out / "components.json").read_text()[:-200])
+    assert "results-components" in parcours("report", out, code=2)
+
+
+def test_a_demo_that_is_refused_leaves_the_report_that_is_there(tmp_path: Path) -> None:
+    out = tmp_path / "demo"
+    other = ("run", "ramp_system", "--cases", "9", "--workers", "1", "--out", out / "table-vii-original")
+    parcours(*other)
+    (out / "report.html").write_text("a finished report")
+    assert "results-other" in parcours("demo", "--cases", "18", "--out", out, code=2)
+    assert (out / "report.html").read_text() == "a finished report"
+
+
+def test_an_unfinished_campaign_says_so_and_misplaced_or_foreign_results_are_refused(tmp_path: Path) -> None:
+    import hashlib
+
+    out = tmp_path / "results"
+    parcours("run", "ramp_system", "--cases", "128", "--workers", "1", "--out", out)
+    first, second = out / "shard-000000.npy", out / "shard-000001.npy"
+    sum_of_second = Path(f"{second}.sha256")
+    kept = second.read_bytes(), sum_of_second.read_bytes()
+    sum_of_second.unlink()
+    assert "64 of 128, unfinished" in parcours("report", out)
+    second.write_bytes(first.read_bytes())
+    sum_of_second.write_text(f"{hashlib.sha256(first.read_bytes()).hexdigest()}  {second.name}\n")
+    assert "results-order" in parcours("report", out, code=2)
+    second.write_bytes(kept[0])
+    sum_of_second.write_bytes(kept[1])
+    manifest = out / "campaign.json"
+    manifest.write_text(manifest.read_text().replace('"seed": 1,', '"seed": 7,'))
+    assert "replay-differs" in parcours("replay", out, 3, "--html", tmp_path / "case.html", code=2)

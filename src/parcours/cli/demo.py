@@ -36,11 +36,13 @@ def command(cases: int, seed: int, workers: int, out: Path) -> None:
     from parcours.report.page import to_html
     from parcours.report.terminal import print_page
     from parcours.report.writing import write_text
+    from parcours.run.atomic import require_writable
     from parcours.studies.paper.campaigns import component_results, junit_results
     from parcours.studies.paper.report import compose
     from parcours.studies.paper.results import Interrupted, run_paper
+    from parcours.studies.ramp_components.results import write_components
 
-    write_text(out / "report.html", "<!doctype html><title>not finished</title><p>The demo has not finished yet.</p>")
+    require_writable(out)
     say_if_cold()
     try:
         with progress() as report:
@@ -50,7 +52,10 @@ def command(cases: int, seed: int, workers: int, out: Path) -> None:
         raise click.exceptions.Exit(130) from None
     page = compose(results)
     system = {f"{protocol}-{schedule}": r for (protocol, schedule), r in results.system.items()}
-    write_text(out / "junit.xml", to_junit("demo", [*component_results(results), *junit_results(system)]))
+    components = component_results(results)
+    write_components(out, components)
+    verdicts = [*(result.junit() for result in components), *junit_results(system)]
+    write_text(out / "junit.xml", to_junit("demo", verdicts))
     write_text(out / "report.html", to_html(page))
     print_page(page)
     click.echo(f"\nreport: {out / 'report.html'}\nverdicts: {out / 'junit.xml'}")

@@ -10,9 +10,12 @@ import click
 from parcours.cli.options import as_json, model_file, print_json
 
 
-@click.group("model", help="Check a model file, draw its machines.")
+@click.group("model")
 def command() -> None:
-    """Group of the model commands."""
+    """Check a model file, draw its machines.
+
+    Example: parcours model check model.yaml
+    """
 
 
 @command.command("check")

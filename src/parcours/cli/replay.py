@@ -21,7 +21,7 @@ def command(folder: Path, number: int, html: Path) -> None:
     from parcours.report.pieces import Page, Section
     from parcours.report.writing import write_text
     from parcours.studies.paper.campaigns import load_campaign
-    from parcours.studies.paper.system_chapters import replay
+    from parcours.studies.paper.replays_chapter import replay
 
     campaign = load_campaign(folder)
     if number >= len(campaign.facts):

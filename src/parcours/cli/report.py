@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,6 +12,7 @@ from parcours.cli.options import as_json, print_json
 
 if TYPE_CHECKING:
     from parcours.studies.paper.results import SystemResults
+    from parcours.studies.ramp_components.results import ComponentResult
 
 
 @click.command("report")
@@ -19,35 +21,50 @@ if TYPE_CHECKING:
 @click.option("--junit", type=click.Path(path_type=Path), help="Write the verdicts as JUnit XML.")
 @as_json
 def command(folders: tuple[Path, ...], html: Path | None, junit: Path | None, as_json: bool) -> None:
-    """Judge the results in one or more campaign folders.
+    """Judge the results in one or more folders that `parcours run` wrote.
 
     Example: parcours report out/original out/guarded --html out/report.html --junit out/junit.xml
     """
-    results = summarise(list(folders), as_json)
+    from parcours.report.junit import to_junit
+    from parcours.report.writing import write_text
+    from parcours.studies.paper.campaigns import campaigns_page, junit_results
+    from parcours.studies.ramp_components.results import FILE, read_components
+
+    components = {folder: read_components(folder) for folder in folders if (folder / FILE).exists()}
+    results = load([folder for folder in folders if folder not in components])
+    summarise(results, as_json, {str(folder): list(found) for folder, found in components.items()})
     if html is not None:
         from parcours.report.page import to_html
-        from parcours.report.writing import write_text
-        from parcours.studies.paper.campaigns import campaigns_page
 
-        write_text(html, to_html(campaigns_page(results)))
+        write_text(html, to_html(campaigns_page(results, components)))
         click.echo(f"wrote {html}", err=True)
     if junit is not None:
-        from parcours.report.junit import to_junit
-        from parcours.report.writing import write_text
-        from parcours.studies.paper.campaigns import junit_results
-
-        write_text(junit, to_junit("ramp_system", junit_results(results)))
+        verdicts = [*(r.junit() for found in components.values() for r in found), *junit_results(results)]
+        write_text(junit, to_junit("parcours", verdicts))
         click.echo(f"wrote {junit}", err=True)
 
 
-def summarise(folders: list[Path], as_json: bool) -> dict[str, SystemResults]:
-    """Print the outcomes of the campaigns, and return their results by folder."""
-    from parcours.report.terminal import print_table
-    from parcours.studies.paper.campaigns import load_campaign, outcome_table, summary
+def load(folders: list[Path]) -> dict[str, SystemResults]:
+    """Return the results of system campaigns by folder."""
+    from parcours.studies.paper.campaigns import load_campaign
 
-    results = {str(folder): load_campaign(folder) for folder in folders}
+    return {str(folder): load_campaign(folder) for folder in folders}
+
+
+def summarise(
+    results: dict[str, SystemResults], as_json: bool, components: dict[str, list[ComponentResult]] | None = None
+) -> None:
+    """Print the outcomes of campaigns and component studies."""
+    from parcours.report.terminal import print_table
+    from parcours.studies.paper.campaigns import outcome_table, summary
+    from parcours.studies.ramp_components.results import component_table
+
+    components = components or {}
     if as_json:
-        print_json({name: summary(result) for name, result in results.items()})
-    else:
+        judged = {name: [asdict(result) for result in found] for name, found in components.items()}
+        print_json({**{name: summary(result) for name, result in results.items()}, **judged})
+        return
+    for name, found in components.items():
+        print_table(component_table(found, f"Component cases, {name}"))
+    if results:
         print_table(outcome_table(results))
-    return results

@@ -34,7 +34,7 @@ def command(
     study: str, schedule: str, protocol: str, cases: int | None, robot_radius: float, obstacle_radius: float, seed: int,
     workers: int, out: Path, as_json: bool,
 ) -> None:  # fmt: skip
-    """Execute a study. Ctrl-C keeps what was finished; the same command goes on from there.
+    """Execute a study. Ctrl-C keeps the system cases that were finished; the same command goes on from there.
 
     Example: parcours run ramp_system --schedule guarded --cases 905 --out out/guarded
     """
@@ -43,6 +43,7 @@ def command(
 
     check_study(study)
     if study == "ramp_components":
+        _refuse_system_options()
         _components(seed, cases, out, as_json)
         return
     from parcours.run.campaign import run_campaign
@@ -63,38 +64,61 @@ def command(
     click.echo(str(outcome), err=as_json)
     if outcome.interrupted:
         raise click.exceptions.Exit(130)
-    from parcours.cli.report import summarise
+    from parcours.cli.report import load, summarise
 
-    summarise([out], as_json)
+    summarise(load([out]), as_json)
+
+
+def _refuse_system_options() -> None:
+    """Raise BadRequest if an option was given that only the system study has."""
+    from parcours.errors import BadRequest
+
+    context = click.get_current_context()
+    for name in ("schedule", "protocol", "robot_radius", "obstacle_radius", "workers"):
+        if context.get_parameter_source(name) is not click.core.ParameterSource.DEFAULT:
+            option = "--" + name.replace("_", "-")
+            raise BadRequest(
+                option,
+                "it belongs to ramp_system, but the study is ramp_components",
+                "leave it out",
+                slug="option-study",
+            )
 
 
 def _components(seed: int, cases: int | None, out: Path, as_json: bool) -> None:
-    """Run the component study and write its results as JUnit XML."""
+    """Run the component study, functional and timing, and keep its results."""
     from parcours.cli.options import print_json
     from parcours.cli.progress import progress, say_if_cold
-    from parcours.report.junit import CaseResult, to_junit
-    from parcours.report.writing import write_text
-    from parcours.studies.ramp_components.study import component_plan, run_functional
+    from parcours.report.terminal import print_table
+    from parcours.run.atomic import require_writable
+    from parcours.studies.ramp_components.results import (
+        component_table,
+        functional_result,
+        timing_result,
+        write_components,
+    )
+    from parcours.studies.ramp_components.study import component_plan, paper_sample, run_functional, run_timing
 
     n_abstract = len(component_plan(seed, 1))
     plan = component_plan(seed, 3 if cases is None else -(-cases // n_abstract))
-    write_text(out / "results.xml", to_junit("ramp_components", ()))
+    require_writable(out)
     say_if_cold()
     results = []
     wanted = len(plan) if cases is None else cases
-    try:
-        with progress() as report:
-            for case in plan.cases(0, wanted):
-                run = run_functional(case)
-                results.append(CaseResult(case.id, run.judgement.verdict, 0.0, run.judgement.why))
-                report("ramp_components", len(results), wanted)
-    finally:
-        write_text(out / "results.xml", to_junit("ramp_components", results))
-    passed = sum(result.verdict == "pass" for result in results)
+    with progress() as report:
+        for case in plan.cases(0, wanted):
+            results.append(functional_result(run_functional(case)))
+            report("functional cases", len(results), wanted)
+        sample = paper_sample(component_plan(seed))
+        for done, timed in enumerate(run_timing(sample), 1):
+            results.append(timing_result(timed))
+            report("timing cases", done, len(sample))
+    write_components(out, results)
     if as_json:
-        print_json([{"id": r.id, "verdict": str(r.verdict), "why": r.why} for r in results])
-    else:
-        for result in results:
-            if result.verdict != "pass":
-                click.echo(f"{result.id}: {result.verdict}: {result.why}")
-        click.echo(f"{passed} of {len(results)} component cases passed; results in {out / 'results.xml'}")
+        print_json([{"id": r.id, "verdict": r.verdict, "why": r.why, "limit": r.limit} for r in results])
+        return
+    print_table(component_table(results, "Component cases"))
+    for result in results:
+        if result.verdict != "pass":
+            click.echo(f"{result.id}: {result.verdict}: {result.why}")
+    click.echo(f"results in {out}")

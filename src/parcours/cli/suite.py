@@ -11,7 +11,9 @@ from parcours.cli.options import seed
 
 @click.command("suite")
 @click.argument("study")
-@click.option("--cases", type=click.IntRange(1), default=None, help="How many; by default what the criterion needs.")
+@click.option(
+    "--cases", type=click.IntRange(1, 10_000_000), default=None, help="How many; by default what the criterion needs."
+)
 @seed
 @click.option("--out", type=click.Path(path_type=Path), required=True, help="File to write (JSON Lines).")
 def command(study: str, cases: int | None, seed: int, out: Path) -> None:

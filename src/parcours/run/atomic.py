@@ -45,6 +45,20 @@ def write_atomically(path: Path, content: bytes) -> None:
         raise unwritable(path, error) from error
 
 
+def require_writable(folder: Path) -> None:
+    """Make the folder if need be, and make sure that files can be written there; what lies there stays as it is.
+
+    Raises:
+        BadRequest: it cannot be made or written to.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise unwritable(folder, error) from error
+    write_atomically(folder / ".writable", b"")
+    (folder / ".writable").unlink(missing_ok=True)
+
+
 def unwritable(path: Path, error: OSError) -> BadRequest:
     """Return the complaint that `path` cannot be written.
 

@@ -171,6 +171,9 @@ def explain(record: np.void) -> str:
     if outcome is Outcome.BLOCKED:
         return f"an obstacle rests on the goal ({-record['goal_gap']:.2f} m too near); the robot ended at {place}"
     if outcome is Outcome.STUCK:
-        return f"halted for imminent collision at {place} since {seconds['t_last_moving']:.1f} s and never moved again"
+        hit = ", where an obstacle had run into it" if record["n_obstacle_contacts"] else ""
+        return (
+            f"halted for imminent collision at {place}{hit} since {seconds['t_last_moving']:.1f} s, never moved again"
+        )
     gap = f"{record['to_goal']:.2f} m from the goal"
     return f"at {place}, {gap}, when the test ended, and never arrived while it was watched on"

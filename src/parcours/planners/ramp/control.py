@@ -23,7 +23,7 @@ from parcours.planners.ramp.messages import (
     one,
     pose_at,
 )
-from parcours.planners.ramp.parameters import Parameters
+from parcours.planners.ramp.parameters import GUARDED, ORIGINAL, Parameters
 
 COMMAND_PERIOD = 50_000_000
 """Time between two commands [ns]."""
@@ -58,7 +58,7 @@ def follow(control: Record, trajectory: Record, now: int, parameters: Record) ->
     """Take over a new TRAJECTORY at `now` [ns]."""
     copy_trajectory(control.trajectory, trajectory, 0)
     control.has = 1
-    control.begins = now if parameters.schedule == 0 else trajectory.begins
+    control.begins = now if parameters.schedule == ORIGINAL else trajectory.begins
 
 
 @kernel
@@ -67,7 +67,7 @@ def signal(control: Record, imminent: bool, now: int, parameters: Record) -> Non
     if imminent and not control.halt:
         control.t_halt = now
     control.halt = 1 if imminent else 0
-    if imminent and parameters.schedule == 1:
+    if imminent and parameters.schedule == GUARDED:
         control.paused = 1
         control.command_v = control.command_w = 0.0
 
@@ -114,14 +114,14 @@ def command(control: Record, pose: Record, now: int, parameters: Record) -> None
         return
     if control.halt and not control.paused:
         due = int((control.t_halt - control.begins) * 1e-9 / SAMPLE) + 1
-        if parameters.schedule == 1 or (now - control.begins) * 1e-9 / SAMPLE >= due - 1e-9:
+        if parameters.schedule == GUARDED or (now - control.begins) * 1e-9 / SAMPLE >= due - 1e-9:
             control.paused = 1
     elif not control.halt:
         control.paused = 0
     if control.paused:
         control.begins += COMMAND_PERIOD
         control.command_v = control.command_w = 0.0
-    elif parameters.schedule == 0:
+    elif parameters.schedule == ORIGINAL:
         _replay(control, pose, now)
     else:
         _track(control, pose, now)

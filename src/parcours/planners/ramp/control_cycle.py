@@ -5,6 +5,7 @@ from __future__ import annotations
 from parcours.kernels import Record, kernel
 from parcours.planners.ramp.guard import evaluate_moving_on, is_imminent
 from parcours.planners.ramp.messages import SAMPLE, copy_trajectory, pose_at
+from parcours.planners.ramp.parameters import GUARDED, ORIGINAL
 from parcours.planners.ramp.path_modification import remove_knot
 from parcours.planners.ramp.planning_cycle import MOVING
 from parcours.planners.ramp.population import best_member
@@ -39,7 +40,7 @@ def commit(planner: Record, now: int, parameters: Record) -> int:
         planner.moving_on.x[i] += planner.drift_x
         planner.moving_on.y[i] += planner.drift_y
     planner.dragged = 1 if max(abs(planner.drift_x), abs(planner.drift_y)) > DRAGGED else 0
-    if parameters.schedule == 0 or planner.halted or planner.moving_on.begins > now:
+    if parameters.schedule == ORIGINAL or planner.halted or planner.moving_on.begins > now:
         planner.moving_on.begins = now
     planner.t_control = now
     planner.t_next = now + int(parameters.control_period * 1e9)
@@ -53,14 +54,14 @@ def clears(planner: Record, now: int, parameters: Record) -> bool:
 
     The guarded schedule resumes only with a trajectory that begins at rest where the robot stands.
     """
-    starts_at_rest = planner.rested == 1 or parameters.schedule == 0
+    starts_at_rest = planner.rested == 1 or parameters.schedule == ORIGINAL
     return planner.halted == 1 and starts_at_rest and not is_imminent(planner, now, parameters)
 
 
 @kernel
 def rest(planner: Record, now: int, parameters: Record) -> bool:
     """Let every member begin, at rest, where the robot stands (reset start); return False while it still moves."""
-    period = parameters.halted_period if parameters.schedule == 1 else parameters.control_period
+    period = parameters.halted_period if parameters.schedule == GUARDED else parameters.control_period
     planner.t_next = now + int(period * 1e9)
     if not is_at_rest(planner):
         return False

@@ -9,7 +9,11 @@ from __future__ import annotations
 
 from parcours.kernels import Record, kernel
 from parcours.planners.ramp.messages import NO_COLLISION, SAMPLE
+from parcours.planners.ramp.parameters import GUARDED, ORIGINAL
 from parcours.planners.ramp.trajectory_evaluation import collision_time
+
+GUARD_PERIOD = 50_000_000
+"""Time between two imminent-collision checks of the published planner [ns] (20 Hz)."""
 
 
 @kernel
@@ -17,7 +21,7 @@ def window(planner: Record, now: int, parameters: Record) -> tuple[int, int, int
     """Return what is looked at of the motion under way: (when it begins [ns], first sample, one past the last, margin
     [m], whether the robot may leave an obstacle it is too near to)."""
     moving_on = planner.moving_on
-    if parameters.schedule == 0:
+    if parameters.schedule == ORIGINAL:
         return now, 0, min(int(parameters.control_period / SAMPLE + 0.5) + 1, moving_on.n), 0.0, False
     first = max(int((now - moving_on.begins) * 1e-9 / SAMPLE), 0)
     last = first + int(parameters.guard_horizon / SAMPLE + 0.5) + 1
@@ -57,7 +61,7 @@ def is_imminent(planner: Record, now: int, parameters: Record) -> bool:
     """Return whether a collision is imminent, by the last evaluation of the motion under way."""
     if not planner.knows_obstacles or planner.moving_on_hit == 0:
         return False
-    if parameters.schedule == 1:
+    if parameters.schedule == GUARDED:
         return True
     period = (planner.t_next - planner.t_control) * 1e-9
     elapsed = (now - planner.t_control) * 1e-9

@@ -1,7 +1,7 @@
 """How long the planner's work takes: log-normal durations fitted to the published logs, drawn from a seeded stream.
 
-Medians and 95th percentiles are those measured on the public recordings of the system (ramp.md section 9.5 gives the
-fits); transport between processes was not measured there and is assumed.
+Medians and 95th percentiles are those of the durations in the public recordings of the published system, of the paper's
+version ([S]); transport between processes was not measured there and is assumed.
 """
 
 from __future__ import annotations

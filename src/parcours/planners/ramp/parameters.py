@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
-from enum import IntEnum
 from typing import Literal
 
 import numpy as np
@@ -17,12 +16,8 @@ import numpy as np
 from parcours.errors import BadRequest
 from parcours.kernels import Record
 
-
-class Schedule(IntEnum):
-    """Which of the two schedules a planner runs."""
-
-    ORIGINAL = 0
-    GUARDED = 1
+ORIGINAL, GUARDED = 0, 1
+"""The schedules, as kernels know them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +34,6 @@ class Parameters:
     population: int = 5  # members [S]
     sectors: bool = False  # keep sub-populations by direction [S]: off
     planning_rate: float = 20.0  # [Hz] [S]
-    guard_rate: float = 20.0  # imminent-collision checks [Hz] [S]
     control_period: float = 2.0  # longest time between two control cycles [s] [S]
     halted_period: float = 0.2  # ... while halted, guarded schedule only [s]; ours
     knot_distance: float = 0.33  # between knots of a random path [m] [S]
@@ -61,16 +55,16 @@ class Parameters:
         record = np.zeros(1, PARAMETERS).view(np.recarray)[0]
         for name in PARAMETERS.names or ():
             value = getattr(self, name)
-            record[name] = Schedule[value.upper()] if name == "schedule" else value
+            record[name] = value if name != "schedule" else (ORIGINAL if value == "original" else GUARDED)
         return record
 
     def __post_init__(self) -> None:
         for field in dataclasses.fields(self):
             value = getattr(self, field.name)
-            if isinstance(value, float) and not (0.0 <= value < 1e9):
+            if isinstance(value, float) and not 0.0 < value < 1e9 and (value != 0.0 or field.name not in _MAY_BE_ZERO):
                 raise BadRequest(
                     f"RAMP parameter {field.name!r}",
-                    f"it must be a number from 0 to 1e9, but is {value}",
+                    f"it must be a number above 0 and below 1e9, but is {value}",
                     slug="parameter-range",
                 )
         if not 1 <= self.population <= 16:
@@ -85,6 +79,9 @@ class Parameters:
                 f"it must be 'original' or 'guarded', but is {self.schedule!r}",
                 slug="parameter-range",
             )
+
+
+_MAY_BE_ZERO = ("knot_distance", "operator_distance", "plan_margin", "guard_margin", "guard_horizon")
 
 
 def _kind(name: str) -> str:

@@ -15,7 +15,7 @@ import numpy as np
 
 from parcours.kernels import Record
 from parcours.planners.ramp.control_cycle import clears, commit, entry_kind, is_at_rest, re_anchor, rest
-from parcours.planners.ramp.guard import evaluate_moving_on, is_imminent, note_moving_on, window
+from parcours.planners.ramp.guard import GUARD_PERIOD, evaluate_moving_on, is_imminent, note_moving_on, window
 from parcours.planners.ramp.messages import (
     PATH,
     POSE,
@@ -35,7 +35,7 @@ from parcours.planners.ramp.messages import (
     many,
     one,
 )
-from parcours.planners.ramp.parameters import Parameters
+from parcours.planners.ramp.parameters import GUARDED, ORIGINAL, Parameters
 from parcours.planners.ramp.planner_state import PLANNER, begin_population
 from parcours.planners.ramp.planning_cycle import (
     choose_modification,
@@ -50,9 +50,6 @@ from parcours.streams import start
 
 PLANNER_STREAM = np.uint64(1)
 """Purpose of the random stream of this component."""
-
-GUARD_PERIOD = 50_000_000
-"""Time between two imminent-collision checks of the published planner [ns]."""
 
 Message = TrajectoryResponse | EvaluationResponse | ModificationResponse
 
@@ -105,7 +102,7 @@ class Planner:
         if self._conversation is not None:
             return None
         times = [self._next_planning, int(self._planner.t_next)]
-        if self._parameters.schedule == 0:
+        if self._parameters.schedule == ORIGINAL:
             times.append(self._next_guard)
         return min(times)
 
@@ -115,7 +112,7 @@ class Planner:
             return
         if self._planner.t_next <= now:
             yield from self.control(now)
-        elif self._parameters.schedule == 0 and self._next_guard <= now:
+        elif self._parameters.schedule == ORIGINAL and self._next_guard <= now:
             self._next_guard += GUARD_PERIOD
             self._planner.halted = 1 if is_imminent(self._planner, now, self._parameters) else 0
             yield Step("", (("imminent_collision", bool(self._planner.halted)),))
@@ -141,7 +138,7 @@ class Planner:
         if isinstance(message, Report):
             planner.latest, planner.t_latest = message.pose, message.stamp
             rests_unseen = planner.halted and self._t_halted >= planner.t_control and is_at_rest(planner)
-            if self._parameters.schedule == 1 and rests_unseen:
+            if self._parameters.schedule == GUARDED and rests_unseen:
                 planner.t_next = min(int(planner.t_next), self._next_planning)
         elif isinstance(message, Obstacles):
             yield from self._begin_sensing(message, now)
@@ -197,7 +194,7 @@ class Planner:
     def _begin_sensing(self, obstacles: Obstacles, now: int) -> Iterator[Step]:
         self._obstacles = obstacles
         if (
-            self._parameters.schedule == 1
+            self._parameters.schedule == GUARDED
             and not self._planner.halted
             and self._sees_imminent_collision(obstacles, now)
         ):
@@ -335,7 +332,7 @@ class Planner:
         else:
             goes_on = re_anchor(planner, self._best, parameters)
         sends: list[tuple[str, object]] = []
-        if was_halted != bool(planner.halted) or (parameters.schedule == 0 and not planner.halted):
+        if was_halted != bool(planner.halted) or (parameters.schedule == ORIGINAL and not planner.halted):
             sends.append(("imminent_collision", bool(planner.halted)))
         self._asked_members = [i for i in range(planner.n) if anew and not (i == self._best and goes_on)]
         if self._asked_members:

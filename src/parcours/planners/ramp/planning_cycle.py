@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from parcours.kernels import Record, kernel
 from parcours.planners.ramp.messages import copy_path, pose_at
+from parcours.planners.ramp.parameters import ORIGINAL
 from parcours.planners.ramp.path_modification import CROSSOVER, MOVE, OPERATORS, applies, modify
 from parcours.planners.ramp.population import best_member, offer
 from parcours.planners.ramp.switching import generate_from_switch
@@ -32,7 +33,7 @@ def compensate(planner: Record, parameters: Record) -> None:
     if planner.halted or planner.moving_on.n == 0 or planner.t_latest < planner.moving_on.begins:
         return
     turns = abs(planner.latest.w) > TURNING and abs(planner.latest.v) > MOVING
-    if turns and parameters.schedule == 0:
+    if turns and parameters.schedule == ORIGINAL:
         return
     pose_at(planner.moving_on, (planner.t_latest - planner.moving_on.begins) * 1e-9, planner.candidate_pose)
     planner.drift_x = planner.latest.x - planner.candidate_pose.x

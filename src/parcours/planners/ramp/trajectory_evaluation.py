@@ -9,7 +9,7 @@ import numpy as np
 from parcours.elementary import PI, wrap
 from parcours.kernels import Record, kernel
 from parcours.planners.ramp.messages import NO_COLLISION, SAMPLE, EvaluationRequest, EvaluationResponse, Step
-from parcours.planners.ramp.parameters import Parameters
+from parcours.planners.ramp.parameters import GUARDED, Parameters
 from parcours.planners.ramp.service import Service
 
 MODEST_TURN = 0.1
@@ -155,7 +155,7 @@ def evaluate(
         halted: whether the robot is stopped for imminent collision; then orientation costs nothing.
         parameters: PARAMETERS.
     """
-    may_leave = parameters.schedule == 1
+    may_leave = parameters.schedule == GUARDED
     t = collision_time(
         trajectory,
         trajectory.begins,

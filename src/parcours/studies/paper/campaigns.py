@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import cast
 
@@ -13,11 +13,13 @@ from parcours.errors import BadResults
 from parcours.planners.ramp.latency import Duration, Latencies
 from parcours.planners.ramp.parameters import Parameters
 from parcours.report.junit import CaseResult
-from parcours.report.pieces import Cell, Column, Page, Piece, Section, Table
+from parcours.report.pieces import Cell, Column, Figure, Marked, Page, Piece, Section, Table
 from parcours.report.rates import shares
 from parcours.run.store import open_results
+from parcours.studies.paper.outcomes_chapter import OUTCOME_WORDS
+from parcours.studies.paper.replays_chapter import replay
 from parcours.studies.paper.results import PaperResults, SystemResults
-from parcours.studies.paper.system_chapters import OUTCOME_WORDS, replay
+from parcours.studies.ramp_components.results import ComponentResult, component_table, functional_result, timing_result
 from parcours.studies.ramp_system.cases import Protocol, SystemCases
 from parcours.studies.ramp_system.facts import FACTS
 from parcours.studies.ramp_system.study import SystemStudy
@@ -56,12 +58,19 @@ def load_campaign(folder: Path) -> SystemResults:
             str(folder), f"the manifest must hold the study's parameters, but: {error}", "run the campaign anew",
             slug="results-parameters",
         ) from error  # fmt: skip
-    return SystemResults(study, store.load(partial=True))
+    facts = store.load(partial=True)
+    finished = [n for shard in campaign.shards if shard not in set(store.missing()) for n in campaign.cases(shard)]
+    if facts["number"].tolist() != finished:
+        raise BadResults(
+            str(folder), "shards must hold the cases that their numbers say, but do not", "run the campaign anew",
+            slug="results-order",
+        )  # fmt: skip
+    return SystemResults(study, facts, campaign.n_cases)
 
 
 def outcome_table(results: Mapping[str, SystemResults]) -> Table:
     """Return the outcomes of campaigns side by side."""
-    rows: list[tuple[Cell, ...]] = [("cases", *(len(r.facts) for r in results.values()))]
+    rows: list[tuple[Cell, ...]] = [("cases", *(_finished(r) for r in results.values()))]
     for words, field in (("reached goal", "reached"), ("feasible at the end", "feasible"),
                          ("imminent collision", "halted_once"), ("stuck in imminent collision", "stuck")):  # fmt: skip
         rows.append((words, *(_share(getattr(published(r.facts), field)) for r in results.values())))
@@ -76,6 +85,11 @@ def outcome_table(results: Mapping[str, SystemResults]) -> Table:
         tuple(rows),
         "First the paper's results by its own rule, with Wilson 95 % intervals; then the sound outcomes, one a case.",
     )
+
+
+def _finished(result: SystemResults) -> Cell:
+    n = len(result.facts)
+    return n if n == result.planned else Marked(f"{n} of {result.planned}, unfinished", "poor")
 
 
 def _share(flags: np.ndarray) -> str:
@@ -93,6 +107,7 @@ def summary(result: SystemResults) -> dict[str, object]:
         "protocol": result.study.cases.protocol,
         "seed": result.study.cases.seed,
         "cases": len(facts),
+        "planned": result.planned,
         "reached": int(flags.reached.sum()),
         "feasible": int(flags.feasible.sum()),
         "imminent_collision": int(flags.halted_once.sum()),
@@ -101,14 +116,19 @@ def summary(result: SystemResults) -> dict[str, object]:
     }
 
 
-def campaigns_page(results: Mapping[str, SystemResults]) -> Page:
-    """Return a page on campaigns: their outcomes, and replays of one failed case each."""
-    pie = shares(
+def _pie(results: Mapping[str, SystemResults]) -> Figure:
+    return shares(
         "How the tests ended", [str(share) for share in Share],
         {name: [int(f.sum()) for f in slices_of(r.facts).values()] for name, r in results.items()},
         ("good", "fair", "poor", "bad"),
     )  # fmt: skip
-    pieces: list[Piece] = [outcome_table(results), pie]
+
+
+def campaigns_page(results: Mapping[str, SystemResults], components: Mapping[Path, Sequence[ComponentResult]]) -> Page:
+    """Return a page on campaigns and component studies: their outcomes, and replays of two failed cases each."""
+    pieces: list[Piece] = [component_table(found, f"Component cases, {name}") for name, found in components.items()]
+    if results:
+        pieces += [outcome_table(results), _pie(results)]
     for result in results.values():
         codes = outcomes(result.facts)
         failed = np.flatnonzero([VERDICT_OF[Outcome(int(code))] is Verdict.FAIL for code in codes])
@@ -125,7 +145,6 @@ def junit_results(results: Mapping[str, SystemResults]) -> Iterable[CaseResult]:
             yield CaseResult(case, VERDICT_OF[Outcome(int(code))], float(record["t_end"]) * 1e-9, explain(record))
 
 
-def component_results(results: PaperResults) -> Iterable[CaseResult]:
-    """Yield the verdicts of the functional component cases."""
-    for run in results.functional:
-        yield CaseResult(run.case.id, run.judgement.verdict, 0.0, run.judgement.why)
+def component_results(results: PaperResults) -> list[ComponentResult]:
+    """Return the judged component cases, functional and timing."""
+    return [*map(functional_result, results.functional), *map(timing_result, results.timing)]

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parcours.run.campaign import run_campaign
+from parcours.run.store import create
 from parcours.studies.ramp_components.study import (
     Functional,
     Timing,
@@ -30,10 +31,11 @@ Progress = Callable[[str, int, int], None]
 
 @dataclass(frozen=True, slots=True)
 class SystemResults:
-    """One campaign: its study and the facts of its cases, array of FACTS of shape (n_cases,)."""
+    """One campaign: its study, the facts of its finished cases (array of FACTS, shape (n,)), and how many it plans."""
 
     study: SystemStudy
     facts: NDArray[np.void]
+    planned: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,6 +76,14 @@ def run_paper(
     Raises:
         Interrupted: Ctrl-C during a campaign.
     """
+    studies = {
+        (protocol, schedule): system_study(schedule, seed=seed, protocol=protocol)
+        for protocol in PROTOCOLS
+        for schedule in SCHEDULES
+    }
+    counts = {"table-vii": cases, "published": min(cases, PUBLISHED_CASES)}
+    for (protocol, schedule), study in studies.items():  # refuse what cannot be resumed before anything is computed
+        create(folder / f"{protocol}-{schedule}", study.campaign(counts[protocol]))
     plan = component_plan(seed)
     functional: list[Functional] = []
     for case in plan.cases():
@@ -85,19 +95,16 @@ def run_paper(
         timing.append(timed)
         progress("timing cases", len(timing), len(sample))
     system: dict[tuple[Protocol, str], SystemResults] = {}
-    for protocol in PROTOCOLS:
-        for schedule in SCHEDULES:
-            study = system_study(schedule, seed=seed, protocol=protocol)
-            n = cases if protocol == "table-vii" else min(cases, PUBLISHED_CASES)
-            what = f"system cases, {schedule}" + (", published protocol" if protocol == "published" else "")
-            outcome = run_campaign(
-                study,
-                study.campaign(n),
-                folder / f"{protocol}-{schedule}",
-                workers=workers,
-                progress=lambda done, total, what=what: progress(what, done, total),  # type: ignore[misc]
-            )
-            if outcome.interrupted:
-                raise Interrupted(str(outcome))
-            system[protocol, schedule] = SystemResults(study, outcome.store.load())
+    for (protocol, schedule), study in studies.items():
+        what = f"system cases, {schedule}" + (", published protocol" if protocol == "published" else "")
+        outcome = run_campaign(
+            study,
+            study.campaign(counts[protocol]),
+            folder / f"{protocol}-{schedule}",
+            workers=workers,
+            progress=lambda done, total, what=what: progress(what, done, total),  # type: ignore[misc]
+        )
+        if outcome.interrupted:
+            raise Interrupted(str(outcome))
+        system[protocol, schedule] = SystemResults(study, outcome.store.load(), counts[protocol])
     return PaperResults(seed, tuple(functional), tuple(case.id for case in sample), tuple(timing), system)

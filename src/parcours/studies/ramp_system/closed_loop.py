@@ -17,8 +17,9 @@ from parcours.arena.world import NEVER, advance, begin
 from parcours.kernels import Record, kernel
 from parcours.planners.ramp.control import COMMAND_PERIOD, REPORT_PERIOD, command, follow, signal
 from parcours.planners.ramp.control_cycle import control_cycle, is_at_rest
-from parcours.planners.ramp.guard import evaluate_moving_on, is_imminent
+from parcours.planners.ramp.guard import GUARD_PERIOD, evaluate_moving_on, is_imminent
 from parcours.planners.ramp.latency import draw
+from parcours.planners.ramp.parameters import GUARDED, ORIGINAL
 from parcours.planners.ramp.planner_state import begin_population
 from parcours.planners.ramp.planning_cycle import compensate, planning_cycle
 from parcours.planners.ramp.prediction import predict
@@ -27,8 +28,7 @@ from parcours.streams import start
 from parcours.studies.ramp_system.facts import TRANSITIONS
 
 SENSING_PERIOD = 50_000_000
-GUARD_PERIOD = 50_000_000
-"""Times between obstacle messages (20 Hz) and imminent-collision checks (20 Hz) [ns]."""
+"""Time between two obstacle messages [ns] (20 Hz)."""
 
 FAR = 1 << 62
 
@@ -41,7 +41,7 @@ _P47, _P48, _P49, _P51, _P61 = (_INDEX[n] for n in ("p47", "p48", "p49", "p51", 
 
 
 @kernel
-def _sense(work: Record, obstacles: Record, seen: Record) -> None:
+def _sense(obstacles: Record, seen: Record) -> None:
     """Fill the obstacle message: where every obstacle is and how it moves."""
     for k in range(len(obstacles)):
         pose = seen[k].pose
@@ -83,7 +83,7 @@ def _control(work: Record, predictions: Record, now: int, parameters: Record, la
     _count_service(facts.transitions, _P31, 2)
     facts.n_control_cycles += 1
     work.best_due = now + latencies.transport
-    if was_halted != planner.halted or (parameters.schedule == 0 and not planner.halted):
+    if was_halted != planner.halted or (parameters.schedule == ORIGINAL and not planner.halted):
         _send_halt(work, now + latencies.transport)
     work.wakes = now + draw(work.clock, latencies.control, latencies.control_spread)
 
@@ -108,7 +108,12 @@ def _callback(
         work.report_time = FAR
         planner.latest = work.report
         planner.t_latest = first
-        if parameters.schedule == 1 and planner.halted and work.t_halted >= planner.t_control and is_at_rest(planner):
+        if (
+            parameters.schedule == GUARDED
+            and planner.halted
+            and work.t_halted >= planner.t_control
+            and is_at_rest(planner)
+        ):
             planner.t_next = min(planner.t_next, work.spin)
     elif work.obstacle_time == first:
         work.obstacle_time = FAR
@@ -163,7 +168,6 @@ def _think(
     """Let the planner's thread do its next piece of work."""
     planner = work.planner
     if work.in_callbacks == 0:
-        work.cycle = now
         known = len(seen) * planner.knows_obstacles
         n = planning_cycle(planner, predictions[:known], parameters, work.modifier, work.one, work.two)
         facts.n_planning_cycles += 1
@@ -317,7 +321,7 @@ def run_case(
     facts.moved_after = 0
 
     work.obstacle_time = work.report_time = FAR
-    work.guard_time = GUARD_PERIOD if parameters.schedule == 0 else FAR
+    work.guard_time = GUARD_PERIOD if parameters.schedule == ORIGINAL else FAR
     work.best_due = work.halt_due = FAR
     work.halt_value = 0
     work.t_halted = NEVER
@@ -354,11 +358,11 @@ def run_case(
             facts.transitions[_P49] += 1
         if now == next_sensing:
             next_sensing += SENSING_PERIOD
-            _sense(work, obstacles, seen)
+            _sense(obstacles, seen)
             work.obstacle_time = now
             for k in range(1, 4):
                 facts.transitions[_P61 + k] += 1
-            if parameters.schedule == 1:
+            if parameters.schedule == GUARDED:
                 _guard(work, seen, guarded, now, parameters, latencies)
         while now == work.wakes:
             _think(work, seen, predictions, now, parameters, latencies, facts)

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
+import hashlib
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+import parcours
 from parcours.errors import BadRequest, one_of
 from parcours.kernels import Record, kernel
 from parcours.planners.ramp.latency import Latencies
@@ -95,6 +99,7 @@ class SystemStudy:
             n_cases=n_cases,
             dtype=FACTS,
             parameters={
+                "code": code_digest(),
                 "protocol": self.cases.protocol,
                 "robot_radius": self.cases.robot_radius,
                 "obstacle_radius": self.cases.obstacle_radius,
@@ -105,6 +110,18 @@ class SystemStudy:
             },
             shard_size=shard_size,
         )
+
+
+@functools.cache
+def code_digest() -> str:
+    """Return a digest of everything the bits of a case depend on: kernels, test data, models, the study itself."""
+    package = Path(parcours.__file__).parent
+    rooms = ("arena", "data", "model", "paths", "abtc", "suite", "planners", "studies/ramp_system")
+    files = [path for room in rooms for path in (package / room).rglob("*") if path.suffix in (".py", ".yaml")]
+    digest = hashlib.sha256()
+    for path in sorted([*files, *package.glob("*.py")]):
+        digest.update(path.relative_to(package).as_posix().encode() + b"\0" + path.read_bytes() + b"\0")
+    return digest.hexdigest()[:16]
 
 
 @kernel

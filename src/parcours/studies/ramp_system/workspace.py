@@ -42,7 +42,6 @@ WORKSPACE = np.dtype(
         ("guard_time", "i8"),
         ("spin", "i8"),  # when the planner's thread woke for its callbacks [ns]
         ("wakes", "i8"),  # when the thread is free again [ns]
-        ("cycle", "i8"),  # when its planning cycle began [ns]
         ("in_callbacks", "i8"),
         ("best_due", "i8"),  # when the best trajectory reaches control [ns]
         ("halt_due", "i8"),  # when the imminent-collision flag does [ns]
