@@ -36,7 +36,7 @@ def models_chapter() -> Section:
     for component in cefsm.components:
         for machine in component.machines:
             title = component.title if len(component.machines) == 1 else f"{component.title}: {machine.name}"
-            drawings.append(Figure(title, to_svg(machine, title), f"State machine of {title}"))
+            drawings.append(Figure(title, to_svg(machine), f"State machine of {title}"))
     rows = tuple((c.sender, c.receiver, c.message, c.topic, _receivers(c)) for c in cefsm.channels)
     channels = Table(
         "Table I: components, messages and channels",
