@@ -21,7 +21,7 @@ from parcours.run.port import Component, Step
 from parcours.studies.ramp_components import study
 from parcours.studies.ramp_components.study import Functional, component_plan, interaction_cases, run_functional
 from parcours.studies.ramp_components.tester import ComponentTester
-from parcours.verdict.navigation import Verdict
+from parcours.verdict.judgement import Verdict
 
 Spoil = Callable[[Step], list[Step]]
 """What a faulty component does in place of a step."""

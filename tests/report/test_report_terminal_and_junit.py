@@ -13,7 +13,7 @@ from parcours.errors import BadRequest
 from parcours.report.junit import CaseResult, to_junit
 from parcours.report.pieces import Code, Column, Finding, Findings, Marked, Page, Section, Table
 from parcours.report.terminal import print_page, print_table, to_markdown, to_text
-from parcours.verdict.navigation import Verdict
+from parcours.verdict.judgement import Verdict
 
 TABLE = Table(
     "Rates",

@@ -28,7 +28,7 @@ from parcours.studies.ramp_components.study import (
     run_timing,
 )
 from parcours.verdict.interaction import duration, within
-from parcours.verdict.navigation import Verdict
+from parcours.verdict.judgement import Verdict
 
 ROWS = 3
 

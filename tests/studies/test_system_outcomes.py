@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from parcours.studies.ramp_system.facts import TRANSITIONS
 from parcours.studies.ramp_system.study import SCHEDULES, system_study
 from parcours.verdict.facts import NEVER
+from parcours.verdict.judgement import Verdict
 from parcours.verdict.navigation import (
     VERDICT_OF,
     Outcome,
     Share,
-    Verdict,
     explain,
     outcomes,
     published,

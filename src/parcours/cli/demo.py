@@ -37,10 +37,10 @@ def command(cases: int, seed: int, workers: int, out: Path) -> None:
     from parcours.report.terminal import print_page
     from parcours.report.writing import write_text
     from parcours.run.atomic import require_writable
-    from parcours.studies.paper.campaigns import component_results, junit_results
     from parcours.studies.paper.report import compose
     from parcours.studies.paper.results import Interrupted, run_paper
-    from parcours.studies.ramp_components.results import write_components
+    from parcours.studies.ramp_components.results import component_results, write_components
+    from parcours.studies.ramp_system.campaigns import junit_results
 
     require_writable(out)
     say_if_cold()
@@ -52,7 +52,7 @@ def command(cases: int, seed: int, workers: int, out: Path) -> None:
         raise click.exceptions.Exit(130) from None
     page = compose(results)
     system = {f"{protocol}-{schedule}": r for (protocol, schedule), r in results.system.items()}
-    components = component_results(results)
+    components = component_results(results.functional, results.timing)
     write_components(out, components)
     verdicts = [*(result.junit() for result in components), *junit_results(system)]
     write_text(out / "junit.xml", to_junit("demo", verdicts))

@@ -20,8 +20,7 @@ def command(folder: Path, number: int, html: Path) -> None:
     from parcours.report.page import to_html
     from parcours.report.pieces import Page, Section
     from parcours.report.writing import write_text
-    from parcours.studies.paper.campaigns import load_campaign
-    from parcours.studies.paper.replays_chapter import replay
+    from parcours.studies.ramp_system.campaigns import load_campaign, replay
 
     campaign = load_campaign(folder)
     if number >= len(campaign.facts):

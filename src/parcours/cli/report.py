@@ -11,8 +11,8 @@ import click
 from parcours.cli.options import as_json, print_json
 
 if TYPE_CHECKING:
-    from parcours.studies.paper.results import SystemResults
     from parcours.studies.ramp_components.results import ComponentResult
+    from parcours.studies.ramp_system.campaigns import SystemResults
 
 
 @click.command("report")
@@ -27,8 +27,8 @@ def command(folders: tuple[Path, ...], html: Path | None, junit: Path | None, as
     """
     from parcours.report.junit import to_junit
     from parcours.report.writing import write_text
-    from parcours.studies.paper.campaigns import campaigns_page, junit_results
-    from parcours.studies.ramp_components.results import FILE, read_components
+    from parcours.studies.ramp_components.results import FILE, component_table, read_components
+    from parcours.studies.ramp_system.campaigns import campaigns_page, junit_results
 
     components = {folder: read_components(folder) for folder in folders if (folder / FILE).exists()}
     results = load([folder for folder in folders if folder not in components])
@@ -36,7 +36,9 @@ def command(folders: tuple[Path, ...], html: Path | None, junit: Path | None, as
     if html is not None:
         from parcours.report.page import to_html
 
-        write_text(html, to_html(campaigns_page(results, components)))
+        tables = [component_table(found, f"Component cases, {folder}") for folder, found in components.items()]
+
+        write_text(html, to_html(campaigns_page(results, tables)))
         click.echo(f"wrote {html}", err=True)
     if junit is not None:
         verdicts = [*(r.junit() for found in components.values() for r in found), *junit_results(results)]
@@ -46,7 +48,7 @@ def command(folders: tuple[Path, ...], html: Path | None, junit: Path | None, as
 
 def load(folders: list[Path]) -> dict[str, SystemResults]:
     """Return the results of system campaigns by folder."""
-    from parcours.studies.paper.campaigns import load_campaign
+    from parcours.studies.ramp_system.campaigns import load_campaign
 
     return {str(folder): load_campaign(folder) for folder in folders}
 
@@ -56,8 +58,8 @@ def summarise(
 ) -> None:
     """Print the outcomes of campaigns and component studies."""
     from parcours.report.terminal import print_table
-    from parcours.studies.paper.campaigns import outcome_table, summary
     from parcours.studies.ramp_components.results import component_table
+    from parcours.studies.ramp_system.campaigns import outcome_table, summary
 
     components = components or {}
     if as_json:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from xml.sax.saxutils import escape, quoteattr
 
 from parcours.errors import BadRequest
-from parcours.verdict.navigation import Verdict
+from parcours.verdict.judgement import Verdict
 
 # All but the characters of XML 1.0, section 2.2: nothing can stand for these in XML, not even a reference.
 _FORBIDDEN = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")

@@ -6,26 +6,12 @@ A bound on durations means nothing on a simulated clock, so those traces are ref
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from parcours.errors import BadRequest
 from parcours.run.trace import Trace
-from parcours.verdict.navigation import Verdict
-
-
-@dataclass(frozen=True, slots=True)
-class Judgement:
-    """A verdict and the sentence that explains it."""
-
-    verdict: Verdict
-    why: str
-
-    @property
-    def passed(self) -> bool:
-        """Whether the verdict is pass."""
-        return self.verdict is Verdict.PASS
+from parcours.verdict.judgement import Judgement, Verdict
 
 
 def duration(trace: Trace) -> int:

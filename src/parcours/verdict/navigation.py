@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parcours.verdict.facts import NEVER
+from parcours.verdict.judgement import Verdict
 
 Flags = NDArray[np.bool_]
 Facts = NDArray[np.void]
@@ -97,15 +98,6 @@ class Outcome(IntEnum):
     """Halted at the end, and the robot never moved again while it was watched on."""
     ASTRAY = 5
     """Moving, but the goal was not reached while it was watched on either."""
-
-
-class Verdict(StrEnum):
-    """What a judge says of a case."""
-
-    PASS = "pass"
-    FAIL = "fail"
-    INCONCLUSIVE = "inconclusive"
-    ERROR = "error"
 
 
 VERDICT_OF = {

@@ -14,7 +14,7 @@ from parcours.report.pieces import Cell, Code, Column, Figure, Marked, Piece, Se
 from parcours.studies.paper.results import PaperResults
 from parcours.studies.ramp_components.model import component_model
 from parcours.studies.ramp_components.study import CASES_OF_PAPER, LIMITS, interaction_cases, interaction_of
-from parcours.verdict.navigation import Verdict
+from parcours.verdict.judgement import Verdict
 
 EXPECTED = {
     "ITP1": "10 ≤ size(trajectory) ≤ 500",

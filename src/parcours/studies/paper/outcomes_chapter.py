@@ -16,26 +16,18 @@ from parcours.report.pieces import (
 )
 from parcours.report.rates import shares
 from parcours.studies.paper.results import PaperResults
+from parcours.studies.ramp_system.campaigns import OUTCOME_WORDS
 from parcours.studies.ramp_system.published import TIME_LEFT_QUANTILES, total
+from parcours.verdict.judgement import Verdict
 from parcours.verdict.navigation import (
     VERDICT_OF,
     Outcome,
     Share,
-    Verdict,
     outcomes,
     published,
 )
 from parcours.verdict.navigation import shares as slices_of
 from parcours.verdict.statistics import Rate, compare_with_published, wilson
-
-OUTCOME_WORDS = {
-    Outcome.COLLIDED: "the moving robot touched an obstacle",
-    Outcome.REACHED: "goal reached in time",
-    Outcome.UNDER_WAY: "goal reached later",
-    Outcome.BLOCKED: "an obstacle rests on the goal",
-    Outcome.STUCK: "stopped for ever",
-    Outcome.ASTRAY: "moving, but never arrived",
-}
 
 
 def outcomes_chapter(results: PaperResults) -> Section:

@@ -5,16 +5,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from parcours.errors import BadResults
 from parcours.report.pieces import (
-    Replay,
     Section,
 )
-from parcours.studies.paper.results import PaperResults, SystemResults
-from parcours.verdict.facts import FACTS as BASE
+from parcours.studies.paper.results import PaperResults
+from parcours.studies.ramp_system.campaigns import SystemResults, replay
 from parcours.verdict.navigation import (
     Outcome,
-    explain,
     outcomes,
     published,
 )
@@ -50,38 +47,3 @@ def _first(*preferred: NDArray[np.bool_]) -> int | None:
         if flags.any():
             return int(np.flatnonzero(flags)[0])
     return None
-
-
-def replay(campaign: SystemResults, number: int, words: str = "") -> Replay:
-    """Return the replay of one case: a re-simulation, shown up to 3 s beyond its end.
-
-    Raises:
-        BadResults: the re-simulation differs from the facts that the campaign kept.
-    """
-    study = campaign.study
-    facts, track = study.track(number)
-    kept = campaign.facts[campaign.facts["number"] == number]
-    if [row[list(BASE.names or ())].tolist() for row in kept] != [facts[0][list(BASE.names or ())].tolist()]:
-        raise BadResults(
-            study.cases.id(number), "a replay must give the facts that were kept, but gives others",
-            "they were made by another version of Parcours, or changed; run the campaign anew", slug="replay-differs",
-        )  # fmt: skip
-    shown = track[track["time"] <= int(facts[0]["t_end"]) + 3_000_000_000]
-    schedule = study.parameters.schedule
-    title = f"{words}: {schedule}" if words else f"{study.cases.id(number)}, {schedule}"
-    return Replay(
-        title=title,
-        subtitle=f"{study.cases.id(number)}: {explain(facts[0])}",
-        times=shown["time"] * 1e-9,
-        x=shown["x"],
-        y=shown["y"],
-        heading=shown["heading"],
-        halted=shown["halted"] == 1,
-        obstacle_x=shown["obstacle_x"],
-        obstacle_y=shown["obstacle_y"],
-        robot_radius=study.parameters.robot_radius,
-        obstacle_radii=(study.cases.obstacle_radius,) * 3,
-        arena=(study.parameters.arena, study.parameters.arena),
-        goal=(2.0, 2.0),
-        goal_tolerance=0.2,
-    )

@@ -9,9 +9,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
-
 from parcours.run.campaign import run_campaign
 from parcours.run.store import create
 from parcours.studies.ramp_components.study import (
@@ -22,20 +19,12 @@ from parcours.studies.ramp_components.study import (
     run_functional,
     run_timing,
 )
+from parcours.studies.ramp_system.campaigns import SystemResults
 from parcours.studies.ramp_system.cases import PROTOCOLS, Protocol
-from parcours.studies.ramp_system.study import PUBLISHED_CASES, SCHEDULES, SystemStudy, system_study
+from parcours.studies.ramp_system.study import PUBLISHED_CASES, SCHEDULES, system_study
 
 Progress = Callable[[str, int, int], None]
 """Told (what, done, in all)."""
-
-
-@dataclass(frozen=True, slots=True)
-class SystemResults:
-    """One campaign: its study, the facts of its finished cases (array of FACTS, shape (n,)), and how many it plans."""
-
-    study: SystemStudy
-    facts: NDArray[np.void]
-    planned: int
 
 
 @dataclass(frozen=True, slots=True)

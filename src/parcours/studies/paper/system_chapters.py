@@ -22,8 +22,9 @@ from parcours.report.pieces import (
     Table,
 )
 from parcours.report.rates import intervals
-from parcours.studies.paper.results import PaperResults, SystemResults
+from parcours.studies.paper.results import PaperResults
 from parcours.studies.ramp_components.model import component_model
+from parcours.studies.ramp_system.campaigns import SystemResults
 from parcours.studies.ramp_system.cases import obstacle_model, start_cases
 from parcours.studies.ramp_system.facts import TRANSITIONS
 from parcours.studies.ramp_system.published import PUBLISHED, TIME_LEFT_QUANTILES

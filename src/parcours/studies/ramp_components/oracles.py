@@ -17,8 +17,7 @@ from parcours.planners.ramp.messages import (
 )
 from parcours.planners.ramp.population import SAME_PATH
 from parcours.run.gated import Execution
-from parcours.verdict.interaction import Judgement
-from parcours.verdict.navigation import Verdict
+from parcours.verdict.judgement import Judgement, Verdict
 
 Oracle = Callable[[Execution], Judgement]
 

@@ -13,7 +13,7 @@ from parcours.report.junit import CaseResult
 from parcours.report.pieces import Column, Table
 from parcours.report.writing import write_text
 from parcours.studies.ramp_components.study import CASES_OF_PAPER, Functional, Timing, interaction_of
-from parcours.verdict.navigation import Verdict
+from parcours.verdict.judgement import Verdict
 
 FILE = "components.json"
 _FORMAT = "components/1"
@@ -47,6 +47,11 @@ def timing_result(run: Timing) -> ComponentResult:
     return ComponentResult(
         run.case.id, interaction_of(run.case), str(judged.verdict), judged.why, run.limit, run.durations
     )
+
+
+def component_results(functional: Sequence[Functional], timing: Sequence[Timing]) -> list[ComponentResult]:
+    """Return the judged component cases, functional and timing."""
+    return [*map(functional_result, functional), *map(timing_result, timing)]
 
 
 def write_components(folder: Path, results: Sequence[ComponentResult]) -> None:

@@ -15,8 +15,8 @@ from parcours.studies.ramp_components.model import component_inputs, component_m
 from parcours.studies.ramp_components.oracles import ORACLES
 from parcours.studies.ramp_components.tester import ComponentTester
 from parcours.suite import Case, Plan, combine
-from parcours.verdict.interaction import Judgement, duration, within
-from parcours.verdict.navigation import Verdict
+from parcours.verdict.interaction import duration, within
+from parcours.verdict.judgement import Judgement, Verdict
 
 CASES_OF_PAPER = {"ITP1": 8, "ITP2": 8, "ITP3": 8, "ITP4": 12, "ITP5": 9, "ITP6": 15}
 """Executable cases per interaction test path (Table VIII), for function and for time each."""

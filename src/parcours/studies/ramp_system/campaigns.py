@@ -1,31 +1,50 @@
-"""Campaign folders -> results, tables and verdicts: what `parcours report` and `parcours replay` need."""
+"""Folders of system campaigns -> results, tables, replays and verdicts, for any report that shows them."""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import cast
 
 import numpy as np
+from numpy.typing import NDArray
 
 from parcours.errors import BadResults
 from parcours.planners.ramp.latency import Duration, Latencies
 from parcours.planners.ramp.parameters import Parameters
 from parcours.report.junit import CaseResult
-from parcours.report.pieces import Cell, Column, Figure, Marked, Page, Piece, Section, Table
+from parcours.report.pieces import Cell, Column, Figure, Marked, Page, Piece, Replay, Section, Table
 from parcours.report.rates import shares
 from parcours.run.store import open_results
-from parcours.studies.paper.outcomes_chapter import OUTCOME_WORDS
-from parcours.studies.paper.replays_chapter import replay
-from parcours.studies.paper.results import PaperResults, SystemResults
-from parcours.studies.ramp_components.results import ComponentResult, component_table, functional_result, timing_result
 from parcours.studies.ramp_system.cases import Protocol, SystemCases
 from parcours.studies.ramp_system.facts import FACTS
 from parcours.studies.ramp_system.study import SystemStudy
-from parcours.verdict.navigation import VERDICT_OF, Outcome, Share, Verdict, explain, outcomes, published
+from parcours.verdict.facts import FACTS as BASE
+from parcours.verdict.judgement import Verdict
+from parcours.verdict.navigation import VERDICT_OF, Outcome, Share, explain, outcomes, published
 from parcours.verdict.navigation import shares as slices_of
 from parcours.verdict.statistics import wilson
+
+OUTCOME_WORDS = {
+    Outcome.COLLIDED: "the moving robot touched an obstacle",
+    Outcome.REACHED: "goal reached in time",
+    Outcome.UNDER_WAY: "goal reached later",
+    Outcome.BLOCKED: "an obstacle rests on the goal",
+    Outcome.STUCK: "stopped for ever",
+    Outcome.ASTRAY: "moving, but never arrived",
+}
+"""Outcomes as a reader of tables meets them."""
+
+
+@dataclass(frozen=True, slots=True)
+class SystemResults:
+    """One campaign: its study, the facts of its finished cases (array of FACTS, shape (n,)), and how many it plans."""
+
+    study: SystemStudy
+    facts: NDArray[np.void]
+    planned: int
 
 
 def load_campaign(folder: Path) -> SystemResults:
@@ -116,6 +135,41 @@ def summary(result: SystemResults) -> dict[str, object]:
     }
 
 
+def replay(campaign: SystemResults, number: int, words: str = "") -> Replay:
+    """Return the replay of one case: a re-simulation, shown up to 3 s beyond its end.
+
+    Raises:
+        BadResults: the re-simulation differs from the facts that the campaign kept.
+    """
+    study = campaign.study
+    facts, track = study.track(number)
+    kept = campaign.facts[campaign.facts["number"] == number]
+    if [row[list(BASE.names or ())].tolist() for row in kept] != [facts[0][list(BASE.names or ())].tolist()]:
+        raise BadResults(
+            study.cases.id(number), "a replay must give the facts that were kept, but gives others",
+            "they were made by another version of Parcours, or changed; run the campaign anew", slug="replay-differs",
+        )  # fmt: skip
+    shown = track[track["time"] <= int(facts[0]["t_end"]) + 3_000_000_000]
+    schedule = study.parameters.schedule
+    title = f"{words}: {schedule}" if words else f"{study.cases.id(number)}, {schedule}"
+    return Replay(
+        title=title,
+        subtitle=f"{study.cases.id(number)}: {explain(facts[0])}",
+        times=shown["time"] * 1e-9,
+        x=shown["x"],
+        y=shown["y"],
+        heading=shown["heading"],
+        halted=shown["halted"] == 1,
+        obstacle_x=shown["obstacle_x"],
+        obstacle_y=shown["obstacle_y"],
+        robot_radius=study.parameters.robot_radius,
+        obstacle_radii=(study.cases.obstacle_radius,) * 3,
+        arena=(study.parameters.arena, study.parameters.arena),
+        goal=(2.0, 2.0),
+        goal_tolerance=0.2,
+    )
+
+
 def _pie(results: Mapping[str, SystemResults]) -> Figure:
     return shares(
         "How the tests ended", [str(share) for share in Share],
@@ -124,9 +178,9 @@ def _pie(results: Mapping[str, SystemResults]) -> Figure:
     )  # fmt: skip
 
 
-def campaigns_page(results: Mapping[str, SystemResults], components: Mapping[Path, Sequence[ComponentResult]]) -> Page:
-    """Return a page on campaigns and component studies: their outcomes, and replays of two failed cases each."""
-    pieces: list[Piece] = [component_table(found, f"Component cases, {name}") for name, found in components.items()]
+def campaigns_page(results: Mapping[str, SystemResults], first: Sequence[Piece] = ()) -> Page:
+    """Return a page on campaigns: the pieces given first, their outcomes, and replays of two failed cases each."""
+    pieces: list[Piece] = [*first]
     if results:
         pieces += [outcome_table(results), _pie(results)]
     for result in results.values():
@@ -143,8 +197,3 @@ def junit_results(results: Mapping[str, SystemResults]) -> Iterable[CaseResult]:
         for record, code in zip(result.facts, outcomes(result.facts), strict=True):
             case = f"{name}/{result.study.cases.id(int(record['number']))}"
             yield CaseResult(case, VERDICT_OF[Outcome(int(code))], float(record["t_end"]) * 1e-9, explain(record))
-
-
-def component_results(results: PaperResults) -> list[ComponentResult]:
-    """Return the judged component cases, functional and timing."""
-    return [*map(functional_result, results.functional), *map(timing_result, results.timing)]
