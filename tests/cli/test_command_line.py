@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 ROOT = Path(__file__).parents[2]
@@ -152,8 +154,6 @@ def test_a_demo_that_is_refused_leaves_the_report_that_is_there(tmp_path: Path) 
 
 
 def test_an_unfinished_campaign_says_so_and_misplaced_or_foreign_results_are_refused(tmp_path: Path) -> None:
-    import hashlib
-
     out = tmp_path / "results"
     parcours("run", "ramp_system", "--cases", "128", "--workers", "1", "--out", out)
     first, second = out / "shard-000000.npy", out / "shard-000001.npy"
@@ -166,6 +166,11 @@ def test_an_unfinished_campaign_says_so_and_misplaced_or_foreign_results_are_ref
     assert "results-order" in parcours("report", out, code=2)
     second.write_bytes(kept[0])
     sum_of_second.write_bytes(kept[1])
+    changed = np.load(first)
+    changed["travelled"] += 0.5
+    np.save(first, changed)
+    Path(f"{first}.sha256").write_text(f"{hashlib.sha256(first.read_bytes()).hexdigest()}  {first.name}\n")
+    assert "replay-differs" in parcours("replay", out, 3, "--html", tmp_path / "case.html", code=2)
     manifest = out / "campaign.json"
     manifest.write_text(manifest.read_text().replace('"seed": 1,', '"seed": 7,'))
-    assert "replay-differs" in parcours("replay", out, 3, "--html", tmp_path / "case.html", code=2)
+    assert "was changed since" in parcours("report", out, code=2)

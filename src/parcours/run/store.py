@@ -210,7 +210,8 @@ def create(folder: Path, campaign: Campaign) -> Store:
         if orphan is not None:
             rule = f"results need their {_MANIFEST}, but there is only {orphan.name}"
             raise BadResults(str(folder), rule, "name an empty folder", slug="results-manifest")
-        content = json.dumps(campaign.manifest(), indent=1, sort_keys=True, allow_nan=False) + "\n"
+        signed = {**campaign.manifest(), "sha256": _manifest_sum(campaign.manifest())}
+        content = json.dumps(signed, indent=1, sort_keys=True, allow_nan=False) + "\n"
         write_atomically(folder / _MANIFEST, content.encode())
         return Store(folder, campaign)
     store = open_results(folder)
@@ -224,6 +225,11 @@ def create(folder: Path, campaign: Campaign) -> Store:
     sweep(folder)
     store.verify()
     return store
+
+
+def _manifest_sum(document: Mapping[str, object]) -> str:
+    """Return the SHA-256 of a manifest's values, whatever their order and layout."""
+    return hashlib.sha256(json.dumps(document, sort_keys=True).encode()).hexdigest()
 
 
 def open_results(folder: Path) -> Store:
@@ -246,6 +252,10 @@ def open_results(folder: Path) -> Store:
     if version != FORMAT:
         rule = f"this version reads {FORMAT!r}, but the file says {version!r}"
         raise BadResults(str(path), rule, "use the version of Parcours that wrote it", slug="results-version")
+    noted = document.pop("sha256", None)
+    if noted != _manifest_sum(document):
+        rule = "must have the SHA-256 it notes, but was changed since it was written"
+        raise BadResults(str(path), rule, "run the campaign into a new folder", slug="results-manifest")
     try:
         campaign = Campaign(
             study=_text(document["study"]),
