@@ -59,6 +59,19 @@ class HostFailure(ParcoursError):
     """A host could not run what it was given: a component is missing, or broke the port's contract."""
 
 
+def require_known(given: str, known: Sequence[str], what: str, *, slug: str) -> None:
+    """Raise BadRequest unless `given` is among the known names of `what`.
+
+    >>> require_known("hubb", ["hub", "all-states"], "serialization policy", slug="unknown-policy")
+    Traceback (most recent call last):
+    parcours.errors.BadRequest: serialization policy: must be a known name, but 'hubb' was given; did you mean 'hub'? \
+Known: hub, all-states [unknown-policy]
+    """
+    if given not in known:
+        rule = f"must be a known name, but {given!r} was given"
+        raise BadRequest(what, rule, one_of(given, known), slug=slug)
+
+
 def one_of(given: str, known: Sequence[str]) -> str:
     """Return the remedy that lists what may be named, nearest first.
 

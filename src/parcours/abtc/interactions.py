@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
 
-from parcours.errors import BadRequest, one_of
+from parcours.errors import require_known
 from parcours.model.structure import ENVIRONMENT, Cefsm, Channel
 
 TOGETHER = "together"
@@ -149,11 +149,5 @@ def interaction_paths(cefsm: Cefsm, criterion: str | None = None) -> tuple[Inter
     if criterion is None:
         chosen = ["EPC", "SPC"] if component_graph(cefsm) else [TOGETHER]
         return tuple(path for name in chosen for path in CRITERIA[name](cefsm))
-    if criterion not in CRITERIA:
-        raise BadRequest(
-            "interaction criterion",
-            f"must be a known name, but {criterion!r} was given",
-            one_of(criterion, list(CRITERIA)),
-            slug="unknown-interaction-criterion",
-        )
+    require_known(criterion, list(CRITERIA), "interaction criterion", slug="unknown-interaction-criterion")
     return CRITERIA[criterion](cefsm)

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from parcours.errors import BadRequest, one_of
+from parcours.errors import require_known
 from parcours.paths.internal import InternalPath
 
 
@@ -82,11 +82,5 @@ def policy(name: str = DEFAULT) -> Policy:
     >>> policy().marks(path, False), policy("before-return").marks(path, False)
     ((0, 1, 2), (0, 1))
     """
-    if name not in POLICIES:
-        raise BadRequest(
-            "serialization policy",
-            f"must be a known name, but {name!r} was given",
-            one_of(name, list(POLICIES)),
-            slug="unknown-policy",
-        )
+    require_known(name, list(POLICIES), "serialization policy", slug="unknown-policy")
     return POLICIES[name]

@@ -11,7 +11,7 @@ import numpy as np
 
 from parcours.kernels import kernel
 
-NOBODY, ROBOT_CLOSED, OBSTACLE_CLOSED, BOTH_CLOSED = 0, 1, 2, 3
+ROBOT_CLOSED, OBSTACLE_CLOSED, BOTH_CLOSED = 1, 2, 3
 """Who closed the gap at a contact."""
 
 AT_REST = 0.01

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parcours.data.streams import ROWS, starts, uniforms
-from parcours.errors import BadRequest, one_of
+from parcours.errors import BadRequest, require_known
 
 LARGEST_LISTING = 1_000_000
 """Most rows that are listed without being asked for by number."""
@@ -92,13 +92,7 @@ def select(criterion: str, sizes: Sequence[int], numbers: NDArray[np.int64] | No
 
 
 def _found(criterion: str, sizes: Sequence[int]) -> Criterion:
-    if criterion not in CRITERIA:
-        raise BadRequest(
-            "combination criterion",
-            f"a criterion must be known, but {criterion!r} is not",
-            one_of(criterion, list(CRITERIA)),
-            slug="unknown-criterion",
-        )
+    require_known(criterion, list(CRITERIA), "combination criterion", slug="unknown-criterion")
     if not sizes or min(sizes) < 1:
         raise BadRequest(
             "combination criterion",

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
-from parcours.errors import BadRequest, one_of
+from parcours.errors import require_known
 from parcours.model.structure import Machine, Transition
 
 
@@ -99,11 +99,5 @@ def requirements(machine: Machine, criterion: str = "edge") -> tuple[Requirement
     >>> [str(requirement) for requirement in requirements(lamp, "edge-pair")]
     ['t1 t2', 't2 t1']
     """
-    if criterion not in CRITERIA:
-        raise BadRequest(
-            "coverage criterion",
-            f"must be a known name, but {criterion!r} was given",
-            one_of(criterion, list(CRITERIA)),
-            slug="unknown-criterion",
-        )
+    require_known(criterion, list(CRITERIA), "coverage criterion", slug="unknown-criterion")
     return CRITERIA[criterion](machine)

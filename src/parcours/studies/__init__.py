@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from parcours.errors import BadRequest, one_of
+from parcours.errors import require_known
 
 if TYPE_CHECKING:
     from parcours.suite import Case
@@ -16,13 +16,7 @@ STUDIES = ("ramp_components", "ramp_system")
 
 def check_study(name: str) -> None:
     """Raise BadRequest unless `name` is a study."""
-    if name not in STUDIES:
-        raise BadRequest(
-            "study",
-            f"a study must be known, but {name!r} is not",
-            one_of(name, STUDIES),
-            slug="unknown-study",
-        )
+    require_known(name, list(STUDIES), "study", slug="unknown-study")
 
 
 def suite_of(name: str, *, seed: int, n_cases: int | None = None) -> Iterator[Case]:

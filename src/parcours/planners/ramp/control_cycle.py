@@ -117,6 +117,21 @@ def entry_kind(planner: Record, i: int, best: int) -> int:
 
 
 @kernel
+def adapt(planner: Record, best: int, now: int, parameters: Record) -> tuple[bool, int]:
+    """Decide on the halt and re-anchor the population.
+
+    Returns:
+        (whether the members need new trajectories, the index of the one that goes on without; -1 for none).
+    """
+    if clears(planner, now, parameters):
+        planner.halted = 0
+    if planner.halted:
+        return rest(planner, now, parameters), -1
+    goes_on = re_anchor(planner, best, parameters)
+    return True, best if goes_on else -1
+
+
+@kernel
 def control_cycle(planner: Record, predictions: Record, now: int, parameters: Record) -> bool:
     """Run one whole control cycle. Afterwards moving_on is what to publish and t_next says when the next one is due.
 
@@ -125,15 +140,9 @@ def control_cycle(planner: Record, predictions: Record, now: int, parameters: Re
     """
     best = commit(planner, now, parameters)
     evaluate_moving_on(planner, predictions, now, parameters)
-    if clears(planner, now, parameters):
-        planner.halted = 0
-    goes_on, anew = False, True
-    if planner.halted:
-        anew = rest(planner, now, parameters)
-    else:
-        goes_on = re_anchor(planner, best, parameters)
+    anew, kept = adapt(planner, best, now, parameters)
     for i in range(planner.n):
-        if anew and not (i == best and goes_on):
+        if anew and i != kept:
             member = planner.members[i]
             generate_from_switch(planner, member.path, entry_kind(planner, i, best), member.trajectory, parameters)
             member.trajectory.id = member.id

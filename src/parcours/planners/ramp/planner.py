@@ -14,7 +14,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from parcours.kernels import Record
-from parcours.planners.ramp.control_cycle import clears, commit, entry_kind, is_at_rest, re_anchor, rest
+from parcours.planners.ramp.control_cycle import adapt, commit, entry_kind, is_at_rest
 from parcours.planners.ramp.guard import GUARD_PERIOD, evaluate_moving_on, is_imminent, note_moving_on, window
 from parcours.planners.ramp.messages import (
     PATH,
@@ -324,17 +324,11 @@ class Planner:
         """Decide on the halt and ask for the members' new trajectories."""
         planner, parameters = self._planner, self._parameters
         was_halted = bool(planner.halted)
-        if clears(planner, now, parameters):
-            planner.halted = 0
-        goes_on, anew = False, True
-        if planner.halted:
-            anew = rest(planner, now, parameters)
-        else:
-            goes_on = re_anchor(planner, self._best, parameters)
+        anew, kept = adapt(planner, self._best, now, parameters)
         sends: list[tuple[str, object]] = []
         if was_halted != bool(planner.halted) or (parameters.schedule == ORIGINAL and not planner.halted):
             sends.append(("imminent_collision", bool(planner.halted)))
-        self._asked_members = [i for i in range(planner.n) if anew and not (i == self._best and goes_on)]
+        self._asked_members = [i for i in range(planner.n) if anew and i != kept]
         if self._asked_members:
             ways = [(planner.members[i].path, entry_kind(planner, i, self._best)) for i in self._asked_members]
             sends.append(("trajectory_request", self._way_request(tag, ways)))

@@ -20,7 +20,7 @@ from parcours.abtc import AbstractCase, abstract_cases
 from parcours.arena.obstacles import OBSTACLE
 from parcours.data import Constraint, InputModel, draw, parse_input_model
 from parcours.elementary import PI, atan2
-from parcours.errors import BadRequest, one_of
+from parcours.errors import BadRequest, require_known
 from parcours.kernels import Record, kernel
 from parcours.model import parse_model
 from parcours.model.expression import parse_expression
@@ -86,12 +86,7 @@ class SystemCases:
     obstacle_radius: float = 0.1
 
     def __post_init__(self) -> None:
-        if self.protocol not in PROTOCOLS:
-            raise BadRequest(
-                "protocol", f"it must be known, but {self.protocol!r} is not", one_of(self.protocol, PROTOCOLS),
-                slug="unknown-protocol",
-            )  # fmt: skip
-
+        require_known(self.protocol, PROTOCOLS, "protocol", slug="unknown-protocol")
         for name in ("robot_radius", "obstacle_radius"):
             radius = getattr(self, name)
             if not 0.0 < radius <= 0.5:

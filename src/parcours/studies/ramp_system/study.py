@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import parcours
-from parcours.errors import BadRequest, one_of
+from parcours.errors import require_known
 from parcours.kernels import Record, kernel
 from parcours.planners.ramp.latency import Latencies
 from parcours.planners.ramp.messages import OBSTACLE_STATE, PREDICTION, one
@@ -166,9 +166,7 @@ def system_study(
     Raises:
         BadRequest: schedule or protocol is unknown, or a radius is out of range.
     """
-    if schedule not in SCHEDULES:
-        remedy = one_of(schedule, SCHEDULES)
-        raise BadRequest("schedule", f"it must be known, but {schedule!r} is not", remedy, slug="unknown-schedule")
+    require_known(schedule, SCHEDULES, "schedule", slug="unknown-schedule")
     cases = SystemCases(seed, protocol, radius, obstacle_radius)
     make = original if schedule == "original" else guarded
     return SystemStudy(cases, make(robot_radius=radius))
