@@ -14,6 +14,7 @@ from parcours.model.nodes import is_identifier, is_label
 from parcours.model.scope import Scopes, variable_type
 from parcours.model.structure import (
     BASE_TYPES,
+    CLOCK,
     ENVIRONMENT,
     Cefsm,
     Component,
@@ -22,6 +23,7 @@ from parcours.model.structure import (
     Variable,
 )
 from parcours.model.suspicion import suspicions
+from parcours.model.temporal import temporal_findings
 
 
 def findings(cefsm: Cefsm, origin: str = "") -> list[Finding]:
@@ -40,7 +42,7 @@ def findings(cefsm: Cefsm, origin: str = "") -> list[Finding]:
     """
     check = _Check(cefsm, origin or cefsm.source or cefsm.name)
     check.everything()
-    found = check.findings
+    found = [*check.findings, *temporal_findings(cefsm, check.origin)]
     if all(finding.rule not in ("duplicate", "name") for finding in found):
         found += suspicions(cefsm, check.origin, check.unsound)
     return sorted(found, key=lambda finding: (finding.line, finding.rule, finding.message))
@@ -57,6 +59,7 @@ class _Check:
         self.classes = self.scopes.classes
         self.channels = {channel.name: channel for channel in cefsm.channels}
         self.components = [component.name for component in cefsm.components]
+        self.lonely = {component.name for component in cefsm.components if len(component.machines) == 1}
 
     def error(self, line: int, rule: str, message: str, remedy: str = "") -> None:
         self.findings.append(Finding(self.origin, line, "error", rule, message, remedy))
@@ -150,8 +153,8 @@ class _Check:
             if channel.message not in self.classes:
                 rule = f"channel {channel.name!r} must carry a message class, but {channel.message!r} is none"
                 self.error(channel.line, "unknown-message", rule, self.advice(channel.message, list(self.classes)))
-            if channel.capacity == 0 and channel.sender == channel.receiver:
-                rule = f"a rendezvous joins two components, but {channel.name!r} has both ends at one"
+            if channel.capacity == 0 and channel.sender == channel.receiver and channel.sender in self.lonely:
+                rule = f"a rendezvous joins two machines, but {channel.name!r} has both ends at one"
                 self.error(channel.line, "rendezvous", rule, "give the channel a capacity")
             if channel.capacity < 0:
                 rule = f"the capacity of channel {channel.name!r} must be 0 or more, but is {channel.capacity}"
@@ -175,7 +178,9 @@ class _Check:
 
     def variable(self, component: Component, variable: Variable) -> None:
         what = f"variable '{component.name}.{variable.name}'"
-        known = [*BASE_TYPES, *self.classes]
+        known = [*BASE_TYPES, CLOCK, *self.classes]
+        if variable.type == CLOCK:
+            return
         if variable.type not in known:
             rule = f"{what} must have a base type or a message class, but is {variable.type!r}"
             self.error(variable.line, "unknown-message", rule, self.advice(variable.type, known))

@@ -14,6 +14,8 @@ WIDTH = 110
 def predicate(transition: Transition) -> str:
     """Return the predicate of a transition as the paper prints it: (event/[guard]/actions/messages).
 
+    Its duration follows, if it has one: `(-/-/-/-) within [0.005, 0.05] s`.
+
     >>> from parcours.model.expression import Name
     >>> print(predicate(Transition("p24", "generating", "sending", guard=Name("done"))))
     (-/[done]/-/-)
@@ -24,7 +26,8 @@ def predicate(transition: Transition) -> str:
     guard = "-" if transition.guard is None else f"[{transition.guard}]"
     actions = "; ".join(map(str, transition.actions)) or "-"
     sends = "; ".join(f"{send.channel}({', '.join(map(str, send.payload))})" for send in transition.sends) or "-"
-    return f"({event}/{guard}/{actions}/{sends})"
+    within = "" if transition.duration is None else " within [{:g}, {:g}] s".format(*transition.duration)
+    return f"({event}/{guard}/{actions}/{sends}){within}"
 
 
 def to_text(cefsm: Cefsm) -> str:
@@ -65,7 +68,10 @@ def to_text(cefsm: Cefsm) -> str:
             said = ", ".join(f"{each.name}: {each.type}" + _note(each.role) for each in component.variables)
             lines += textwrap.wrap(f"variables {said}", WIDTH, initial_indent="  ", subsequent_indent="    ")
         for machine in component.machines:
-            lines += [f"  {machine.name}, starts in {machine.initial}", *_machine_table(machine)]
+            ends = f", may end in {', '.join(machine.final)}" if machine.final else ""
+            lines += textwrap.wrap(f"{machine.name}, starts in {machine.initial}{ends}", WIDTH, initial_indent="  ")
+            lines += textwrap.wrap(_invariants(machine), WIDTH, initial_indent="    ", subsequent_indent="      ")
+            lines += _machine_table(machine)
     if cefsm.channels:
         rows = [
             (each.name, each.sender, each.receiver, each.message, each.topic or "-", str(each.capacity))
@@ -130,6 +136,11 @@ def _dot_machine(machine: Machine, prefix: str, indent: str) -> list[str]:
 
 def _quoted(text: str) -> str:
     return '"' + text.replace("\\", "\\\\").replace('"', '\\"').replace("\n", "\\n") + '"'
+
+
+def _invariants(machine: Machine) -> str:
+    said = ", ".join(f"{condition} in {state}" for state, condition in machine.invariants)
+    return f"invariants: {said}" if said else ""
 
 
 def _machine_table(machine: Machine) -> list[str]:

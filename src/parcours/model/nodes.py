@@ -126,6 +126,16 @@ class NodeReader:
         self.add(node, "value", f"{what} must be an integer from {low} to {high}, but is {shown(node)}")
         return max(low, 0)
 
+    def number(self, node: Node, what: str) -> float:
+        """Return a number that is not negative, `inf` among them."""
+        text = node.text if isinstance(node, Scalar) else ""
+        if text in ("inf", ".inf"):
+            return math.inf
+        if len(text) <= 400 and _REAL.fullmatch(text) and 0 <= float(text) < math.inf:
+            return float(text)
+        self.add(node, "value", f"{what} must be a number, 0 or more, or inf, but is {shown(node)}")
+        return 0.0
+
     def constant(self, node: Node, type_: str, what: str) -> object:
         """Return the value of a base type that a scalar writes, or None."""
         if type_ not in BASE_TYPES:

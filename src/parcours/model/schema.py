@@ -6,9 +6,9 @@ from typing import Literal, cast
 
 from parcours.errors import BadModel
 from parcours.model.documents import Node, Scalar
-from parcours.model.expression import Name, parse_actions, parse_calls, parse_expression
+from parcours.model.expression import Expression, Name, parse_actions, parse_calls, parse_expression
 from parcours.model.expression.evaluation import INTEGER_LIMIT
-from parcours.model.nodes import NodeReader
+from parcours.model.nodes import NodeReader, shown
 from parcours.model.structure import (
     Cefsm,
     Channel,
@@ -165,7 +165,7 @@ class SchemaReader(NodeReader):
     def machine(self, name: str, node: Node, line: int) -> Machine:
         """Return a machine; its states stand in order of appearance unless they are listed."""
         what = f"machine {name!r}"
-        items = self.record(node, what, ("initial", "transitions"), ("states",))
+        items = self.record(node, what, ("initial", "transitions"), ("states", "final", "invariants"))
         initial = self.label(items.get("initial"), f"'initial' of {what}")
         entries = self.entries(items.get("transitions"), f"transitions of {name!r}", self.label)
         transitions = tuple(self.transition(*entry) for entry in entries)
@@ -175,12 +175,28 @@ class SchemaReader(NodeReader):
         else:
             ends = [state for transition in transitions for state in (transition.source, transition.target)]
             states = tuple(dict.fromkeys([initial, *ends]))
-        return Machine(name, initial, states, transitions, line)
+        final = self.listed(items.get("final"), f"'final' of {what}")
+        invariants = self.entries(items.get("invariants"), f"invariants of {name!r}", self.label)
+        read = ((state, self.condition(condition, state)) for state, condition, _ in invariants)
+        return Machine(
+            name,
+            initial,
+            states,
+            transitions,
+            final=tuple(self.label(state, f"a final state of {what}") for state in final),
+            invariants=tuple((state, condition) for state, condition in read if condition is not None),
+            line=line,
+        )
+
+    def condition(self, node: Node, state: str) -> Expression | None:
+        """Return the invariant of a state."""
+        return self.parsed(node, f"invariant of {state!r}", parse_expression, None)
 
     def transition(self, id: str, node: Node, line: int) -> Transition:
         """Return a transition."""
         what = f"transition {id!r}"
-        items = self.record(node, what, ("from", "to"), ("event", "guard", "action", "message"))
+        optional = ("event", "guard", "action", "message", "duration", "weight")
+        items = self.record(node, what, ("from", "to"), optional)
         return Transition(
             id,
             self.label(items.get("from"), f"'from' of {what}"),
@@ -189,8 +205,21 @@ class SchemaReader(NodeReader):
             self.parsed(items.get("guard"), f"guard of {id!r}", parse_expression, None),
             self.parsed(items.get("action"), f"action of {id!r}", parse_actions, ()),
             self.parsed(items.get("message"), f"message of {id!r}", _sends, ()),
+            self.duration(items.get("duration"), what),
+            self.number(items["weight"], f"'weight' of {what}") if "weight" in items else 1.0,
             line,
         )
+
+    def duration(self, node: Node | None, what: str) -> tuple[float, float] | None:
+        """Return least and most [s]."""
+        ends = self.listed(node, f"'duration' of {what}")
+        if node is None:
+            return None
+        if len(ends) != 2:
+            self.add(node, "duration", f"'duration' of {what} must be [least, most] in seconds, but is {shown(node)}")
+            return None
+        least, most = (self.number(end, f"an end of the duration of {what}") for end in ends)
+        return least, most
 
 
 def _event(text: str, where: str) -> Receive:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections import ChainMap
 from collections.abc import Mapping, Sequence
 
-from parcours.model.expression.typing import Type
-from parcours.model.structure import BASE_TYPES, Cefsm, Field, Transition, Variable
+from parcours.model.expression.typing import REAL, Type
+from parcours.model.structure import BASE_TYPES, CLOCK, Cefsm, Field, Transition, Variable
 
 Classes = Mapping[str, Mapping[str, Type]]
 """The fields of each message class, with their types."""
@@ -31,14 +31,16 @@ def _field_type(field: Field) -> Type:
 
 
 def variable_type(variable: Variable) -> Type:
-    """Return the type of a variable; that of an enumeration carries its values."""
+    """Return the type of a variable; that of an enumeration carries its values, that of a clock is real."""
+    if variable.type == CLOCK:
+        return REAL
     if variable.type != "enum":
         return Type(variable.type)
     return Type("enum", tuple(str(value) for value in variable.domain))
 
 
 def is_computed(variable: Variable) -> bool:
-    """Return whether the variable has a value; one of a message class is carried, not computed."""
+    """Return whether the model computes its value; a message is carried, and a clock goes by itself."""
     return variable.type in BASE_TYPES
 
 

@@ -155,6 +155,8 @@ class Steps:
         partner = self._site(after, move.partner, move)
         if partner.transition.event is None or partner.transition.event.channel != met[0]:
             raise _impossible(move, f"{move.partner!r} does not receive {met[0]!r}")
+        if partner.slot == site.slot:
+            raise _impossible(move, f"{move.transition!r} and {move.partner!r} are of one machine")
         return self._fire(after, partner, met[1], move)[0]
 
     def _at(self, configuration: Configuration) -> Iterator[Site]:
@@ -205,7 +207,9 @@ class Steps:
             after, met = self._fire(configuration, site, arrived, move)
             for partner in self._at(configuration):
                 event = partner.transition.event
-                if met is None or event is None or event.channel != met[0] or not self._has_room(after, partner):
+                if met is None or event is None or event.channel != met[0] or partner.slot == site.slot:
+                    continue
+                if not self._has_room(after, partner):
                     continue
                 for reply in self.choices.of(after, partner, met[1], given.get(partner.component, {})):
                     inputs = tuple(sorted({*move.inputs, *_qualified(partner, reply)}, key=lambda pair: pair[0]))

@@ -19,6 +19,9 @@ ENVIRONMENT = "environment"
 BASE_TYPES = ("bool", "int", "real", "enum", "text")
 """The value types that guards compute with; any other names a message class and is carried, not computed."""
 
+CLOCK = "clock"
+"""The type of a variable that grows with time [s]; actions may set it, guards and invariants compare it."""
+
 
 @dataclass(frozen=True, slots=True)
 class Field:
@@ -62,7 +65,7 @@ class Variable:
     """A variable of a component, its initial value and its finite domain, if it has one.
 
     An `input` variable is set by the environment at will (a monitored variable); a `local` one only by
-    actions.
+    actions. One of type `clock` starts at 0 s and grows with time; untimed, it may have any value.
     """
 
     name: str
@@ -92,7 +95,11 @@ class Send:
 
 @dataclass(frozen=True, slots=True)
 class Transition:
-    """A transition with its predicate event/[guard]/actions/messages. `id` is the paper's name, e.g. p22."""
+    """A transition with its predicate event/[guard]/actions/messages. `id` is the paper's name, e.g. p22.
+
+    `duration` bounds the time [s] from entering the source state to reaching the target, (least, most); None
+    if the model says nothing. `weight` is how likely a weighted walk takes it beside its rivals.
+    """
 
     id: str
     source: str
@@ -101,6 +108,8 @@ class Transition:
     guard: Expression | None = None
     actions: tuple[Assignment | Call, ...] = ()
     sends: tuple[Send, ...] = ()
+    duration: tuple[float, float] | None = None
+    weight: float = 1.0
     line: int = field(default=0, compare=False)
 
     @property
@@ -111,12 +120,18 @@ class Transition:
 
 @dataclass(frozen=True, slots=True)
 class Machine:
-    """One extended finite state machine. States and transitions keep the order of the file."""
+    """One extended finite state machine. States and transitions keep the order of the file.
+
+    `final` are the states where a test may end; empty leaves it to the graph. `invariants` are (state,
+    condition on clocks): the state must be left before its condition fails.
+    """
 
     name: str
     initial: str
     states: tuple[str, ...]
     transitions: tuple[Transition, ...]
+    final: tuple[str, ...] = ()
+    invariants: tuple[tuple[str, Expression], ...] = ()
     line: int = field(default=0, compare=False)
 
 

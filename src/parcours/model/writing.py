@@ -78,6 +78,11 @@ def _machine(machine: Machine) -> list[str]:
     ends = [state for transition in machine.transitions for state in (transition.source, transition.target)]
     if machine.states != tuple(dict.fromkeys([machine.initial, *ends])):
         lines.append(f"        states: [{', '.join(map(_text, machine.states))}]")
+    if machine.final:
+        lines.append(f"        final: [{', '.join(map(_text, machine.final))}]")
+    if machine.invariants:
+        lines.append("        invariants:")
+    lines += [f"          {_text(state)}: {_text(str(condition))}" for state, condition in machine.invariants]
     empty = "" if machine.transitions else " {}"
     lines.append(f"        transitions:{empty}")
     lines += [f"          {_text(transition.id)}: {_transition(transition)}" for transition in machine.transitions]
@@ -131,6 +136,10 @@ def _transition(transition: Transition) -> str:
     if transition.sends:
         said = [f"{send.channel}({', '.join(map(str, send.payload))})" for send in transition.sends]
         pairs.append(("message", _text("; ".join(said))))
+    if transition.duration is not None:
+        pairs.append(("duration", f"[{', '.join(map(repr, transition.duration))}]"))
+    if transition.weight != 1:
+        pairs.append(("weight", repr(transition.weight)))
     return _flow(pairs)
 
 

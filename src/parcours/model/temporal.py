@@ -1,0 +1,103 @@
+"""The time that a model speaks of -> what is wrong with it: clocks, durations, invariants, weights."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+from parcours.errors import BadModel
+from parcours.model.expression import BOOL, Assignment, Expression, Literal, names, type_of
+from parcours.model.finding import Finding, advice
+from parcours.model.scope import Scopes
+from parcours.model.structure import CLOCK, Cefsm, Component, Machine, Transition
+
+
+def temporal_findings(cefsm: Cefsm, origin: str) -> Iterator[Finding]:
+    """Yield the errors in what a model says about time.
+
+    Args:
+        cefsm: any model.
+        origin: what to call the file.
+
+    >>> from parcours.model.structure import Component
+    >>> hasty = Machine("light", "off", ("off",), (Transition("tick", "off", "off", duration=(2.0, 1.0)),))
+    >>> for finding in temporal_findings(Cefsm("lamp", (Component("Lamp", (hasty,)),)), "lamp.yaml"):
+    ...     print(finding)
+    lamp.yaml: error: the duration of 'tick' must be [least, most] with 0 <= least <= most, but is [2.0, 1.0] s ...
+    """
+    check = _Check(cefsm, origin)
+    for component in cefsm.components:
+        yield from check.clocks(component)
+        for machine in component.machines:
+            yield from check.machine(component, machine)
+            for transition in machine.transitions:
+                yield from check.transition(component, transition)
+
+
+class _Check:
+    def __init__(self, cefsm: Cefsm, origin: str) -> None:
+        self.origin, self.scopes = origin, Scopes(cefsm)
+
+    def error(self, line: int, slug: str, rule: str, remedy: str = "") -> Finding:
+        return Finding(self.origin, line, "error", slug, rule, remedy)
+
+    def clocks(self, component: Component) -> Iterator[Finding]:
+        for clock in component.variables:
+            what = f"clock '{component.name}.{clock.name}'"
+            if clock.type == CLOCK and (clock.role != "local" or clock.initial is not None or clock.domain):
+                rule = f"{what} starts at 0 s and goes by itself, but has a role, an initial value or a domain"
+                yield self.error(clock.line, "clock", rule, "declare it as {type: clock}")
+
+    def machine(self, component: Component, machine: Machine) -> Iterator[Finding]:
+        for state in dict.fromkeys([*machine.final, *(state for state, _ in machine.invariants)]):
+            if state not in machine.states:
+                rule = f"{state!r} must be a state of {machine.name!r}, but is not among its states"
+                yield self.error(machine.line, "unknown-state", rule, advice(state, machine.states, ()))
+        for state, condition in machine.invariants:
+            yield from self.invariant(component, machine, state, condition)
+
+    def invariant(self, component: Component, machine: Machine, state: str, condition: Expression) -> Iterator[Finding]:
+        where = f"invariant of {state!r}"
+        clocks = {variable.name for variable in component.variables if variable.type == CLOCK}
+        if foreign := sorted(names(condition) - clocks):
+            rule = f"{where}: an invariant reads clocks and constants only, but this one reads {', '.join(foreign)}"
+            yield self.error(machine.line, "invariant", rule, "say it in the guards of the transitions that enter")
+            return
+        try:
+            given = type_of(condition, self.scopes.types(component.name), self.scopes.classes, where)
+        except BadModel as error:
+            yield self.error(machine.line, error.slug, f"{where}: {error.rule}", error.remedy)
+            return
+        if given != BOOL:
+            yield self.error(machine.line, "type", f'{where}: it must be bool, but "{condition}" is {given}')
+
+    def transition(self, component: Component, transition: Transition) -> Iterator[Finding]:
+        if transition.duration is not None:
+            least, most = transition.duration
+            if not 0 <= least <= most or math.isinf(least):
+                rule = f"the duration of {transition.id!r} must be [least, most] with 0 <= least <= most"
+                yield self.error(transition.line, "duration", f"{rule}, but is [{least}, {most}] s")
+        if not 0 <= transition.weight < math.inf:
+            rule = f"the weight of {transition.id!r} must be 0 or more, but is {transition.weight}"
+            yield self.error(transition.line, "value", rule)
+        clocks = {variable.name for variable in component.variables if variable.type == CLOCK}
+        for action in transition.actions:
+            if isinstance(action, Assignment) and action.target in clocks:
+                if not _is_instant(action.value):
+                    rule = f"a clock is set to a number of 0 or more, but {transition.id!r} does {str(action)!r}"
+                    yield self.error(transition.line, "clock", rule, f"write {action.target} := 0")
+                continue
+            said = (action.value,) if isinstance(action, Assignment) else action.arguments
+            yield from self.unread(transition, clocks, said)
+        for send in transition.sends:
+            yield from self.unread(transition, clocks, send.payload)
+
+    def unread(self, transition: Transition, clocks: set[str], said: tuple[Expression, ...]) -> Iterator[Finding]:
+        for clock in sorted(clocks & {name for value in said for name in names(value)}):
+            rule = f"only guards and invariants read a clock, but an action or message of {transition.id!r} reads"
+            yield self.error(transition.line, "clock", f"{rule} {clock!r}", "compare it in a guard")
+
+
+def _is_instant(value: Expression) -> bool:
+    number = value.value if isinstance(value, Literal) else None
+    return isinstance(number, int | float) and not isinstance(number, bool) and 0 <= number < math.inf
