@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from parcours.errors import BadRequest
 from parcours.model.structure import Cefsm, Component, Machine, Transition
 from parcours.paths import CRITERIA, cover, internal_paths, measure, requirements
-from parcours.paths.covering import final_states
+from parcours.paths.graph import graph_of
 
 
 @st.composite
@@ -21,6 +21,11 @@ def machines(draw: st.DrawFn, most_states: int = 5, most_transitions: int = 9) -
     arcs = [("s0", draw(st.sampled_from(states))), *rest]
     transitions = tuple(Transition(f"t{number}", a, b) for number, (a, b) in enumerate(arcs))
     return Machine("m", "s0", tuple(states), transitions)
+
+
+def final_states(machine: Machine) -> tuple[str, ...]:
+    graph = graph_of(machine)
+    return tuple(graph.states[state] for state in graph.finals)
 
 
 def cheapest(machine: Machine, criterion: str) -> tuple[int, int]:

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from parcours.model.structure import Machine
+from parcours.model.structure import Machine, Transition
+
+Walk = tuple[int, ...]
+"""Edges of a graph, one after the other."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -36,3 +40,63 @@ class Graph:
         for edge, source in enumerate(self.sources.tolist()):
             found[source].append(edge)
         return found
+
+
+def graph_of(machine: Machine) -> Graph:
+    """Return the graph of what a machine can reach from its initial state; guards are not looked at.
+
+    States are numbered by distance from the initial one, ties in file order; edges keep the order of the file.
+    A path may end in the `final` states of the machine, and wherever none of them can be reached any more. If the
+    machine names none, it may end in the initial state if every state leads back there, and else in those that
+    do not.
+
+    >>> fuse = Machine("fuse", "whole", ("whole", "blown"), (Transition("t1", "whole", "blown"),))
+    >>> graph_of(fuse).states, graph_of(fuse).finals
+    (('whole', 'blown'), (1,))
+    """
+    leaving: dict[str, list[Transition]] = {}
+    for transition in machine.transitions:
+        leaving.setdefault(transition.source, []).append(transition)
+    number = {machine.initial: 0}
+    queue = [machine.initial]
+    for state in queue:
+        for transition in leaving.get(state, ()):
+            if transition.target not in number:
+                number[transition.target] = len(number)
+                queue.append(transition.target)
+    edges = [transition for transition in machine.transitions if transition.source in number]
+    sources = [number[transition.source] for transition in edges]
+    targets = [number[transition.target] for transition in edges]
+    back = stranded(len(number), sources, targets, [0])
+    if machine.final:
+        ends = [number[state] for state in machine.final if state in number]
+        finals = tuple(sorted({*ends, *stranded(len(number), sources, targets, ends)}))
+    else:
+        finals = back or (0,)
+    return Graph(
+        machine.name,
+        tuple(number),
+        tuple(transition.id for transition in edges),
+        np.array(sources, dtype=np.int64),
+        np.array(targets, dtype=np.int64),
+        finals,
+    )
+
+
+def stranded(n_states: int, sources: Sequence[int], targets: Sequence[int], ends: Iterable[int]) -> tuple[int, ...]:
+    """Return the states from which no path leads to one of the `ends`, ascending.
+
+    >>> stranded(3, [0, 0], [1, 2], ends=[1])
+    (2,)
+    """
+    entering: list[list[int]] = [[] for _ in range(n_states)]
+    for source, target in zip(sources, targets, strict=True):
+        entering[target].append(source)
+    queue = list(ends)
+    returning = set(queue)
+    for state in queue:
+        for source in entering[state]:
+            if source not in returning:
+                returning.add(source)
+                queue.append(source)
+    return tuple(state for state in range(n_states) if state not in returning)

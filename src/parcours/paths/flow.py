@@ -1,0 +1,162 @@
+"""Arcs with least passages -> the cheapest circulation, and the fewest walks that together take them.
+
+Fewest walks is a minimum flow with lower bounds on the condensation of the network: inside a strongly connected
+component one walk can do everything, so only the components and the arcs between them count (Ntafos & Hakimi, On
+path cover problems in digraphs, IEEE TSE 5, 1979). Least length is a minimum-cost circulation; where it falls into
+cycles that hang together with no walk, they are joined, and the circulation remains as the lower bound.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from parcours.paths.joining import Arcs, Integers, groups, ways_there, ways_there_and_back
+
+_UNLIMITED = 1 << 31
+_ROUNDS = 8
+"""How often cycles are joined by solving anew before they are joined by going there and back."""
+
+
+@dataclass(frozen=True, slots=True)
+class Passages:
+    """How often each arc is taken by the fewest walks, and what is known of the optimum.
+
+    Attributes:
+        taken: passages of each arc, shape (n_arcs,).
+        beginnings: how many walks; no fewer can take every arc as often as it must.
+        ended: how many walks end at each of the ends, shape (n_ends,).
+        shortest: no set of that many walks costs less.
+    """
+
+    taken: Integers
+    beginnings: int
+    ended: Integers
+    shortest: int
+
+    def cost(self, arcs: Arcs) -> int:
+        """Return what all passages cost together."""
+        return int(self.taken @ arcs.costs)
+
+
+def passages(arcs: Arcs, n_walks: int | None = None) -> Passages:
+    """Return the cheapest way found for the fewest walks to take each arc as often as it must be taken.
+
+    Args:
+        arcs: the network.
+        n_walks: how many walks there shall be; None for the fewest. As many as are fewest are always made.
+
+    Example: two branches with no way back need two walks.
+
+    >>> fork = Arcs(3, np.array([0, 0]), np.array([1, 2]), np.ones(2, int), np.ones(2, int), np.array([1, 2]))
+    >>> passages(fork).beginnings, passages(fork).shortest
+    (2, 2)
+    """
+    closed = _closed(arcs)
+    component = _components(arcs)
+    between = _between(closed, component)
+    n_beginnings = max(int(between[-1]), n_walks or 0)
+    closed.least[-1] = n_beginnings
+    taken = _circulation(closed, n_beginnings)
+    shortest = int(taken @ closed.costs)
+    if groups(closed, taken).max() > 0:
+        taken = _joined(closed, component, between, n_beginnings)
+    n_arcs = arcs.sources.size
+    return Passages(taken[:n_arcs], n_beginnings, taken[n_arcs:-1], shortest)
+
+
+def _closed(arcs: Arcs) -> Arcs:
+    """Return the network with one more node, the pause between two walks: from every end, and back to the start."""
+    pause, n_ends = arcs.n_nodes, arcs.ends.size
+    free = np.zeros(n_ends + 1, dtype=np.int64)
+    return Arcs(
+        arcs.n_nodes + 1,
+        np.concatenate([arcs.sources, arcs.ends, [pause]]).astype(np.int64),
+        np.concatenate([arcs.targets, np.full(n_ends, pause), [0]]).astype(np.int64),
+        np.concatenate([arcs.costs, free]).astype(np.int64),
+        np.concatenate([arcs.least, free]).astype(np.int64),
+        arcs.ends,
+    )
+
+
+def _components(arcs: Arcs) -> Integers:
+    """Return the strongly connected component of each node of the network without the pause, and of the pause."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    ones = np.ones(arcs.sources.size, dtype=np.int8)
+    graph = coo_array((ones, (arcs.sources, arcs.targets)), shape=(arcs.n_nodes + 1, arcs.n_nodes + 1))
+    return connected_components(graph, directed=True, connection="strong")[1].astype(np.int64)
+
+
+def _between(closed: Arcs, component: Integers) -> Integers:
+    """Return how often the fewest walks take each arc between two components; 0 on the arcs inside one."""
+    sources, targets = component[closed.sources], component[closed.targets]
+    outer = np.flatnonzero(sources != targets)
+    # Each component is split: walks come in at 2 c and leave at 2 c + 1.
+    n = int(component.max()) + 1
+    through = np.zeros(n, dtype=np.int64)
+    through[sources[(sources == targets) & (closed.least > 0)]] = 1
+    costs = np.zeros(n + outer.size, dtype=np.int64)
+    costs[-1] = 1  # the last arc is the one from the pause to the start: what is counted
+    split = Arcs(
+        2 * n,
+        np.concatenate([2 * np.arange(n), 2 * sources[outer] + 1]),
+        np.concatenate([2 * np.arange(n) + 1, 2 * targets[outer]]),
+        costs,
+        np.concatenate([through, closed.least[outer]]),
+        closed.ends,
+    )
+    fewest = _circulation(split, _UNLIMITED)[-1]
+    split.costs[n:] = closed.costs[outer]
+    split.least[-1] = fewest
+    flow = np.zeros(closed.sources.size, dtype=np.int64)
+    flow[outer] = _circulation(split, int(fewest))[n:]
+    return flow
+
+
+def _circulation(closed: Arcs, most: int) -> Integers:
+    """Return the cheapest passages that leave every node as often as they enter it, shape (n_arcs,).
+
+    Args:
+        closed: the network.
+        most: most passages of the last arc.
+    """
+    from ortools.graph.python.min_cost_flow import SimpleMinCostFlow
+
+    surplus = np.bincount(closed.targets, weights=closed.least, minlength=closed.n_nodes)
+    surplus -= np.bincount(closed.sources, weights=closed.least, minlength=closed.n_nodes)
+    if not surplus.any():
+        return closed.least.copy()
+    network = SimpleMinCostFlow()
+    capacities = np.full(closed.sources.size, _UNLIMITED, dtype=np.int64)
+    capacities[-1] = most - closed.least[-1]
+    numbers = network.add_arcs_with_capacity_and_unit_cost(closed.sources, closed.targets, capacities, closed.costs)
+    network.set_nodes_supplies(np.arange(closed.n_nodes), surplus.astype(np.int64))
+    status = network.solve()
+    if status != SimpleMinCostFlow.OPTIMAL:
+        raise AssertionError(f"a network whose nodes all lead to an end has a circulation, but: {status}")
+    return closed.least + np.asarray(network.flows(numbers), dtype=np.int64)
+
+
+def _joined(closed: Arcs, component: Integers, between: Integers, n_beginnings: int) -> Integers:
+    """Return passages without detached cycles, near the cheapest.
+
+    The walks are led through every component that must be visited. Then each cycle lies in a component that some
+    walk visits, and can be joined to it.
+    """
+    least = np.maximum(closed.least, between)
+    led = Arcs(closed.n_nodes, closed.sources, closed.targets, closed.costs, least, closed.ends)
+    taken = _circulation(led, n_beginnings)
+    for _ in range(_ROUNDS):
+        where = groups(led, taken)
+        if where.max() <= 0:
+            return taken
+        for way in ways_there(led, component, where):
+            least[way] = np.maximum(least[way], 1)
+        taken = _circulation(led, n_beginnings)
+    while (where := groups(led, taken)).max() > 0:
+        for there, back in ways_there_and_back(led, component, where):
+            np.add.at(taken, there + back, 1)
+    return taken

@@ -1,0 +1,171 @@
+"""A graph and what to visit -> few short paths that visit all of it (paper, section IV-B, Table III).
+
+The number of paths is the least possible. Their total length is near the least; a lower bound tells how near. For
+edges and edge pairs the two agree wherever cheapest passages hang together, which they do for edges.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from parcours.errors import BadRequest
+from parcours.paths.automaton import SILENT, Network, network, outermost
+from parcours.paths.flow import passages
+from parcours.paths.graph import Graph, Walk, stranded
+from parcours.paths.joining import Arcs
+from parcours.paths.shortening import within
+from parcours.paths.touring import euler_tour
+
+Shape = Literal["tests", "open", "closed"]
+"""Paths from the start to final states; one walk that ends anywhere; one walk that ends where it began."""
+
+
+@dataclass(frozen=True, slots=True)
+class Cover:
+    """Paths that visit all that was asked for.
+
+    Attributes:
+        paths: edges of each, from the start of the graph.
+        fewest: no cover of the same shape has fewer paths.
+        shortest: no cover with as few paths as `fewest` has fewer edges in all.
+    """
+
+    paths: tuple[Walk, ...]
+    fewest: int
+    shortest: int
+
+    @property
+    def length(self) -> int:
+        """The edges of all paths together."""
+        return sum(map(len, self.paths))
+
+
+def cover_sequences(
+    graph: Graph,
+    sequences: Sequence[Walk],
+    states: Iterable[int] = (),
+    *,
+    shape: Shape = "tests",
+    max_length: int | None = None,
+) -> Cover:
+    """Return few short paths that contain each sequence of edges, without a break, and visit each state.
+
+    Args:
+        graph: the graph to walk on.
+        sequences: walks of the graph.
+        states: states to visit.
+        shape: what a path is.
+        max_length: most edges of a path; then there may be more paths than necessary.
+
+    Raises:
+        BadRequest: a single walk cannot visit everything, or a path of at most `max_length` edges cannot visit
+            something.
+
+    Example: the loop and the way there and back make one closed path.
+
+    >>> from parcours.model.structure import Machine, Transition
+    >>> from parcours.paths.graph import graph_of
+    >>> lamp = Machine("lamp", "off", ("off", "on"), (
+    ...     Transition("t1", "off", "on"), Transition("t2", "on", "on"), Transition("t3", "on", "off")))
+    >>> cover_sequences(graph_of(lamp), [(0,), (1,), (2,)])
+    Cover(paths=((0, 1, 2),), fewest=1, shortest=3)
+    """
+    wanted = outermost(len(graph.edges), sequences)
+    unseen = sorted(set(states) - _visited(graph, wanted))
+    if wanted and unseen:
+        entering = {target: edge for edge, target in reversed(list(enumerate(graph.targets.tolist())))}
+        wanted, unseen = outermost(len(graph.edges), [*wanted, *((entering[state],) for state in unseen)]), []
+    if not wanted and not set(unseen) - {0}:
+        return Cover((), 0, 0)
+    ends = _ends(graph, shape)
+    paths, fewest, shortest = _fewest_paths(_split(network(graph, wanted), unseen), ends)
+    if shape == "open" and fewest > 1:
+        rule = f"one walk must visit everything, but {fewest} are needed: there is no way back"
+        raise BadRequest(f"graph of {graph.name!r}", rule, "ask for tests", slug="one-walk")
+    if max_length is not None and max(map(len, paths)) > max_length:
+        steps = wanted or [(path[place],) for path in paths for place in _arrivals(graph, path)]
+        paths = within(graph, paths, steps, set(ends), max_length)
+    return Cover(paths, fewest, shortest)
+
+
+def _visited(graph: Graph, walks: Sequence[Walk]) -> set[int]:
+    touched = {edge for walk in walks for edge in walk}
+    return {int(graph.sources[edge]) for edge in touched} | {int(graph.targets[edge]) for edge in touched} | {0}
+
+
+def _arrivals(graph: Graph, path: Walk) -> list[int]:
+    """Return where a path first enters each state."""
+    first: dict[int, int] = {}
+    for place, edge in enumerate(path):
+        first.setdefault(int(graph.targets[edge]), place)
+    return list(first.values())
+
+
+def _ends(graph: Graph, shape: Shape) -> tuple[int, ...]:
+    if shape == "tests":
+        return graph.finals
+    if shape == "open":
+        return tuple(range(len(graph.states)))
+    lost = stranded(len(graph.states), graph.sources.tolist(), graph.targets.tolist(), [0])
+    if lost:
+        rule = (
+            f"a closed walk must lead back to {graph.states[0]!r}, but there is no way from {graph.states[lost[0]]!r}"
+        )
+        raise BadRequest(f"graph of {graph.name!r}", rule, "ask for tests or an open walk", slug="one-walk")
+    return (0,)
+
+
+def _split(built: Network, states: Sequence[int]) -> Network:
+    """Return the network in which visiting one of the states is an arc of its own."""
+    onward = {state: len(built.states) + place for place, state in enumerate(states)}
+    if not onward:
+        return built
+    place = {state: node for node, state in enumerate(built.states)}
+    leave = {place[state]: node for state, node in onward.items()}
+    return Network(
+        [*built.states, *states],
+        [*(leave.get(source, source) for source in built.sources), *leave],
+        [*built.targets, *leave.values()],
+        [*built.edges, *[SILENT] * len(leave)],
+        [*built.required, *[True] * len(leave)],
+    )
+
+
+def _fewest_paths(built: Network, ends: Sequence[int]) -> tuple[tuple[Walk, ...], int, int]:
+    """Return paths through the network, how few are possible, and a lower bound of their length."""
+    final = set(ends)
+    stops = np.array([node for node, state in enumerate(built.states) if state in final], dtype=np.int64)
+    edges = np.array(built.edges, dtype=np.int64)
+    arcs = Arcs(
+        len(built.states),
+        np.array(built.sources, dtype=np.int64),
+        np.array(built.targets, dtype=np.int64),
+        (edges != SILENT).astype(np.int64),
+        np.array(built.required, dtype=np.int64),
+        stops,
+    )
+    found = passages(arcs)
+    pause = len(built.states)
+    sources = [*built.sources, *stops.tolist(), pause]
+    targets = [*built.targets, *[pause] * stops.size, 0]
+    taken = [*found.taken.tolist(), *found.ended.tolist(), found.beginnings]
+    tour = euler_tour(sources, targets, taken, 0)
+    steps = [*built.edges, *[SILENT] * (stops.size + 1)]
+    walks = _cut(tour, steps, len(steps) - 1)
+    return walks, found.beginnings, found.shortest
+
+
+def _cut(tour: list[int], steps: list[int], pause: int) -> tuple[Walk, ...]:
+    """Return the pieces of a closed tour between its passages of the arc `pause`."""
+    last = len(tour) - 1 - tour[::-1].index(pause)
+    walks: list[list[int]] = [[]]
+    for arc in tour[last + 1 :] + tour[: last + 1]:
+        if arc == pause:
+            walks.append([])
+        elif steps[arc] != SILENT:
+            walks[-1].append(steps[arc])
+    return tuple(tuple(walk) for walk in walks if walk)
