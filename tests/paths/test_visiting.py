@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import heapq
+from unittest.mock import patch
 
 import numpy as np
 import pytest
@@ -87,6 +88,16 @@ def test_every_sequence_is_visited_by_runs_from_start_to_end(task: tuple[Graph, 
     paths = cover_sequences(graph, sequences).paths
     assert all(is_run(graph, path) for path in paths)
     assert all(any(contains(path, each) for path in paths) for each in sequences)
+
+
+@given(tasks())
+def test_cycles_are_joined_also_by_going_there_and_back(task: tuple[Graph, list[Walk]]) -> None:
+    graph, sequences = task
+    with patch("parcours.paths.flow._ROUNDS", 0):
+        cover = cover_sequences(graph, sequences)
+    assert len(cover.paths) == optimum(graph, sequences)[0]
+    assert all(is_run(graph, path) for path in cover.paths)
+    assert all(any(contains(path, each) for path in cover.paths) for each in sequences)
 
 
 @given(tasks(most_sequences=6), st.integers(1, 12))

@@ -141,21 +141,25 @@ def _circulation(closed: Arcs, most: int) -> Integers:
 
 
 def _joined(closed: Arcs, component: Integers, between: Integers, n_beginnings: int) -> Integers:
-    """Return passages without detached cycles, near the cheapest.
+    """Return the cheapest passages without detached cycles that were found.
 
-    The walks are led through every component that must be visited. Then each cycle lies in a component that some
-    walk visits, and can be joined to it.
+    Where the walks are led through every component that must be visited, each cycle lies in a component that some
+    walk visits, and can be joined to it; without leading them it may fail, but is cheaper where it does not.
     """
-    least = np.maximum(closed.least, between)
-    led = Arcs(closed.n_nodes, closed.sources, closed.targets, closed.costs, least, closed.ends)
-    taken = _circulation(led, n_beginnings)
-    for _ in range(_ROUNDS):
-        where = groups(led, taken)
-        if where.max() <= 0:
-            return taken
-        for way in ways_there(led, component, where):
-            least[way] = np.maximum(least[way], 1)
+    tried = []
+    for least in (closed.least.copy(), np.maximum(closed.least, between)):
+        led = Arcs(closed.n_nodes, closed.sources, closed.targets, closed.costs, least, closed.ends)
         taken = _circulation(led, n_beginnings)
+        for _ in range(_ROUNDS):
+            where = groups(led, taken)
+            if where.max() <= 0:
+                tried.append(taken)
+                break
+            for way in ways_there(led, component, where):
+                least[way] = np.maximum(least[way], 1)
+            taken = _circulation(led, n_beginnings)
+    if tried:
+        return min(tried, key=lambda taken: int(taken @ closed.costs))
     while (where := groups(led, taken)).max() > 0:
         for there, back in ways_there_and_back(led, component, where):
             np.add.at(taken, there + back, 1)
