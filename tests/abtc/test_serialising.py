@@ -15,6 +15,7 @@ from parcours.abtc import (
     Start,
     abstract_cases,
     case_counts,
+    find_case,
     interaction_paths,
     serialise,
 )
@@ -210,3 +211,25 @@ def test_the_model_file_names_the_policy_and_an_argument_overrules_it() -> None:
     assert {case.policy for case in abstract_cases(named)} == {"all-states"}
     with pytest.raises(BadRequest, match="unknown-policy"):
         case_counts(replace(RAMP, serialisation="hubb"))
+
+
+@pytest.mark.parametrize("policy", list(POLICIES))
+def test_a_case_is_found_by_its_id_as_it_was_made(policy: str) -> None:
+    for model in (RAMP, OBSTACLES):
+        for case in islice(abstract_cases(model, policy), 0, 2000, 37):
+            assert find_case(model, case.id) == case
+
+
+def test_one_case_of_astronomically_many_is_found_at_once() -> None:
+    crowd = obstacles(60)
+    vector = ".".join(str(2 * n) for n in range(60))
+    head, _, _ = next(abstract_cases(crowd)).id.rpartition("-")
+    assert find_case(crowd, f"{head}-{vector}").start_vector[-1] == 118
+
+
+@pytest.mark.parametrize("id", ["", "ITP1", "together-tp11.tp21.tp31-0.1.4", "together-tp11.tp21.tp31-0.2.1",
+                                "together-tp11.tp21.tp31-0.0.0-hub", "together-tp11.tp21.tp31-0.0.00",
+                                "together-tp11.tp21.tp31-0.0.\u0661"])  # fmt: skip
+def test_an_id_that_no_case_has_is_refused(id: str) -> None:
+    with pytest.raises(BadRequest, match="unknown-abstract"):
+        find_case(OBSTACLES, id)

@@ -76,7 +76,8 @@ def test_pictures_of_the_machines_are_written(tmp_path: Path) -> None:
 
 
 def test_paths_and_abstract_cases_are_the_papers() -> None:
-    paths = {p["name"]: p["transitions"] for p in json.loads(parcours("paths", MODEL, "--json"))}
+    covers = json.loads(parcours("paths", MODEL, "--json"))
+    paths = {path["name"]: path["transitions"] for cover in covers for path in cover["paths"]}
     assert paths["tp41"] == ["p41", "p42", "p43", "p44", "p45", "p46"]
     assert len(json.loads(parcours("abtc", MODEL, "--json"))) == 67
     assert len(json.loads(parcours("abtc", OBSTACLES, "--json"))) == 9

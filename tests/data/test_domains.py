@@ -9,7 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from parcours.data.domains import OUTSIDE, Block, Domain, split
+from parcours.data.blocks import Block
+from parcours.data.domains import OUTSIDE, Domain, split
 from parcours.errors import BadDomain
 
 EDGES = st.lists(st.floats(-1e6, 1e6), min_size=2, max_size=8, unique=True).map(sorted)

@@ -11,9 +11,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from parcours.data.selecting import CRITERIA, count, select
+from parcours.data.selecting import count, select
 from parcours.errors import BadRequest
 
+LISTED = ("each_choice", "base_choice", "all_combinations")
 SIZES = st.lists(st.integers(1, 6), min_size=1, max_size=8)
 OBSTACLE = [3, 3, 2, 2, 1, 1]
 
@@ -47,7 +48,7 @@ def test_every_repetition_of_each_choice_places_every_block(sizes: list[int], se
         assert set(rows[:, column]) == set(range(size))
 
 
-@given(SIZES, st.integers(0, 2**32), st.sampled_from(sorted(CRITERIA)), st.randoms())
+@given(SIZES, st.integers(0, 2**32), st.sampled_from(LISTED), st.randoms())
 def test_a_row_is_the_same_alone_in_company_and_in_any_order(
     sizes: list[int], seed: int, criterion: str, random: Random
 ) -> None:
@@ -97,6 +98,19 @@ def test_all_combinations_are_counted_and_reached_without_being_listed() -> None
     assert time.perf_counter() - began < 1.0
     with pytest.raises(BadRequest, match="rows-too-many"):
         select("all_combinations", sizes)
+
+
+@pytest.mark.parametrize(("criterion", "strength"), [("pairwise", 2), ("3-wise", 3)])
+def test_every_repetition_of_t_wise_holds_every_combination_and_no_two_are_alike(criterion: str, strength: int) -> None:
+    sizes = [3, 3, 2, 4]
+    n = count(criterion, sizes)
+    tables = [select(criterion, sizes, np.arange(n) + k * n, seed=5) for k in range(4)]
+    for table in tables:
+        for columns in itertools.combinations(range(4), strength):
+            assert len({tuple(row) for row in table[:, columns].tolist()}) == np.prod([sizes[c] for c in columns])
+    assert len({table.tobytes() for table in tables}) == 4
+    alone = [select(criterion, sizes, np.array([k]), seed=5)[0].tolist() for k in range(n)]
+    assert alone == tables[0].tolist()
 
 
 def test_an_unknown_criterion_is_answered_with_the_known_ones() -> None:

@@ -1,12 +1,16 @@
-"""Internal paths -> abstract test cases: interactions (ITPs), rendezvous (RCC), serialisation (RSA)."""
+"""Internal paths -> abstract test cases: interactions (ITPs), rendezvous (RCC), serialisation (RSA, APSESCC)."""
 
 from parcours.abtc.combining import Combination, Combinations, Dropped, combinations
+from parcours.abtc.executions import order_of, order_of_case, side_by_side
 from parcours.abtc.interactions import InteractionPath, component_graph, interaction_paths
+from parcours.abtc.interleaving import Serialised, count_sequences, measure_sequences, sample_sequences, sequences
 from parcours.abtc.notation import notation
+from parcours.abtc.order import Order
 from parcours.abtc.points import POLICIES, Policy
 from parcours.abtc.rendezvous import Meeting, Rendezvous, meetings, rendezvous_pairs
 from parcours.abtc.sequencing import Emission, Event, Reception, serialise
-from parcours.abtc.serialising import AbstractCase, Start, abstract_cases, case_counts, serialisations
+from parcours.abtc.serialising import AbstractCase, Start, abstract_cases, case_counts, find_case, serialisations
+from parcours.abtc.symmetry import interchangeable, representatives
 
 __all__ = [
     "POLICIES",
@@ -18,18 +22,30 @@ __all__ = [
     "Event",
     "InteractionPath",
     "Meeting",
+    "Order",
     "Policy",
     "Reception",
     "Rendezvous",
+    "Serialised",
     "Start",
     "abstract_cases",
     "case_counts",
     "combinations",
     "component_graph",
+    "count_sequences",
+    "find_case",
     "interaction_paths",
+    "interchangeable",
+    "measure_sequences",
     "meetings",
     "notation",
+    "order_of",
+    "order_of_case",
     "rendezvous_pairs",
+    "representatives",
+    "sample_sequences",
+    "sequences",
     "serialisations",
     "serialise",
+    "side_by_side",
 ]

@@ -8,15 +8,17 @@ paper's totals.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import accumulate, product
+from itertools import accumulate, islice, pairwise, product
 from math import prod
 
 from parcours.abtc.combining import Combination, combinations
 from parcours.abtc.interactions import InteractionPath, hub, interaction_paths
-from parcours.abtc.points import DEFAULT, policy
+from parcours.abtc.points import DEFAULT, POLICIES, policy
 from parcours.abtc.rendezvous import sends_on
+from parcours.errors import BadRequest, one_of
 from parcours.model.structure import Cefsm
 from parcours.paths.covering import internal_paths
 from parcours.paths.internal import InternalPath
@@ -133,9 +135,40 @@ def serialisations(cefsm: Cefsm, combination: Combination, policy: str = DEFAULT
     """
     places = _places(cefsm, combination, policy)
     for chosen in product(*(range(len(place.points)) for place in places[:-1])):
-        vector = (0, *accumulate(chosen))
-        starts = (Start(), *(place.points[point] for place, point in zip(places, chosen, strict=False)))
-        yield AbstractCase(case_id(combination, vector, policy), combination, vector, starts, policy)
+        yield _case(combination, places, chosen, policy)
+
+
+def find_case(cefsm: Cefsm, id: str) -> AbstractCase:
+    """Return the ABTC that has an id, without making the others. The id says its policy, too.
+
+    Args:
+        cefsm: the model.
+        id: as `case_id` spells it.
+
+    Raises:
+        BadRequest: no case of the model has that id.
+
+    >>> from importlib.resources import files
+    >>> from parcours.model import read_model
+    >>> ramp = read_model(files("parcours.studies") / "ramp_components" / "model.yaml")
+    >>> find_case(ramp, "ITP4-tp11.tp41+tp42.tp11-0.0+3.4").start_vector
+    (0, 0, 3, 4)
+    """
+    for combination in _all_combinations(cefsm, None):
+        head = _spelled(combination)
+        if id.startswith(head):
+            spelled, _, named = id.removeprefix(head).partition("-")
+            name = named or DEFAULT
+            numbers = [int(part) for part in re.split("[.+]", spelled) if part.isascii() and part.isdigit()]
+            if name in POLICIES and len(numbers) == len(combination.references):
+                places = _places(cefsm, combination, name)
+                chosen = tuple(later - earlier for earlier, later in pairwise(numbers))
+                if all(0 <= point < len(place.points) for place, point in zip(places, chosen, strict=False)):
+                    found = _case(combination, places, chosen, name)
+                    if found.id == id:
+                        return found
+    near = [case.id for case in islice(abstract_cases(cefsm), 5)]
+    raise BadRequest("abtc", f"no case is called {id!r}", one_of(id, near), slug="unknown-abstract")
 
 
 def case_id(combination: Combination, start_vector: Sequence[int], policy: str = DEFAULT) -> str:
@@ -146,10 +179,21 @@ def case_id(combination: Combination, start_vector: Sequence[int], policy: str =
     tp42 three points after tp41, and the last tp11 one point later.
     """
     numbers = iter(start_vector)
-    paths = ".".join("+".join(path.name for path in visit) for visit in combination.visits)
     vector = ".".join("+".join(str(next(numbers)) for _ in visit) for visit in combination.visits)
     tail = "" if policy == DEFAULT else f"-{policy}"
-    return f"{combination.interaction.name}-{paths}-{vector}{tail}"
+    return f"{_spelled(combination)}{vector}{tail}"
+
+
+def _spelled(combination: Combination) -> str:
+    # How the ids of all cases of a combination begin.
+    paths = ".".join("+".join(path.name for path in visit) for visit in combination.visits)
+    return f"{combination.interaction.name}-{paths}-"
+
+
+def _case(combination: Combination, places: Sequence[_Place], chosen: Sequence[int], policy: str) -> AbstractCase:
+    vector = (0, *accumulate(chosen))
+    starts = (Start(), *(place.points[point] for place, point in zip(places, chosen, strict=False)))
+    return AbstractCase(case_id(combination, vector, policy), combination, vector, starts, policy)
 
 
 def _all_combinations(cefsm: Cefsm, interactions: Sequence[InteractionPath] | None) -> Iterator[Combination]:

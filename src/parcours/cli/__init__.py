@@ -12,9 +12,14 @@ from parcours.errors import ParcoursError
 
 COMMANDS = {
     "model": "Check a model file, draw its machines.",
+    "convert": "Models in other tools' formats, in and out.",
+    "explore": "The state space of a model: deadlocks, lost messages, dead transitions.",
     "paths": "Internal test paths of a model by a coverage criterion.",
+    "feasible": "Which requirements can be met, with which values, and why not.",
+    "walk": "Walk a model online until a stop condition holds.",
     "abtc": "Abstract behavioural test cases of a model.",
     "data": "Input domains: blocks, rows, coverage of a table.",
+    "export": "A suite as test scripts of other tools.",
     "suite": "Write the executable cases of a study to a file.",
     "run": "Execute a study and keep its results.",
     "report": "Results of campaigns as tables, HTML and JUnit.",

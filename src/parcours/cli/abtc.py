@@ -1,58 +1,174 @@
-"""`parcours abtc`: abstract behavioural test cases of a model."""
+"""`parcours abtc`: abstract behavioural test cases of a model, and their serialised execution sequences."""
 
 from __future__ import annotations
 
+import json
+from collections.abc import Iterable, Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from parcours.cli.options import as_json, model_file, print_json
 
+if TYPE_CHECKING:
+    from parcours.abtc import AbstractCase, Order
+    from parcours.model import Cefsm
+
+_MOST_COUNTED = 1_000_000
+
 
 @click.command("abtc")
 @model_file
 @click.option("--policy", default=None, help="Point policy of the serialisation; by default the model's own.")
+@click.option("--policies", is_flag=True, help="Compare the policies: how many cases each one yields.")
+@click.option("--count", "counted", is_flag=True, help="Print how many cases there are, without making them.")
 @click.option("--case", "wanted", help="Print one case: its notation and its serialised sequence.")
 @click.option("--dropped", is_flag=True, help="Print the combinations that have no rendezvous, and why.")
+@click.option("--symmetric", is_flag=True, help="One case for all that differ by interchangeable components only.")
+@click.option(
+    "--sequences",
+    type=click.Choice(["count", "sample", "all"]),
+    help="Serialised execution sequences (APSESCC) of each combination, or of --case.",
+)
+@click.option("--number", type=click.IntRange(1), default=10, show_default=True, help="How many sequences to sample.")
+@click.option("--seed", type=click.IntRange(0, 2**63 - 1), default=1, show_default=True, help="Of the sample.")
 @as_json
-def command(file: Path, policy: str | None, wanted: str | None, dropped: bool, as_json: bool) -> None:
-    """Print interactions, combinations and abstract test cases.
+def command(
+    file: Path, policy: str | None, policies: bool, counted: bool, wanted: str | None, dropped: bool, symmetric: bool,
+    sequences: str | None, number: int, seed: int, as_json: bool,
+) -> None:  # fmt: skip
+    """Print interactions, combinations and abstract test cases, one a line, however many there are.
 
-    Example: parcours abtc model.yaml --case ITP1-tp12.tp21.tp12-0.0.0
+    Example: parcours abtc model.yaml --case ITP1-tp12.tp21.tp12-0.0.0 --sequences count
     """
-    from parcours.abtc import abstract_cases, combinations, interaction_paths, notation, serialise
-    from parcours.errors import BadRequest, one_of
-    from parcours.model import read_model
-    from parcours.report.pieces import Column, Table
-    from parcours.report.terminal import print_table
+    from parcours.abtc import abstract_cases, combinations, find_case, interaction_paths, representatives
+    from parcours.model.formats import read_any
 
-    cefsm = read_model(file)
+    cefsm = read_any(file).cefsm
     if dropped:
         for itp in interaction_paths(cefsm):
             for one in combinations(cefsm, itp).dropped:
                 click.echo(str(one))
-        return
-    cases = {case.id: case for case in abstract_cases(cefsm, policy)}
-    if wanted is not None:
-        if wanted not in cases:
-            raise BadRequest(
-                "abtc",
-                f"no case is called {wanted!r}",
-                one_of(wanted, list(cases)[:20]),
-                slug="unknown-abstract",
-            )
-        click.echo(notation(cases[wanted], wanted))
-        for event in serialise(cases[wanted]):
-            click.echo(str(event))
-    elif as_json:
-        print_json([
-            {
-                "id": c.id, "interaction": c.interaction.name,
-                "combination": str(c.combination), "start_vector": c.start_vector,
-            }
-            for c in cases.values()
-        ])  # fmt: skip
+    elif policies:
+        _compare(cefsm, as_json)
+    elif sequences is not None:
+        _sequences(_orders(cefsm, wanted), sequences, number, seed, as_json)
+    elif wanted is not None:
+        _print_case(find_case(cefsm, wanted), as_json)
     else:
-        rows = tuple((c.interaction.name, str(c.combination), c.id) for c in cases.values())
-        columns = (Column("interaction"), Column("combination"), Column("case"))
-        print_table(Table(f"{len(rows)} abstract test cases of {cefsm.name}", columns, rows))
+        cases: Iterable[tuple[AbstractCase, int | None]] = ((case, None) for case in abstract_cases(cefsm, policy))
+        if symmetric:
+            cases = representatives(cefsm, abstract_cases(cefsm, policy))
+        if counted:
+            _count(cefsm, policy, cases if symmetric else None, as_json)
+        else:
+            _list(cases, as_json)
+
+
+def _print_case(case: AbstractCase, as_json: bool) -> None:
+    from parcours.abtc import notation, serialise
+
+    events = [str(event) for event in serialise(case)]
+    if as_json:
+        print_json(_as_data(case, None) | {"notation": notation(case, case.id), "events": events})
+    else:
+        click.echo("\n".join([notation(case, case.id), *events]))
+
+
+def _list(cases: Iterable[tuple[AbstractCase, int | None]], as_json: bool) -> None:
+    if as_json:
+        _stream(_as_data(case, stands_for) for case, stands_for in cases)
+        return
+    for case, stands_for in cases:
+        tail = "" if stands_for is None else f"  stands for {stands_for}"
+        click.echo(f"{case.id}  {case.combination}{tail}")
+
+
+def _as_data(case: AbstractCase, stands_for: int | None) -> dict[str, object]:
+    data: dict[str, object] = {
+        "id": case.id, "interaction": case.interaction.name,
+        "combination": str(case.combination), "start_vector": case.start_vector,
+    }  # fmt: skip
+    return data if stands_for is None else data | {"stands_for": stands_for}
+
+
+def _count(
+    cefsm: Cefsm, policy: str | None, kept: Iterable[tuple[AbstractCase, int | None]] | None, as_json: bool
+) -> None:
+    from parcours.abtc import case_counts
+    from parcours.errors import BadRequest
+
+    counts = case_counts(cefsm, policy)
+    if kept is not None:
+        if sum(counts.values()) > _MOST_COUNTED:
+            rule = f"with --count looks at every case, at most {_MOST_COUNTED}, but there are {sum(counts.values())}"
+            raise BadRequest("--symmetric", rule, "leave one of the two out", slug="too-many-cases")
+        counts = dict.fromkeys(counts, 0)
+        for case, _ in kept:
+            counts[case.interaction.name] += 1
+    counts["total"] = sum(counts.values())
+    if as_json:
+        print_json(counts)
+    else:
+        click.echo("\n".join(f"{name}  {count}" for name, count in counts.items()))
+
+
+def _compare(cefsm: Cefsm, as_json: bool) -> None:
+    from parcours.abtc import POLICIES, case_counts
+    from parcours.report.pieces import Cell, Column, Table
+    from parcours.report.terminal import print_table
+
+    counts = {name: case_counts(cefsm, name) for name in POLICIES}
+    if as_json:
+        print_json({name: found | {"total": sum(found.values())} for name, found in counts.items()})
+        return
+    interactions = list(next(iter(counts.values())))
+    rows: tuple[tuple[Cell, ...], ...] = tuple(
+        (name, *(found[each] for each in interactions), sum(found.values()), POLICIES[name].doc)
+        for name, found in counts.items()
+    )
+    columns = (*map(Column, ["policy", *interactions, "total"]), Column("points of a path"))
+    print_table(Table(f"Abstract test cases of {cefsm.name} by policy", columns, rows))
+
+
+def _orders(cefsm: Cefsm, wanted: str | None) -> Iterator[tuple[str, Order]]:
+    from parcours.abtc import combinations, find_case, interaction_paths, order_of, order_of_case
+
+    if wanted is not None:
+        yield wanted, order_of_case(find_case(cefsm, wanted))
+        return
+    for itp in interaction_paths(cefsm):
+        for combination in combinations(cefsm, itp).kept:
+            yield f"{itp.name} {combination}", order_of(cefsm, combination)
+
+
+def _sequences(orders: Iterator[tuple[str, Order]], mode: str, number: int, seed: int, as_json: bool) -> None:
+    from parcours.abtc import count_sequences, sample_sequences, sequences
+
+    if mode == "count":
+        counts = ((title, count_sequences(order)) for title, order in orders)
+        if as_json:
+            _stream({"of": title, "sequences": count} for title, count in counts)
+        for title, count in () if as_json else counts:
+            click.echo(f"{title}  {count}")
+        return
+    found = (
+        (title, order.spelled(each))
+        for title, order in orders
+        for each in (sequences(order) if mode == "all" else sample_sequences(order, number, seed))
+    )
+    if as_json:
+        _stream({"of": title, "events": names} for title, names in found)
+        return
+    for title, names in found:
+        click.echo(f"{title}: {', '.join(names)}")
+
+
+def _stream(items: Iterable[dict[str, object]]) -> None:
+    # A JSON list, written item by item: its length does not matter.
+    lead = "[\n"
+    for item in items:
+        click.echo(lead + " " + json.dumps(item, ensure_ascii=False), nl=False)
+        lead = ",\n"
+    click.echo("[]" if lead == "[\n" else "\n]")

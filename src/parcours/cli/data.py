@@ -1,45 +1,229 @@
-"""`parcours data`: input domains, their blocks and drawn rows."""
+"""`parcours data`: rows from an input model, the coverage of tables, sizes of criteria, PICT models in and out."""
 
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
-from parcours.cli.options import as_json, print_json, seed
+from parcours.cli.options import as_json, model_file, print_json, seed
 
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
 
-@click.command("data")
-@click.argument("file", type=click.Path(path_type=Path))
-@click.option("--criterion", default="each_choice", show_default=True, help="How blocks are combined.")
-@click.option(
-    "--rows",
-    type=click.IntRange(1, 1_000_000),
-    help="How many rows; by default one repetition of the criterion.",
+    from parcours.data import InputModel
+    from parcours.data.choosing import Selection
+
+_PICT = (".pict", ".txt")
+
+budget = click.option(
+    "--budget",
+    type=click.FloatRange(0.0, 86_400.0),
+    help="Seconds to search for a smaller array; by default a fixed effort, the same on every machine.",
 )
+
+
+@click.group("data")
+def command() -> None:
+    """Rows of test data from input models, and what any table of data covers.
+
+    Example: parcours data draw src/parcours/studies/ramp_system/domains.yaml --criterion pairwise
+    """
+
+
+@command.command("draw")
+@model_file
+@click.option("--criterion", default="each_choice", show_default=True, help="How blocks are combined.")
+@click.option("--rows", type=click.IntRange(1, 1_000_000), help="How many rows; by default one set of the criterion.")
+@click.option("--must", type=click.Path(path_type=Path), help="Table of rows that must be there, and count.")
+@click.option("--boundaries", is_flag=True, help="Values on, just inside and just outside the ends of the blocks.")
+@budget
 @seed
 @as_json
-def command(file: Path, criterion: str, rows: int | None, seed: int, as_json: bool) -> None:
+def draw_rows(
+    file: Path,
+    criterion: str,
+    rows: int | None,
+    must: Path | None,
+    boundaries: bool,
+    budget: float | None,
+    seed: int,
+    as_json: bool,
+) -> None:
     """Draw rows of values from the blocks of an input model, and say which blocks they hit.
 
-    Example: parcours data src/parcours/studies/ramp_system/domains.yaml --rows 6
+    With --rows, further sets of the criterion follow the first one, or it is cut off.
+
+    Example: parcours data draw src/parcours/studies/ramp_system/domains.yaml --criterion 3-wise --budget 10
     """
-    import numpy as np
+    from parcours.cli.progress import progress, say_if_cold
+    from parcours.data import cover
+    from parcours.data.boundaries import at_boundaries
+    from parcours.data.choosing import choose
+    from parcours.data.tables import read_table
 
-    from parcours.data import count, cover, draw, read_input_model, select
-    from parcours.report.pieces import Column, Table
-    from parcours.report.terminal import print_table
-
-    model = read_input_model(file)
-    numbers = np.arange(rows if rows is not None else count(criterion, model.sizes))
-    values = draw(model, select(criterion, model.sizes, numbers, seed=seed), numbers, seed=seed)
+    model = _model(file)
+    model = at_boundaries(model) if boundaries else model
+    if criterion.endswith("wise"):
+        say_if_cold()
+    with progress() as told:
+        table = read_table(must, model) if must else None
+        chosen = choose(model, criterion, must=table, budget=budget, seed=seed, told=told)
+    values = chosen.values(seed, rows)
     hit = cover(model, values)
     if as_json:
         print_json({
-            "names": model.names, "units": [d.unit for d in model.domains], "rows": values.tolist(),
-            "blocks": hit.n_blocks, "hit": hit.n_hit, "uncovered": hit.uncovered,
+            "names": model.names, "units": [d.unit for d in model.domains], "rows": _cells(model, values),
+            "blocks": hit.n_blocks, "hit": hit.n_hit, "uncovered": hit.uncovered, "criterion": criterion,
+            "fewest": chosen.fewest, "negative": chosen.n_negative, "infeasible": chosen.infeasible,
+            "undecided": chosen.undecided,
+            "stages": [{"name": s.name, "rows": s.n_rows, "seconds": s.seconds} for s in chosen.stages],
         })  # fmt: skip
         return
-    columns = (Column("row"), *(Column(d.name, ".3f", unit=d.unit) for d in model.domains))
-    print_table(Table(f"{model.name}, {criterion}", columns, tuple((k, *row) for k, row in enumerate(values.tolist()))))
+    _print_rows(chosen, values)
     click.echo(f"{hit.n_hit} of {hit.n_blocks} blocks hit" + "".join(f"\nnot hit: {block}" for block in hit.uncovered))
+
+
+def _cells(model: InputModel, values: NDArray[np.float64]) -> list[list[float | int | str]]:
+    """Return the values row by row, names in place of the numbers of an enumeration."""
+    return [
+        [
+            d.shown(v) if d.kind == "enumeration" else int(v) if d.kind == "integer" else v
+            for d, v in zip(model.domains, row, strict=True)
+        ]
+        for row in values.tolist()
+    ]
+
+
+def _print_rows(chosen: Selection, values: NDArray[np.float64]) -> None:
+    from parcours.report.pieces import Column, Table
+    from parcours.report.terminal import print_table
+
+    model = chosen.model
+    formats = {"real": ".3f", "angle": ".3f"}
+    columns = (
+        Column("row"),
+        *(Column(d.name, formats.get(d.kind, ""), unit=d.unit if d.unit != "1" else "") for d in model.domains),
+    )
+    shown = tuple((number, *row) for number, row in enumerate(_cells(model, values)))
+    print_table(Table(f"{model.name}, {chosen.criterion}", columns, shown))
+    positive = len(chosen.rows) - chosen.n_negative
+    click.echo(f"{positive} rows satisfy it; no set has fewer than {chosen.fewest}")
+    if chosen.n_negative:
+        click.echo(f"{chosen.n_negative} more rows are negative tests, each with one invalid value")
+    for stage in chosen.stages:
+        click.echo(f"  {stage.name}: {stage.n_rows} rows after {stage.seconds:.1f} s")
+    for what, found in (("forbidden by the rules", chosen.infeasible), ("undecided", chosen.undecided)):
+        for words in found[:20]:
+            click.echo(f"{what}: {words}")
+        if len(found) > 20:
+            click.echo(f"{what}: {len(found) - 20} more")
+
+
+@command.command("measure")
+@click.argument("table", type=click.Path(path_type=Path))
+@click.option(
+    "--model", "file", required=True, type=click.Path(path_type=Path), help="Whose blocks and rules are meant."
+)
+@click.option(
+    "--strength", type=click.IntRange(1, 6), default=2, show_default=True, help="How many inputs are combined."
+)
+@click.option("--show", type=click.IntRange(0, 1_000_000), default=20, show_default=True, help="How much to list.")
+@as_json
+def measure_table(table: Path, file: Path, strength: int, show: int, as_json: bool) -> None:
+    """Say which combinations of blocks a table of values holds: CSV, JSON Lines, a suite, or `draw --json`.
+
+    Example: parcours data measure cases.csv --model domains.yaml --strength 3
+    """
+    from parcours.data.measuring import measure
+    from parcours.data.tables import read_table
+
+    model = _model(file)
+    found = measure(read_table(table, model), model, strength, most_shown=show)
+    if as_json:
+        print_json({
+            "strength": found.strength, "rows": found.n_rows, "counted": found.n_counted, "wanted": found.n_wanted,
+            "held": found.n_held, "share": found.share, "forbidden": found.n_forbidden,
+            "missing": found.missing, "uncounted": [{"row": row, "reason": why} for row, why in found.uncounted],
+        })  # fmt: skip
+        return
+    click.echo(
+        f"{found.n_held} of {found.n_wanted} combinations of {strength} inputs held ({found.share:.2%}),"
+        f" {found.n_forbidden} more are forbidden by the rules; {found.n_counted} of {found.n_rows} rows count"
+    )
+    for row, why in found.uncounted:
+        click.echo(f"row {row} does not count: {why}")
+    for words in found.missing:
+        click.echo(f"missing: {words}")
+    if found.n_missing > len(found.missing):
+        click.echo(f"missing: {found.n_missing - len(found.missing)} more")
+
+
+@command.command("criteria")
+@model_file
+@as_json
+def compare_criteria(file: Path, as_json: bool) -> None:
+    """Say how many rows each combination criterion takes, and the fewest it could take.
+
+    Example: parcours data criteria src/parcours/studies/ramp_system/domains.yaml
+    """
+    from parcours.cli.progress import say_if_cold
+    from parcours.data.choosing import set_size
+    from parcours.report.pieces import Column, Table
+    from parcours.report.terminal import print_table
+
+    model = _model(file)
+    say_if_cold()
+    names = ["each_choice", "base_choice", "pairwise", "3-wise", "all_combinations"]
+    if any(len(domain.bases) > 1 for domain in model.domains):
+        names.insert(2, "multiple_base_choice")
+    sizes = [(name, *set_size(model, name)) for name in names]
+    if as_json:
+        print_json([{"criterion": name, "rows": rows, "fewest": fewest} for name, rows, fewest in sizes])
+        return
+    title = f"{model.name}: {len(model.domains)} inputs, {sum(model.sizes)} blocks"
+    print_table(Table(title, (Column("criterion"), Column("rows", ",d"), Column("fewest", ",d")), tuple(sizes)))
+
+
+@command.command("convert")
+@click.argument("source", type=click.Path(path_type=Path))
+@click.argument("target", type=click.Path(path_type=Path))
+def convert(source: Path, target: Path) -> None:
+    """Turn a PICT model (.pict, .txt) into an input model (.yaml, .yml), or back, and say what is lost.
+
+    Example: parcours data convert printer.pict printer.yaml
+    """
+    from parcours.data.pict import read_pict, write_pict
+    from parcours.data.writing import write_input_model
+    from parcours.errors import BadRequest
+
+    losses = list(read_pict(source).losses) if source.suffix.lower() in _PICT else []
+    model = _model(source)
+    if target.suffix.lower() in _PICT:
+        written = write_pict(model)
+        text, losses = written.text, losses + list(written.losses)
+    elif target.suffix.lower() in (".yaml", ".yml"):
+        text = write_input_model(model)
+    else:
+        rule = f"the suffix must tell the format, but {target.suffix!r} does not"
+        raise BadRequest(str(target), rule, "Known: .yaml, .yml, .pict, .txt", slug="unknown-format")
+    try:
+        target.write_text(text, encoding="utf-8")
+    except OSError as error:
+        rule = f"a file must be writable there, but: {error.strerror}"
+        raise BadRequest(str(target), rule, "name another place", slug="folder-unwritable") from None
+    click.echo(
+        f"{target}: {len(model.domains)} inputs, {sum(model.sizes)} blocks, {len(model.constraints)} constraints"
+    )
+    for loss in losses:
+        click.echo(f"lost: {loss}")
+
+
+def _model(path: Path) -> InputModel:
+    """Return the input model of a file, YAML or PICT by its suffix."""
+    from parcours.data import read_input_model
+    from parcours.data.pict import read_pict
+
+    return read_pict(path).model if path.suffix.lower() in _PICT else read_input_model(path)

@@ -1,13 +1,19 @@
 """Input domains and a combination criterion become rows of values, drawn by seed within constraints."""
 
+from parcours.data.blocks import Block
 from parcours.data.bookkeeping import BlockCoverage, cover
+from parcours.data.boundaries import at_boundaries
+from parcours.data.choosing import MODEL_CRITERIA, Selection, choose
 from parcours.data.constraints import Constraint
-from parcours.data.domains import Block, Domain, InputModel, split
+from parcours.data.domains import Domain, enumeration, split
 from parcours.data.drawing import draw
+from parcours.data.inputs import Group, InputModel
+from parcours.data.measuring import TupleCoverage, measure
 from parcours.data.reading import parse_input_model, read_input_model
 from parcours.data.selecting import CRITERIA, count, select
 
 __all__ = [
-    "CRITERIA", "Block", "BlockCoverage", "Constraint", "Domain", "InputModel", "count", "cover", "draw",
-    "parse_input_model", "read_input_model", "select", "split",
+    "CRITERIA", "MODEL_CRITERIA", "Block", "BlockCoverage", "Constraint", "Domain", "Group", "InputModel", "Selection",
+    "TupleCoverage", "at_boundaries", "choose", "count", "cover", "draw", "enumeration", "measure", "parse_input_model",
+    "read_input_model", "select", "split",
 ]  # fmt: skip

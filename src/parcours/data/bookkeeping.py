@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from parcours.data.domains import OUTSIDE, InputModel
+from parcours.data.domains import OUTSIDE
+from parcours.data.inputs import InputModel
 from parcours.errors import BadRequest
 
 
@@ -15,7 +16,7 @@ from parcours.errors import BadRequest
 class BlockCoverage:
     """How often each block of each parameter was hit, and how many values lay in no block.
 
-    `model` says which parameters and blocks are meant; `counts` has one entry a block, in the model's order;
+    `model` says which parameters and blocks are meant; `counts` has one entry a block, the invalid ones last;
     `outside` one entry a parameter. Coverages of parts of a campaign add up: `whole = first + second`.
     """
 
@@ -42,8 +43,8 @@ class BlockCoverage:
 
     @property
     def n_blocks(self) -> int:
-        """The number of blocks there are to hit."""
-        return sum(self.model.sizes)
+        """The number of blocks there are to hit, those for negative tests included."""
+        return sum(len(domain.choices) for domain in self.model.domains)
 
     @property
     def n_hit(self) -> int:
@@ -52,11 +53,11 @@ class BlockCoverage:
 
     @property
     def uncovered(self) -> tuple[str, ...]:
-        """The blocks that no value hit, as `parameter in block unit`."""
+        """The blocks that no value hit, as `parameter in block unit`, or `parameter = name`."""
         return tuple(
-            f"{domain.name} in {block} {domain.unit}"
+            f"{domain.name} = {block.name}" if block.name else f"{domain.name} in {block} {domain.unit}"
             for domain, counts in zip(self.model.domains, self.counts, strict=True)
-            for block, count in zip(domain.blocks, counts, strict=True)
+            for block, count in zip(domain.choices, counts, strict=True)
             if not count
         )
 
@@ -91,7 +92,7 @@ def cover(model: InputModel, table: NDArray[np.float64]) -> BlockCoverage:
     counts, outside = [], []
     for column, domain in enumerate(model.domains):
         index = domain.blocks_of(table[:, column])
-        hits = np.bincount(index[index != OUTSIDE], minlength=len(domain.blocks))
+        hits = np.bincount(index[index != OUTSIDE], minlength=len(domain.choices))
         counts.append(tuple(int(hit) for hit in hits))
         outside.append(int(np.sum(index == OUTSIDE)))
     return BlockCoverage(model, tuple(counts), tuple(outside), len(table))

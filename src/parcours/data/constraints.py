@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Literal as TypingLiteral
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,13 +25,27 @@ _COMPARISON: dict[str, Callable[..., NDArray[np.bool_]]] = {
 }  # fmt: skip
 
 
+Over: TypeAlias = TypingLiteral["values", "blocks"]
+"""What the numbers of a rule are: values of the inputs, or indices of their blocks."""
+
+
 @dataclass(frozen=True, slots=True)
 class Constraint:
-    """A rule that every row of values must meet: a condition over input names, and why it is there."""
+    """A rule that every row must meet: a condition over input names, and why it is there.
+
+    Attributes:
+        name: what the rule is called.
+        expression: the condition, over numbers only; names of an enumeration or of blocks are their places in it.
+        doc: why the rule is there.
+        over: whether the condition speaks of values or of blocks.
+        text: the condition as people write it, where that differs: with the names in place of the numbers.
+    """
 
     name: str
     expression: Expression
     doc: str = ""
+    over: Over = "values"
+    text: str = ""
 
     @property
     def inputs(self) -> frozenset[str]:
@@ -37,7 +53,7 @@ class Constraint:
         return names(self.expression)
 
     def __str__(self) -> str:
-        return f"{self.name}: {self.expression}"
+        return f"{self.name}: {self.text or self.expression}"
 
 
 def meets(constraint: Constraint, columns: Columns) -> NDArray[np.bool_]:

@@ -1,8 +1,8 @@
-"""Input domains, in units, split into blocks, and the input model that puts them in order.
+"""Input domains, in units, split into blocks.
 
 A domain is the range one input may take. Its blocks partition it, so that any value of a block stands for the
-others (Ammann & Offutt, Introduction to Software Testing, 2008, ch. 4). An input model is the ordered list of
-domains with the constraints that a row of values must meet.
+others (Ammann & Offutt, Introduction to Software Testing, 2008, ch. 4). Values are numbers: reals, integers, angles on
+a circle, or the places of names in an enumeration.
 """
 
 from __future__ import annotations
@@ -16,11 +16,12 @@ from typing import Literal, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from parcours.data.constraints import Constraint
+from parcours.data.blocks import Block
+from parcours.data.partition import check_blocks, check_enumeration, check_invalid
 from parcours.errors import BadDomain
 
-Kind: TypeAlias = Literal["real", "integer"]
-"""What a domain's values are: any number of the range, or the whole numbers of it."""
+Kind: TypeAlias = Literal["real", "integer", "angle", "enumeration"]
+"""What a domain's values are: any number of the range, the whole numbers of it, angles in (-pi, pi], or names."""
 
 Closed: TypeAlias = Literal["left", "right"]
 """Which neighbour owns an inner edge: `left` means blocks [a, b), `right` means blocks (a, b]."""
@@ -30,67 +31,26 @@ OUTSIDE = -1
 
 
 @dataclass(frozen=True, slots=True)
-class Block:
-    """An interval of values that stand for each other; each end belongs to it or not.
-
-    Raises:
-        BadDomain: an end is not finite, or the block holds no value.
-
-    >>> 1.0 in Block(1.0, 1.5, low_closed=False)
-    False
-    """
-
-    low: float
-    high: float
-    low_closed: bool = True
-    high_closed: bool = True
-
-    def __post_init__(self) -> None:
-        if not (math.isfinite(self.low) and math.isfinite(self.high)):
-            raise BadDomain(f"block {self}", "the ends of a block must be finite", slug="block-infinite")
-        if self.first > self.last:
-            raise BadDomain(
-                f"block {self}",
-                "a block must hold at least one value",
-                "widen or drop it",
-                slug="block-empty",
-            )
-
-    def __contains__(self, value: float) -> bool:
-        """Return whether the value [unit of the domain] lies in the block."""
-        return self.first <= value <= self.last
-
-    def __str__(self) -> str:
-        return f"{'[' if self.low_closed else '('}{self.low:g}, {self.high:g}{']' if self.high_closed else ')'}"
-
-    @property
-    def width(self) -> float:
-        """The distance between the ends [unit of the domain]."""
-        return self.high - self.low
-
-    @property
-    def first(self) -> float:
-        """The least floating-point number in the block [unit of the domain]."""
-        return self.low if self.low_closed else math.nextafter(self.low, math.inf)
-
-    @property
-    def last(self) -> float:
-        """The greatest floating-point number in the block [unit of the domain]."""
-        return self.high if self.high_closed else math.nextafter(self.high, -math.inf)
-
-
-@dataclass(frozen=True, slots=True)
 class Domain:
     """The range one input may take, as blocks that partition it.
 
-    `stated` is the range as its source states it; it has the ends of the blocks' hull, but an end may be open
-    in one and closed in the other. There the blocks decide, since it is the blocks that coverage is counted
-    on.
+    Attributes:
+        name: what rules call the input.
+        unit: of its values.
+        blocks: ascending intervals that leave no gap, or single values, which may stand apart. Blocks of an angle
+            [rad] may go on beyond pi: [3, 4] holds the angles from 3 to pi, and those from -pi to 4 - 2 pi.
+        kind: what its values are.
+        stated: the range as its source states it; it has the ends of the blocks' hull, but an end may be open in
+            one and closed in the other. There the blocks decide, since it is the blocks that coverage is counted on.
+        doc: what the input means.
+        values: the names of an enumeration; its blocks hold their places, counted from 0.
+        invalid: blocks for negative tests, apart from the others; their indices follow those of `blocks`.
+        bases: indices of the blocks that base choice starts from.
+        step: how far `just inside` is from a boundary [unit]; None for the default of boundaries.py.
 
     Raises:
-        BadDomain: the blocks leave a gap, overlap or descend; the stated range ends elsewhere; a block of an
-            integer
-            domain holds no whole number.
+        BadDomain: the blocks leave a gap, overlap or descend; the stated range ends elsewhere; a block of an integer
+            domain holds no whole number; names and blocks of an enumeration do not match; an invalid block overlaps.
     """
 
     name: str
@@ -99,53 +59,24 @@ class Domain:
     kind: Kind = "real"
     stated: Block | None = None
     doc: str = ""
+    values: tuple[str, ...] = ()
+    invalid: tuple[Block, ...] = ()
+    bases: tuple[int, ...] = (0,)
+    step: float | None = None
 
     def __post_init__(self) -> None:
         where = f"domain {self.name!r}"
-        if not self.blocks:
-            raise BadDomain(where, "a domain must have at least one block", slug="blocks-none")
-        for below, above in pairwise(self.blocks):
-            if below.high < above.low:
-                raise BadDomain(
-                    where,
-                    f"blocks must leave no gap, but {below} precedes {above}",
-                    "let one block begin where the other ends",
-                    slug="blocks-gap",
-                )
-            if below.high > above.low:
-                raise BadDomain(
-                    where,
-                    f"blocks must ascend without overlap, but {below} precedes {above}",
-                    "sort them and let one begin where the other ends",
-                    slug="blocks-overlap",
-                )
-            if below.high_closed == above.low_closed:
-                owners = "both" if above.low_closed else "neither"
-                raise BadDomain(
-                    where,
-                    f"{above.low:g} {self.unit} must belong to one block, but {owners} of {below} and {above} holds it",
-                    "close exactly one of the two ends",
-                    slug="blocks-edge",
-                )
-        if self.stated and (self.stated.low, self.stated.high) != (self.span.low, self.span.high):
-            raise BadDomain(
-                where,
-                f"blocks must fill the range {self.stated}, but they fill {self.span}",
-                "correct the range or the outer blocks",
-                slug="blocks-range",
-            )
-        for block in self.blocks:
-            if self.kind == "integer" and math.ceil(block.first) > math.floor(block.last):
-                raise BadDomain(
-                    where,
-                    f"every block of an integer domain must hold a whole number, but {block} holds none",
-                    "widen it or make the domain real",
-                    slug="block-empty",
-                )
+        if self.kind == "enumeration":
+            check_enumeration(where, self.blocks, self.invalid, self.values)
+        else:
+            check_blocks(where, self.unit, self.blocks, self.stated, self.kind)
+        check_invalid(where, self.blocks, self.invalid, self.kind)
+        if not self.bases or not all(0 <= base < len(self.blocks) for base in self.bases):
+            raise BadDomain(where, f"bases must be valid blocks, but are {list(self.bases)}", slug="block-base")
 
     def __contains__(self, value: float) -> bool:
-        """Return whether the value [unit] lies in one of the blocks."""
-        return self.block_of(value) != OUTSIDE
+        """Return whether the value [unit] lies in one of the valid blocks."""
+        return 0 <= self.block_of(value) < len(self.blocks)
 
     @property
     def span(self) -> Block:
@@ -153,8 +84,18 @@ class Domain:
         first, last = self.blocks[0], self.blocks[-1]
         return Block(first.low, last.high, first.low_closed, last.high_closed)
 
+    @property
+    def choices(self) -> tuple[Block, ...]:
+        """All blocks by index, the invalid ones last."""
+        return self.blocks + self.invalid
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """What rules and reports call each of `choices`."""
+        return tuple(block.label for block in self.choices)
+
     def block_of(self, value: float) -> int:
-        """Return the index of the block that holds the value [unit], or OUTSIDE.
+        """Return the index among `choices` of the block that holds the value [unit], or OUTSIDE.
 
         >>> split("v", "m/s", [0.0, 0.25, 0.5]).block_of(0.25)
         0
@@ -162,55 +103,72 @@ class Domain:
         return int(self.blocks_of(np.array([value]))[0])
 
     def blocks_of(self, values: NDArray[np.float64]) -> NDArray[np.int64]:
-        """Return the index of the block that holds each value, or OUTSIDE.
+        """Return the index among `choices` of the block that holds each value, or OUTSIDE.
 
         Args:
             values: [unit], any shape.
         """
-        lasts = np.array([block.last for block in self.blocks])
-        # Block i is the first whose last number is not below the value, since blocks ascend and leave no gap.
-        index = np.searchsorted(lasts, values, side="left")
-        inside = (values >= self.span.first) & (values <= self.span.last)
-        if self.kind == "integer":
-            inside &= np.floor(values) == values
-        return np.where(inside, index, OUTSIDE).astype(np.int64)
+        if self.kind == "angle":
+            values = unrolled(values, self.span)
+        firsts, lasts = (np.array([getattr(b, end) for b in self.blocks]) for end in ("first", "last"))
+        # Block i is the first whose last number is not below the value, since blocks ascend.
+        index = np.minimum(np.searchsorted(lasts, values, side="left"), len(lasts) - 1)
+        inside = (values >= firsts[index]) & (values <= lasts[index])
+        found = np.where(inside, index, OUTSIDE).astype(np.int64)
+        for place, block in enumerate(self.invalid):
+            found[(values >= block.first) & (values <= block.last)] = len(self.blocks) + place
+        if self.kind in ("integer", "enumeration"):
+            found[np.floor(values) != values] = OUTSIDE
+        return found
+
+    def shown(self, value: float) -> str:
+        """Return a value [unit] as people write it: the name, if it is that of an enumeration.
+
+        >>> enumeration("gear", ("slow", "fast")).shown(1.0), split("v", "m/s", [0.0, 0.5]).shown(0.125)
+        ('fast', '0.125')
+        """
+        is_name = self.kind == "enumeration" and value in range(len(self.values))
+        return self.values[int(value)] if is_name else f"{value:.9g}"
 
 
-@dataclass(frozen=True, slots=True)
-class InputModel:
-    """The inputs of a test in order, the rules a row of their values must meet, and where both come from.
+def unrolled(values: NDArray[np.float64], span: Block) -> NDArray[np.float64]:
+    """Return angles [rad] as those numbers, equal modulo 2 pi, that lie within a span where that is possible.
 
-    `domains` has the order of the columns of every table of rows or values; `constraints` speak of domain
-    names only.
+    >>> unrolled(np.array([-3.0, 3.0, 10.0]), Block(3.0, 4.0)).round(4).tolist()
+    [3.2832, 3.0, 3.7168]
     """
+    turn = 2.0 * math.pi
+    with np.errstate(invalid="ignore"):
+        plain = (values > -math.pi) & (values <= math.pi)
+        angles = np.where(plain, values, math.pi - np.mod(math.pi - values, turn))
+        angles = np.where(angles < span.first, angles + turn, angles)
+        return np.where(angles > span.last, angles - turn, angles)
 
-    name: str
-    domains: tuple[Domain, ...]
-    constraints: tuple[Constraint, ...] = ()
-    source: str = ""
-    doc: str = ""
-    repeat: int = 1
 
-    @property
-    def names(self) -> tuple[str, ...]:
-        """The names of the inputs, in column order."""
-        return tuple(domain.name for domain in self.domains)
+def enumeration(name: str, values: Sequence[str], *, doc: str = "") -> Domain:
+    """Return the enumeration in which each name is a block.
 
-    @property
-    def sizes(self) -> tuple[int, ...]:
-        """The number of blocks of each input, in column order."""
-        return tuple(len(domain.blocks) for domain in self.domains)
+    Raises:
+        BadDomain: there is no name, or one twice.
+
+    >>> enumeration("mode", ["auto", "manual"]).labels
+    ('auto', 'manual')
+    """
+    blocks = tuple(Block(place, place, name=value) for place, value in enumerate(values))
+    return Domain(name, "1", blocks, "enumeration", doc=doc, values=tuple(values))
 
 
 def split(name: str, unit: str, edges: Sequence[float], *, closed: Closed = "right", kind: Kind = "real") -> Domain:
     """Return the domain whose blocks lie between consecutive edges; both outer ends belong to it.
+
+    A full circle of angles is an exception: its ends are one angle, which belongs to one block.
 
     Args:
         name: what the input is called in the model.
         unit: SI unit of the edges.
         edges: at least two block ends [unit], strictly increasing, shape (n_blocks + 1,).
         closed: `right` gives an inner edge to the block below it, `left` to the block above.
-        kind: whether all numbers between the edges are meant, or the whole ones.
+        kind: whether all numbers between the edges are meant, the whole ones, or angles.
 
     Raises:
         BadDomain: the edges are too few, or do not increase.
@@ -235,12 +193,13 @@ def split(name: str, unit: str, edges: Sequence[float], *, closed: Closed = "rig
                 slug="edges-order",
             )
     n = len(edges) - 1
+    is_circle = kind == "angle" and abs(edges[-1] - edges[0] - 2.0 * math.pi) < 1e-9
     blocks = tuple(
         Block(
             float(edges[i]),
             float(edges[i + 1]),
-            low_closed=closed == "left" or i == 0,
-            high_closed=closed == "right" or i == n - 1,
+            low_closed=closed == "left" or (i == 0 and not is_circle),
+            high_closed=closed == "right" or (i == n - 1 and not is_circle),
         )
         for i in range(n)
     )

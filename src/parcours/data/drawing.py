@@ -12,8 +12,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from parcours.data.constraints import meets
-from parcours.data.domains import Domain, InputModel
+from parcours.data.constraints import Constraint, meets
+from parcours.data.domains import Domain
+from parcours.data.inputs import InputModel, rules_of
 from parcours.data.selecting import Rows
 from parcours.data.streams import VALUES, starts, uniforms
 from parcours.errors import BadDomain, BadRequest
@@ -40,7 +41,7 @@ def draw(
 
     Raises:
         BadRequest: the shapes do not fit together, or a block index, a case number or the seed is out of
-            range.
+            range; a row breaks a rule over blocks.
         BadDomain: the constraints were not met within the blocks of some case in so many tries.
 
     >>> from parcours.data.domains import split
@@ -56,7 +57,8 @@ def draw(
     limits = _limits(model, rows)
     start = starts(seed, cases, VALUES)
     values = np.empty(rows.shape)
-    met = np.zeros((len(cases), len(model.constraints)), dtype=np.int64)
+    constraints = [constraint for constraint in model.constraints if constraint.over == "values"]
+    met = np.zeros((len(cases), len(constraints)), dtype=np.int64)
     left = np.arange(len(cases))  # which rows still break a constraint
     done = 0
     while left.size and done < tries:
@@ -67,7 +69,7 @@ def draw(
             drawn = _drawn(model, start[part], [limit[part] for limit in limits], done, n)
             columns = {name: drawn[:, :, column].ravel() for column, name in enumerate(model.names)}
             good = np.ones((len(part), n), dtype=bool)
-            for index, constraint in enumerate(model.constraints):
+            for index, constraint in enumerate(constraints):
                 fine = meets(constraint, columns).reshape(len(part), n)
                 met[part, index] += fine.sum(axis=1)
                 good &= fine
@@ -76,7 +78,8 @@ def draw(
         left = np.concatenate(failed)
         done += n
     if left.size:
-        raise _unmeetable(model, rows[left[0]], int(cases[left[0]]), met[left[0]], tries)
+        worst = constraints[int(np.argmin(met[left[0]]))]
+        raise _unmeetable(model, worst, rows[left[0]], int(cases[left[0]]), int(met[left[0]].min()), tries)
     return values
 
 
@@ -88,22 +91,33 @@ def _drawn(
     low, width, first, last = (limit[:, np.newaxis] for limit in limits)
     words = uniforms(start, done * n_inputs, n * n_inputs).reshape(len(start), n, n_inputs)
     drawn = low + width * words
-    whole = np.array([domain.kind == "integer" for domain in model.domains])
+    whole = np.array([domain.kind in ("integer", "enumeration") for domain in model.domains])
     drawn = np.where(whole, np.floor(drawn), drawn)
     # Rounding may push a value onto an open end, so the block's own first and last number are the limits.
-    return np.clip(drawn, first, last)
+    drawn = np.clip(drawn, first, last)
+    for column, domain in enumerate(model.domains):
+        if domain.kind == "angle":
+            drawn[:, :, column] = _turned(drawn[:, :, column])
+    return drawn
+
+
+def _turned(angles: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return angles from -pi .. 3 pi as those in (-pi, pi]; beyond pi the difference is exact."""
+    turn = 2.0 * math.pi
+    angles = np.where(angles > math.pi, angles - turn, angles)
+    return np.where(angles <= -math.pi, angles + turn, angles)
 
 
 def _limits(model: InputModel, rows: Rows) -> tuple[NDArray[np.float64], ...]:
     """Return low end, width, first and last value of the block of each value; each of the shape of `rows`."""
-    tables = [np.array([_ends(domain, index) for index in range(len(domain.blocks))]) for domain in model.domains]
+    tables = [np.array([_ends(domain, index) for index in range(len(domain.choices))]) for domain in model.domains]
     ends = np.stack([table[rows[:, column]] for column, table in enumerate(tables)], axis=1)
     return ends[:, :, 0], ends[:, :, 1] - ends[:, :, 0], ends[:, :, 2], ends[:, :, 3]
 
 
 def _ends(domain: Domain, index: int) -> tuple[float, float, float, float]:
-    block = domain.blocks[index]
-    if domain.kind == "real":
+    block = domain.choices[index]
+    if domain.kind in ("real", "angle"):
         return block.low, block.high, block.first, block.last
     first, last = math.ceil(block.first), math.floor(block.last)
     return first, last + 1.0, first, last
@@ -116,25 +130,42 @@ def _check(model: InputModel, rows: Rows, cases: NDArray[np.int64]) -> None:
             f"rows must have the shape {(len(cases), len(model.domains))}, but have {rows.shape}",
             slug="rows-shape",
         )
-    if rows.size and (rows.min() < 0 or (rows >= np.array(model.sizes)).any()):
+    sizes = [len(domain.choices) for domain in model.domains]
+    if rows.size and (rows.min() < 0 or (rows >= np.array(sizes)).any()):
         raise BadRequest(
             f"input model {model.name!r}",
-            f"a block index must be at least 0 and below the number of blocks of its parameter, {list(model.sizes)}",
+            f"a block index must be at least 0 and below the number of blocks of its parameter, {sizes}",
             slug="block-index",
+        )
+    ruled = {constraint.name for constraint in model.constraints if constraint.over == "blocks"}
+    if not ruled:
+        return
+    rules = rules_of(model)
+    broken = rules.broken(rows) & np.array([table.name in ruled for table in rules.tables], dtype=bool)
+    if broken.any():
+        row, rule = (int(found) for found in np.argwhere(broken)[0])
+        table = rules.tables[rule]
+        raise BadRequest(
+            f"input model {model.name!r}, case {cases[row]}",
+            f"a row must break no rule over blocks, but {model.in_words([(c, rows[row, c]) for c in table.columns])}"
+            f" breaks {table.name!r}",
+            "choose rows that the rules allow, as `choose` does",
+            slug="block-rule",
         )
 
 
-def _unmeetable(model: InputModel, row: NDArray[np.int64], case: int, met: NDArray[np.int64], tries: int) -> BadDomain:
-    worst = model.constraints[int(np.argmin(met))]
+def _unmeetable(
+    model: InputModel, worst: Constraint, row: NDArray[np.int64], case: int, met: int, tries: int
+) -> BadDomain:
     blocks = ", ".join(
-        f"{domain.name} in {domain.blocks[block]} {domain.unit}"
+        f"{domain.name} in {domain.choices[block].label} {domain.unit}"
         for domain, block in zip(model.domains, row, strict=True)
         if domain.name in worst.inputs
     )
     return BadDomain(
         f"input model {model.name!r}, case {case}",
         f"all constraints must hold together within {tries} draws, but none of these met all of them, and"
-        f" {worst.name!r} ({worst.expression}) held in {int(met.min())} within {blocks}",
+        f" {worst.name!r} ({worst.text or worst.expression}) held in {met} within {blocks}",
         "loosen the constraint or widen the blocks",
         slug="constraint-unmet",
     )

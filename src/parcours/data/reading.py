@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
-from parcours.data.domains import InputModel
+from parcours.data.inputs import InputModel
 from parcours.data.schema import InputModelReader
 from parcours.errors import BadDomain
 from parcours.model.documents import MAX_BYTES, read_document

@@ -9,12 +9,14 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Collection, Iterator
+from dataclasses import replace
 from functools import partial
 from typing import Literal, TypeAlias
 
 from parcours.data.constraints import substitute
 from parcours.data.domains import Domain
-from parcours.model.expression import Expression, Field, Name
+from parcours.data.words import path_of
+from parcours.model.expression import Expression, Name
 
 Scope: TypeAlias = Literal["row", "each", "pairs"]
 """What a rule speaks of."""
@@ -24,8 +26,17 @@ SCOPES: tuple[Scope, ...] = ("row", "each", "pairs")
 
 def numbered(domain: Domain, replica: int) -> Domain:
     """Return the domain as one replica calls it; replicas count from 1."""
-    name = f"{domain.name}{replica}"
-    return Domain(name, domain.unit, domain.blocks, domain.kind, domain.stated, domain.doc)
+    return replace(domain, name=numbered_name(domain.name, replica))
+
+
+def numbered_name(name: str, replica: int) -> str:
+    """Return a name as one replica calls it; the number stands before the component of a vector.
+
+    >>> numbered_name("v", 2), numbered_name("position.x", 2)
+    ('v2', 'position2.x')
+    """
+    head, dot, tail = name.partition(".")
+    return f"{head}{replica}{dot}{tail}"
 
 
 def n_instances(scope: Scope, replicas: int) -> int:
@@ -68,12 +79,12 @@ def instances(
 
 
 def _own(parameters: Collection[str], i: int, node: Expression) -> Expression | None:
-    return Name(f"{node.id}{i}") if isinstance(node, Name) and node.id in parameters else None
+    path = path_of(node)
+    return Name(numbered_name(path, i)) if path is not None and path in parameters else None
 
 
 def _partners(parameters: Collection[str], i: int, j: int, node: Expression) -> Expression | None:
-    match node:
-        case Field(Name("a" | "b" as partner), name) if name in parameters:
-            return Name(f"{name}{i if partner == 'a' else j}")
-        case _:
-            return None
+    partner, _, name = (path_of(node) or "").partition(".")
+    if partner not in ("a", "b") or name not in parameters:
+        return None
+    return Name(numbered_name(name, i if partner == "a" else j))

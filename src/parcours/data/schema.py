@@ -3,30 +3,19 @@
 from __future__ import annotations
 
 import math
-import re
 from collections import Counter
-from collections.abc import Iterator, Mapping
-from typing import get_args
+from collections.abc import Iterator, Mapping, Sequence
 
-from parcours.data.constraints import Constraint, substitute
-from parcours.data.domains import Block, Closed, Domain, InputModel, Kind, split
-from parcours.data.replicas import SCOPES, instances, n_instances, numbered
-from parcours.errors import BadDomain, BadRequest, ParcoursError, one_of
-from parcours.model.documents import Node, Scalar
-from parcours.model.expression import (
-    BOOL,
-    INT,
-    REAL,
-    Expression,
-    Literal,
-    Name,
-    Unary,
-    evaluate,
-    parse_expression,
-    type_of,
-)
+from parcours.data.constraints import Constraint
+from parcours.data.domain_schema import DomainReader
+from parcours.data.domains import Domain
+from parcours.data.inputs import Group, InputModel, constraint_of
+from parcours.data.replicas import SCOPES, Scope, instances, n_instances, numbered, numbered_name
+from parcours.errors import BadRequest, ParcoursError, one_of
+from parcours.model.documents import Node
+from parcours.model.expression import parse_expression
 from parcours.model.finding import Finding
-from parcours.model.nodes import NodeReader, brief
+from parcours.model.nodes import brief
 
 FORMAT = "data/1"
 """The value of the key `parcours` in a file of this format."""
@@ -37,16 +26,19 @@ MAX_REPEAT = 100
 MAX_COLUMNS = 1000
 """Most columns of a row, and most constraints a file may stand for."""
 
-_INTERVAL = re.compile(r"\s*([\[(])([^,]+),([^,]+)([\])])\s*")
+MAX_STRENGTH = 6
+"""Most inputs that a criterion combines, short of all."""
+
+OVER_BLOCKS = "blocks"
+"""The key of a rule that speaks of the blocks of a row, not of its values."""
 
 
-class InputModelReader(NodeReader):
+class InputModelReader(DomainReader):
     """One reading of one file; what it cannot understand it adds to `findings` and goes on."""
 
     def __init__(self, origin: str, replaced: Mapping[str, float]) -> None:
-        super().__init__(origin)
+        super().__init__(origin, {"pi": math.pi})
         self.replaced = replaced
-        self.constants: dict[str, float] = {"pi": math.pi}
 
     def model(self, root: Node) -> InputModel:
         """Return the input model; it is fit for use only if no finding was added."""
@@ -54,7 +46,7 @@ class InputModelReader(NodeReader):
             root,
             "an input model",
             ("parcours", "name", "parameters"),
-            ("doc", "repeat", "constants", "constraints"),
+            ("doc", "repeat", "constants", "constraints", "groups"),
         )
         form = self.text(top.get("parcours"), "parcours", FORMAT)
         if form != FORMAT:
@@ -64,7 +56,7 @@ class InputModelReader(NodeReader):
         once = [
             domain
             for name, node, line in self.entries(top.get("parameters"), "parameters")
-            if (domain := self.domain(name, node, line))
+            for domain in self.domains(name, node, line)
         ]
         if not once and not self.findings:
             self.add(top["parameters"], "parameters-none", "an input model must have a parameter, but has none")
@@ -85,16 +77,14 @@ class InputModelReader(NodeReader):
                     f"a name must be unique, but {n} parameters become {double!r} when numbered",
                     "rename one",
                 )
-        constraints = tuple(
-            self.constraints(top.get("constraints"), [domain.name for domain in once], domains, replicas)
-        )
         return InputModel(
             self.text(top.get("name"), "name"),
             tuple(domains),
-            constraints,
+            tuple(self.constraints(top.get("constraints"), [domain.name for domain in once], domains, replicas)),
             self.origin,
             self.text(top.get("doc"), "doc"),
             max(replicas, 1),
+            tuple(self.groups(top.get("groups"), [domain.name for domain in once], domains, replicas)),
         )
 
     def read_constants(self, node: Node | None) -> None:
@@ -121,132 +111,64 @@ class InputModelReader(NodeReader):
             if not math.isfinite(value):
                 raise BadRequest(f"constant {name!r}", f"it must be finite, but {value} given", slug="constant")
 
-    def domain(self, name: str, node: Node, line: int) -> Domain | None:
-        """Return the domain of one parameter, or None after adding findings that say why there is none."""
-        before, what = len(self.findings), f"parameter {name!r}"
-        record = self.record(node, what, ("unit",), ("doc", "kind", "range", "blocks", "edges", "closed"))
-        unit = self.text(record.get("unit"), f"{what}: unit")
-        doc = self.text(record.get("doc"), f"{what}: doc")
-        kind = self.choice(record.get("kind"), f"{what}: kind", get_args(Kind), "real")
-        closed = self.choice(record.get("closed"), f"{what}: closed", get_args(Closed), "right")
-        edges = [self.number(item, what) for item in self.listed(record.get("edges"), f"{what}: edges")]
-        blocks = [self.interval(item, what) for item in self.listed(record.get("blocks"), f"{what}: blocks")]
-        stated = self.interval(record["range"], what) if "range" in record else None
-        if name in self.constants:
-            self.add(node, "duplicate-name", f"a name must be unique, but {name!r} is a constant already")
-        if ("edges" in record) == ("blocks" in record):
-            self.add(node, "blocks-or-edges", f"{what} must have either blocks or edges", "keep one of the two")
-        if "closed" in record and "edges" not in record:
-            self.add(record["closed"], "closed", f"{what}: closed goes with edges; blocks have brackets")
-        if len(self.findings) > before:
-            return None
-        try:
-            if "edges" in record:
-                whole = split(name, unit, edges, closed="left" if closed == "left" else "right").blocks
-            else:
-                whole = tuple(block for block in blocks if block)
-            return Domain(name, unit, whole, "integer" if kind == "integer" else "real", stated, doc)
-        except BadDomain as error:
-            self.findings.append(
-                Finding(self.origin, line, "error", error.slug, f"{error.where}: {error.rule}", error.remedy)
-            )
-            return None
-
-    def choice(self, node: Node | None, what: str, known: tuple[str, ...], absent: str) -> str:
-        """Return one of a few words."""
-        given = self.text(node, what, absent)
-        if given not in known:
-            self.add(node, "choice", f"{what} must be {' or '.join(known)}, but is {brief(given)}")
-        return given
-
-    def number(self, node: Node | None, what: str) -> float:
-        """Return the number that an expression over the constants stands for."""
-        return self.value(node.text, node, what) if isinstance(node, Scalar) else self.wrong(node, what)
-
-    def wrong(self, node: Node | None, what: str) -> float:
-        """Return 0 after noting that a node is no single value; a missing one was noted before."""
-        self.text(node, what)
-        return 0.0
-
-    def value(self, text: str, node: Node, what: str) -> float:
-        """Return the number that a text at a node stands for, or 0 after adding a finding."""
-        try:
-            found = evaluate(self.bound(parse_expression(text, what)), {}, what)
-        except ParcoursError as error:
-            self.add(node, error.slug, f"{error.where}: {error.rule}", error.remedy)
-            return 0.0
-        if isinstance(found, bool) or not isinstance(found, int | float):
-            self.add(node, "number", f"{what}: a number must stand here, but {brief(text)} is none")
-            return 0.0
-        return float(found)
-
-    def interval(self, node: Node, what: str) -> Block | None:
-        """Return the block that a text such as `(1, 1.5]` stands for, or None after adding a finding."""
-        text = self.text(node, what)
-        parts = _INTERVAL.fullmatch(text)
-        if not parts:
-            self.add(
-                node,
-                "interval",
-                f"{what}: a block must be written like (1, 1.5], but is {brief(text)}",
-                "square brackets hold their end, round ones do not",
-            )
-            return None
-        before = len(self.findings)
-        low, high = self.value(parts[2].strip(), node, what), self.value(parts[3].strip(), node, what)
-        if len(self.findings) > before:
-            return None
-        try:
-            return Block(low, high, low_closed=parts[1] == "[", high_closed=parts[4] == "]")
-        except BadDomain as error:
-            self.add(node, error.slug, f"{what}: {error.where}: {error.rule}", error.remedy)
-            return None
-
-    def bound(self, tree: Expression) -> Expression:
-        """Return the tree with the numbers of the constants in place of their names."""
-
-        def number(node: Expression) -> Expression | None:
-            if isinstance(node, Name) and node.id in self.constants:
-                value = self.constants[node.id]
-                return Unary("-", Literal(-value)) if value < 0 else Literal(value)
-            return None
-
-        return substitute(tree, number)
+    def groups(
+        self, node: Node | None, once: Sequence[str], domains: Sequence[Domain], replicas: int
+    ) -> Iterator[Group]:
+        """Yield the groups of inputs with a strength of their own; parameters by name mean one group a replica."""
+        for entry in self.listed(node, "groups"):
+            record = self.record(entry, "a group", ("of", "strength"), ("doc",))
+            self.text(record.get("doc"), "a group: doc")
+            if "strength" not in record:
+                continue
+            strength = self.integer(record["strength"], "the strength of a group", 1, MAX_STRENGTH)
+            named = [(item, self.text(item, "a group: of")) for item in self.listed(record.get("of"), "a group: of")]
+            names = [name for _, name in named]
+            is_repeated = bool(replicas) and all(name in once for name in names)
+            known = [*once] if is_repeated else [domain.name for domain in domains]
+            for item, name in named:
+                if name not in known or names.count(name) > 1:
+                    rule = f"a group must name each input once, but {brief(name)} is unknown or doubled"
+                    self.add(item, "group", rule, one_of(name, known[:20]))
+            if len(names) < strength:
+                self.add(entry, "group", f"a group must have {strength} inputs or more, but has {len(names)}")
+            copies = range(1, replicas + 1) if is_repeated else ()
+            for i in copies:
+                yield Group(tuple(numbered_name(name, i) for name in names), strength)
+            if not copies:
+                yield Group(tuple(names), strength)
 
     def constraints(
         self, node: Node | None, once: list[str], domains: list[Domain], replicas: int
     ) -> Iterator[Constraint]:
         """Yield the constraints over columns that the rules of the file stand for."""
-        types = {domain.name: INT if domain.kind == "integer" else REAL for domain in domains}
         left = MAX_COLUMNS
         for name, entry, _ in self.entries(node, "constraints"):
             where = f"constraint {name!r}"
-            record = self.record(entry, where, (), (*SCOPES, "doc"))
+            record = self.record(entry, where, (), (*SCOPES, OVER_BLOCKS, "doc"))
             doc = self.text(record.get("doc"), f"{where}: doc")
-            scopes = [scope for scope in SCOPES if scope in record]
-            if len(scopes) != 1 or (scopes != ["row"] and not replicas):
+            keys = [key for key in (*SCOPES, OVER_BLOCKS) if key in record]
+            if len(keys) != 1 or (keys[0] in ("each", "pairs") and not replicas):
                 self.add(
                     entry,
                     "constraint-scope",
-                    f"{where} must have exactly one of row, and where parameters repeat, each and pairs",
+                    f"{where} must have exactly one of row, blocks, and where parameters repeat, each and pairs",
                     "keep one",
                 )
                 continue
-            (scope,) = scopes
+            (key,) = keys
+            scope: Scope = "each" if key == "each" else "pairs" if key == "pairs" else "row"
             left -= n_instances(scope, replicas)
             if left < 0:
                 self.add(entry, "columns", f"a file stands for at most {MAX_COLUMNS} constraints, but has more")
                 return
-            rule = self.parsed(record[scope], where, parse_expression, None)
+            rule = self.parsed(record[key], where, parse_expression, None)
             if rule is None:
                 continue
             for full_name, instance in instances(name, scope, self.bound(rule), once, replicas):
                 try:
-                    given = type_of(instance, types, where=f"constraint {full_name!r}")
+                    yield constraint_of(
+                        full_name, instance, domains, over="blocks" if key == OVER_BLOCKS else "values", doc=doc
+                    )
                 except ParcoursError as error:
-                    self.add(record[scope], error.slug, f"{error.where}: {error.rule}", error.remedy)
+                    self.add(record[key], error.slug, f"{error.where}: {error.rule}", error.remedy)
                     break
-                if given != BOOL:
-                    self.add(record[scope], "type", f"{where} must be true or false, but is {given}", "compare it")
-                    break
-                yield Constraint(full_name, instance, doc)

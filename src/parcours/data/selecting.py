@@ -2,11 +2,13 @@
 
 The rows of a criterion stand in an endless table: its first `n_rows` satisfy the criterion, so do the next
 `n_rows`, and so on. Each Choice shuffles every repetition anew by seed, so that blocks meet in ever new
-pairings. Any row is found by its number alone; nothing is listed that was not asked for.
+pairings; so do pair-wise and t-wise, by exchanging the blocks of each column. Any row is found by its number
+alone; nothing is listed that was not asked for.
 """
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -133,9 +135,40 @@ def _all_combinations(sizes: Sequence[int], numbers: NDArray[np.int64], seed: in
     return rows
 
 
+@functools.lru_cache(maxsize=64)
+def _array(sizes: tuple[int, ...], strength: int) -> Rows:
+    """Return the covering array of one repetition, the same whatever the seed: so its length is known without one."""
+    from parcours.data.arrays.building import covering_array
+    from parcours.data.arrays.goals import goals_of
+
+    return covering_array(goals_of(sizes, strength)).rows
+
+
+def _combined(strength: int) -> Criterion:
+    """Return the criterion under which the blocks of every so many parameters meet in all combinations."""
+
+    def n_rows(sizes: Sequence[int]) -> int:
+        return len(_array(tuple(sizes), strength))
+
+    def rows(sizes: Sequence[int], numbers: NDArray[np.int64], seed: int) -> Rows:
+        array = _array(tuple(sizes), strength)
+        repetitions, where = np.unique(numbers // len(array), return_inverse=True)
+        words = uniforms(starts(seed, repetitions, ROWS), 0, sum(sizes))
+        ends = np.cumsum([0, *sizes])
+        table = np.empty((len(numbers), len(sizes)), dtype=np.int64)
+        for column in range(len(sizes)):
+            exchanged = np.argsort(words[:, ends[column] : ends[column + 1]], axis=1, kind="stable")
+            table[:, column] = exchanged[where, array[numbers % len(array), column]]
+        return table
+
+    return Criterion(n_rows, rows)
+
+
 CRITERIA: Final[dict[str, Criterion]] = {
     "each_choice": Criterion(max, _each_choice),
     "base_choice": Criterion(lambda sizes: 1 + sum(size - 1 for size in sizes), _base_choice),
+    "pairwise": _combined(2),
+    **{f"{strength}-wise": _combined(strength) for strength in range(3, 7)},
     "all_combinations": Criterion(math.prod, _all_combinations),
 }
 """Combination criteria by name."""

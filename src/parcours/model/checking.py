@@ -7,14 +7,12 @@ from itertools import pairwise
 
 from parcours.errors import BadModel
 from parcours.model.expression import BOOL, Assignment, Expression, Type, type_of
-from parcours.model.expression.evaluation import INTEGER_LIMIT
 from parcours.model.expression.typing import accepts
 from parcours.model.finding import Finding, advice
 from parcours.model.nodes import is_identifier, is_label
 from parcours.model.scope import Scopes, variable_type
 from parcours.model.structure import (
     BASE_TYPES,
-    CLOCK,
     ENVIRONMENT,
     Cefsm,
     Component,
@@ -24,6 +22,7 @@ from parcours.model.structure import (
 )
 from parcours.model.suspicion import suspicions
 from parcours.model.temporal import temporal_findings
+from parcours.model.variables import variable_findings
 
 
 def findings(cefsm: Cefsm, origin: str = "") -> list[Finding]:
@@ -74,7 +73,7 @@ class _Check:
         self.interactions()
         for component in self.cefsm.components:
             for variable in component.variables:
-                self.variable(component, variable)
+                self.findings += variable_findings(component.name, variable, list(self.classes), self.origin)
             for machine in component.machines:
                 self.machine(machine)
                 for transition in machine.transitions:
@@ -176,36 +175,12 @@ class _Check:
                     rule = f"{name!r} must follow channels, but none leads from {here!r} to {there!r}"
                     self.error(line, "interaction", rule, "add the channel or leave out the step")
 
-    def variable(self, component: Component, variable: Variable) -> None:
-        what = f"variable '{component.name}.{variable.name}'"
-        known = [*BASE_TYPES, CLOCK, *self.classes]
-        if variable.type == CLOCK:
-            return
-        if variable.type not in known:
-            rule = f"{what} must have a base type or a message class, but is {variable.type!r}"
-            self.error(variable.line, "unknown-message", rule, self.advice(variable.type, known))
-        elif variable.type not in BASE_TYPES:
-            if variable.initial is not None:
-                rule = f"{what} is a message, which has no initial value, but has {variable.initial!r}"
-                self.error(variable.line, "initial", rule, "delete it")
-        elif variable.type == "enum" and len(set(variable.domain)) != max(len(variable.domain), 1):
-            rule = f"{what} must list one or more different 'values', but has {list(variable.domain)!r}"
-            self.error(variable.line, "value", rule)
-        elif variable.initial is None:
-            if variable.role == "local":
-                self.error(variable.line, "initial", f"{what} must have an initial value, but has none", "add it")
-        elif not _fits(variable):
-            allowed = f"one of {list(variable.domain)}" if variable.type == "enum" else f"of type {variable.type}"
-            if isinstance(variable.domain, range):
-                allowed = f"an integer from {variable.domain[0]} to {variable.domain[-1]}"
-            rule = f"the initial value of {what} must be {allowed}, but is {variable.initial!r}"
-            self.error(variable.line, "initial", rule)
-
     def machine(self, machine: Machine) -> None:
+        known = set(machine.states)
         ends = [(transition.source, transition.line) for transition in machine.transitions]
         ends += [(transition.target, transition.line) for transition in machine.transitions]
         for state, line in dict.fromkeys([(machine.initial, machine.line), *ends]):
-            if state not in machine.states:
+            if state not in known:
                 rule = f"{state!r} must be a state of {machine.name!r}, but is not among its 'states'"
                 self.error(line, "unknown-state", rule, self.advice(state, machine.states))
 
@@ -228,6 +203,18 @@ class _Check:
             both = " and ".join(meetings)
             rule = f"a transition meets one partner, but {transition.id!r} has rendezvous on {both}"
             self.error(transition.line, "rendezvous", rule, "split it, or give the channels a capacity")
+        if transition.event is not None and transition.event.name:
+            self.own_name(component, transition, transition.event.name)
+
+    def own_name(self, component: Component, transition: Transition, binder: str) -> None:
+        # Two transitions of one component that meet take place in one step, and may not call two messages the same.
+        sent = {
+            send.channel for send in transition.sends if send.channel in self.channels and self.is_meeting(send.channel)
+        }
+        for other in component.transitions() if sent else ():
+            if other.event is not None and other.event.channel in sent and other.event.name == binder:
+                rule = f"{transition.id!r} meets {other.id!r} in its own component, but both call a message {binder!r}"
+                self.error(transition.line, "shadowed-name", rule, "rename one")
 
     def is_meeting(self, name: str) -> bool:
         channel = self.channels[name]
@@ -289,17 +276,3 @@ class _Check:
         except BadModel as error:
             self.error(transition.line, error.slug, f"{where}: {error.rule}", error.remedy)
             return None
-
-
-def _fits(variable: Variable) -> bool:
-    value = variable.initial
-    if variable.domain and value not in variable.domain:
-        return False
-    kinds: dict[str, tuple[type, ...]] = {"bool": (bool,), "int": (int,), "real": (int, float)}
-    right = isinstance(value, kinds.get(variable.type, (str,)))
-    if isinstance(value, bool):
-        return right and variable.type == "bool"
-    return right and (not isinstance(value, int | float) or abs(value) <= _LARGEST[variable.type])
-
-
-_LARGEST = {"int": float(INTEGER_LIMIT), "real": 1.7976931348623157e308}

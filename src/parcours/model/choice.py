@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections import ChainMap
 from collections.abc import Iterator, Mapping
 
 from parcours.model.configuration import Configuration, Layout, Message, Site
-from parcours.model.expression import evaluate
+from parcours.model.expression import Expression, evaluate
 from parcours.model.witness import Question, Values, with_terms
 
 _CACHED = 100_000
@@ -45,12 +46,42 @@ class Choices:
             self._remembered[key] = tuple(tuple(sorted(each.items())) for each in chosen)
         return self._remembered[key]
 
+    def shared(
+        self, configuration: Configuration, sender: Site, receiver: Site, arrived: Message, given: Mapping[str, object]
+    ) -> tuple[dict[str, object], ...]:
+        """Return the choices of what both transitions read, where a sender meets a receiver of its own component.
+
+        Args:
+            configuration: where the model stands.
+            sender: the transition that acts first.
+            receiver: the one that it meets.
+            arrived: the message that the sender takes.
+            given: choices already made, by term.
+        """
+        scopes, transitions = self.layout.scopes, (sender.transition, receiver.transition)
+        inputs = scopes.types(sender.component)
+        known = with_terms(self.known(configuration, sender, arrived), given)
+        for at, _ in sender.assigned:
+            known.pop(self.layout.variables[at][1].name, None)  # the receiver reads it only after the assignment
+        types = ChainMap(*(dict(scopes.types(sender.component, each)) for each in transitions))
+        question = Question(types, scopes.classes, scopes.domains(sender.component), known)
+        guards = [each.guard for each in transitions if each.guard is not None]
+        terms = [set(question.terms(_expressions(site))) for site in (sender, receiver)]
+        both = sorted(term for term in terms[0] & terms[1] if term.removeprefix("size(").split(".")[0] in inputs)
+        if not both:
+            return ({},)
+        effects = [*sender.effects(), *receiver.effects()]
+        found = list(question.valuations(guards, effects))
+        if any(holds is None for _, holds in found):
+            found = list(question.valuations((), effects))
+        chosen = dict.fromkeys(tuple((term, dict(values).get(term)) for term in both) for values, _ in found)
+        return tuple({term: value for term, value in each if value is not None} for each in chosen)
+
     def _read(self, site: Site, known: Mapping[str, object], given: Mapping[str, object]) -> dict[str, object]:
         # Those of the choices already made that this transition reads.
         types = self.layout.scopes.types(site.component, site.transition)
         question = Question(types, self.layout.scopes.classes, known=known)
-        guards = [site.transition.guard] if site.transition.guard is not None else []
-        terms = question.terms([*guards, *site.effects()])
+        terms = question.terms(_expressions(site))
         return {term: value for term, value in given.items() if term in terms}
 
     def _choose(self, site: Site, known: Mapping[str, object]) -> Iterator[Values]:
@@ -79,3 +110,8 @@ class Choices:
         if site.transition.event is not None and site.transition.event.name:
             known[site.transition.event.name] = dict(arrived)
         return known
+
+
+def _expressions(site: Site) -> list[Expression]:
+    guard = site.transition.guard
+    return ([guard] if guard is not None else []) + site.effects()

@@ -1,17 +1,23 @@
 """Machines and coverage criteria -> internal test paths: what to visit, few paths that do, and a measure."""
 
-from parcours.paths.covering import cover, internal_paths
-from parcours.paths.criteria import CRITERIA, Requirement, requirements
+from parcours.paths.covering import MachineCover, cover, internal_paths, machine_covers
+from parcours.paths.criteria import CRITERIA, SUBSUMES, Criterion, Limits, Requirement, requirements, subsumes
 from parcours.paths.internal import InternalPath
 from parcours.paths.measuring import Coverage, measure
 
 __all__ = [
     "CRITERIA",
+    "SUBSUMES",
     "Coverage",
+    "Criterion",
     "InternalPath",
+    "Limits",
+    "MachineCover",
     "Requirement",
     "cover",
     "internal_paths",
+    "machine_covers",
     "measure",
     "requirements",
+    "subsumes",
 ]

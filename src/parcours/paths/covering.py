@@ -2,62 +2,54 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
-from parcours.errors import BadRequest
-from parcours.model.structure import Cefsm, Machine
-from parcours.paths.criteria import requirements
-from parcours.paths.graph import graph_of
+from parcours.errors import BadRequest, require_known
+from parcours.model.structure import Cefsm, Component, Machine, Variable
+from parcours.paths.criteria import Criterion, Demand, Limits, demands, parse_criterion
 from parcours.paths.internal import InternalPath
 from parcours.paths.visiting import Cover, Shape, cover_sequences
 
 
-def cover_machine(
-    machine: Machine, criterion: str = "edge", *, shape: Shape = "tests", max_length: int | None = None
-) -> Cover:
-    """Return a cover of a machine's graph, with what is known of the optimum.
+@dataclass(frozen=True, slots=True)
+class MachineCover:
+    """Paths that cover one machine of a model, and what is known of the optimum.
 
-    Args:
-        machine: the machine to cover.
-        criterion: a name in `parcours.paths.criteria.CRITERIA`.
-        shape: tests that end in final states, or one walk.
-        max_length: most transitions of a path.
-
-    Raises:
-        BadRequest: no criterion has that name, the machine has no transition to walk, or what is asked for is
-            impossible.
-
-    >>> from parcours.model.structure import Transition
-    >>> fork = Machine("fork", "s", ("s", "a", "b"), (Transition("left", "s", "a"), Transition("right", "s", "b")))
-    >>> cover_machine(fork).fewest
-    2
+    Attributes:
+        component, machine: whose paths.
+        required: how many requirements they meet.
+        paths: from the initial state of the machine.
+        fewest: no cover of the same shape has fewer paths.
+        shortest: no cover with as few paths as `fewest` has fewer transitions in all.
     """
-    required = requirements(machine, criterion)
-    graph = graph_of(machine)
-    if not graph.edges:
-        raise BadRequest(
-            f"machine '{machine.name}'",
-            f"must have a transition to cover, but none leaves its initial state '{machine.initial}'",
-            "give that state a transition, or leave the machine out",
-            slug="nothing-to-cover",
-        )
-    edge = {id: number for number, id in enumerate(graph.edges)}
-    state = {name: number for number, name in enumerate(graph.states)}
-    sequences = [tuple(edge[id] for id in each.steps) for each in required if each.kind == "transitions"]
-    states = [state[each.steps[0]] for each in required if each.kind == "state"]
-    return cover_sequences(graph, sequences, states, shape=shape, max_length=max_length)
+
+    component: str
+    machine: str
+    required: int
+    paths: tuple[InternalPath, ...]
+    fewest: int
+    shortest: int
+
+    @property
+    def length(self) -> int:
+        """The transitions of all paths together."""
+        return sum(len(path.transitions) for path in self.paths)
 
 
-def cover(machine: Machine, criterion: str = "edge", component: str = "") -> tuple[InternalPath, ...]:
+def cover(
+    machine: Machine, criterion: str | Criterion = "edge", component: str = "", variables: Sequence[Variable] = ()
+) -> tuple[InternalPath, ...]:
     """Return paths from the initial state that together meet the criterion.
 
     Args:
         machine: the machine to cover.
-        criterion: a name in `parcours.paths.criteria.CRITERIA`.
+        criterion: one of `parcours.paths.CRITERIA` over graphs or variables.
         component: the name of the component that runs the machine; the paths carry it.
+        variables: for criteria over variables: those of the component.
 
     Raises:
-        BadRequest: no criterion has that name, or the machine has no transition to walk.
+        BadRequest: no criterion is written like that, it requires too much, or the machine has no transition to walk.
 
     Example: the loop and the way there and back make one closed path.
 
@@ -67,15 +59,12 @@ def cover(machine: Machine, criterion: str = "edge", component: str = "") -> tup
     >>> [str(path) for path in cover(lamp)]
     ['tp1 = t1 t2 t3']
     """
-    graph, found = graph_of(machine), cover_machine(machine, criterion)
-    transition = {each.id: each for each in machine.transitions}
-    return tuple(
-        InternalPath(f"tp{place}", component, machine.name, tuple(transition[graph.edges[edge]] for edge in path))
-        for place, path in enumerate(found.paths, start=1)
-    )
+    alone = Cefsm(machine.name, (Component(component, (machine,), tuple(variables)),))
+    (found,) = machine_covers(alone, criterion)
+    return tuple(replace(path, name=f"tp{place}") for place, path in enumerate(found.paths, start=1))
 
 
-def internal_paths(cefsm: Cefsm, criterion: str = "edge") -> dict[str, tuple[InternalPath, ...]]:
+def internal_paths(cefsm: Cefsm, criterion: str | Criterion = "edge") -> dict[str, tuple[InternalPath, ...]]:
     """Return for each component the paths that cover its machines, named tp<component><path> as in Table III.
 
     Components and paths are counted from 1 in file order. With ten or more of either, an underscore keeps the
@@ -83,12 +72,11 @@ def internal_paths(cefsm: Cefsm, criterion: str = "edge") -> dict[str, tuple[Int
 
     Args:
         cefsm: the model.
-        criterion: a name in `parcours.paths.criteria.CRITERIA`.
+        criterion: one of `parcours.paths.CRITERIA` over graphs or variables.
 
     Raises:
-        BadRequest: no criterion has that name, or a machine has no transition to walk.
+        BadRequest: no criterion is written like that, it requires too much, or a machine has no transition to walk.
 
-    >>> from parcours.model.structure import Component
     >>> from parcours.model.structure import Transition
     >>> lamp = Machine("lamp", "off", ("off", "on"), (
     ...     Transition("t1", "off", "on"), Transition("t2", "on", "off")))
@@ -96,12 +84,133 @@ def internal_paths(cefsm: Cefsm, criterion: str = "edge") -> dict[str, tuple[Int
     >>> [str(path) for path in paths["Attic"]]
     ['tp21 = t1 t2']
     """
-    found = {
-        component.name: [path for machine in component.machines for path in cover(machine, criterion, component.name)]
-        for component in cefsm.components
-    }
-    apart = "_" if len(found) > 9 or any(len(paths) > 9 for paths in found.values()) else ""
-    return {
-        name: tuple(replace(path, name=f"tp{first}{apart}{second}") for second, path in enumerate(paths, start=1))
-        for first, (name, paths) in enumerate(found.items(), start=1)
-    }
+    found: dict[str, list[InternalPath]] = {component.name: [] for component in cefsm.components}
+    for each in machine_covers(cefsm, criterion):
+        found[each.component] += each.paths
+    return {name: tuple(paths) for name, paths in found.items()}
+
+
+def machine_covers(
+    cefsm: Cefsm,
+    criterion: str | Criterion = "edge",
+    *,
+    component: str = "",
+    machine: str = "",
+    limits: Limits | None = None,
+    shape: Shape = "tests",
+    max_length: int | None = None,
+) -> tuple[MachineCover, ...]:
+    """Return a cover of each machine of a model, its paths named as `internal_paths` does.
+
+    Args:
+        cefsm: the model.
+        criterion: one of `parcours.paths.CRITERIA` over graphs or variables.
+        component: only its machines; all if empty.
+        machine: only machines of this name; all if empty.
+        limits: how many requirements of one machine are too many.
+        shape: tests that end in final states, or one walk a machine.
+        max_length: most transitions of a path.
+
+    Raises:
+        BadRequest: no component or machine has that name, no criterion is written like that, it requires too much, a
+            machine has no transition to walk, or what is asked for is impossible.
+
+    >>> from parcours.model.structure import Transition
+    >>> fork = Machine("fork", "s", ("s", "a", "b"), (Transition("left", "s", "a"), Transition("right", "s", "b")))
+    >>> [(each.fewest, each.length, each.shortest) for each in machine_covers(Cefsm("m", (Component("C", (fork,)),)))]
+    [(2, 2, 2)]
+    """
+    chosen = parse_criterion(criterion) if isinstance(criterion, str) else criterion
+    kept = only(cefsm, component, machine)
+    owners = [(owner, each) for owner in kept.components for each in owner.machines]
+    covers: list[MachineCover] = []
+    for (owner, each), asked in zip(owners, demands(kept, chosen, (), limits), strict=True):
+        found = cover_demand(asked, shape=shape, max_length=max_length)
+        transition = {taken.id: taken for taken in each.transitions}
+        edges = asked.subject.graph.edges
+        paths = (tuple(transition[edges[edge]] for edge in path) for path in found.paths)
+        covers.append(
+            MachineCover(
+                owner.name, each.name, len(asked.goals),
+                tuple(InternalPath("", owner.name, each.name, path) for path in paths), found.fewest, found.shortest,
+            )
+        )  # fmt: skip
+    return _named(cefsm, covers)
+
+
+def cover_demand(demand: Demand, *, shape: Shape = "tests", max_length: int | None = None) -> Cover:
+    """Return few short paths of the demand's subject that meet all its goals, as edges of the subject's graph.
+
+    Where a requirement can be met in several ways (a round trip, a definition, a use), a shortest one was chosen
+    beforehand; the optimum is then that of the chosen walks.
+
+    Args:
+        demand: what a criterion asks of a machine or of a composition.
+        shape: tests that end in final states, or one walk.
+        max_length: most edges of a path.
+
+    Raises:
+        BadRequest: there is no transition to walk, or what is asked for is impossible.
+    """
+    graph = demand.subject.graph
+    if not graph.edges:
+        raise BadRequest(
+            f"machine '{graph.name}'",
+            f"must have a transition to cover, but none leaves its initial state '{graph.states[0]}'",
+            "give that state a transition, or leave the machine out",
+            slug="nothing-to-cover",
+        )
+    number = {name: state for state, name in enumerate(demand.graph.states)}
+    walks = [goal.walk for goal in demand.goals if goal.walk]
+    states = [number[goal.requirement.steps[0]] for goal in demand.goals if not goal.walk]
+    if demand.flow is None:
+        return cover_sequences(graph, walks, states, shape=shape, max_length=max_length)
+    if shape == "closed":
+        rule = "a walk over variables begins with their initial values, which do not come back, but it was to be closed"
+        raise BadRequest(f"machine '{graph.name}'", rule, "ask for tests or an open walk", slug="one-walk")
+    # Each path begins with the edge before the start, which is no step of the machine.
+    most = None if max_length is None else max_length + 1
+    found = cover_sequences(demand.graph, walks, states, shape=shape, max_length=most)
+    paths = tuple(tuple(edge - 1 for edge in path[1:]) for path in found.paths)
+    return Cover(paths, found.fewest, max(0, found.shortest - found.fewest))
+
+
+def only(cefsm: Cefsm, component: str, machine: str) -> Cefsm:
+    """Return a model with the components and machines of these names only, all where a name is empty.
+
+    Raises:
+        BadRequest: no component or machine has that name.
+    """
+    if component:
+        require_known(component, [each.name for each in cefsm.components], "component", slug="unknown-component")
+    owners = [each for each in cefsm.components if component in ("", each.name)]
+    if machine:
+        known = [each.name for owner in owners for each in owner.machines]
+        require_known(machine, known, "machine", slug="unknown-machine")
+    return replace(
+        cefsm,
+        components=tuple(
+            replace(owner, machines=tuple(each for each in owner.machines if machine in ("", each.name)))
+            for owner in owners
+        ),
+    )
+
+
+def _named(cefsm: Cefsm, covers: Sequence[MachineCover]) -> tuple[MachineCover, ...]:
+    """Return the covers with a name for each path: the number of its component in the model, and its own there."""
+    first = {component.name: place for place, component in enumerate(cefsm.components, start=1)}
+    count = dict.fromkeys(first, 0)
+    for each in covers:
+        count[each.component] += len(each.paths)
+    apart = "_" if len(first) > 9 or max(count.values(), default=0) > 9 else ""
+    done = dict.fromkeys(first, 0)
+    named = []
+    for each in covers:
+        before = done[each.component]
+        paths = (
+            replace(path, name=f"tp{first[each.component]}{apart}{place}")
+            for place, path in enumerate(each.paths, start=before + 1)
+        )
+        named.append(replace(each, paths=tuple(paths)))
+        done[each.component] += len(each.paths)
+    return tuple(named)

@@ -3,7 +3,8 @@
 Fewest walks is a minimum flow with lower bounds on the condensation of the network: inside a strongly connected
 component one walk can do everything, so only the components and the arcs between them count (Ntafos & Hakimi, On
 path cover problems in digraphs, IEEE TSE 5, 1979). Least length is a minimum-cost circulation; where it falls into
-cycles that hang together with no walk, they are joined, and the circulation remains as the lower bound.
+cycles that hang together with no walk, they are joined by short ways; a small network is then solved exactly, in a
+large one the circulation remains as the lower bound.
 """
 
 from __future__ import annotations
@@ -62,6 +63,8 @@ def passages(arcs: Arcs, n_walks: int | None = None) -> Passages:
     shortest = int(taken @ closed.costs)
     if groups(closed, taken).max() > 0:
         taken = _joined(closed, component, between, n_beginnings)
+        if taken @ closed.costs > shortest:
+            taken, shortest = _tightened(closed, taken, shortest)
     n_arcs = arcs.sources.size
     return Passages(taken[:n_arcs], n_beginnings, taken[n_arcs:-1], shortest)
 
@@ -138,6 +141,12 @@ def _circulation(closed: Arcs, most: int) -> Integers:
     if status != SimpleMinCostFlow.OPTIMAL:
         raise AssertionError(f"a network whose nodes all lead to an end has a circulation, but: {status}")
     return closed.least + np.asarray(network.flows(numbers), dtype=np.int64)
+
+
+def _tightened(closed: Arcs, taken: Integers, shortest: int) -> tuple[Integers, int]:
+    from parcours.paths.tightening import tightened  # scipy's solver is slow to load, and seldom needed
+
+    return tightened(closed, taken, shortest)
 
 
 def _joined(closed: Arcs, component: Integers, between: Integers, n_beginnings: int) -> Integers:

@@ -8,8 +8,9 @@ cases that differ in nothing but their time budget have the same values.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,9 @@ from numpy.typing import NDArray
 from parcours.data import InputModel, count, draw, select
 from parcours.errors import BadRequest, BadSuite, one_of
 from parcours.suite.cases import Case, is_part
+
+if TYPE_CHECKING:
+    from parcours.abtc import AbstractCase
 
 _BATCH = 1024
 
@@ -121,7 +125,7 @@ class Plan:
 
 def combine(
     study: str,
-    abstracts: Sequence[str],
+    abstracts: Iterable[AbstractCase | str],
     inputs: InputModel,
     *,
     criterion: str = "each_choice",
@@ -133,7 +137,7 @@ def combine(
 
     Args:
         study: its name.
-        abstracts: ids of the abstract cases, all different.
+        abstracts: the abstract cases or their ids, all different.
         inputs: the input model whose rows fill them.
         criterion: how blocks are combined, a name in `parcours.data.CRITERIA`.
         time_budgets: how long a run may take [s]; every row of data is run with each, shape (n_budgets,).
@@ -154,21 +158,22 @@ def combine(
     True
     """
     where = f"study {study!r}"
-    if not abstracts or len(set(abstracts)) != len(abstracts) or not time_budgets:
+    ids = tuple(each if isinstance(each, str) else each.id for each in abstracts)
+    if not ids or len(set(ids)) != len(ids) or not time_budgets:
         raise BadRequest(
             where,
             f"a plan needs a time budget and different abstract cases, but has {len(time_budgets)}"
-            f" and {len(abstracts)}, {len(set(abstracts))} of them different",
+            f" and {len(ids)}, {len(set(ids))} of them different",
             slug="plan-empty",
         )
-    for part in (study, *abstracts):
+    for part in (study, *ids):
         if not is_part(part):
             raise BadSuite(
                 where,
                 f"an id must consist of letters, digits and _ . + @ = , -, but one is {part[:60]!r}",
                 slug="case-id",
             )
-    least = len(abstracts) * len(time_budgets) * count(criterion, inputs.sizes)
+    least = len(ids) * len(time_budgets) * count(criterion, inputs.sizes)
     wanted = least if n_cases is None else n_cases
     if not 1 <= wanted < 2**63:
         raise BadRequest(
@@ -178,5 +183,5 @@ def combine(
             slug="case-count",
         )
     for budget in time_budgets:  # an impossible one is refused here, not when its first case is built
-        Case(study, 0, abstracts[0], 0, (), (), budget, seed)
-    return Plan(study, tuple(abstracts), inputs, criterion, tuple(map(float, time_budgets)), seed, wanted)
+        Case(study, 0, ids[0], 0, (), (), budget, seed)
+    return Plan(study, ids, inputs, criterion, tuple(map(float, time_budgets)), seed, wanted)

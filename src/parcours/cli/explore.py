@@ -1,0 +1,121 @@
+"""`parcours explore`: the state space of a model, and what is wrong in it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from parcours.cli.options import as_json, model_file, print_json
+
+if TYPE_CHECKING:
+    from parcours.model import Move
+    from parcours.model.composition import Discovery, Space
+
+
+@click.command("explore")
+@model_file
+@click.option(
+    "--max-states", type=click.IntRange(1, 1 << 30), default=1_000_000, show_default=True, help="Most states to keep."
+)
+@click.option(
+    "--max-seconds",
+    type=click.FloatRange(0.0, 1e9),
+    default=120.0,
+    show_default=True,
+    help="Longest time for the search [s].",
+)
+@click.option(
+    "--witness",
+    "witnesses",
+    type=click.IntRange(0),
+    default=3,
+    show_default=True,
+    help="How many findings to show with a shortest run that leads there.",
+)
+@as_json
+def command(file: Path, max_states: int, max_seconds: float, witnesses: int, as_json: bool) -> None:
+    """Explore the composition of a model's components: every state and move, deadlocks, lost messages, dead parts.
+
+    Exit code 1 if there are findings that are errors, else 3 if a bound stopped the search, else 0.
+
+    Example: parcours explore model.yaml --max-states 100000 --witness 1
+    """
+    from parcours.cli.progress import progress
+    from parcours.model.composition import explore
+    from parcours.model.formats import read_any
+
+    reading = read_any(file)
+    for loss in reading.losses:
+        click.echo(f"not kept: {loss}", err=True)
+    with progress() as report:
+        space = explore(reading.cefsm, max_states, max_seconds, report)
+    if as_json:
+        print_json(_as_data(space, witnesses))
+    else:
+        _print(space, witnesses)
+    if any(each.severity == "error" for each in space.findings):
+        raise click.exceptions.Exit(1)
+    if not space.complete:
+        raise click.exceptions.Exit(3)
+
+
+def _print(space: Space, witnesses: int) -> None:
+    rate = space.n_expanded / max(space.seconds, 1e-9)
+    click.echo(f"{space.cefsm.name}: {space.n_states} states, {space.n_transitions} transitions")
+    click.echo(f"{space.stopped or 'complete'}; {space.seconds:.2f} s, {rate:.0f} states/s")
+    shown = 0
+    for each in space.findings:
+        click.echo(f"{each}{_extent(space, each)}")
+        if each.state is not None and shown < witnesses:
+            shown += 1
+            for number, move in enumerate(space.path_to(each.state), 1):
+                click.echo(f"  {number:>3} {_spelled(move)}")
+            if each.move is not None:
+                click.echo(f"    then {_spelled(each.move)}")
+    if not space.findings:
+        click.echo("nothing is wrong" if space.complete else "nothing is wrong so far")
+
+
+def _extent(space: Space, found: Discovery) -> str:
+    if found.state is None:
+        return ""
+    where = f"first after {len(space.path_to(found.state))} moves"
+    return f" ({found.count} states, {where})" if found.count else f" ({where})"
+
+
+def _spelled(move: Move) -> str:
+    chosen = ", ".join(f"{name} = {value!r}" for name, value in move.inputs)
+    return f"{move} with {chosen}" if chosen else str(move)
+
+
+def _as_data(space: Space, witnesses: int) -> dict[str, object]:
+    shown = [each for each in space.findings if each.state is not None][:witnesses]
+    return {
+        "model": space.cefsm.name,
+        "states": space.n_states,
+        "transitions": space.n_transitions,
+        "complete": space.complete,
+        "stopped": space.stopped,
+        "expanded": space.n_expanded,
+        "seconds": round(space.seconds, 3),
+        "findings": [
+            {
+                "kind": each.kind,
+                "severity": each.severity,
+                "message": each.message,
+                "states": each.count,
+                "steps": None if each.state is None else len(space.path_to(each.state)),
+                "witness": [_move(move) for move in space.path_to(each.state)]
+                if each in shown and each.state is not None
+                else None,
+                "move": None if each.move is None else _move(each.move),
+            }
+            for each in space.findings
+        ],
+    }
+
+
+def _move(move: Move) -> dict[str, object]:
+    return {"transition": move.transition, "partner": move.partner, "inputs": dict(move.inputs)}

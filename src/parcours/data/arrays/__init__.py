@@ -1,0 +1,1 @@
+"""Goals (which combinations of blocks must stand in a row) become few rows that hold them all, each array verified."""

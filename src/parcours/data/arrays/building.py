@@ -1,0 +1,226 @@
+"""Goals become the smallest array found: constructions and greedy growth first, then one row less as often as it goes.
+
+Every stage's array is verified against the goals before it is used. Without a time budget the effort is a fixed amount
+of work, so that a seed gives the same array on every machine; with one, the clock decides when to stop.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from parcours.data.arrays.bounds import fewest_rows
+from parcours.data.arrays.constructions import constructions
+from parcours.data.arrays.goals import Goals, Ints
+from parcours.data.arrays.growing import grow
+from parcours.data.arrays.other_engine import MAX_TUPLES, covertable_rows
+from parcours.data.arrays.shrinking import repair, table_of
+from parcours.data.rules import UndecidedError
+from parcours.data.streams import ROWS, starts
+from parcours.errors import BadRequest
+
+EFFORT = 150_000_000
+"""Most tuples that are looked up without a time budget: a few seconds."""
+
+PATIENCE = 30_000_000
+"""After how many tuples looked up in vain a size counts as the last, without a time budget; ten times what came before,
+if that is more."""
+
+_PIECE = 3_000_000  # tuples looked up between two looks at the clock
+_COUNTS = 4  # how often all tuples of an array are looked up to take a row away and to verify the result
+_CANDIDATES, _GROWTH = 50, 200_000_000
+_OTHER_ENGINE_SECONDS = 2.0
+
+Told = Callable[[str, int, int], None]
+"""Is told what goes on, the number of rows found, and the fewest there can be."""
+
+
+@dataclass(frozen=True, slots=True)
+class Stage:
+    """One way to an array: what it is called, the rows it came to, and when it was done [s]."""
+
+    name: str
+    n_rows: int
+    seconds: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CoveringArray:
+    """An array that holds every tuple that can be held, and what is known about its size.
+
+    Attributes:
+        rows: blocks, shape (n_rows, n_columns).
+        fewest: no array has fewer rows.
+        stages: how its size came about.
+        infeasible: numbers of the tuples that no allowed row can hold.
+        undecided: numbers of the tuples that no row was found for within the limits of the search.
+    """
+
+    rows: Ints
+    fewest: int
+    stages: tuple[Stage, ...]
+    infeasible: tuple[int, ...] = ()
+    undecided: tuple[int, ...] = ()
+
+
+def covering_array(
+    goals: Goals, must: Ints | None = None, *, budget: float | None = None, seed: int = 0, told: Told | None = None
+) -> CoveringArray:
+    """Return few rows that are allowed and hold every tuple of the goals that an allowed row can hold.
+
+    Args:
+        goals: what must be held, and which rows are allowed; a tuple that cannot be decided is no longer needed there.
+        must: rows that stay, and come first, shape (n_must, n_columns).
+        budget: how long to take rows away once there is an array [s], compiling not counted; None for a fixed effort.
+        seed: of the random choices.
+        told: is told of every smaller array.
+
+    Raises:
+        BadRequest: a row of `must` is not allowed.
+
+    >>> from parcours.data.arrays.goals import goals_of
+    >>> array = covering_array(goals_of([3, 3, 3, 3], 2))
+    >>> array.rows.shape, array.fewest
+    ((9, 4), 9)
+    """
+    if must is None:
+        must = np.zeros((0, len(goals.sizes)), dtype=np.int64)
+    for index in np.flatnonzero(~goals.rules.hold(must)):
+        rule = goals.rules.tables[int(np.argmax(goals.rules.broken(must[index : index + 1])[0]))]
+        raise BadRequest(
+            f"must-have row {index + 1}", f"it must break no rule, but breaks {rule.name!r}", slug="must-row"
+        )
+    return _Search(goals, must, budget, seed, told).array()
+
+
+class _Search:
+    """One search; `best` is the smallest verified array so far."""
+
+    def __init__(self, goals: Goals, must: Ints, budget: float | None, seed: int, told: Told | None) -> None:
+        self.goals, self.must, self.seed, self.budget = goals, must, seed, budget
+        self.told = told or (lambda what, done, total: None)
+        self.stream = starts(seed, np.array([0]), ROWS)
+        self.begun = self.search_begun = time.perf_counter()
+        self.stages: list[Stage] = []
+        self.undecided: list[int] = []
+        self.best = must
+        self.fewest = max(fewest_rows(goals), len(must))
+
+    @property
+    def seconds(self) -> float:
+        return time.perf_counter() - self.begun
+
+    def array(self) -> CoveringArray:
+        self.keep("grown row by row", self.grown())
+        if len(self.best) > self.fewest:
+            for name, rows in self.others():
+                if self.goals.are_met_by(rows):
+                    self.keep(name, rows)
+        self.shrink()
+        infeasible = set(np.flatnonzero(~self.goals.layout.needed).tolist()).difference(self.undecided)
+        return CoveringArray(
+            self.best, self.fewest, tuple(self.stages), tuple(sorted(infeasible)), tuple(self.undecided)
+        )
+
+    def keep(self, name: str, rows: Ints) -> None:
+        """Note a stage, and take its array if it is the smallest."""
+        self.stages.append(Stage(name, len(rows), self.seconds))
+        if len(self.stages) == 1 or len(rows) < len(self.best):
+            self.best = rows
+            self.told(name, len(rows), self.fewest)
+
+    def others(self) -> Iterator[tuple[str, Ints]]:
+        """Yield the arrays that need no rules and no must-have rows."""
+        sizes, sets = self.goals.sizes, self.goals.sets
+        if self.goals.rules.tables or not sets:
+            return
+        strengths = {len(each) for each in sets}
+        if len(strengths) == 1 and not len(self.must):
+            yield from constructions(sizes, strengths.pop(), self.seed, len(self.best))
+        if self.goals.n_tuples <= MAX_TUPLES and len(self.best) > self.fewest:
+            deadline = time.perf_counter() + _OTHER_ENGINE_SECONDS
+            rows = covertable_rows(self.goals, self.must, seed=self.seed, deadline=deadline)
+            if rows is not None:
+                yield "covertable", rows
+
+    def grown(self) -> Ints:
+        """Return the must-have rows and as many as it takes, found greedily; note what cannot be decided."""
+        goals, layout = self.goals, self.goals.layout
+        missing = goals.missing(self.must)
+        rows, n, n_missing = self.must, len(self.must), len(missing)
+        cost = max(1, len(layout.set_of) * max(goals.sizes) // 2)
+        candidates = int(np.clip(_GROWTH // (cost * max(1, len(goals.sets))), 4, _CANDIDATES))
+        while n_missing:
+            table = np.full((2 * n + 64, len(goals.sizes)), 0, dtype=np.int64)
+            table[:n] = rows[:n]
+            before = n
+            n, n_missing = map(int, grow(layout, table, n, missing, n_missing, candidates, self.stream))
+            rows = table
+            if n_missing and n == before:
+                added = self.completed(int(missing[n_missing - 1]))
+                if added is not None:
+                    rows[n] = added
+                    n += 1
+                left = missing[:n_missing][~goals.held(rows[:n])[missing[:n_missing]]]
+                n_missing = len(left)
+                missing[:n_missing] = left
+                if added is None:
+                    n_missing -= 1  # the last one, which no row holds, is left out
+            self.told("grown row by row", n, self.fewest)
+        return rows[:n].copy()
+
+    def completed(self, number: int) -> Ints | None:
+        """Return an allowed row that holds a tuple, if there is one; note the tuple if that takes too long to say."""
+        try:
+            found = self.goals.row_with(number)
+        except UndecidedError:
+            found = None
+            self.goals.layout.needed[number] = False
+            self.undecided.append(number)
+        return found
+
+    def shrink(self) -> None:
+        """Take rows away one by one, and repair what is left, as long as that goes."""
+        spent, spent_before, n_starts = 0, 0, 0
+        fixed = len(self.must)
+        table = stage = None
+        repair(self.goals.layout, table_of(self.goals.layout, self.best), fixed, 0, self.stream)  # compiled, if need be
+        self.search_begun = time.perf_counter()
+        while len(self.best) > max(self.fewest, fixed) and self.goes_on(spent, spent_before):
+            if table is None:
+                table = table_of(self.goals.layout, self.without_a_row(self.best))
+                spent += _COUNTS * len(table.rows) * len(self.goals.sets)
+            begun = int(table.state[2])
+            done = repair(self.goals.layout, table, fixed, _PIECE, self.stream)
+            spent += int(table.state[2]) - begun
+            if done:
+                if not self.goals.are_met_by(table.rows):
+                    raise AssertionError("a repaired array holds everything")
+                self.best, table, spent_before = table.rows, None, spent
+                stage = Stage("fewer rows", len(self.best), self.seconds)
+                self.told("fewer rows", len(self.best), self.fewest)
+            elif spent - spent_before > (n_starts + 1) * 4 * PATIENCE:
+                n_starts += 1
+                table = table_of(self.goals.layout, self.cut(self.grown(), len(self.best) - 1))
+        if stage:
+            self.stages.append(stage)
+
+    def goes_on(self, spent: int, spent_before: int) -> bool:
+        if self.budget is not None:
+            return time.perf_counter() - self.search_begun < self.budget
+        return spent < EFFORT and spent - spent_before < max(PATIENCE, 10 * spent_before)
+
+    def cut(self, rows: Ints, n: int) -> Ints:
+        while len(rows) > n:
+            rows = self.without_a_row(rows)
+        return rows
+
+    def without_a_row(self, rows: Ints) -> Ints:
+        """Return the rows without the one that alone holds fewest tuples; must-have rows stay."""
+        numbers = self.goals.numbers(rows)
+        counts = np.bincount(numbers.ravel(), minlength=self.goals.n_tuples)
+        alone = ((counts[numbers] == 1) & self.goals.layout.needed[numbers]).sum(axis=1)
+        return np.delete(rows, len(self.must) + int(np.argmin(alone[len(self.must) :])), axis=0)

@@ -1,0 +1,56 @@
+"""Goals become an array by covertable, a package of its own authors: a second opinion on small goals.
+
+Its greedy criterion often starts from fewer rows than ours; it takes seconds where there are many tuples, so it is
+stopped at a deadline, and whatever it returns is verified like everything else.
+"""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+import numpy as np
+
+from parcours.data.arrays.goals import Goals, Ints
+from parcours.data.rules import RuleTable
+
+MAX_TUPLES = 3_000
+"""Most tuples that are given to covertable: more take it longer than a second."""
+
+
+def covertable_rows(goals: Goals, must: Ints, *, seed: int, deadline: float) -> Ints | None:
+    """Return the rows that covertable finds for these goals, or None if it found none in time.
+
+    Args:
+        goals: what must be held.
+        must: rows that come first, shape (n_must, n_columns).
+        seed: salts the order in which tuples are taken.
+        deadline: when to stop [s], by `time.perf_counter`.
+    """
+    from covertable import Controller
+
+    factors = [list(range(size)) for size in goals.sizes]
+    strength = min((len(each) for each in goals.sets), default=1)
+    whole = [(tuple(range(len(factors))), strength)]
+    groups = [(each, len(each)) for each in goals.sets if len(each) > strength]
+    controller = Controller(
+        factors,
+        strength=strength,
+        salt=str(seed),
+        sub_models=[{"fields": list(columns), "strength": t} for columns, t in groups],
+        presets=[dict(enumerate(row)) for row in must.tolist()],
+        constraints=[_condition(table) for table in goals.rules.tables],
+    )
+    rows = []
+    for row in controller.make_async():
+        rows.append(row)
+        if time.perf_counter() > deadline:
+            return None
+    return np.array(rows, dtype=np.int64).reshape(len(rows), len(whole[0][0]))
+
+
+def _condition(table: RuleTable) -> dict[str, Any]:
+    def is_allowed(row: dict[int, int]) -> bool:
+        return bool(table.allowed[tuple(row[column] for column in table.columns)])
+
+    return {"operator": "fn", "requires": list(table.columns), "evaluate": is_allowed}

@@ -1,0 +1,137 @@
+"""A table of values becomes its t-wise coverage: combinations of blocks held and missing, and the rows that count.
+
+A row counts only if each of its values lies in a valid block and it breaks no rule: what a test of invalid values meets
+besides says nothing about valid ones. Combinations that the rules forbid are not wanted.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from parcours.data.arrays.goals import Goals, goals_of
+from parcours.data.constraints import meets
+from parcours.data.domains import OUTSIDE
+from parcours.data.inputs import InputModel, rules_of
+from parcours.data.rules import UndecidedError
+from parcours.data.selecting import Rows
+from parcours.errors import BadRequest
+
+MOST_SHOWN = 100
+"""Most missing combinations, and most rows that do not count, that are put in words unless asked for more."""
+
+
+@dataclass(frozen=True, slots=True)
+class TupleCoverage:
+    """How many combinations of blocks a table holds.
+
+    Attributes:
+        strength: how many inputs a combination has; groups of the model have their own.
+        n_rows: rows of the table.
+        n_counted: rows that count: all values valid, no rule broken.
+        n_wanted: combinations that an allowed row can hold.
+        n_held: those that a counted row holds.
+        n_forbidden: combinations that the rules forbid.
+        missing: the first of those that are missing, in words.
+        uncounted: the first rows that do not count, from 1, each with the reason.
+    """
+
+    strength: int
+    n_rows: int
+    n_counted: int
+    n_wanted: int
+    n_held: int
+    n_forbidden: int
+    missing: tuple[str, ...]
+    uncounted: tuple[tuple[int, str], ...]
+
+    @property
+    def n_missing(self) -> int:
+        """How many combinations are missing."""
+        return self.n_wanted - self.n_held
+
+    @property
+    def share(self) -> float:
+        """Held combinations as a share of those wanted."""
+        return self.n_held / self.n_wanted if self.n_wanted else 1.0
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether nothing is missing."""
+        return self.n_held == self.n_wanted
+
+
+def measure(
+    table: NDArray[np.float64], model: InputModel, strength: int = 2, *, most_shown: int = MOST_SHOWN
+) -> TupleCoverage:
+    """Return the t-wise coverage of a table of values, wherever it comes from.
+
+    Args:
+        table: values in the units of the domains, names of enumerations by their places, shape (n_rows, n_inputs).
+        model: whose blocks and rules are meant.
+        strength: t, at least 1.
+        most_shown: how many missing combinations, and how many rows that do not count, to put in words.
+
+    Raises:
+        BadRequest: the table has another number of columns than the model has inputs, the strength is below 1, or
+            there are too many combinations to count.
+        BadDomain: the rules leave no row.
+
+    >>> from parcours.data.domains import split
+    >>> model = InputModel("m", (split("v", "m/s", [0.0, 0.25, 0.5]), split("x", "m", [0.0, 1.0, 2.0])))
+    >>> found = measure(np.array([[0.1, 0.5], [0.3, 1.5], [0.1, 1.7], [0.9, 0.5]]), model)
+    >>> found.n_held, found.n_wanted, found.missing, found.uncounted
+    (3, 4, ('v = (0.25, 0.5], x = [0, 1]',), ((4, 'v = 0.9 lies in no block'),))
+    """
+    if table.ndim != 2 or table.shape[1] != len(model.domains):
+        raise BadRequest(
+            "coverage of a table",
+            f"a table must have {len(model.domains)} columns, but its shape is {table.shape}",
+            slug="table-shape",
+        )
+    if strength < 1:
+        raise BadRequest("coverage of a table", f"the strength must be at least 1, but is {strength}", slug="strength")
+    rules = rules_of(model)
+    groups = [([model.column(name) for name in group.inputs], group.strength) for group in model.groups]
+    goals = goals_of(model.sizes, strength, groups, rules)
+    blocks = np.stack([domain.blocks_of(table[:, c]) for c, domain in enumerate(model.domains)], axis=1)
+    counts = ((blocks != OUTSIDE) & (blocks < np.array(model.sizes))).all(axis=1)
+    counts[counts] = rules.hold(blocks[counts])
+    for constraint in model.constraints:
+        if constraint.over == "values" and counts.any():
+            columns = {name: table[counts, column] for column, name in enumerate(model.names)}
+            counts[counts] = meets(constraint, columns)
+    missing = goals.missing(blocks[counts])
+    if not rules.are_listed:
+        missing = np.array([number for number in missing if _can_be_held(goals, int(number))], dtype=np.int64)
+    uncounted = np.flatnonzero(~counts)[:most_shown]
+    return TupleCoverage(
+        strength, len(table), int(counts.sum()), goals.n_needed, goals.n_needed - len(missing),
+        goals.n_tuples - goals.n_needed,
+        tuple(model.in_words(goals.tuple_of(int(number))) for number in missing[:most_shown]),
+        tuple((int(row) + 1, _reason(model, table[row], blocks[row])) for row in uncounted),
+    )  # fmt: skip
+
+
+def _can_be_held(goals: Goals, number: int) -> bool:
+    try:
+        return goals.row_with(number) is not None
+    except UndecidedError:
+        return True
+
+
+def _reason(model: InputModel, values: NDArray[np.float64], blocks: Rows) -> str:
+    for domain, value, block in zip(model.domains, values, blocks, strict=True):
+        if block == OUTSIDE:
+            return f"{domain.name} = {domain.shown(value)} lies in no block"
+        if block >= len(domain.blocks):
+            return f"{domain.name} = {domain.shown(value)} lies in an invalid block"
+    rules = rules_of(model)
+    for table, is_broken in zip(rules.tables, rules.broken(blocks[np.newaxis])[0], strict=True):
+        if is_broken:
+            return f"it breaks {table.name!r}"
+    columns = {name: values[column : column + 1] for column, name in enumerate(model.names)}
+    broken = (c.name for c in model.constraints if c.over == "values" and not meets(c, columns)[0])
+    return f"it breaks {next(broken)!r}"

@@ -1,0 +1,166 @@
+"""A model -> its reachable configurations, breadth first, within bounds that are said when they are met."""
+
+from __future__ import annotations
+
+import time
+from array import array
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from parcours.errors import BadRequest
+from parcours.model.composition.acting import Actor, Record, actors
+from parcours.model.composition.discovering import discoveries
+from parcours.model.composition.local import LocalMoves
+from parcours.model.composition.packing import Packing
+from parcours.model.composition.space import Space
+from parcours.model.configuration import Layout
+from parcours.model.structure import Cefsm
+
+MOST_STATES = 1 << 30
+MOST_TRANSITIONS = 1 << 27
+"""Most edges kept, eight bytes each: 1 GiB."""
+
+_BETWEEN_LOOKS = 256
+
+Progress = Callable[[str, int, int], None]
+
+
+def explore(
+    cefsm: Cefsm,
+    max_states: int = 1_000_000,
+    max_seconds: float = 120.0,
+    progress: Progress | None = None,
+) -> Space:
+    """Return the state space of a model: what the step relation reaches, with everything wrong in it.
+
+    Inputs and open message fields take the values that `parcours.model.enabled` chooses: all of a finite
+    domain, representatives of an infinite one. The environment supplies every message and accepts all.
+
+    Args:
+        cefsm: a model without errors.
+        max_states: most configurations to keep [1 .. 2^30].
+        max_seconds: how long to go on [s]; what follows takes a fraction of it.
+        progress: told ("states", how many are known, max_states) now and then.
+
+    Raises:
+        BadRequest: a bound is out of its range.
+
+    Example: two philosophers who both take the left fork first.
+    >>> from parcours.model import parse_model
+    >>> table = parse_model('''
+    ... parcours: model/1
+    ... name: supper
+    ... components:
+    ...   Table:
+    ...     variables:
+    ...       left: {type: bool, initial: true}
+    ...       right: {type: bool, initial: true}
+    ...     machines:
+    ...       Ann:
+    ...         initial: thinks
+    ...         transitions:
+    ...           a1: {from: thinks, to: waits, guard: left, action: left := false}
+    ...           a2: {from: waits, to: eats, guard: right, action: right := false}
+    ...           a3: {from: eats, to: thinks, action: left := true; right := true}
+    ...       Bob:
+    ...         initial: thinks
+    ...         transitions:
+    ...           b1: {from: thinks, to: waits, guard: right, action: right := false}
+    ...           b2: {from: waits, to: eats, guard: left, action: left := false}
+    ...           b3: {from: eats, to: thinks, action: left := true; right := true}
+    ... ''')
+    >>> space = explore(table)
+    >>> space.n_states, space.n_transitions, space.complete
+    (6, 8, True)
+    >>> [deadlock] = space.findings
+    >>> print(deadlock)
+    error: no move is possible with Table.Ann in waits, Table.Bob in waits [deadlock]
+    >>> [str(move) for move in space.path_to(deadlock.state)]
+    ['a1', 'b1']
+    """
+    if not 1 <= max_states <= MOST_STATES:
+        rule = f"must keep 1 to {MOST_STATES} states, but {max_states} was given"
+        raise BadRequest("exploration", rule, slug="explore-bound")
+    if not max_seconds >= 0:
+        raise BadRequest("exploration", f"must take 0 s or more, but {max_seconds} was given", slug="explore-bound")
+    packing, record = Packing(Layout(cefsm)), Record()
+    local = LocalMoves(cefsm, packing)
+    band = actors(packing, local, record)
+    found = _search(band, max_states, max_seconds, progress)
+    space = Space(
+        cefsm,
+        packing,
+        found.packed,
+        np.asarray(found.parents),
+        np.asarray(found.arrivals),
+        tuple(record.moves),
+        np.concatenate(([0], np.cumsum(np.asarray(found.degrees), dtype=np.int64))),
+        np.asarray(found.targets),
+        np.asarray(found.labels),
+        found.seconds,
+        found.stopped,
+    )
+    return replace(space, findings=discoveries(space, local, record, band))
+
+
+@dataclass(slots=True)
+class _Found:
+    packed: list[int] = field(default_factory=lambda: [0])
+    parents: array[int] = field(default_factory=lambda: array("i", [0]))
+    arrivals: array[int] = field(default_factory=lambda: array("i", [-1]))
+    degrees: array[int] = field(default_factory=lambda: array("i"))
+    targets: array[int] = field(default_factory=lambda: array("i"))
+    labels: array[int] = field(default_factory=lambda: array("i"))
+    seconds: float = 0.0
+    stopped: str = ""
+
+
+def _search(band: list[Actor], max_states: int, max_seconds: float, progress: Progress | None) -> _Found:
+    # The inner loop does nothing but look up, add and append: it runs once for each edge.
+    begun = time.monotonic()
+    found = _Found()
+    packed, parents, arrivals, targets, labels = (
+        found.packed, found.parents, found.arrivals, found.targets, found.labels,
+    )  # fmt: skip
+    index = {0: 0}
+    views = [(actor.mask, actor.table, actor) for actor in band]
+    state, is_fresh = 0, True
+    while state < len(packed):
+        if is_fresh or not state % _BETWEEN_LOOKS:
+            is_fresh = False
+            if time.monotonic() - begun > max_seconds:
+                found.stopped = f"after {max_seconds:g} s"
+                break
+            if len(targets) > MOST_TRANSITIONS:
+                found.stopped = f"at {len(targets)} transitions"
+                break
+            if progress is not None:
+                progress("states", len(packed), max_states)
+        here, before, known = packed[state], len(targets), len(packed)
+        for mask, table, actor in views:
+            acts = table.get(here & mask)
+            if acts is None:
+                acts, is_fresh = actor.work_out(here & mask, state), True
+            for added, label in acts:
+                there = here + added
+                target = index.setdefault(there, len(packed))
+                if target == len(packed):
+                    packed.append(there)
+                    parents.append(state)
+                    arrivals.append(label)
+                targets.append(target)
+                labels.append(label)
+        if len(packed) > max_states:
+            # Take back what this configuration led to, so that what is kept is exactly within the bound.
+            del packed[known:], parents[known:], arrivals[known:], targets[before:], labels[before:]
+            found.stopped = f"at the bound of {max_states} states"
+            break
+        found.degrees.append(len(targets) - before)
+        state += 1
+    left = len(packed) - state
+    if found.stopped:
+        found.stopped = f"stopped {found.stopped}: {len(packed)} states known, {left} of them not expanded"
+    found.seconds = time.monotonic() - begun
+    return found

@@ -1,0 +1,21 @@
+"""Guards and actions in JavaScript or UPPAAL's C-like language to our syntax trees, or a refusal by name."""
+
+from parcours.model.formats.foreign.texts import Branch, actions, branches, condition, guard, performed, variables
+from parcours.model.formats.foreign.tokens import Language, Tokens
+from parcours.model.formats.foreign.translation import Scope, Translation, refusal, sized
+
+__all__ = [
+    "Branch",
+    "Language",
+    "Scope",
+    "Tokens",
+    "Translation",
+    "actions",
+    "branches",
+    "condition",
+    "guard",
+    "performed",
+    "refusal",
+    "sized",
+    "variables",
+]

@@ -1,0 +1,274 @@
+"""Foreign syntax trees to our expressions: operators, kinds and choices here, names by a scope."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Set
+from dataclasses import dataclass, field
+
+from parcours.errors import BadModel
+from parcours.model.expression import Apply, Binary, Expression, Literal, Name, Unary
+from parcours.model.expression.parsing import MAX_DEPTH, MAX_LENGTH
+from parcours.model.formats.foreign.tokens import Language
+from parcours.model.formats.foreign.tree import (
+    Applied,
+    Choice,
+    Constant,
+    Identifier,
+    Index,
+    Infix,
+    Member,
+    Prefix,
+    Quantified,
+    Tree,
+)
+from parcours.model.formats.foreign.values import (
+    TRUE,
+    Cases,
+    always,
+    conjunction,
+    depth,
+    disjunction,
+    folded,
+    holds,
+    is_natural,
+    joined,
+    kind_of,
+    literal,
+    negation,
+)
+from parcours.model.nodes import is_identifier
+
+FUNCTIONS = {
+    "javascript": {f"Math.{name}": name for name in ("abs", "floor", "hypot", "max", "min", "sqrt")},
+    "uppaal": {
+        "abs": "abs",
+        "fabs": "abs",
+        "floor": "floor",
+        "fmax": "max",
+        "fmin": "min",
+        "sqrt": "sqrt",
+        "hypot": "hypot",
+    },
+}
+"""The functions of each language that ours has too."""
+
+
+@dataclass
+class Scope:
+    """What the names of a foreign text mean. Readers with arrays, records or parameters override the methods.
+
+    Args:
+        language: whose operators.
+        kinds: the type of each known variable: bool, int, real, text; others are taken as they are used.
+        naturals: variables that are never negative.
+    """
+
+    language: Language
+    kinds: Mapping[str, str] = field(default_factory=dict)
+    naturals: Set[str] = frozenset()
+
+    def read(self, tree: Identifier | Index | Member, where: str) -> Cases:
+        """Return what a place of the foreign model holds."""
+        return always(self.target(tree, where)[0][1])
+
+    def target(self, tree: Tree, where: str) -> list[tuple[Expression, Name]]:
+        """Return the variables that an assignment to a place may change, each with the condition for it."""
+        if isinstance(tree, Identifier) and is_identifier(tree.name):
+            return [(TRUE, Name(tree.name))]
+        raise refusal(where, _construct(tree))
+
+    def applied(self, tree: Applied, where: str) -> Cases:
+        """Return the value of a function."""
+        own = FUNCTIONS[self.language].get(tree.function)
+        if own is None:
+            raise refusal(where, f"a call of the function {tree.function!r}")
+        arguments = [Translation(self, where).number(each) for each in tree.arguments]
+        return joined(where, lambda *values: folded(Apply(own, values)), *arguments)
+
+    def quantified(self, tree: Quantified, where: str) -> Cases:
+        """Return the value of forall, exists or sum."""
+        raise refusal(where, f"{tree.quantifier!r} over a range")
+
+
+class Translation:
+    """Translates trees of one text.
+
+    Args:
+        scope: what names mean.
+        where: what the text belongs to, for messages.
+    """
+
+    def __init__(self, scope: Scope, where: str) -> None:
+        self.scope, self.where = scope, where
+        self._known: dict[int, tuple[Tree, Cases]] = {}
+
+    def truth(self, tree: Tree) -> Expression:
+        """Return the condition that a tree stands for; a number stands for `!= 0`."""
+        match tree:
+            case Infix("&&", left, right):
+                return conjunction((self.truth(left), self.truth(right)))
+            case Infix("||", left, right):
+                return disjunction((self.truth(left), self.truth(right)))
+            case Infix("imply", left, right):
+                return disjunction((negation(self.truth(left)), self.truth(right)))
+            case Prefix("!", operand):
+                return negation(self.truth(operand))
+            case Choice(condition, yes, no):
+                choice = self.truth(condition)
+                return disjunction(
+                    (conjunction((choice, self.truth(yes))), conjunction((negation(choice), self.truth(no))))
+                )
+            case _:
+                return holds([(case, self._true(value)) for case, value in self.value(tree)])
+
+    def number(self, tree: Tree) -> Cases:
+        """Return the number that a tree stands for; a truth value is 1 or 0."""
+        found: Cases = []
+        for case, value in self.value(tree):
+            if kind_of(value, self.scope.kinds) != "bool":
+                found.append((case, value))
+                continue
+            for condition, number in ((value, 1), (negation(value), 0)):
+                if (both := conjunction((case, condition))) != Literal(False):
+                    found.append((both, Literal(number)))
+        return found
+
+    def of_kind(self, tree: Tree, kind: str) -> Cases:
+        """Return what a tree stands for as a value of a variable of that kind."""
+        if kind == "bool":
+            return always(self.truth(tree))
+        return self.number(tree) if kind in ("int", "real", "clock") else self.value(tree)
+
+    def value(self, tree: Tree) -> Cases:
+        """Return what a tree stands for, of whatever kind."""
+        # Operators ask for their operands as values and as numbers: each is translated once.
+        if id(tree) not in self._known:
+            self._known[id(tree)] = tree, self._value(tree)
+        return self._known[id(tree)][1]
+
+    def _value(self, tree: Tree) -> Cases:
+        match tree:
+            case Constant(constant):
+                return always(literal(constant))
+            case Identifier() | Index() | Member():
+                return self.scope.read(tree, self.where)
+            case Prefix("-", operand):
+                return joined(self.where, lambda value: folded(Unary("-", value)), self.number(operand))
+            case Infix("==" | "!=" | "<" | "<=" | ">" | ">=" as operator, left, right):
+                return always(self._comparison(operator, left, right))
+            case Infix("+" | "-" | "*" | "/" | "%" | "<?" | ">?" as operator, left, right):
+                return self._arithmetic(operator, left, right)
+            case Choice(condition, yes, no):
+                choice = self.truth(condition)
+                found = [(conjunction((choice, case)), value) for case, value in self.value(yes)]
+                found += [(conjunction((negation(choice), case)), value) for case, value in self.value(no)]
+                return [(case, value) for case, value in found if case != Literal(False)]
+            case Applied():
+                return self.scope.applied(tree, self.where)
+            case Quantified():
+                return self.scope.quantified(tree, self.where)
+            case Infix(operator, left, _) if self.scope.language == "javascript":
+                kinds = {kind_of(value, self.scope.kinds) for _, value in self.value(left)}
+                if kinds & {"int", "real", "text"}:
+                    raise refusal(self.where, f"{operator} on values that are not true or false")
+        return always(self.truth(tree))
+
+    def _true(self, value: Expression) -> Expression:
+        kind = kind_of(value, self.scope.kinds)
+        if kind in ("int", "real"):
+            return folded(Binary("!=", value, Literal(0)))
+        return folded(Binary("!=", value, Literal(""))) if kind == "text" else value
+
+    def _comparison(self, operator: str, left: Tree, right: Tree) -> Expression:
+        kinds = self.scope.kinds
+        sides = [self.value(left), self.value(right)]
+        among = {kind_of(value, kinds) == "bool" for side in sides for _, value in side}
+        if among == {True, False} or (among == {True} and operator not in ("==", "!=")):
+            known = {kind_of(value, kinds) for side in sides for _, value in side}
+            if known & {"int", "real"} or operator not in ("==", "!="):
+                sides = [self.number(left), self.number(right)]
+        if operator in ("==", "!=") and isinstance(left, Infix) and left.operator == "%" and right == Constant(0):
+            # Languages differ in the sign of a remainder, not in whether there is one.
+            sides[0] = joined(self.where, _binary("%"), self.number(left.left), self.number(left.right))
+        return holds(joined(self.where, _binary(operator), *sides))
+
+    def _arithmetic(self, operator: str, left: Tree, right: Tree) -> Cases:
+        one, two = self.number(left), self.number(right)
+        kinds = [kind_of(value, self.scope.kinds) for side in (one, two) for _, value in side]
+        if "text" in kinds:
+            raise refusal(self.where, f"{operator} on texts")
+        if operator in ("<?", ">?"):
+            function = "min" if operator == "<?" else "max"
+            return joined(self.where, lambda a, b: folded(Apply(function, (a, b))), one, two)
+        truncates = operator == "/" and self.scope.language == "uppaal" and "real" not in kinds
+        if operator != "%" and not truncates:
+            return joined(self.where, _binary(operator), one, two)
+        return [
+            (conjunction((case, condition)), value)
+            for case, (a, b) in _pairs(joined(self.where, lambda a, b: Apply("pair", (a, b)), one, two))
+            for condition, value in (self._quotient(a, b) if truncates else self._remainder(a, b))
+        ]
+
+    def _quotient(self, a: Expression, b: Expression) -> Cases:
+        # Division that drops the fraction, as in C: ours keeps it, and floor drops it for what is not negative.
+        whole = folded(Apply("floor", (folded(Binary("/", a, b)),)))
+        if self._natural(a) and self._natural(b):
+            return always(whole)
+        opposite = folded(Unary("-", folded(Apply("floor", (folded(Binary("/", folded(Unary("-", a)), b)),)))))
+        product = a if self._natural(b) else folded(Binary("*", a, b))
+        return _by_sign(product, whole, opposite)
+
+    def _remainder(self, a: Expression, b: Expression) -> Cases:
+        # The sign of the dividend, as in C and JavaScript: ours has that of the divisor.
+        divisor = b if self._natural(b) else folded(Apply("abs", (b,)))
+        plain = folded(Binary("%", a, divisor))
+        if self._natural(a):
+            return always(plain)
+        return _by_sign(a, plain, folded(Unary("-", folded(Binary("%", folded(Unary("-", a)), divisor)))))
+
+    def _natural(self, node: Expression) -> bool:
+        return is_natural(node, self.scope.naturals)
+
+
+def _binary(operator: str) -> Callable[..., Expression]:
+    return lambda left, right: folded(Binary(operator, left, right))
+
+
+def _by_sign(node: Expression, positive: Expression, negative: Expression) -> Cases:
+    condition = folded(Binary(">=", node, Literal(0)))
+    found = [(condition, positive), (negation(condition), negative)]
+    return [(case, value) for case, value in found if case != Literal(False)]
+
+
+def _pairs(cases: Cases) -> list[tuple[Expression, tuple[Expression, Expression]]]:
+    return [(case, (pair.arguments[0], pair.arguments[1])) for case, pair in cases if isinstance(pair, Apply)]
+
+
+def sized(node: Expression, where: str) -> Expression:
+    """Return the expression if it is no longer than our own parser allows, so that it can be written and read."""
+    if depth(node) >= MAX_DEPTH or len(str(node)) > MAX_LENGTH:
+        rule = (
+            f"a translated expression has at most {MAX_LENGTH} characters and {MAX_DEPTH} levels, but this one has more"
+        )
+        raise BadModel(where, rule, "split it", slug="expression-size")
+    return node
+
+
+def refusal(where: str, what: str) -> BadModel:
+    """Return the refusal of something that our language cannot say."""
+    rule = f"only arithmetic, comparisons, assignments and choices are translated, but here is {what}"
+    return BadModel(where, rule, "write it with these", slug="foreign-construct")
+
+
+def _construct(tree: Tree) -> str:
+    match tree:
+        case Identifier(name):
+            return f"the name {name!r}"
+        case Member(_, name):
+            return f"a field {name!r} of an object"
+        case Index():
+            return "an element of a list"
+        case Applied(function, _):
+            return f"a call of the function {function!r}"
+        case _:
+            return "an assignment to a value"

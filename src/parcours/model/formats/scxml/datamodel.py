@@ -1,0 +1,168 @@
+"""The data of an SCXML document to variables with initial values, as far as our language has such values."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from parcours.errors import BadModel
+from parcours.model.expression import Assignment, Expression, Literal
+from parcours.model.formats.foreign import Scope, Tokens, Translation, refusal
+from parcours.model.formats.foreign.parsing import Parser
+from parcours.model.formats.foreign.tree import (
+    Choice,
+    Constant,
+    Identifier,
+    Infix,
+    Member,
+    Prefix,
+    Set,
+    Statement,
+    Tree,
+    When,
+)
+from parcours.model.formats.foreign.values import is_constant, kind_of
+from parcours.model.formats.reading import Loss
+from parcours.model.formats.xml_lines import Element
+
+_ABSENT = ("", "undefined", "null")
+_STARTS: dict[str, bool | int | float | str] = {"bool": False, "int": 0, "real": 0.0, "text": ""}
+
+
+class DataModel:
+    """What data a document declares.
+
+    Args:
+        root: the `scxml` element.
+        origin: the file's name, for messages.
+
+    Attributes:
+        initial: assignments of the initial values.
+        lines: of the declarations, by name.
+        kinds: bool, int, real or text, by name.
+        missing: data that cannot be translated, with the reason.
+        losses: data that start otherwise here, or are left out.
+    """
+
+    def __init__(self, root: Element, origin: str) -> None:
+        self.origin = origin
+        self.initial: list[Assignment] = []
+        self.lines: dict[str, int] = {}
+        self.kinds: dict[str, str] = {}
+        self.missing: dict[str, BadModel] = {}
+        self.losses: list[Loss] = []
+        self._assigned = list(_assigned(root))
+        for element in root.walk():
+            if element.tag == "data":
+                self._declare(element.get("id"), element)
+        for script in root.all("script"):
+            self._run(script)
+
+    def _declare(self, name: str, element: Element) -> None:
+        where = f"{self.origin}:{element.line}: <data>"
+        text = (element.get("expr") or element.text).strip()
+        self.lines[name] = element.line
+        try:
+            if element.get("src") or element.children:
+                raise refusal(where, "data that are not an expression")
+            if text in _ABSENT:
+                kind = self._guessed(name)
+                self._start(name, Literal(_STARTS[kind]))
+                rule = f'has no value at first; here it starts as "{Literal(_STARTS[kind])}"'
+                self.losses.append(Loss(f"data {name!r}", element.line, rule))
+            else:
+                self._start(name, self._constant(_parsed(text, where), where))
+        except BadModel as error:
+            self.missing[name] = error
+
+    def _run(self, script: Element) -> None:
+        # A script of the document itself runs once, before the first configuration.
+        where = f"{self.origin}:{script.line}: <script>"
+        if script.get("src"):
+            self.losses.append(Loss("<script>", script.line, "a script in another file is left out"))
+            return
+        for statement in Parser(Tokens(script.text, "javascript", where)).statements():
+            if not (isinstance(statement, Set) and isinstance(statement.place, Identifier)):
+                raise refusal(where, "a choice or an object in a script of the document")
+            name = statement.place.name
+            self.lines.setdefault(name, script.line)
+            self.initial = [each for each in self.initial if each.target != name]
+            self._start(name, self._constant(statement.value, where))
+
+    def _start(self, name: str, value: Expression) -> None:
+        self.initial.append(Assignment(name, value))
+        self.kinds[name] = kind_of(value, {})
+
+    def _constant(self, tree: Tree, where: str) -> Expression:
+        cases = Translation(_Initial(self.initial), where).value(tree)
+        if len(cases) != 1 or not is_constant(cases[0][1]):
+            raise refusal(where, "an initial value that is not constant")
+        return cases[0][1]
+
+    def _guessed(self, name: str) -> str:
+        for statement in self._assigned:
+            if statement.place == Identifier(name) and (kind := _kind(statement.value, self.kinds)):
+                return kind
+        raise refusal(f"{self.origin}:{self.lines[name]}", f"{name!r} without a value")
+
+
+class _Initial(Scope):
+    """Data that have their initial values."""
+
+    def __init__(self, initial: Iterable[Assignment]) -> None:
+        super().__init__("javascript")
+        self._values = {each.target: each.value for each in initial}
+
+    def read(self, tree: Tree, where: str) -> list[tuple[Expression, Expression]]:
+        """Return the value of a name."""
+        if isinstance(tree, Identifier) and tree.name in self._values:
+            return [(Literal(True), self._values[tree.name])]
+        return super().read(tree, where)  # type: ignore[arg-type]
+
+
+def _assigned(root: Element) -> Iterable[Set]:
+    for element in root.walk():
+        try:
+            if element.tag == "assign":
+                yield Set(_parsed(element.get("location"), ""), _parsed(element.get("expr") or element.text, ""))
+            elif element.tag == "script":
+                yield from _sets(Parser(Tokens(element.text, "javascript", "")).statements())
+        except BadModel:
+            continue  # complained about where it is used
+
+
+def _sets(statements: Iterable[Statement]) -> Iterable[Set]:
+    for statement in statements:
+        if isinstance(statement, When):
+            yield from _sets((*statement.yes, *statement.no))
+        elif isinstance(statement, Set):
+            yield statement
+
+
+def _parsed(text: str, where: str) -> Tree:
+    tokens = Tokens(text, "javascript", where)
+    tree = Parser(tokens).condition()
+    if tokens.token.kind != "end":
+        tokens.fail("an operator or the end")
+    return tree
+
+
+def _kind(tree: Tree, kinds: dict[str, str]) -> str:
+    match tree:
+        case Member(Identifier("_event"), "name"):
+            return "text"
+        case Constant(value):
+            return kind_of(Literal(value), {})
+        case Identifier(name):
+            return kinds.get(name, "")
+        case Prefix("!", _) | Infix("&&" | "||" | "==" | "!=" | "<" | "<=" | ">" | ">=", _, _):
+            return "bool"
+        case Prefix(_, operand):
+            return _kind(operand, kinds)
+        case Infix("/", _, _):
+            return "real"
+        case Infix(_, left, right):
+            return "real" if "real" in (_kind(left, kinds), _kind(right, kinds)) else "int"
+        case Choice(_, yes, _):
+            return _kind(yes, kinds)
+        case _:
+            return ""

@@ -1,0 +1,272 @@
+"""Functions of a UPPAAL file written out where they are called: branches of assignments, and values.
+
+Nothing runs: a body is followed along every way its choices can fall, loops as often as their conditions can hold.
+Variables of a function are worked out of the result. What does not come to an end in bounds is refused.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+from parcours.errors import BadModel
+from parcours.model.expression import Assignment, Expression, names
+from parcours.model.formats.foreign import Branch, Tokens, Translation, performed, refusal, sized
+from parcours.model.formats.foreign.tree import Applied, Set, Statement, When
+from parcours.model.formats.foreign.values import (
+    FALSE,
+    MAX_CASES,
+    TRUE,
+    Cases,
+    always,
+    conjunction,
+    literal,
+    negation,
+    replaced,
+)
+from parcours.model.formats.uppaal.bodies import BodyParser, Each, Local, Loop, Perform, Return
+from parcours.model.formats.uppaal.declarations import Declared, Routine
+from parcours.model.formats.uppaal.environment import Environment
+from parcours.model.formats.uppaal.symbols import Cell
+
+MAX_TURNS = 200
+"""Most turns of one loop."""
+
+MAX_NESTED = 8
+"""Most calls inside each other."""
+
+
+@dataclass(frozen=True, slots=True)
+class Running:
+    """Where a body stands on one way: what was done, and the value it returned, if it did."""
+
+    branch: Branch
+    has_returned: bool = False
+    value: Expression | None = None
+
+
+def updates(text: str, environment: Environment, origin: str, line: int) -> list[Branch]:
+    """Return what an update label does, one branch for each way its choices can fall.
+
+    Args:
+        text: assignments and calls, e.g. `x = 0, enqueue(e)`.
+        environment: the names it sees.
+        origin: the file's name, for messages.
+        line: where the text starts.
+
+    Raises:
+        BadModel: the text cannot be translated.
+    """
+    where = f"{origin}:{line}"
+    statements = BodyParser(Tokens(text, "uppaal", origin, line)).statements()
+    found = Execution(environment, where).run(statements, [Running(Branch(TRUE, ()))])
+    return [Branch(sized(each.branch.guard, where), without_locals(each.branch.actions, where)) for each in found]
+
+
+def value_of(call: Applied, environment: Environment, routine: Routine, where: str) -> Cases:
+    """Return the value of a call, in terms of the variables before it.
+
+    Raises:
+        BadModel: the function changes variables that outlive it, returns nothing, or cannot be translated.
+    """
+    found: Cases = []
+    for each in Execution(environment, where).called(call, routine, Running(Branch(TRUE, ()))):
+        if any(not is_local(action.target) for action in each.branch.actions):
+            raise refusal(where, f"the function {call.function!r}, which changes variables, inside a value")
+        if each.value is None:
+            raise refusal(where, f"the value of {call.function!r}, which returns none")
+        found.append((each.branch.guard, replaced(each.value, each.branch.held())))
+    return found
+
+
+def is_local(id: str) -> bool:
+    """Return whether a variable belongs to one call of a function."""
+    return "'" in id
+
+
+def without_locals(actions: Iterable[Assignment], where: str) -> tuple[Assignment, ...]:
+    """Return assignments with the variables of functions replaced by what they hold.
+
+    Raises:
+        BadModel: one is read after what it was computed from has changed.
+    """
+    held: dict[str, Expression] = {}
+    stale: set[str] = set()
+    kept = []
+    for action in actions:
+        if used := sorted(stale & names(action.value)):
+            raise refusal(where, f"the local variable {used[0].partition(chr(39))[0]!r}, read after its source changed")
+        value = replaced(action.value, held)
+        if is_local(action.target):
+            held[action.target] = value
+            stale.discard(action.target)
+        else:
+            kept.append(Assignment(action.target, sized(value, where)))
+            stale |= {local for local, known in held.items() if action.target in names(known)}
+    return tuple(kept)
+
+
+class CallingEnvironment(Environment):
+    """The names of one scope, functions among them."""
+
+    def applied(self, tree: Applied, where: str) -> Cases:
+        """Return the value of a call: of a function of the file, or of the language."""
+        if self.knows(tree.function):
+            routine = self.find(tree.function, where)
+            if isinstance(routine, Routine):
+                return value_of(tree, self, routine, where)
+        return super().applied(tree, where)
+
+
+class Execution:
+    """Follows statements along every way.
+
+    Args:
+        scope: the names they see.
+        where: file and line of the call, for messages.
+        depth: how many calls this one is inside.
+    """
+
+    def __init__(self, scope: Environment, where: str, depth: int = 0) -> None:
+        self.scope, self.where, self.depth = scope, where, depth
+
+    def run(self, statements: Iterable[Statement], now: list[Running]) -> list[Running]:
+        """Return where the ways end; those that have returned stay as they are."""
+        for statement in statements:
+            self.scope.cells.spend(self.where, len(now))
+            if isinstance(statement, Local):
+                now = self.declared(statement.declared, now)
+            else:
+                now = [
+                    after for each in now for after in ([each] if each.has_returned else self.after(statement, each))
+                ]
+            self.bounded(now)
+        return now
+
+    def within(self) -> Execution:
+        """Return the execution of a block inside: what it declares is not seen outside."""
+        return Execution(self.scope.inner(), self.where, self.depth)
+
+    def bounded(self, now: list[Running]) -> None:
+        """Raise BadModel if there are too many ways."""
+        if len(now) > MAX_CASES:
+            rule = f"an update has at most {MAX_CASES} branches, but this one has more"
+            raise BadModel(self.where, rule, "make its arrays or ranges smaller", slug="expansion-size")
+
+    def after(self, statement: Statement, here: Running) -> list[Running]:
+        """Return where one statement leads."""
+        match statement:
+            case Set():
+                found = performed([statement], self.scope, self.where, here.branch)
+                return [Running(branch) for branch in found]
+            case When(condition, yes, no):
+                choice = self.choice(Translation(self.scope, self.where).truth(condition), here)
+                taken = [
+                    self.within().run(body, self.under(each, here))
+                    for each, body in zip(choice, (yes, no), strict=True)
+                ]
+                return [each for found in taken for each in found]
+            case Perform(call):
+                routine = self.scope.find(call.function, self.where)
+                if not isinstance(routine, Routine):
+                    raise refusal(self.where, f"a call of {call.function!r}")
+                return [Running(each.branch) for each in self.called(call, routine, here)]
+            case Loop():
+                return self.turns(statement, here)
+            case Each(name, type_, body):
+                now = [here]
+                for value in self.scope.shape(type_, self.where).values(self.where):
+                    block = self.within()
+                    block.scope.hold(name, value)
+                    now = block.run(body, now)
+                return now
+            case Return(value):
+                if value is None:
+                    return [replace(here, has_returned=True)]
+                cases = Translation(self.scope, self.where).value(value)
+                return [
+                    Running(each.branch, True, result)
+                    for case, result in cases
+                    for each in self.under(replaced(case, here.branch.held()), here)
+                ]
+            case _:
+                raise refusal(self.where, f"a statement {type(statement).__name__!r}")
+
+    def choice(self, condition: Expression, here: Running) -> tuple[Expression, Expression]:
+        """Return a condition and its opposite, in terms of the values before everything."""
+        before = replaced(condition, here.branch.held())
+        return before, negation(before)
+
+    def under(self, condition: Expression, here: Running) -> list[Running]:
+        """Return the way with one more condition; none if that cannot hold."""
+        guard = conjunction((here.branch.guard, condition))
+        return [] if guard == FALSE else [replace(here, branch=Branch(guard, here.branch.actions))]
+
+    def turns(self, loop: Loop, here: Running) -> list[Running]:
+        """Return the ways out of a loop."""
+        now, done = [here], list[Running]()
+        for _ in range(MAX_TURNS):
+            inside: list[Running] = []
+            for each in now:
+                yes, no = self.choice(Translation(self.scope, self.where).truth(loop.condition), each)
+                done += self.under(no, each)
+                inside += self.under(yes, each)
+            now = self.within().run(loop.body, inside)
+            done += [each for each in now if each.has_returned]
+            now = [each for each in now if not each.has_returned]
+            self.bounded([*now, *done])
+            if not now:
+                return done
+        raise BadModel(self.where, f"a loop ends within {MAX_TURNS} turns, but this one may not", slug="expansion-size")
+
+    def declared(self, declared: Declared, now: list[Running]) -> list[Running]:
+        """Return where the declaration of a variable leads: from now on its name means a new cell."""
+        shape = self.scope.shape(declared.type, self.where, declared.lengths)
+        made, cells = self.scope.cells.make_local(declared.name, shape, declared.line, self.where)
+        if isinstance(made, Cell) and declared.initial is not None and not isinstance(declared.initial, tuple):
+            cases = Translation(self.scope, self.where).of_kind(declared.initial, made.kind)
+            now = [after for each in now for after in self.assigned(made.id, cases, each)]
+        elif declared.initial is not None and cells:
+            raise refusal(self.where, f"initial values of the local variable {declared.name!r}")
+        else:
+            for cell in cells:
+                now = [after for each in now for after in self.assigned(cell.id, always(literal(cell.initial)), each)]
+        self.scope.names[declared.name] = made
+        return now
+
+    def assigned(self, id: str, cases: Cases, here: Running) -> list[Running]:
+        """Return the ways on which a variable is assigned one of several values."""
+        held = here.branch.held()
+        return [
+            replace(each, branch=Branch(each.branch.guard, (*each.branch.actions, Assignment(id, value))))
+            for case, value in cases
+            for each in self.under(replaced(case, held), here)
+        ]
+
+    def called(self, call: Applied, routine: Routine, here: Running) -> list[Running]:
+        """Return the ways out of a call, with what they return."""
+        if self.depth >= MAX_NESTED:
+            raise refusal(self.where, f"calls more than {MAX_NESTED} deep")
+        if len(call.arguments) != len(routine.parameters):
+            rule = (
+                f"{call.function!r} has {len(routine.parameters)} parameters, but gets {len(call.arguments)} arguments"
+            )
+            raise BadModel(self.where, rule, slug="arity")
+        inner = self.scope.home(routine).inner()
+        body = Execution(inner, self.where, self.depth + 1)
+        now = [here]
+        for parameter, argument in zip(routine.parameters, call.arguments, strict=True):
+            shape = inner.shape(parameter.type, self.where, parameter.lengths)
+            if parameter.is_reference or shape.lengths or shape.kind == "struct":
+                places = self.scope.locate(argument, self.where)
+                if len(places) != 1:
+                    raise refusal(self.where, "an index that varies in an argument")
+                inner.names[parameter.name] = places[0][1]
+            else:
+                made, cells = self.scope.cells.make_local(parameter.name, shape, parameter.line, self.where)
+                inner.names[parameter.name] = made
+                cases = Translation(self.scope, self.where).of_kind(argument, shape.kind)
+                now = [after for each in now for after in self.assigned(cells[0].id, cases, each)]
+        tokens = routine.tokens
+        tokens.position = routine.body + 1
+        return body.run(BodyParser(tokens).statements("}"), now)

@@ -1,0 +1,136 @@
+"""A graph -> its walks of a length: n-switches, and complete paths up to a bound, as edge sequences.
+
+An n-switch is a walk of n + 1 edges (Chow, Testing software design modeled by finite-state machines, IEEE TSE 4,
+1978): edges are 0-switches, edge pairs 1-switches. A complete path leads from the start to a final state.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+
+from parcours.paths.criteria.limits import Limits, Tally
+from parcours.paths.graph import Graph
+
+UNBOUNDED = 1 << 62
+"""More edges than any walk has."""
+
+
+def switches(graph: Graph, n: int, limits: Limits | None = None) -> list[tuple[int, ...]]:
+    """Return the walks of n + 1 edges, in order of edges, and then the shorter walks that none of them contains.
+
+    Those lead from a start that nothing enters to a state that nothing leaves. They are required so that n-switch
+    coverage subsumes (n - 1)-switch coverage.
+
+    Args:
+        graph: the graph.
+        n: how often to go from one edge to the next, at least 0.
+        limits: how many are too many.
+
+    Raises:
+        BadRequest: there are too many; the message tells how many had been found.
+
+    >>> from parcours.model.structure import Machine, Transition
+    >>> from parcours.paths.graph import graph_of
+    >>> fuse = graph_of(Machine("fuse", "new", ("new", "on", "blown"), (
+    ...     Transition("t1", "new", "on"), Transition("t2", "on", "blown"), Transition("t3", "new", "blown"))))
+    >>> [[fuse.edges[edge] for edge in walk] for walk in switches(fuse, 1)]
+    [['t1', 't2'], ['t3']]
+    """
+    tally = Tally(limits or Limits(), f"{n}-switches of '{graph.name}'")
+    longest = _longest(graph)
+    everywhere = range(len(graph.edges))
+    found = list(
+        _walks(graph, everywhere, n + 1, tally, lambda state, left: longest[state] >= left, lambda _, left: not left)
+    )
+    if n and 0 not in graph.targets:
+        ends = [state for state, ahead in enumerate(longest) if not ahead]
+        found += _up_to(graph, ends, n, tally)
+    return found
+
+
+def complete_paths(graph: Graph, most: int, limits: Limits | None = None) -> list[tuple[int, ...]]:
+    """Return the paths from the start to a final state of at least one and at most `most` edges.
+
+    Args:
+        graph: the graph.
+        most: the bound on the length of a path [edges], at least 1.
+        limits: how many are too many.
+
+    Raises:
+        BadRequest: there are too many; the message tells how many had been found.
+    """
+    tally = Tally(limits or Limits(), f"complete paths of '{graph.name}' up to {most}")
+    return list(_up_to(graph, graph.finals, most, tally))
+
+
+def _up_to(graph: Graph, ends: Iterable[int], most: int, tally: Tally) -> Iterator[tuple[int, ...]]:
+    nearest = _nearest(graph, ends)
+    begin = graph.leaving()[0]
+    return _walks(graph, begin, most, tally, lambda s, left: nearest[s] <= left, lambda s, _: not nearest[s])
+
+
+def _walks(
+    graph: Graph,
+    firsts: Iterable[int],
+    most: int,
+    tally: Tally,
+    may_become: Callable[[int, int], bool],
+    is_complete: Callable[[int, int], bool],
+) -> Iterator[tuple[int, ...]]:
+    """Yield walks, depth first. The two questions are asked with a state and how many edges are left there."""
+    leaving, targets = graph.leaving(), graph.targets.tolist()
+    path: list[int] = []
+    stack = [iter(firsts)]
+    while stack:
+        for edge in stack[-1]:
+            state, left = targets[edge], most - len(path) - 1
+            if not may_become(state, left):
+                continue
+            tally.tick()
+            path.append(edge)
+            if is_complete(state, left):
+                tally.add(len(path))
+                yield tuple(path)
+            stack.append(iter(leaving[state] if left else ()))
+            break
+        else:
+            stack.pop()
+            if path:
+                path.pop()
+
+
+def _longest(graph: Graph) -> list[int]:
+    """Return for each state the number of edges of the longest walk from there."""
+    entering = _entering(graph)
+    waiting = [len(edges) for edges in graph.leaving()]
+    longest = [UNBOUNDED if edges else 0 for edges in waiting]
+    queue = [state for state, edges in enumerate(waiting) if not edges]
+    for state in queue:
+        for source in entering[state]:
+            waiting[source] -= 1
+            if not waiting[source]:  # the last of its successors, which are taken by growing length
+                longest[source] = longest[state] + 1
+                queue.append(source)
+    return longest
+
+
+def _nearest(graph: Graph, ends: Iterable[int]) -> list[int]:
+    """Return for each state the number of edges to the nearest of the ends."""
+    entering = _entering(graph)
+    nearest = [UNBOUNDED] * len(graph.states)
+    queue = list(ends)
+    for state in queue:
+        nearest[state] = 0
+    for state in queue:
+        for source in entering[state]:
+            if nearest[source] == UNBOUNDED:
+                nearest[source] = nearest[state] + 1
+                queue.append(source)
+    return nearest
+
+
+def _entering(graph: Graph) -> list[list[int]]:
+    entering: list[list[int]] = [[] for _ in graph.states]
+    for source, target in zip(graph.sources.tolist(), graph.targets.tolist(), strict=True):
+        entering[target].append(source)
+    return entering

@@ -1,0 +1,74 @@
+"""How much a criterion may ask for: a count of requirements, their total length and a deadline, refused beyond."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+
+from parcours.errors import BadRequest
+
+_BETWEEN_LOOKS = 4095
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """Bounds on the requirements of one criterion on one graph.
+
+    Attributes:
+        count: most requirements.
+        steps: most steps in all of them together; each takes 8 bytes.
+        seconds: longest search for them [s].
+    """
+
+    count: int = 1_000_000
+    steps: int = 20_000_000
+    seconds: float = 8.0
+
+
+class Tally:
+    """Counts requirements as they are found, against limits; time runs from when it is made.
+
+    >>> tally = Tally(Limits(count=1), "prime paths of 'door'")
+    >>> tally.add(3)
+    >>> tally.add(3)
+    Traceback (most recent call last):
+    parcours.errors.BadRequest: prime paths of 'door': there must be at most 1, but the search was stopped at 2, with \
+more to come; take a weaker criterion, cover parts of the model, or raise the limit [too-many-requirements]
+    """
+
+    def __init__(self, limits: Limits, what: str) -> None:
+        self.limits, self.what = limits, what
+        self.count = self.steps = self._ticks = 0
+        self._deadline = time.monotonic() + limits.seconds
+
+    def add(self, steps: int) -> None:
+        """Count one requirement of so many steps.
+
+        Raises:
+            BadRequest: it is one too many, or its steps are.
+        """
+        self.count += 1
+        self.steps += steps
+        if self.count > self.limits.count:
+            raise self._refusal(f"at most {self.limits.count}")
+        if self.steps > self.limits.steps:
+            raise self._refusal(f"at most {self.limits.steps} steps in all of them")
+        self.tick()
+
+    def tick(self) -> None:
+        """Look at the clock at every 4096th call.
+
+        Raises:
+            BadRequest: the time is up.
+        """
+        self._ticks += 1
+        if not self._ticks & _BETWEEN_LOOKS and time.monotonic() > self._deadline:
+            raise self._refusal(f"so few that {self.limits.seconds:g} s find them")
+
+    def _refusal(self, rule: str) -> BadRequest:
+        return BadRequest(
+            self.what,
+            f"there must be {rule}, but the search was stopped at {self.count}, with more to come",
+            "take a weaker criterion, cover parts of the model, or raise the limit",
+            slug="too-many-requirements",
+        )

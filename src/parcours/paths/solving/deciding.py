@@ -1,0 +1,255 @@
+"""A machine and what is to be covered -> what can be, with the values that make it so; what cannot, and why.
+
+First the state space of the component is searched, as far as it is small; what is met there is covered, and if all
+of it was seen, the rest is infeasible. Then the solver looks for conflicts, and for longer paths.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
+
+from parcours.errors import require_known
+from parcours.model.configuration import Inputs, Move
+from parcours.model.structure import Cefsm, Component, Machine
+from parcours.paths.criteria import requirements
+from parcours.paths.criteria.requirement import Requirement
+from parcours.paths.graph import graph_of
+from parcours.paths.solving.space import Explored, Space, alone
+from parcours.paths.solving.targets import Node, Targets
+from parcours.paths.solving.verdicts import Covered, Executability, Infeasible, Path, Undecided, has_solver
+from parcours.paths.solving.verifying import Verifier
+
+if TYPE_CHECKING:
+    from parcours.paths.solving.searching import Prefixes, Search
+
+    Found = tuple[tuple[str, ...], tuple[Inputs, ...]]
+
+MOST_STATES = 20_000
+"""State spaces up to this size are searched exactly."""
+
+MOST_CHECKS = 1_000_000
+"""Most questions to the solver before a search for one more path is given up."""
+
+WAYS_FOR_PROOF, WAYS_FOR_REASONS = 120, 6
+"""Most ways back that are looked at for one proof, and where it is only to say why."""
+
+EXTENSION_CHECKS = 40
+"""Most questions to the solver to make a path longer that has met something, before another is begun."""
+
+SEEN = "none of the {} states that can be reached allows it"
+
+Report = Callable[[str, int, int], None]
+"""Told (what, done, in all) while work goes on."""
+
+
+def solve(
+    cefsm: Cefsm,
+    component: str,
+    machine: str,
+    wanted: str | Sequence[Requirement],
+    budget: float = 10.0,
+    seed: int = 0,
+    complete: bool = True,
+    report: Report | None = None,
+) -> Executability:
+    """Return which requirements of one machine can be met, by few paths that run, and which cannot.
+
+    The tester stands in at both ends of every channel that leaves the component. Paths found in the state space
+    may let other machines of the component move too; in paths that the solver finds they stand still. What is
+    said to be infeasible is so whatever they do.
+
+    Args:
+        cefsm: the model.
+        component: the component.
+        machine: its machine.
+        wanted: a coverage criterion, or requirements: states, sequences of transitions, du-paths.
+        budget: longest time for all of it [s]; what is not decided by then is undecided.
+        seed: of the solver's random choices.
+        complete: whether paths go on to where a test may end, where they can.
+        report: told how far the work is.
+
+    Raises:
+        BadRequest: the component, the machine, the criterion or something a requirement names is unknown.
+
+    Example: a lamp that burns out at the third time.
+
+    >>> from parcours.model import parse_model
+    >>> lamp = parse_model('''
+    ... parcours: model/1
+    ... name: lamp
+    ... components:
+    ...   Lamp:
+    ...     variables: {n: {type: int, initial: 0, range: [0, 3]}}
+    ...     machines:
+    ...       light:
+    ...         initial: off
+    ...         transitions:
+    ...           on: {from: off, to: lit, guard: n < 3, action: n := n + 1}
+    ...           off: {from: lit, to: off}
+    ...           burn: {from: lit, to: dead, guard: n == 3}
+    ...           revive: {from: dead, to: off, guard: n < 3}
+    ... ''')
+    >>> found = solve(lamp, "Lamp", "light", "edge")
+    >>> print(found.paths[0])
+    on off on off on burn
+    >>> [str(each.requirement) for each in found.covered], [str(each.requirement) for each in found.infeasible]
+    (['on', 'off', 'burn'], ['revive'])
+    """
+    owner, found = _owner(cefsm, component, machine)
+    needs = requirements(found, wanted, variables=owner.variables) if isinstance(wanted, str) else wanted
+    return _Solving(cefsm, owner, found, needs, budget, report).run(seed, complete=complete)
+
+
+class _Solving:
+    def __init__(
+        self,
+        cefsm: Cefsm,
+        owner: Component,
+        machine: Machine,
+        needs: Sequence[Requirement],
+        budget: float,
+        report: Report | None,
+    ) -> None:
+        self.cefsm, self.owner, self.machine, self.needs = cefsm, owner, machine, tuple(dict.fromkeys(needs))
+        self.begun, self.budget, self.report = time.monotonic(), budget, report
+        self.deadline = self.begun + budget
+        self.model, _ = alone(cefsm, owner)
+        self.targets = Targets(machine, self.needs)
+        graph = graph_of(machine)
+        self.finals = frozenset(graph.states[state] for state in graph.finals)
+        self.verifier = Verifier(self.model, owner, machine, self.finals)
+        self.open = dict.fromkeys(self.needs)
+        self.covered: dict[Requirement, Path] = {}
+        self.infeasible: dict[Requirement, tuple[str, ...]] = {}
+
+    def run(self, seed: int, *, complete: bool) -> Executability:
+        """Return the verdicts."""
+        share = 0.6 if has_solver() else 1.0
+        space = Space(self.cefsm, self.owner, MOST_STATES, self.begun + share * self.budget)
+        explored = space.explore(self.targets, self.finals, complete=complete)
+        for run in explored.runs:
+            self._take(self.verifier.path(run))
+        if has_solver():
+            reason = self._by_solver(explored, seed, complete=complete)
+        else:
+            self._exclude(self._unreached(explored), lambda need: (SEEN.format(explored.n_states),))
+            reason = f"{explored.doubt or 'a path to it did not run in time'}; z3, which might tell, is not installed"
+        return self._verdicts(reason)
+
+    def _by_solver(self, explored: Explored, seed: int, *, complete: bool) -> str:
+        """Look for proofs and for longer paths, in turns; return why what is still open stays undecided."""
+        if not self.open:
+            return ""
+        from parcours.paths.solving.ground import Ground
+        from parcours.paths.solving.invariants import bounds_of
+        from parcours.paths.solving.proving import Prover
+        from parcours.paths.solving.searching import Prefixes, Search
+
+        ground = Ground(self.model)
+        prover = Prover(ground, self.owner, self.machine, seed, bounds_of(ground, self.owner, self._after(0.2)))
+        until = self._after(0.3)
+        # What is infeasible for sure is worth a look for reasons, no more.
+        self._exclude(
+            self._unreached(explored),
+            lambda need: prover.proof(need, until, WAYS_FOR_REASONS) or (SEEN.format(explored.n_states),),
+        )
+        self._exclude(list(self.open), lambda need: prover.proof(need, until, 1))
+        prefixes = Prefixes(ground, self.owner, self.machine, seed)
+        root = Search(prefixes, self.targets, (), self.verifier.runs)
+        prefixes.deadline = self._after(0.5)
+        reason = self._grow(prefixes, root, complete=complete)
+        until = self._after(0.5)
+        self._exclude(list(self.open), lambda need: prover.proof(need, until, WAYS_FOR_PROOF))
+        prefixes.deadline = self.deadline
+        return self._grow(prefixes, root, complete=complete) if self.open else reason
+
+    def _unreached(self, explored: Explored) -> list[Requirement]:
+        """Return what no run meets, where all that can happen was seen."""
+        reached = {need for run in explored.runs for need in self.targets.met(_ids(run))}
+        return [need for need in self.open if need not in reached] if not explored.doubt else []
+
+    def _exclude(self, needs: Sequence[Requirement], proof: Callable[[Requirement], tuple[str, ...] | None]) -> None:
+        """Note what is infeasible."""
+        for need in needs:
+            if (found := proof(need)) is not None:
+                self.infeasible[need] = found
+                self.open.pop(need, None)
+                self._tell()
+
+    def _grow(self, prefixes: Prefixes, root: Search, *, complete: bool) -> str:
+        """Cover what is left by paths that the solver finds; return why the rest stays undecided."""
+        try:
+            while self.open and (found := root.onward(self._meets, MOST_CHECKS)) is not None:
+                ids = found[0]
+                longer: Found | None = found
+                while longer is not None:
+                    found, ids = longer, longer[0]
+                    for need in self.targets.met(ids):
+                        self.open.pop(need, None)
+                    longer = self._extended(root.beginning(ids), self._meets)
+                if complete and not self.verifier.ends(ids):
+                    found = self._extended(root.beginning(ids), lambda node: node[0] in self.finals) or found
+                self._take(self.verifier.path(_moves(*found), in_time=True))
+        except TimeoutError:
+            return f"the budget of {self.budget:g} s was spent, {prefixes.checks} questions to the solver"
+        if prefixes.doubt:
+            return prefixes.doubt
+        tried = f"none of the paths that can run comes to it, of {prefixes.checks} tried"
+        self._exclude(list(self.open), lambda need: (tried,))
+        return ""
+
+    def _extended(self, search: Search, wanted: Callable[[Node], bool]) -> Found | None:
+        try:
+            return search.onward(wanted, EXTENSION_CHECKS)
+        except TimeoutError:
+            return None
+
+    def _after(self, share: float) -> float:
+        """Return when a share of the time that is left will be spent."""
+        now = time.monotonic()
+        return now + max(0.0, self.deadline - now) * share
+
+    def _meets(self, node: Node) -> bool:
+        return not self.open.keys().isdisjoint(self.targets.at(node))
+
+    def _take(self, path: Path | None) -> None:
+        for need in self.targets.met(path.ids) if path is not None else ():
+            assert path is not None
+            self.open.pop(need, None)
+            self.covered.setdefault(need, path)
+        self._tell()
+
+    def _tell(self) -> None:
+        if self.report is not None:
+            self.report("requirements decided", len(self.needs) - len(self.open), len(self.needs))
+
+    def _verdicts(self, reason: str) -> Executability:
+        spent = time.monotonic() - self.begun
+        return Executability(
+            tuple(Covered(need, self.covered[need]) for need in self.needs if need in self.covered),
+            tuple(Infeasible(need, self.infeasible[need]) for need in self.needs if need in self.infeasible),
+            tuple(
+                Undecided(need, reason or "a path to it did not run in time", spent)
+                for need in self.needs
+                if need not in self.covered and need not in self.infeasible
+            ),
+            tuple(dict.fromkeys(self.covered[need] for need in self.needs if need in self.covered)),
+        )
+
+
+def _ids(moves: Sequence[Move]) -> list[str]:
+    return [id for move in moves for id in (move.transition, move.partner) if id]
+
+
+def _moves(ids: Sequence[str], inputs: Sequence[Inputs]) -> tuple[Move, ...]:
+    return tuple(Move(id, "", chosen) for id, chosen in zip(ids, inputs, strict=True))
+
+
+def _owner(cefsm: Cefsm, component: str, machine: str) -> tuple[Component, Machine]:
+    owners = {each.name: each for each in cefsm.components}
+    require_known(component, list(owners), "component", slug="unknown-component")
+    machines = {each.name: each for each in owners[component].machines}
+    require_known(machine, list(machines), f"machine of {component!r}", slug="unknown-machine")
+    return owners[component], machines[machine]

@@ -1,0 +1,135 @@
+"""A requirement -> a proof that no run can meet it, where a search backwards from it finds one.
+
+The transitions of the requirement are taken from anywhere: any values the variables may ever have, whatever other
+machines do. If that is impossible, what conflicts is the proof. Otherwise every transition that can come before is
+put in front, again and again; one that neither sets nor tests what the rest reads is passed over. If all ways back
+come to a conflict, the requirement is infeasible. What was passed over only allows more, so a proof stays one.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Sequence
+
+from parcours.model.expression import Assignment, names
+from parcours.model.structure import Component, Machine, Transition
+from parcours.paths.criteria.requirement import START, Requirement
+from parcours.paths.solving.ground import Bound, Ground
+from parcours.paths.solving.reading import Begin
+from parcours.paths.solving.terms import NoTerm
+from parcours.paths.solving.walk import Walk
+from parcours.paths.timing.events import Event
+
+CHECK_SECONDS = 1.0
+"""Longest time for one question to the solver [s]."""
+
+Slice = tuple[str, ...]
+"""Transitions in order, between which others may have been passed over."""
+
+
+class Prover:
+    """Proofs about one machine of a component.
+
+    Args:
+        ground: the tables of the model.
+        component: the component.
+        machine: the machine.
+        seed: of the solver's random choices.
+        bounds: what is known of the component's variables.
+    """
+
+    def __init__(
+        self, ground: Ground, component: Component, machine: Machine, seed: int, bounds: frozenset[Bound]
+    ) -> None:
+        self._bounds, self._unsteady = bounds, ground.unsteady(component.name, machine.name)
+        self._ground, self._component, self._machine, self._seed = ground, component, machine, seed
+        self._transitions = {transition.id: transition for transition in machine.transitions}
+        self._entering: dict[str, list[Transition]] = {}
+        for transition in machine.transitions:
+            self._entering.setdefault(transition.target, []).append(transition)
+
+    def proof(self, need: Requirement, deadline: float, ways: int) -> tuple[str, ...] | None:
+        """Return what conflicts on every way to a requirement, or None if no proof was found.
+
+        Args:
+            need: a state, or transitions one straight after the other.
+            deadline: when to stop, on `time.monotonic`.
+            ways: how many ways back to look at.
+        """
+        ahead: list[tuple[str, Slice]]
+        if need.kind == "state":
+            if need.steps[0] == self._machine.initial:
+                return None
+            ahead = [(transition.source, (transition.id,)) for transition in self._entering.get(need.steps[0], ())]
+        elif need.steps[0] == START:
+            conflict = self._conflict(need.steps[1:], "initial")
+            return None if conflict is None else (*self._starts(need.steps[1:]), *conflict)
+        else:
+            ahead = [(self._transitions[need.steps[0]].source, need.steps)]
+        seen, reasons = set(ahead), dict[str, None]()
+        for state, slice_ in ahead:
+            if len(seen) > ways or time.monotonic() > deadline:
+                return None
+            conflict = self._conflict(slice_, "anywhere")
+            if conflict is None and state == self._machine.initial:
+                conflict = self._conflict(slice_, "initial")
+                if conflict is None:
+                    return None  # a run may begin so, as far as this shows
+                reasons |= dict.fromkeys(self._starts(slice_))
+                reasons |= dict.fromkeys(conflict)
+                conflict = None
+            if conflict is not None:
+                reasons |= dict.fromkeys(conflict)
+                continue
+            for before in self._before(state, slice_):
+                if before not in seen:
+                    seen.add(before)
+                    ahead.append(before)
+        return tuple(reasons)
+
+    def _before(self, state: str, slice_: Slice) -> Iterator[tuple[str, Slice]]:
+        read = self._read(slice_)
+        for transition in self._entering.get(state, ()):
+            sets = {action.target for action in transition.actions if isinstance(action, Assignment)}
+            tests = names(transition.guard) if transition.guard is not None else frozenset[str]()
+            # A test is put in front once only, or a loop of tests would never end.
+            tells = not sets.isdisjoint(read) or (transition.id not in slice_ and not tests.isdisjoint(read))
+            # Time passes on every transition, so none is passed over where it counts.
+            passed = not tells and not self._ground.timed
+            yield transition.source, slice_ if passed else (transition.id, *slice_)
+
+    def _conflict(self, ids: Slice, begin: Begin) -> tuple[str, ...] | None:
+        """Return what makes the transitions impossible, in real and in rounded arithmetic; None if nothing does."""
+        for exact in (True, False):
+            place = (0, self._component.name, self._machine.name)
+            walk = Walk(
+                self._ground, [place], exact=exact, explain=True, begin=begin,
+                unsteady=self._unsteady, bounds=self._bounds, seed=self._seed,
+            )  # fmt: skip
+            try:
+                for number, id in enumerate(ids, start=1):
+                    walk.push(Event(number, *place, self._transitions[id]))
+            except NoTerm:
+                return None
+            if walk.check(CHECK_SECONDS) is not False:
+                return None
+            if not walk.rounds:
+                break
+        return walk.core()
+
+    def _read(self, slice_: Sequence[str]) -> frozenset[str]:
+        found: set[str] = set()
+        for id in slice_:
+            transition = self._transitions[id]
+            found |= names(transition.guard) if transition.guard is not None else set()
+            for action in transition.actions:
+                if isinstance(action, Assignment):
+                    found |= names(action.value)
+        return frozenset(found)
+
+    def _starts(self, slice_: Slice) -> Iterator[str]:
+        read = self._read(slice_)
+        for variable in self._component.variables:
+            if variable.name in read and variable.initial is not None:
+                shown = str(variable.initial).lower() if isinstance(variable.initial, bool) else variable.initial
+                yield f"{variable.name!r} starts at {shown}"

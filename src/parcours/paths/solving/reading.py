@@ -1,0 +1,176 @@
+"""What an event reads -> terms: values of variables, clocks, fields of messages, and symbols for what is open."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+import z3
+
+from parcours.model.expression import Apply, Expression, Field, Name, Type, names, type_of
+from parcours.model.scope import is_local, variable_type
+from parcours.model.structure import Variable
+from parcours.paths.solving.ground import Bound, Ground, domain_text, path_of
+from parcours.paths.solving.terms import Translator, Value, fits, rational, variable
+from parcours.paths.timing.clocks import Setting
+from parcours.paths.timing.clockwork import Clockwork
+from parcours.paths.timing.events import Event
+
+Slot = tuple[int, str, str]
+"""A variable: the instance of its component, the component and the variable."""
+
+Begin = Literal["initial", "anywhere"]
+"""Where a walk begins: as the model does, or in any state with any values that its variables may ever have."""
+
+
+@dataclass(slots=True)
+class Level:
+    """What stands after an event: a copy for each, so that taking one back costs nothing.
+
+    Attributes:
+        values: the terms of variables; those not looked at yet are missing.
+        messages: what the messages say that a later event takes, by event number and channel.
+        clockwork: the clocks, where there are any.
+        event: what happened last.
+        opens: the symbols of what was open at it, with their types, as 'Component.term'.
+        clocks: how the clocks that it read had been set.
+        rounds: whether floating point may round something in it.
+    """
+
+    values: dict[Slot, Value]
+    messages: dict[tuple[int, str], Mapping[str, Value]]
+    clockwork: Clockwork | None = None
+    event: Event | None = None
+    opens: dict[str, tuple[Value, Type]] = field(default_factory=dict)
+    clocks: dict[str, Setting] = field(default_factory=dict)
+    rounds: bool = False
+
+    def following(self, event: Event) -> Level:
+        """Return the level that an event starts from."""
+        clockwork = None if self.clockwork is None else self.clockwork.copy()
+        return Level(dict(self.values), dict(self.messages), clockwork, event)
+
+
+@dataclass(slots=True)
+class Reading:
+    """How one walk reads.
+
+    Attributes:
+        ground: the tables of the model.
+        begin: where the walk begins.
+        exact: how reals are taken, as `parcours.paths.solving.terms` explains.
+        unsteady: variables that others may set at any time.
+        bounds: what is known of variables that do not begin as the model says, or are unsteady.
+        add: takes a fact.
+        demand: takes a condition and what demands it.
+    """
+
+    ground: Ground
+    begin: Begin
+    exact: bool
+    unsteady: frozenset[str]
+    bounds: frozenset[Bound]
+    add: Callable[[Value], None]
+    demand: Callable[[Value, str], None]
+    _count: int = 0
+
+    def fresh(self) -> str:
+        """Return a name that no symbol of the walk has."""
+        self._count += 1
+        return f"v{self._count}"
+
+    def translator(self, event: Event, level: Level) -> Translator:
+        """Return what translates the expressions of an event, as it is reached."""
+        scopes, transition = self.ground.layout.scopes, event.transition
+        types = scopes.types(event.component, transition)
+        message = transition.event.name if transition.event is not None else ""
+        taken = level.messages.get((event.send, transition.event.channel), {}) if transition.event is not None else {}
+
+        def lookup(node: Expression, type_: Type) -> Value:
+            name, *fields = path_of(node)
+            if name in level.clocks:
+                return self.clock(event, name, event.number, level.clocks[name])
+            if name == message and isinstance(node, Field) and len(fields) == 1 and fields[0] in taken:
+                return taken[fields[0]]
+            declared = self.ground.variables[event.component].get(name)
+            if name == message or not isinstance(node, Name):
+                declared = None
+            if declared is not None and is_local(declared) and name not in self.unsteady:
+                return self._value(event, declared, level)
+            return self._open(event, node, type_, declared, level)
+
+        def types_of(node: Expression) -> Type:
+            return type_of(node, types, scopes.classes)
+
+        return Translator(types_of, lookup, self.ground.symbols, level.clocks, self.fresh, exact=self.exact)
+
+    def clock(self, event: Event, name: str, now: int, setting: Setting) -> Value:
+        """Return what a clock of the event's component reads at the time of event `now`."""
+        if name in self.unsteady:
+            reading = z3.Real(f"clock:{now}:{name}")
+            self.add(reading >= 0)
+            return reading
+        since, value = setting
+        if since == 0 and self.begin != "initial":
+            before = z3.Real(f"clock:{name}")
+            self.add(before >= 0)
+            return time_of(now) + before
+        return time_of(now) - time_of(since) + rational(value)
+
+    def _value(self, event: Event, declared: Variable, level: Level) -> Value:
+        slot = (event.instance, event.component, declared.name)
+        if slot not in level.values:
+            level.values[slot] = self._first(event, declared)
+        return level.values[slot]
+
+    def _first(self, event: Event, declared: Variable) -> Value:
+        start = self.ground.initial(declared, exact=self.exact)
+        if self.begin == "initial":
+            return start
+        # Anywhere: a variable that only constants are assigned to has one of them, or its initial value.
+        type_ = variable_type(declared)
+        symbol = variable(f"{event.component}.{declared.name}", type_)
+        self._bound(symbol, declared.name)
+        values = [value for _, value in self.ground.assigned[event.component][declared.name]]
+        if any(names(value) for value in values):
+            self.demand(self.ground.within(symbol, declared), f"range of {declared.name!r}: {domain_text(declared)}")
+            return symbol
+        scopes = self.ground.layout.scopes
+        reader = Translator(
+            lambda node: type_of(node, {}, scopes.classes), lambda node, type_: symbol,
+            self.ground.symbols, {}, self.fresh, exact=self.exact,
+        )  # fmt: skip
+        terms = [start, *(reader.stored(reader.term(value).value, type_) for value in values)]
+        for side in reader.sides:
+            self.add(side)
+        shown = declared.initial if not isinstance(declared.initial, bool) else str(declared.initial).lower()
+        texts = dict.fromkeys(map(str, [repr(shown) if declared.type in ("text", "enum") else shown, *values]))
+        self.demand(z3.Or([symbol == term for term in terms]), f"{declared.name!r} is only ever {', '.join(texts)}")
+        return symbol
+
+    def _bound(self, symbol: Value, name: str) -> None:
+        for bound in sorted(self.bounds, key=str):
+            if bound.variable == name:
+                self.demand(bound.of(symbol), str(bound))
+
+    def _open(self, event: Event, node: Expression, type_: Type, declared: Variable | None, level: Level) -> Value:
+        inner = ".".join(path_of(node))
+        sized = isinstance(node, Apply)
+        term = f"{event.component}.size({inner})" if sized else f"{event.component}.{inner}"
+        if term not in level.opens:
+            symbol = variable(f"{event.number}:{event.instance}:{term}", type_)
+            level.opens[term] = (symbol, type_)
+            if sized:
+                self.add(symbol >= 0)
+            if declared is not None:
+                self.add(self.ground.within(symbol, declared))
+                self._bound(symbol, declared.name)
+            elif type_.name == "int":
+                self.add(fits(symbol))
+        return level.opens[term][0]
+
+
+def time_of(event: int) -> Value:
+    """Return the time of an event; the start is at 0 s."""
+    return z3.Real(f"t{event}") if event else z3.RealVal(0)

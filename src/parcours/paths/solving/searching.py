@@ -1,0 +1,188 @@
+"""Transitions of one machine -> paths that run and meet requirements, by solving along the search.
+
+Paths grow by one transition at a time, those first that may come soonest to something missing (A*: their length and
+the distance in the machine's graph). One solver walks along: what two paths share at their beginning is solved
+once, a path that cannot run is never made longer, and where all values are constants, two paths that come to the
+same values are one.
+"""
+
+from __future__ import annotations
+
+import heapq
+import time
+from collections.abc import Callable, Iterator
+
+from parcours.model.configuration import Inputs
+from parcours.model.structure import Component, Machine
+from parcours.paths.solving.ground import Ground
+from parcours.paths.solving.targets import Node, Targets
+from parcours.paths.solving.terms import NoTerm
+from parcours.paths.solving.walk import Walk
+from parcours.paths.timing.events import Event
+
+Ids = tuple[str, ...]
+"""A path: transitions from the initial state on."""
+
+Verified = Callable[[Ids, tuple[Inputs, ...]], bool]
+"""Whether a path with inputs runs in the model."""
+
+CHECK_SECONDS = 2.0
+"""Longest time for one question to the solver [s]."""
+
+
+class Prefixes:
+    """One solver that walks along the paths of a machine; the other machines of its component stand still.
+
+    Args:
+        ground: the tables of the model.
+        component: the component.
+        machine: the machine.
+        seed: of the solver's random choices.
+
+    Attributes:
+        allowed: transitions that the machine can take by itself.
+        doubt: why not having found a path proves nothing; empty if it does.
+        deadline: when to stop, on `time.monotonic`.
+        checks: how many questions were put to the solver.
+    """
+
+    def __init__(self, ground: Ground, component: Component, machine: Machine, seed: int) -> None:
+        self._place = (0, component.name, machine.name)
+        self._walk = Walk(ground, [self._place], seed=seed)
+        self._ids: Ids = ()
+        self._transitions = {transition.id: transition for transition in machine.transitions}
+        self.deadline, self.checks = time.monotonic(), 0
+        meetings = {each.name for each in ground.cefsm.channels if each.sender == each.receiver == component.name}
+        self.allowed = frozenset(
+            transition.id
+            for transition in machine.transitions
+            if (transition.event is None or transition.event.channel not in meetings)
+            and meetings.isdisjoint(send.channel for send in transition.sends)
+        )
+        self.doubt = ""
+        if len(self.allowed) < len(self._transitions) or ground.unsteady(component.name, machine.name):
+            self.doubt = "other machines of the component may help"
+
+    def runs(self, ids: Ids) -> bool:
+        """Return whether a path can run, all but its last transition being known to; `key`, `inputs` are then its.
+
+        Raises:
+            TimeoutError: the deadline has passed.
+        """
+        self._go(ids[:-1])
+        if not ids:
+            return True
+        try:
+            self._step(ids[-1])
+        except NoTerm as reason:
+            self.doubt = self.doubt or str(reason)
+            return False
+        self.checks += 1
+        answer = self._walk.check(max(0.01, min(CHECK_SECONDS, self.deadline - time.monotonic())))
+        if answer is None:
+            if time.monotonic() > self.deadline:
+                raise TimeoutError
+            self.doubt = self.doubt or f"the solver gave no answer in {CHECK_SECONDS:g} s"
+        elif not answer and self._walk.rounds:
+            self.doubt = self.doubt or "rounding might make a path run"
+        return answer is True
+
+    def key(self) -> object | None:
+        """Return what tells whether two paths come to the same values; None if they may not."""
+        return self._walk.key()
+
+    def inputs(self) -> Iterator[tuple[Inputs, ...]]:
+        """Yield inputs that may make the path run that was just found to."""
+        yield self._walk.inputs()
+        if self._walk.rounds and self._walk.check(CHECK_SECONDS):
+            yield self._walk.settled()
+
+    def _go(self, ids: Ids) -> None:
+        shared = 0
+        for ours, theirs in zip(self._ids, ids, strict=False):
+            if ours != theirs:
+                break
+            shared += 1
+        self._walk.pop(len(self._ids) - shared)
+        self._ids = ids[:shared]
+        for id in ids[shared:]:
+            self._step(id)
+
+    def _step(self, id: str) -> None:
+        _, component, machine = self._place
+        self._walk.push(Event(len(self._walk) + 1, 0, component, machine, self._transitions[id]))
+        self._ids = (*self._ids, id)
+
+
+class Search:
+    """A best-first search from the end of one path; it can be continued.
+
+    Args:
+        prefixes: the solver.
+        targets: the requirements.
+        root: the path to start from; it runs.
+        verified: whether a path with inputs runs in the model.
+    """
+
+    def __init__(self, prefixes: Prefixes, targets: Targets, root: Ids, verified: Verified) -> None:
+        self._prefixes, self._targets, self._verified = prefixes, targets, verified
+        node = targets.start()
+        for id in root:
+            node = targets.after(node, id)
+        self._heap: list[tuple[int, int, Ids, Node]] = [(0, 0, root, node)]
+        self._order, self._root = 0, root
+        self._seen: set[object] = set()
+        self.unverified: set[Ids] = set()
+
+    def beginning(self, root: Ids) -> Search:
+        """Return another search, from the end of a path that runs."""
+        return Search(self._prefixes, self._targets, root, self._verified)
+
+    def onward(self, wanted: Callable[[Node], bool], effort: int) -> tuple[Ids, tuple[Inputs, ...]] | None:
+        """Return the next path that comes to a wanted node, with inputs; None if there is none within the effort.
+
+        Args:
+            wanted: which nodes; never more than in an earlier call.
+            effort: how many questions may be put to the solver.
+
+        Raises:
+            TimeoutError: the deadline has passed, or the effort was spent.
+        """
+        prefixes, last = self._prefixes, self._prefixes.checks + effort
+        distances = self._targets.distances(wanted, prefixes.allowed)
+        while self._heap:
+            if time.monotonic() > prefixes.deadline or prefixes.checks >= last:
+                raise TimeoutError
+            cost, order, ids, node = heapq.heappop(self._heap)
+            hits = len(ids) > len(self._root) and wanted(node) and ids not in self.unverified
+            now = len(ids) + (0 if hits else distances.get(node, -1))
+            if now < len(ids):
+                continue  # nothing wanted lies ahead
+            if now > cost:
+                heapq.heappush(self._heap, (now, order, ids, node))
+                continue
+            try:
+                runs = prefixes.runs(ids)
+            except TimeoutError:
+                heapq.heappush(self._heap, (cost, order, ids, node))
+                raise
+            if not runs:
+                continue
+            if hits:
+                heapq.heappush(self._heap, (cost, order, ids, node))  # to be continued from here
+                for inputs in prefixes.inputs():
+                    if self._verified(ids, inputs):
+                        return ids, inputs
+                self.unverified.add(ids)
+                prefixes.doubt = prefixes.doubt or "a solution over real numbers did not run in floating point"
+                continue
+            if (key := prefixes.key()) is not None:
+                if (node, key) in self._seen:
+                    continue
+                self._seen.add((node, key))
+            for transition in self._targets.leaving.get(node[0], ()):
+                if transition.id in prefixes.allowed:
+                    self._order -= 1  # the newest first among equals: the solver need not go far
+                    then = self._targets.after(node, transition.id)
+                    heapq.heappush(self._heap, (0, self._order, (*ids, transition.id), then))
+        return None

@@ -1,0 +1,105 @@
+"""A serialised sequence over one component or several -> values that make all of it run, or what conflicts."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+
+from parcours.model.structure import Cefsm
+from parcours.paths.criteria.requirement import Requirement
+from parcours.paths.solving.verdicts import Covered, Infeasible, Path, Undecided, Verdict, require_solver
+from parcours.paths.timing.events import Event, events_of, taken_messages
+from parcours.paths.timing.replaying import Replay
+
+
+def solve_sequence(
+    cefsm: Cefsm,
+    transition_ids: Sequence[str],
+    instances: Sequence[int] = (),
+    sends: Sequence[int | None] = (),
+    budget: float = 10.0,
+    seed: int = 0,
+) -> Verdict:
+    """Return values under which a sequence runs from the initial state, or why there are none.
+
+    A message that one of the transitions sends arrives with the values it was sent with; what no transition of the
+    sequence sends, the tester supplies.
+
+    Args:
+        cefsm: the model.
+        transition_ids: what is taken, in order, each machine from its initial state on. A rendezvous is its send
+            followed by its receive.
+        instances: for each transition which copy of its component takes it; empty if there is one of each.
+        sends: for each transition the position, from 0, of the one whose message it takes, or None if the
+            tester supplies it; empty for first in, first out on every channel inside the model.
+        budget: longest time for one question to the solver [s].
+        seed: of the solver's random choices.
+
+    Raises:
+        BadRequest: an id is unknown, a machine would go on from where it does not stand, or z3 is not installed.
+
+    Example: a bell that only hears what rings more than twice.
+
+    >>> from parcours.model import parse_model
+    >>> doorbell = parse_model('''
+    ... parcours: model/1
+    ... name: doorbell
+    ... messages: {Ring: {fields: {times: {type: int}}}}
+    ... channels: {ring: {from: Button, to: Bell, message: Ring}}
+    ... components:
+    ...   Button:
+    ...     variables: {pressed: {type: int, role: input, range: [1, 5]}}
+    ...     machines: {push: {initial: s, transitions: {b: {from: s, to: s, message: ring(pressed - 1)}}}}
+    ...   Bell:
+    ...     machines: {sound: {initial: q, transitions: {r: {from: q, to: q, event: ring(it), guard: it.times > 3}}}}
+    ... ''')
+    >>> [dict(move.inputs) for move in solve_sequence(doorbell, ["b", "r"]).path.moves]
+    [{'Button.pressed': 5}, {'Bell.it.times': 4}]
+    """
+    events = events_of(cefsm, transition_ids, instances, sends)
+    require_solver()
+    from parcours.paths.solving.terms import NoTerm
+
+    begun = time.monotonic()
+    need = Requirement("", "transitions", tuple(transition_ids))
+    try:
+        found = _decided(cefsm, events, budget, seed)
+    except NoTerm as reason:
+        found = str(reason)
+    if isinstance(found, str):
+        return Undecided(need, found, time.monotonic() - begun)
+    return Infeasible(need, found) if isinstance(found, tuple) else Covered(need, found)
+
+
+def _decided(cefsm: Cefsm, events: Sequence[Event], budget: float, seed: int) -> Path | tuple[str, ...] | str:
+    """Return a path that runs, what conflicts, or why neither is known."""
+    from parcours.paths.solving.ground import Ground
+    from parcours.paths.solving.walk import Walk
+
+    ground, places = Ground(cefsm), list(dict.fromkeys(event.place for event in events))
+    taken = frozenset(taken_messages(events))
+
+    def walked(*, exact: bool, explain: bool) -> Walk:
+        walk = Walk(ground, places, exact=exact, explain=explain, taken=taken, seed=seed)
+        for event in events:
+            walk.push(event)
+        walk.finish()
+        return walk
+
+    walk = walked(exact=True, explain=False)
+    answer = walk.check(budget)
+    if answer:
+        replay, why_not = Replay(cefsm), ""
+        for inputs in (walk.inputs, walk.settled):
+            run = replay.run(events, inputs())
+            if not run.why_not:
+                return Path(run.moves, ends=False)
+            why_not = why_not or run.why_not
+        return f"a solution did not run: {why_not}"
+    if answer is False:
+        # Once more, for reasons; and where reals are computed with, as floating point might round them.
+        walk = walked(exact=not walk.rounds, explain=True)
+        answer = walk.check(budget)
+        if answer is False:
+            return walk.core()
+    return "rounding might make it run" if answer else f"the solver gave no answer in {budget:g} s"

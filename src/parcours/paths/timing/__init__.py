@@ -1,0 +1,7 @@
+"""Sequences of transitions with durations and clocks -> when each can be taken, or what contradicts what."""
+
+from parcours.paths.timing.clockwork import is_timed
+from parcours.paths.timing.network import Window
+from parcours.paths.timing.schedules import Contradiction, Schedule, Unscheduled, schedule
+
+__all__ = ["Contradiction", "Schedule", "Unscheduled", "Window", "is_timed", "schedule"]

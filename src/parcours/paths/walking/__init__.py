@@ -1,0 +1,24 @@
+"""Models walked online: walkers, stop conditions and what was covered, one move at a time."""
+
+from parcours.paths.walking.conditions import parse_condition
+from parcours.paths.walking.graphwalker import parse_generators
+from parcours.paths.walking.spaces import GraphSpace, ModelSpace, Space, part_of
+from parcours.paths.walking.walk import Phase, Step, Walk, phase
+from parcours.paths.walking.walkers import WALKERS, Ending, Planned, Walker
+
+__all__ = [
+    "WALKERS",
+    "Ending",
+    "GraphSpace",
+    "ModelSpace",
+    "Phase",
+    "Planned",
+    "Space",
+    "Step",
+    "Walk",
+    "Walker",
+    "parse_condition",
+    "parse_generators",
+    "part_of",
+    "phase",
+]

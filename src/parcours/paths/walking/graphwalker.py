@@ -1,0 +1,160 @@
+"""A generator string of GraphWalker, such as `random(edge_coverage(100) or time_duration(30))` -> phases of a walk.
+
+Names and their meaning are those of GraphWalker's documentation (Generators and stop conditions); upper and
+lower case, underscores and an ending `path` make no difference. What its models know and ours do not
+(requirement tags, dependencies, shared states) is refused by name.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from parcours.errors import BadRequest, one_of
+from parcours.model.structure import Machine
+from parcours.paths.covering import cover
+from parcours.paths.walking.conditions import (
+    Condition,
+    Counted,
+    Covered,
+    Elapsed,
+    Never,
+    Passed,
+    Reached,
+    joined,
+    leaves,
+)
+from parcours.paths.walking.tokens import TokenReader
+from parcours.paths.walking.walk import Phase
+from parcours.paths.walking.walkers import Guided, Planned, Random, Walker, Weighted
+
+Machines = Sequence[tuple[str, Machine]]
+
+GENERATORS = {
+    "random": "random",
+    "weightedrandom": "weighted_random",
+    "quickrandom": "quick_random",
+    "astar": "a_star",
+    "predefined": "predefined_path",
+    "shortestallpaths": "shortest_all_paths",
+    "newshortestallpaths": "new_shortest_all_paths",
+    "directedchinesepostman": "directed_chinese_postman",
+    "newyorkstreetsweeper": "new_york_street_sweeper",
+}
+"""The generators, by their names in small letters without underscores and the ending `path`."""
+
+TOURS = ("shortestallpaths", "newshortestallpaths", "directedchinesepostman", "newyorkstreetsweeper")
+"""Those that take every edge on the shortest tour; a condition may be left out."""
+
+CONDITIONS = (
+    "edge_coverage",
+    "vertex_coverage",
+    "reached_vertex",
+    "reached_edge",
+    "time_duration",
+    "length",
+    "never",
+    "predefined_path",
+)
+
+UNKNOWN_HERE = {
+    "requirementcoverage": "requirement tags",
+    "dependencyedgecoverage": "dependencies of edges",
+    "reachedsharedstate": "shared states",
+}
+"""Conditions on what a model of ours does not hold."""
+
+
+def parse_generators(text: str, machines: Machines, predefined: Sequence[str] = ()) -> tuple[Phase, ...]:
+    """Return the phases that a generator string says, one for each generator in it.
+
+    Args:
+        text: one or more generators, separated by blanks.
+        machines: the machines that walk (`Space.machines`).
+        predefined: the ids of the transitions that `predefined_path` takes.
+
+    Raises:
+        BadRequest: the text is not in that language, names an unknown generator or condition, or asks for a
+            predefined path where none is given.
+
+    >>> [str(phase.until) for phase in parse_generators("random(length(9)) a_star(reached_vertex(v_X))", ())]
+    ['steps>=9', 'reached(v_X)']
+    """
+    reader = TokenReader(text, "generator", "random(edge_coverage(100))")
+    phases: list[Phase] = []
+    while not phases or reader.here:
+        phases.append(_phase(reader, machines, predefined))
+    return tuple(phases)
+
+
+def _phase(reader: TokenReader, machines: Machines, predefined: Sequence[str]) -> Phase:
+    name = reader.kind("word")
+    if not name:
+        reader.fail("a generator must stand here")
+    short = _short(name)
+    if short not in GENERATORS:
+        rule = f"must be one of GraphWalker's, but is {name!r}"
+        raise BadRequest("generator", rule, one_of(name, list(GENERATORS.values())), slug="unknown-generator")
+    until: Condition = Never()
+    if short not in TOURS or (reader.here is not None and reader.here.text == "("):
+        reader.need("(", f"'{name}'")
+        until = joined(reader, _leaf)
+        reader.need(")", f"the condition of '{name}'")
+    if short == "astar" and not all(isinstance(leaf, Reached | Passed) for leaf in leaves(until)):
+        reader.fail("'a_star' needs reached_vertex or reached_edge")
+    return Phase(_walker(short, machines, predefined), until)
+
+
+def _walker(short: str, machines: Machines, predefined: Sequence[str]) -> Walker:
+    if short == "random":
+        return Random()
+    if short == "weightedrandom":
+        return Weighted()
+    if short in TOURS:
+        return Planned([path.ids for _, machine in machines if machine.transitions for path in cover(machine)])
+    if short != "predefined":
+        return Guided()
+    if not predefined:
+        rule = "'predefined_path' needs the transitions of the path, but none are given"
+        raise BadRequest("generator", rule, "name them, in order, with --path", slug="no-predefined-path")
+    return Planned([predefined])
+
+
+def _leaf(reader: TokenReader) -> Condition:
+    word = reader.kind("word")
+    short = _short(word)
+    match short:
+        case "":
+            return reader.fail("a stop condition must stand here")
+        case "never" | "predefined":
+            if reader.take("("):
+                reader.need(")", "a '('")
+            return Never()
+        case "reachedvertex":
+            return Reached(reader.argument(word))
+        case "reachededge":
+            return Passed(reader.argument(word))
+        case "edgecoverage" | "vertexcoverage":
+            criterion = "edge" if short == "edgecoverage" else "node"
+            return Covered(criterion, reader.percent(_amount(reader, word)))
+        case "timeduration":
+            return Elapsed(_amount(reader, word))
+        case "length":
+            return Counted("steps", _amount(reader, word))
+    if short in UNKNOWN_HERE:
+        rule = f"models of Parcours have no {UNKNOWN_HERE[short]}, but {word!r} asks for them"
+        raise BadRequest(
+            "generator", rule, "use edge_coverage, reached_vertex or reached_edge", slug="foreign-condition"
+        )
+    rule = f"a stop condition must be one of GraphWalker's, but {word!r} is not"
+    raise BadRequest("generator", rule, one_of(word, CONDITIONS), slug="foreign-condition")
+
+
+def _amount(reader: TokenReader, word: str) -> float:
+    reader.need("(", f"'{word}'")
+    amount = reader.number()
+    reader.need(")", "the number")
+    return amount
+
+
+def _short(name: str) -> str:
+    return name.lower().replace("_", "").replace("-", "").removesuffix("path")

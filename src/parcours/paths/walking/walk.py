@@ -1,0 +1,241 @@
+"""A space, walkers and stop conditions -> moves one by one, what they covered, and why the walk ended."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import reduce
+from typing import Literal
+
+import numpy as np
+
+from parcours.errors import require_known
+from parcours.model.configuration import Configuration, Move
+from parcours.paths.walking.conditions import (
+    Condition,
+    Counted,
+    Covered,
+    Elapsed,
+    Every,
+    Passed,
+    Reached,
+    Some,
+    is_bounded,
+    leaves,
+    parse_condition,
+)
+from parcours.paths.walking.spaces import Space
+from parcours.paths.walking.tallies import Tallies, Tally
+from parcours.paths.walking.walkers import WALKERS, Chance, Ending, View, Walker
+
+Clock = Callable[[], float]
+"""The time [s], from any beginning, never decreasing."""
+
+Question = Callable[[], bool]
+
+AtDeadEnd = Literal["restart", "stop"]
+AT_DEAD_END: tuple[AtDeadEnd, ...] = ("restart", "stop")
+"""What to do where nothing can be done: begin anew in the initial configuration, or end."""
+
+BUDGET = 60.0
+"""How long a walk may take that no step or time bound of its condition ends [s]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """One move of a walk.
+
+    Attributes:
+        number: from 1.
+        move: the transition, its partner in a rendezvous, and the inputs chosen.
+        after: where the model stands then.
+        is_restart: whether the model was set back to its initial configuration before this move.
+    """
+
+    number: int
+    move: Move
+    after: Configuration
+    is_restart: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Phase:
+    """A walker, and the condition until which it walks."""
+
+    walker: Walker
+    until: Condition
+
+
+@dataclass(slots=True)
+class Odometer:
+    """What a phase has spent: moves, fresh beginnings, and when it began [s]."""
+
+    steps: int = 0
+    restarts: int = 0
+    began: float = 0.0
+
+
+class Walk:
+    """The moves of a walk, made when they are asked for; iterate once.
+
+    Args:
+        space: what is walked.
+        phases: walkers one after the other, each from where the one before ended; coverage adds up over all,
+            steps, restarts, time and targets count for each phase anew.
+        generator: the source of chance; the same generator state gives the same walk.
+        at_dead_end: what to do where nothing can be done.
+        budget: how long a phase may take whose condition does not bound it by steps or time [s].
+        clock: the time [s].
+        criteria: what to count besides the criteria that the conditions name.
+
+    Attributes:
+        tallies: what was covered so far.
+        steps: moves made so far.
+        restarts: how often the walk began anew.
+        ended: why the walk ended; None while it goes on.
+
+    Raises:
+        BadRequest: a condition names no criterion, state or transition of the space.
+
+    Example: a lamp that burns out.
+    >>> from parcours.model import parse_model
+    >>> from parcours.paths.walking.spaces import ModelSpace
+    >>> lamp = parse_model("{parcours: model/1, name: m, components: {A: {machines: {f: {initial: off, transitions: "
+    ...     "{up: {from: off, to: on}, down: {from: on, to: off}, burn: {from: on, to: dead}}}}}}}")
+    >>> walk = Walk(ModelSpace(lamp), [phase("guided", "edge>=100%")], np.random.default_rng(1))
+    >>> [str(step.move) for step in walk], walk.restarts, walk.ended.name
+    (['up', 'down', 'up', 'burn'], 0, 'HELD')
+    """
+
+    def __init__(
+        self,
+        space: Space,
+        phases: Sequence[Phase],
+        generator: np.random.Generator,
+        *,
+        at_dead_end: AtDeadEnd = "restart",
+        budget: float = BUDGET,
+        clock: Clock = time.monotonic,
+        criteria: Sequence[str] = ("node", "edge"),
+    ) -> None:
+        require_known(at_dead_end, AT_DEAD_END, "dead end", slug="unknown-dead-end")
+        named = [leaf.criterion for each in phases for leaf in leaves(each.until) if isinstance(leaf, Covered)]
+        self.tallies = Tallies(space.machines, [*criteria, *named])
+        for each in phases:
+            self._aim(each)
+        self.steps = self.restarts = 0
+        self.ended: Ending | None = None
+        self._space, self._phases, self._clock, self._budget = space, phases, clock, budget
+        self._view = View(space, self.tallies, Chance(generator), at_dead_end == "restart")
+        self._here = space.place(space.initial)
+        self._moves = self._walked()
+
+    def __iter__(self) -> Iterator[Step]:
+        return self._moves
+
+    def _walked(self) -> Iterator[Step]:
+        self.tallies.begin(self._here.configuration.states)
+        for each in self._phases:
+            self.ended = None
+            yield from self._phase(each)
+            if self.ended not in (Ending.HELD, Ending.PLAN_DONE):
+                return
+
+    def _phase(self, phase: Phase) -> Iterator[Step]:
+        spent = Odometer(began=self._clock())
+        self._aim(phase)
+        self.tallies.stand(self._here.configuration.states)
+        holds = _compiled(phase.until, self.tallies, spent, self._clock)
+        deadline = None if is_bounded(phase.until) else spent.began + self._budget
+        is_asked = any(isinstance(leaf, Covered | Reached | Passed) for leaf in leaves(phase.until))
+        tallies, view = self.tallies, replace(self._view, is_asked=is_asked)
+        fresh = False
+        while not holds():
+            if deadline is not None and self._clock() >= deadline:
+                self.ended = Ending.BUDGET
+                return
+            here = self._here
+            options = view.space.options(here)
+            chosen = phase.walker.choose(here, options, view)
+            if chosen is None or (chosen is Ending.DEAD_END and view.may_restart and not fresh and self.steps):
+                fresh = True
+                spent.restarts += 1
+                self.restarts += 1
+                self._here = view.space.place(view.space.initial)
+                tallies.begin(self._here.configuration.states)
+                continue
+            if isinstance(chosen, Ending):
+                self.ended = chosen
+                return
+            option, choice = chosen
+            self._here = option.after(view.space, here, choice)
+            tallies.take(option.taken)
+            spent.steps += 1
+            self.steps += 1
+            yield Step(self.steps, option.moves[choice], self._here.configuration, fresh)
+            fresh = False
+        self.ended = Ending.HELD
+
+    def _aim(self, phase: Phase) -> None:
+        """Set the targets and goals of a phase: what its condition wants; all edges if it wants nothing."""
+        asked = leaves(phase.until)
+        states = [leaf.state for leaf in asked if isinstance(leaf, Reached)]
+        self.tallies.aim(states, [leaf.transition for leaf in asked if isinstance(leaf, Passed)])
+        for tally in self.tallies.of.values():
+            tally.goal = 0
+        for leaf in asked:
+            if isinstance(leaf, Covered):
+                tally = self.tallies.of[leaf.criterion]
+                tally.goal = max(tally.goal, tally.least(leaf.percent))
+        for tally in self.tallies.targets:
+            tally.goal = 1
+        if not self.tallies.targets and not any(tally.goal for tally in self.tallies.of.values()):
+            for tally in self.tallies.of.values():
+                tally.goal = tally.size
+
+
+def phase(walker: str, until: str) -> Phase:
+    """Return a phase.
+
+    Args:
+        walker: a name in `parcours.paths.walking.walkers.WALKERS`.
+        until: a stop condition (`parcours.paths.walking.conditions`).
+
+    Raises:
+        BadRequest: no walker has that name, or the condition is not in the language.
+    """
+    require_known(walker, list(WALKERS), "walker", slug="unknown-walker")
+    return Phase(WALKERS[walker](), parse_condition(until))
+
+
+def _compiled(condition: Condition, tallies: Tallies, spent: Odometer, clock: Clock) -> Question:
+    """Return the question whether the condition holds now, answered from counters."""
+    match condition:
+        case Some(parts) | Every(parts):
+            join = _either if isinstance(condition, Some) else _both
+            return reduce(join, [_compiled(part, tallies, spent, clock) for part in parts])
+        case Covered(criterion, percent):
+            return _filled(tallies.of[criterion], tallies.of[criterion].least(percent))
+        case Reached() | Passed():
+            return _filled(next(each for each in tallies.targets if each.name == str(condition)), 1)
+        case Counted("steps", least):
+            return lambda: spent.steps >= least
+        case Counted(_, least):
+            return lambda: spent.restarts >= least
+        case Elapsed(seconds):
+            return lambda: clock() - spent.began >= seconds
+        case _:
+            return lambda: False
+
+
+def _either(first: Question, second: Question) -> Question:
+    return lambda: first() or second()
+
+
+def _both(first: Question, second: Question) -> Question:
+    return lambda: first() and second()
+
+
+def _filled(tally: Tally, least: int) -> Question:
+    return lambda: tally.met >= least

@@ -1,0 +1,107 @@
+"""Cases -> a Python file that pytest runs: one test a case, its id the case's, its failure explained.
+
+What stands in the script is written with `repr` from checked values, so a hostile suite cannot put code into
+it. The cases stand in the script itself, or it names the suite file and remembers its checksum.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import PurePath
+
+from parcours.errors import BadRequest
+from parcours.suite.cases import Case
+
+MOST_EMBEDDED = 10_000
+"""Most cases that a script holds itself."""
+
+_SCRIPT = '''\
+"""{title}
+
+Written by `parcours export pytest`. Each test executes its case anew and judges it: a case that fails says why, and how
+to see its run. A case that cannot be judged (verdict inconclusive) is reported as xfail.
+
+    pytest {name}                    all cases
+    pytest {name} -k {some}
+"""
+
+{imports}
+
+{cases}
+
+
+@pytest.mark.parametrize("case", CASES, ids=[case.id for case in CASES])
+def test_case(case: Case) -> None:
+    judged = judge_case(case{schedule})
+    if judged.verdict == "inconclusive":
+        pytest.xfail(judged.why)
+    if judged.verdict != "pass":
+        pytest.fail(str(judged), pytrace=False)
+'''
+
+
+def to_pytest(cases: Sequence[Case], name: str, *, schedule: str = "", suite: str = "", sha256: str = "") -> str:
+    """Return the text of a pytest file for some cases.
+
+    Args:
+        cases: those of one suite, at least one, all of one study.
+        name: what the file will be called, for its docstring.
+        schedule: what `judge_case` is told of the system under test; nothing if empty.
+        suite: the suite file's place relative to the script; if empty, the cases stand in the script.
+        sha256: checksum of the suite file.
+
+    Raises:
+        BadRequest: there are no cases or those of several studies, or too many to stand in the script.
+
+    >>> case = Case("demo", 0, "together", 0, ("v",), (0.1,), 20.0, seed=7)
+    >>> print("\\n".join(to_pytest([case], "test_demo.py").splitlines()[9:19]))
+    import pytest
+    <BLANKLINE>
+    from parcours.studies.judging import judge_case
+    from parcours.suite import Case
+    <BLANKLINE>
+    NAMES = ('v',)
+    <BLANKLINE>
+    CASES = [
+        Case('demo', 0, 'together', 0, NAMES, (0.1,), 20.0, seed=7),
+    ]
+    """
+    studies = sorted({case.study for case in cases})
+    if len(studies) != 1:
+        rule = f"a script needs cases of one study, but the suite has those of {', '.join(studies) or 'none'}"
+        raise BadRequest("export", rule, "write a suite for each study", slug="export-cases")
+    if not suite and len(cases) > MOST_EMBEDDED:
+        rule = f"a script holds at most {MOST_EMBEDDED} cases, but the suite has {len(cases)}"
+        raise BadRequest("export", rule, "let the script read the suite file: --refer", slug="export-size")
+    imports = ["import pytest", "", "from parcours.studies.judging import judge_case"]
+    imports += ["from parcours.suite import Case"]
+    if suite:
+        imports = ["from pathlib import Path", "", *imports, "from parcours.suite.exporting import sealed_cases"]
+    return _SCRIPT.format(
+        title=f"{len(cases)} cases of {studies[0]}, {len({case.abstract for case in cases})} abstract cases.",
+        name=_plain(name),
+        some=f"{cases[0].abstract!r}    those of one abstract case",
+        imports="\n".join(imports),
+        cases=_referred(suite, sha256) if suite else _embedded(cases),
+        schedule=f", schedule={schedule!r}" if schedule else "",
+    )
+
+
+def _referred(suite: str, sha256: str) -> str:
+    return f"SUITE = Path(__file__).parent / {suite!r}\nSHA256 = {sha256!r}\n\nCASES = sealed_cases(SUITE, SHA256)"
+
+
+def _embedded(cases: Sequence[Case]) -> str:
+    # The names of the inputs stand once where all cases share them, as those of one study do.
+    shared = cases[0].names
+    lines = [f"NAMES = {shared!r}", "", "CASES = ["]
+    for case in cases:
+        names = "NAMES" if case.names == shared else repr(case.names)
+        head = f"{case.study!r}, {case.number!r}, {case.abstract!r}, {case.row!r}, {names}"
+        lines.append(f"    Case({head}, {case.values!r}, {case.time_budget!r}, seed={case.seed!r}),")
+    return "\n".join([*lines, "]"])
+
+
+def _plain(name: str) -> str:
+    # A file may be called anything; only letters and the like stand in the docstring.
+    return "".join(each if each.isalnum() or each in "_.-" else "_" for each in PurePath(name).name)
