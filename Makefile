@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
 
-.PHONY: demo test format lint types contracts tests bench clean
+.PHONY: demo test format lint types contracts tests fuzz bench clean
 
 demo: $(VENV)/.runtime
 	$(BIN)/parcours demo --out out/demo
@@ -28,8 +28,8 @@ format: $(VENV)/.developer
 	$(BIN)/ruff format .
 	$(BIN)/ruff check --fix .
 
-bench: $(VENV)/.runtime
-	$(BIN)/python bench/bench_system.py
+bench: $(VENV)/.developer
+	for part in criteria solving space walking arrays system; do $(BIN)/python bench/bench_$$part.py || exit 1; done
 
 clean:
 	rm -rf $(VENV) out build dist .mypy_cache .ruff_cache .hypothesis .import_linter_cache

@@ -32,17 +32,21 @@ def test_help_names_every_stage_and_imports_nothing_heavy() -> None:
         "import sys; sys.argv = ['parcours', '--help']\n"
         "from parcours.cli import main\n"
         "try:\n    main()\nexcept SystemExit:\n    pass\n"
-        "heavy = {'numpy', 'numba', 'scipy', 'networkx', 'matplotlib', 'rich', 'yaml', 'jinja2'} & set(sys.modules)\n"
+        "heavy = {'numpy', 'numba', 'scipy', 'ortools', 'z3', 'matplotlib', 'rich', 'yaml', 'jinja2'} & set(sys.modules)\n"
         "print('HEAVY', sorted(heavy))"
     )
     printed = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout
     assert "HEAVY []" in printed
-    for stage in ("model", "paths", "abtc", "data", "suite", "run", "report", "replay", "demo"):
+    for stage in ("model", "convert", "explore", "paths", "feasible", "walk", "abtc", "data", "suite", "export", "run", "demo"):
         assert f"\n  {stage} " in printed
 
 
 @pytest.mark.parametrize(
-    "stage", ["model check", "model show", "paths", "abtc", "data", "suite", "run", "report", "demo"]
+    "stage",
+    [
+        "model check", "model show", "convert", "explore", "paths", "feasible", "walk", "abtc", "data draw",
+        "data measure", "data criteria", "data convert", "suite", "export pytest", "run", "report", "demo",
+    ]
 )
 def test_every_command_has_help_with_an_example(stage: str) -> None:
     assert "Example: parcours" in parcours(*stage.split(), "--help")
@@ -86,7 +90,7 @@ def test_paths_and_abstract_cases_are_the_papers() -> None:
 
 
 def test_rows_of_each_choice_hit_every_block() -> None:
-    drawn = json.loads(parcours("data", DOMAINS, "--json"))
+    drawn = json.loads(parcours("data", "draw", DOMAINS, "--json"))
     assert len(drawn["rows"]) == 3 and drawn["hit"] == drawn["blocks"] == 36
 
 

@@ -110,7 +110,7 @@ def test_requests_that_make_no_sense_are_refused() -> None:
     with pytest.raises(BadRequest, match="plan-empty"):
         combine("s", ["a", "a"], INPUTS)
     with pytest.raises(BadRequest, match="unknown-criterion"):
-        combine("s", ["a"], INPUTS, criterion="pairwise")
+        combine("s", ["a"], INPUTS, criterion="pairwize")
     with pytest.raises(BadSuite, match="case-id"):
         combine("s", ["a/b"], INPUTS)
     with pytest.raises(BadSuite, match="time-budget"):

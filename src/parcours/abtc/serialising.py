@@ -9,7 +9,7 @@ paper's totals.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import accumulate, islice, pairwise, product
 from math import prod
@@ -69,7 +69,10 @@ class _Place:
 
 
 def abstract_cases(
-    cefsm: Cefsm, policy: str | None = None, interactions: Sequence[InteractionPath] | None = None
+    cefsm: Cefsm,
+    policy: str | None = None,
+    interactions: Sequence[InteractionPath] | None = None,
+    paths: Mapping[str, Sequence[InternalPath]] | None = None,
 ) -> Iterator[AbstractCase]:
     """Yield the ABTCs of a model one by one, ITP by ITP, last start point fastest; memory stays flat.
 
@@ -77,6 +80,7 @@ def abstract_cases(
         cefsm: the model.
         policy: the point policy, a name in `parcours.abtc.points.POLICIES`; by default the one the model names.
         interactions: the interaction paths to serialise; by default all of `interaction_paths(cefsm)`.
+        paths: the internal paths of each component; by default `internal_paths(cefsm)`, edge coverage.
 
     Raises:
         BadRequest: no policy has that name, or an interaction path has too many combinations.
@@ -87,7 +91,7 @@ def abstract_cases(
     >>> next(abstract_cases(ramp)).id
     'ITP1-tp12.tp21.tp12-0.0.0'
     """
-    for combination in _all_combinations(cefsm, interactions):
+    for combination in _all_combinations(cefsm, interactions, paths):
         yield from serialisations(cefsm, combination, policy or cefsm.serialisation or DEFAULT)
 
 
@@ -108,7 +112,7 @@ def case_counts(cefsm: Cefsm, policy: str | None = None) -> dict[str, int]:
     {'ITP1': 3, 'ITP2': 3, 'ITP3': 3, 'ITP4': 10, 'ITP5': 18, 'ITP6': 30}
     """
     counts = {interaction.name: 0 for interaction in interaction_paths(cefsm)}
-    for combination in _all_combinations(cefsm, None):
+    for combination in _all_combinations(cefsm):
         places = _places(cefsm, combination, policy or cefsm.serialisation or DEFAULT)
         counts[combination.interaction.name] += prod(len(place.points) for place in places[:-1])
     return counts
@@ -154,7 +158,7 @@ def find_case(cefsm: Cefsm, id: str) -> AbstractCase:
     >>> find_case(ramp, "ITP4-tp11.tp41+tp42.tp11-0.0+3.4").start_vector
     (0, 0, 3, 4)
     """
-    for combination in _all_combinations(cefsm, None):
+    for combination in _all_combinations(cefsm):
         head = _spelled(combination)
         if id.startswith(head):
             spelled, _, named = id.removeprefix(head).partition("-")
@@ -196,10 +200,14 @@ def _case(combination: Combination, places: Sequence[_Place], chosen: Sequence[i
     return AbstractCase(case_id(combination, vector, policy), combination, vector, starts, policy)
 
 
-def _all_combinations(cefsm: Cefsm, interactions: Sequence[InteractionPath] | None) -> Iterator[Combination]:
-    paths = internal_paths(cefsm)
+def _all_combinations(
+    cefsm: Cefsm,
+    interactions: Sequence[InteractionPath] | None = None,
+    paths: Mapping[str, Sequence[InternalPath]] | None = None,
+) -> Iterator[Combination]:
+    found = internal_paths(cefsm) if paths is None else paths
     for interaction in interaction_paths(cefsm) if interactions is None else interactions:
-        yield from combinations(cefsm, interaction, paths).kept
+        yield from combinations(cefsm, interaction, found).kept
 
 
 def _places(cefsm: Cefsm, combination: Combination, name: str) -> list[_Place]:

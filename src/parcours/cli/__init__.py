@@ -18,7 +18,7 @@ COMMANDS = {
     "feasible": "Which requirements can be met, with which values, and why not.",
     "walk": "Walk a model online until a stop condition holds.",
     "abtc": "Abstract behavioural test cases of a model.",
-    "data": "Input domains: blocks, rows, coverage of a table.",
+    "data": "Test data: rows, covering arrays, coverage of tables, PICT.",
     "export": "A suite as test scripts of other tools.",
     "suite": "Write the executable cases of a study to a file.",
     "run": "Execute a study and keep its results.",

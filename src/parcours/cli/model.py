@@ -22,16 +22,26 @@ def command() -> None:
 @model_file
 @as_json
 def check(file: Path, as_json: bool) -> None:
-    """Report everything that is wrong with a model; exit code 2 if there are errors.
+    """Report everything that is wrong or doubtful in a model; exit code 2 if there are errors.
+
+    Of a file of another tool it also says what the model does not hold.
 
     Example: parcours model check src/parcours/studies/ramp_components/model.yaml
     """
-    from parcours.model import check_file
+    from parcours.model import check_file, findings
+    from parcours.model.formats import format_of, read_any
 
-    found = check_file(file).findings
+    losses: tuple[object, ...] = ()
+    if format_of(file) == "native":
+        found = list(check_file(file).findings)
+    else:
+        reading = read_any(file)
+        found, losses = findings(reading.cefsm, str(file)), reading.losses
     if as_json:
         print_json([dataclasses.asdict(finding) for finding in found])
     else:
+        for loss in losses:
+            click.echo(f"{file}: lost: {loss}")
         for finding in found:
             click.echo(str(finding))
         errors = sum(finding.severity == "error" for finding in found)
@@ -54,10 +64,11 @@ def show(file: Path, folder: Path | None, dot: bool) -> None:
 
     Example: parcours model show model.yaml --svg pictures
     """
-    from parcours.model import read_model, to_dot, to_svg, to_text
+    from parcours.model import to_dot, to_svg, to_text
+    from parcours.model.formats import read_any
     from parcours.report.writing import write_text
 
-    cefsm = read_model(file)
+    cefsm = read_any(file).cefsm
     if dot:
         click.echo(to_dot(cefsm))
         return

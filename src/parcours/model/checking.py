@@ -39,11 +39,34 @@ def findings(cefsm: Cefsm, origin: str = "") -> list[Finding]:
     ...     print(finding)
     lamp.yaml: warning: every state must be reachable, but no path leads to 'lost' of 'light' in 'Lamp'; ...
     """
-    check = _Check(cefsm, origin or cefsm.source or cefsm.name)
-    check.everything()
-    found = [*check.findings, *temporal_findings(cefsm, check.origin)]
+    check = _checked(cefsm, origin)
+    found = check.findings
     if all(finding.rule not in ("duplicate", "name") for finding in found):
         found += suspicions(cefsm, check.origin, check.unsound)
+    return _in_order(found)
+
+
+def errors(cefsm: Cefsm, origin: str = "") -> list[Finding]:
+    """Return what is wrong, in the order of the lines, without looking for what is doubtful, which takes longer.
+
+    Args:
+        cefsm: any model.
+        origin: what to call the file; by default where the model was read from.
+
+    >>> print(*errors(Cefsm("empty", ())))
+    empty: error: a model must have a component, but this one has none; add one [no-component]
+    """
+    return _in_order(_checked(cefsm, origin).findings)
+
+
+def _checked(cefsm: Cefsm, origin: str) -> _Check:
+    check = _Check(cefsm, origin or cefsm.source or cefsm.name)
+    check.everything()
+    check.findings += temporal_findings(cefsm, check.origin)
+    return check
+
+
+def _in_order(found: Iterable[Finding]) -> list[Finding]:
     return sorted(found, key=lambda finding: (finding.line, finding.rule, finding.message))
 
 

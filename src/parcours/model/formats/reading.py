@@ -9,10 +9,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from parcours.errors import BadModel
-from parcours.model.checking import _Check
+from parcours.model.checking import errors
 from parcours.model.finding import complaint
 from parcours.model.structure import Cefsm
-from parcours.model.temporal import temporal_findings
 
 MAX_BYTES = 10_000_000
 """Largest file of a foreign format [bytes], unless the format allows more."""
@@ -70,11 +69,8 @@ def accepted(cefsm: Cefsm, losses: Iterable[Loss] = ()) -> Reading:
     parcours.errors.BadModel: empty: a model must have a component, but this one has none; add one [no-component]
     """
     # Doubtful choices, which take long to find, are not looked for: `parcours model check` does that.
-    check = _Check(cefsm, cefsm.source or cefsm.name)
-    check.everything()
-    errors = sorted([*check.findings, *temporal_findings(cefsm, check.origin)], key=lambda each: (each.line, each.rule))
-    if errors:
-        raise complaint(tuple(errors))
+    if found := errors(cefsm):
+        raise complaint(tuple(found))
     return Reading(cefsm, tuple(sorted(set(losses), key=lambda loss: (loss.line, loss.where, loss.what))))
 
 

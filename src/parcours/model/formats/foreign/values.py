@@ -59,12 +59,18 @@ def holds(cases: Cases) -> Expression:
 
 
 def conjunction(parts: Iterable[Expression]) -> Expression:
-    """Return the expression that holds when all parts do.
+    """Return the expression that holds when all parts do; false if two of them exclude each other on sight.
 
     >>> str(conjunction([TRUE, Name("a"), Name("b"), Name("a")])), str(conjunction([Name("a"), negation(Name("a"))]))
     ('a && b', 'false')
     """
-    return _chain("&&", parts, TRUE, FALSE)
+    found = _chain("&&", parts, TRUE, FALSE)
+    known: dict[Expression, Expression] = {}
+    for part in conjuncts(found):
+        if isinstance(part, Binary) and part.operator == "==" and is_constant(part.right):
+            if known.setdefault(part.left, part.right) != part.right:
+                return FALSE
+    return found
 
 
 def conjuncts(condition: Expression) -> list[Expression]:
@@ -84,13 +90,13 @@ def disjunction(parts: Iterable[Expression]) -> Expression:
 
 
 def _chain(operator: str, parts: Iterable[Expression], neutral: Literal, strong: Literal) -> Expression:
-    found: list[Expression] = []
+    found: dict[Expression, None] = {}
     for part in parts:
         if part == strong or negation(part) in found:
             return strong
-        if part != neutral and part not in found:
-            found.append(part)
-    return _tree(operator, found) if found else neutral
+        if part != neutral:
+            found[part] = None
+    return _tree(operator, list(found)) if found else neutral
 
 
 def _tree(operator: str, parts: list[Expression]) -> Expression:

@@ -166,8 +166,9 @@ class Environment(Scope):
         if tree.high is None and isinstance(tree.low, Identifier):
             type_ = TypeTree(tree.low.name)
         inner, parts = self.inner(), list[Cases]()
-        for value in self.shape(type_, where).values(where):
-            self.cells.spend(where)
+        values = tuple(self.shape(type_, where).values(where))
+        self.cells.spend(where, len(values))
+        for value in values:
             inner.hold(tree.name, value)
             translation = Translation(inner, where)
             is_sum = tree.quantifier == "sum"

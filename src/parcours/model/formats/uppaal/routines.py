@@ -124,11 +124,10 @@ class Execution:
     Args:
         scope: the names they see.
         where: file and line of the call, for messages.
-        depth: how many calls this one is inside.
     """
 
-    def __init__(self, scope: Environment, where: str, depth: int = 0) -> None:
-        self.scope, self.where, self.depth = scope, where, depth
+    def __init__(self, scope: Environment, where: str) -> None:
+        self.scope, self.where = scope, where
 
     def run(self, statements: Iterable[Statement], now: list[Running]) -> list[Running]:
         """Return where the ways end; those that have returned stay as they are."""
@@ -145,7 +144,7 @@ class Execution:
 
     def within(self) -> Execution:
         """Return the execution of a block inside: what it declares is not seen outside."""
-        return Execution(self.scope.inner(), self.where, self.depth)
+        return Execution(self.scope.inner(), self.where)
 
     def bounded(self, now: list[Running]) -> None:
         """Raise BadModel if there are too many ways."""
@@ -174,8 +173,9 @@ class Execution:
             case Loop():
                 return self.turns(statement, here)
             case Each(name, type_, body):
-                now = [here]
-                for value in self.scope.shape(type_, self.where).values(self.where):
+                now, values = [here], tuple(self.scope.shape(type_, self.where).values(self.where))
+                self.scope.cells.spend(self.where, len(values))
+                for value in values:
                     block = self.within()
                     block.scope.hold(name, value)
                     now = block.run(body, now)
@@ -206,6 +206,7 @@ class Execution:
         """Return the ways out of a loop."""
         now, done = [here], list[Running]()
         for _ in range(MAX_TURNS):
+            self.scope.cells.spend(self.where, len(now))
             inside: list[Running] = []
             for each in now:
                 yes, no = self.choice(Translation(self.scope, self.where).truth(loop.condition), each)
@@ -245,7 +246,7 @@ class Execution:
 
     def called(self, call: Applied, routine: Routine, here: Running) -> list[Running]:
         """Return the ways out of a call, with what they return."""
-        if self.depth >= MAX_NESTED:
+        if self.scope.cells.depth >= MAX_NESTED:
             raise refusal(self.where, f"calls more than {MAX_NESTED} deep")
         if len(call.arguments) != len(routine.parameters):
             rule = (
@@ -253,7 +254,6 @@ class Execution:
             )
             raise BadModel(self.where, rule, slug="arity")
         inner = self.scope.home(routine).inner()
-        body = Execution(inner, self.where, self.depth + 1)
         now = [here]
         for parameter, argument in zip(routine.parameters, call.arguments, strict=True):
             shape = inner.shape(parameter.type, self.where, parameter.lengths)
@@ -269,4 +269,7 @@ class Execution:
                 now = [after for each in now for after in self.assigned(cells[0].id, cases, each)]
         tokens = routine.tokens
         tokens.position = routine.body + 1
-        return body.run(BodyParser(tokens).statements("}"), now)
+        self.scope.cells.depth += 1
+        found = Execution(inner, self.where).run(BodyParser(tokens).statements("}"), now)
+        self.scope.cells.depth -= 1
+        return found

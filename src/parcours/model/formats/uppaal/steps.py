@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import product
+from math import prod
 
 from parcours.errors import BadModel
 from parcours.model.expression import Assignment, Expression
@@ -79,9 +80,9 @@ class Steps:
         ]
         where = self._where(way[0].line)
         ranges = [around.shape(each.type, where).values(where) for each in selections]
+        around.cells.spend(where, prod(len(tuple(each)) for each in ranges))
         for chosen in product(*ranges):
             environment = around.inner()
-            environment.cells.spend(where)
             for each, value in zip(selections, chosen, strict=True):
                 environment.hold(each.name, value)
             shown = ",".join(f"{each.name}={value}" for each, value in zip(selections, chosen, strict=True))

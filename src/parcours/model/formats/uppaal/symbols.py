@@ -17,7 +17,7 @@ MAX_CELLS = 10_000
 MAX_CHOICES = 1_000
 """Most values over which a quantifier, a selection or a parameter is written out."""
 
-MAX_WORK = 200_000
+MAX_WORK = 30_000
 """Most instances of quantified conditions, selections and processes that a system is written out to."""
 
 
@@ -118,7 +118,7 @@ class Cells:
         self.kinds: dict[str, str] = {}
         self.naturals: set[str] = set()
         self.cells: dict[str, Cell] = {}
-        self.count = self.work = self.calls = 0
+        self.count = self.work = self.calls = self.depth = 0
 
     def spend(self, where: str, more: int = 1) -> None:
         """Count instances that are written out. Raises BadModel beyond MAX_WORK."""
