@@ -32,21 +32,50 @@ def test_help_names_every_stage_and_imports_nothing_heavy() -> None:
         "import sys; sys.argv = ['parcours', '--help']\n"
         "from parcours.cli import main\n"
         "try:\n    main()\nexcept SystemExit:\n    pass\n"
-        "heavy = {'numpy', 'numba', 'scipy', 'ortools', 'z3', 'matplotlib', 'rich', 'yaml', 'jinja2'} & set(sys.modules)\n"
+        "heavy = {'numpy', 'numba', 'scipy', 'ortools', 'z3', 'matplotlib', 'rich', 'yaml', 'jinja2'}\n"
+        "heavy &= set(sys.modules)\n"
         "print('HEAVY', sorted(heavy))"
     )
     printed = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout
     assert "HEAVY []" in printed
-    for stage in ("model", "convert", "explore", "paths", "feasible", "walk", "abtc", "data", "suite", "export", "run", "demo"):
+    for stage in (
+        "model",
+        "convert",
+        "explore",
+        "paths",
+        "feasible",
+        "walk",
+        "abtc",
+        "data",
+        "suite",
+        "export",
+        "run",
+        "demo",
+    ):
         assert f"\n  {stage} " in printed
 
 
 @pytest.mark.parametrize(
     "stage",
     [
-        "model check", "model show", "convert", "explore", "paths", "feasible", "walk", "abtc", "data draw",
-        "data measure", "data criteria", "data convert", "suite", "export pytest", "run", "report", "demo",
-    ]
+        "model check",
+        "model show",
+        "convert",
+        "explore",
+        "paths",
+        "feasible",
+        "walk",
+        "abtc",
+        "data draw",
+        "data measure",
+        "data criteria",
+        "data convert",
+        "suite",
+        "export pytest",
+        "run",
+        "report",
+        "demo",
+    ],
 )
 def test_every_command_has_help_with_an_example(stage: str) -> None:
     assert "Example: parcours" in parcours(*stage.split(), "--help")

@@ -74,8 +74,8 @@ def schedule(
     """Return when each transition of a sequence can be taken.
 
     Guards over data alone are taken to hold (`parcours.paths.solving` decides that). Where clocks are compared
-    with data, `inputs` say what the data is; without them the solver finds some. A condition that can hold in
-    several ways is met in the first way that fits.
+    with data, `inputs` say what the data is; `parcours.paths.solving.solved_schedule` finds some. A condition that can
+    hold in several ways is met in the first way that fits.
 
     Args:
         cefsm: the model.
@@ -116,7 +116,7 @@ def schedule(
             raise BadRequest(
                 "inputs",
                 f"must make the sequence run, but {replayed.why_not}",
-                "leave them out, and the solver finds some",
+                "let solved_schedule find some",
                 slug="inputs-fail",
             )
         known = replayed.known
@@ -130,9 +130,7 @@ def schedule(
         facts.append(clockwork.finish(len(events)))
         found = _decided(len(events) + 1, facts, known)
     except NoBound as reason:
-        if inputs is not None:
-            return Unscheduled(str(reason))
-        return _solved(cefsm, transition_ids, instances, sends, str(reason))
+        return Unscheduled(str(reason))
     if not isinstance(found, Schedule):
         return found
     times = (Fraction(0), *found.times)
@@ -181,17 +179,3 @@ def _first(
         if isinstance(result, Windows) or tried > EFFORT:
             break
     return result, tried
-
-
-def _solved(
-    cefsm: Cefsm, ids: Sequence[str], instances: Sequence[int], sends: Sequence[int | None], reason: str
-) -> Schedule | Contradiction | Unscheduled:
-    """Return the schedule under inputs that the solver finds."""
-    from parcours.paths.solving import Covered, Infeasible, solve_sequence
-
-    found = solve_sequence(cefsm, ids, instances, sends)
-    if isinstance(found, Infeasible):
-        return Contradiction(found.proof)
-    if isinstance(found, Covered):
-        return schedule(cefsm, ids, instances, sends, [move.inputs for move in found.path.moves])
-    return Unscheduled(f"{reason}; {found.reason}")
