@@ -28,6 +28,9 @@ format: $(VENV)/.developer
 	$(BIN)/ruff format .
 	$(BIN)/ruff check --fix .
 
+fuzz: $(VENV)/.developer
+	$(BIN)/python tests/fuzz/test_fuzz_readers.py --seconds 60
+
 bench: $(VENV)/.developer
 	for part in criteria solving space walking arrays system; do $(BIN)/python bench/bench_$$part.py || exit 1; done
 

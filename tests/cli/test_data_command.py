@@ -93,3 +93,11 @@ def test_a_target_of_unknown_kind_or_place_is_refused(tmp_path: Path) -> None:
         data("convert", DOMAINS, str(tmp_path / "model.xls"))
     with pytest.raises(BadRequest, match="folder-unwritable"):
         data("convert", DOMAINS, str(tmp_path / "absent" / "model.yaml"))
+
+
+def test_losses_of_a_pict_model_are_told_and_equal_runs_print_the_same(tmp_path: Path) -> None:
+    (tmp_path / "p.pict").write_text(PICT.replace("upper", "upper (5)"))
+    arguments = ["draw", str(tmp_path / "p.pict"), "--criterion", "pairwise", "--json"]
+    first, again = (CliRunner().invoke(command, arguments, catch_exceptions=False) for _ in range(2))
+    assert first.stdout == again.stdout and json.loads(first.stdout)["n_undecided"] == 0
+    assert "lost: line 2: parameter 'tray': the weight of 'upper' is not kept" in first.stderr

@@ -66,6 +66,42 @@ def test_a_bound_is_said_and_returns_3(tmp_path: Path) -> None:
     assert "nothing is wrong so far" in printed
 
 
+KEPT = """\
+parcours: model/1
+name: kept
+messages: {N: {fields: {v: {type: int}}}}
+channels:
+  in: {from: environment, to: C, message: N}
+  out: {from: C, to: D, message: N, capacity: 0}
+components:
+  C:
+    variables: {n: {type: int, initial: 0}}
+    machines:
+      m:
+        initial: a
+        transitions:
+          t1: {from: a, to: b, event: in(x), guard: x.v >= 0, action: n := x.v}
+          t2: {from: b, to: a, guard: n != 7}
+          t3: {from: b, to: a, guard: n == 7, message: out(n)}
+  D: {machines: {m: {initial: s, transitions: {d1: {from: s, to: s, event: out(y)}}}}}
+"""
+
+
+def test_a_kept_open_value_makes_what_was_not_seen_no_finding(tmp_path: Path) -> None:
+    file = tmp_path / "kept.yaml"
+    file.write_text(KEPT)
+    printed = run("explore", file)
+    assert "complete for the values tried: t1 keeps the open value 'x.v'" in printed
+    assert "nothing is wrong for the values tried" in printed
+    data = json.loads(run("explore", file, "--json"))
+    assert (data["complete"], data["exact"], data["findings"]) == (True, False, [])
+    asked = ("paths", file, "--composition", "--criterion", "rendezvous")
+    covered = run(*asked)
+    assert "not met: t3 -> d1" in covered and "no run can meet" not in covered
+    data = json.loads(run(*asked, "--json"))
+    assert (data["impossible"], data["unmet"], data["exact"]) == ([], ["t3 -> d1"], False)
+
+
 def test_the_environment_alone_makes_no_fault() -> None:
     assert "nothing is wrong" in run("explore", OBSTACLES)
 

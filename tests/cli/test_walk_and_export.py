@@ -44,6 +44,12 @@ def test_generator_strings_walk_bare_graphs_too() -> None:
     assert "edge: 37 of 37" in said and "37 steps" in said
 
 
+def test_a_machine_of_its_own_name_needs_no_component() -> None:
+    options = ("--until", "steps>=30", "--seed", "7")
+    alone = parcours("walk", MODEL, "--machine", "execution", *options)
+    assert alone == parcours("walk", MODEL, "--machine", "execution", "--component", "Control", *options)
+
+
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
@@ -53,7 +59,9 @@ def test_generator_strings_walk_bare_graphs_too() -> None:
         (("--until", "reached(nowhere)"), "unknown-target"),
         (("--generator", "random(never)", "--walker", "random"), "walk-options"),
         (("--generator", "predefined_path(predefined_path)"), "no-predefined-path"),
-        (("--machine", "planning"), "machine-alone"),
+        (("--machine", "service"), "machine-alone"),
+        (("--machine", "executionn"), "did you mean 'execution'"),
+        (("--until", "steps>=1e400"), "too large"),
         (("--component", "Plannner"), "did you mean 'Planner'"),
         (("--at-dead-end", "turn"), "unknown-dead-end"),
         (("--out", "/proc/nowhere/walk.jsonl"), "trace-unwritable"),

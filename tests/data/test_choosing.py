@@ -11,11 +11,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from parcours.data import Constraint, InputModel, enumeration, parse_input_model, read_input_model, split
+from parcours.data.arrays import building
 from parcours.data.bases import base_rows
+from parcours.data.blocks import Block
 from parcours.data.boundaries import at_boundaries
-from parcours.data.choosing import MODEL_CRITERIA, choose, set_size
+from parcours.data.choosing import LISTED, MODEL_CRITERIA, choose, set_size
+from parcours.data.domains import Domain
 from parcours.data.inputs import constraint_of, rules_of
-from parcours.data.rules import Rules
+from parcours.data.rules import Rules, UndecidedError
 from parcours.errors import BadDomain, BadRequest
 from parcours.model.expression import parse_expression
 
@@ -104,10 +107,10 @@ def test_all_combinations_are_the_allowed_ones() -> None:
 @given(st.lists(st.integers(1, 4), min_size=1, max_size=5), st.data())
 def test_multiple_base_choice_has_as_many_rows_as_ammann_and_offutt_say(sizes: list[int], data: st.DataObject) -> None:
     bases = [data.draw(st.lists(st.integers(0, n - 1), min_size=1, max_size=n, unique=True)) for n in sizes]
-    rows, forbidden = base_rows(sizes, bases, Rules(sizes))
+    rows, *left = base_rows(sizes, bases, Rules(sizes))
     m = max(map(len, bases))
     starts = {tuple(each[i % len(each)] for each in bases) for i in range(m)}
-    assert not forbidden and len(rows) <= m + m * sum(n - len(each) for n, each in zip(sizes, bases, strict=True))
+    assert left == [(), ()] and len(rows) <= m + m * sum(n - len(each) for n, each in zip(sizes, bases, strict=True))
     if len(sizes) > 1 and all(len(each) == m for each in bases):
         assert len(rows) == m + m * sum(n - m for n in sizes)
     assert starts <= {tuple(row) for row in rows.tolist()}
@@ -215,3 +218,29 @@ def test_a_rule_over_values_forbids_only_blocks_in_which_no_value_meets_it() -> 
     parts = (split("a", "1", [0, 1, 2]), split("b", "1", [0, 1, 2]))
     model = InputModel("m", parts, (Constraint("c", parse_expression("a >= b + 1.5")),))
     assert choose(model, "each_choice").infeasible == ("a = [0, 1]", "b = (1, 2]")
+
+
+def test_what_a_search_cannot_decide_is_not_called_forbidden(monkeypatch: pytest.MonkeyPatch) -> None:
+    def undecided(*_: object) -> None:
+        raise UndecidedError
+
+    monkeypatch.setattr(Rules, "complete", undecided)
+    chosen = choose(PRINTER, "base_choice")
+    assert not chosen.infeasible and chosen.n_undecided == len(chosen.undecided)
+    assert {"paper = roll", "paper = none", "copies = 0"} <= set(chosen.undecided)
+
+
+def test_growing_ends_when_the_time_is_over_and_counts_what_is_left(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(building, "LEAST_GROWTH", 0.0)
+    chosen = choose(model_of([20] * 10), "pairwise", must=np.zeros((1, 10)), budget=0.0)
+    n_pairs = 10 * 9 // 2
+    assert len(chosen.rows) == 1 and chosen.n_undecided == n_pairs * (20 * 20 - 1)
+    assert len(chosen.undecided) == LISTED and not chosen.infeasible
+
+
+@pytest.mark.parametrize("step", [1.0, 0.5])
+def test_at_boundaries_an_invalid_block_shrinks_to_its_value_next_to_the_range(step: float) -> None:
+    invalid = (Block(-50, 0, high_closed=False), Block(100, 900, low_closed=False, name="huge"), Block(950, 960))
+    domain = Domain("n", "1", (Block(0, 100),), "integer" if step == 1.0 else "real", invalid=invalid, step=step)
+    changed = at_boundaries(InputModel("m", (domain,))).domains[0].invalid
+    assert changed == (Block(-step, -step, name="below"), Block(100 + step, 100 + step, name="huge"), invalid[2])

@@ -104,3 +104,13 @@ def test_edges_that_make_no_blocks_are_refused(edges: list[float], slug: str) ->
 def test_the_message_names_domain_values_and_unit() -> None:
     with pytest.raises(BadDomain, match=r"domain 'v': edges must increase, but 0.25 m/s follows 0.5 m/s"):
         split("v", "m/s", [0.0, 0.5, 0.25])
+
+
+def test_blocks_of_integers_may_be_written_by_their_first_and_last_number() -> None:
+    blocks = (Block(0, 3), Block(4, 7))
+    domain = Domain("n", "1", blocks, "integer")
+    assert domain.blocks_of(np.arange(-1.0, 9.0)).tolist() == [OUTSIDE, 0, 0, 0, 0, 1, 1, 1, 1, OUTSIDE]
+    with pytest.raises(BadDomain, match="blocks-gap"):
+        Domain("n", "1", (Block(0, 3), Block(5, 7)), "integer")
+    with pytest.raises(BadDomain, match="blocks-gap"):
+        Domain("n", "1", blocks, "real")

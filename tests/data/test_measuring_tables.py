@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import json
+import os
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ from hypothesis import strategies as st
 from parcours.data import InputModel, enumeration, split
 from parcours.data.inputs import constraint_of
 from parcours.data.measuring import measure
+from parcours.data.pict import parse_pict
 from parcours.data.tables import read_table
 from parcours.errors import BadRequest
 from parcours.model.expression import parse_expression
@@ -134,3 +136,19 @@ def test_files_that_are_no_tables_are_refused_with_one_answer(
         (tmp_path / name).write_bytes(content)
     with pytest.raises(BadRequest, match=told):
         read_table(tmp_path / name, MODEL)
+
+
+def test_what_pict_prints_is_read_with_its_model(tmp_path: Path) -> None:
+    reading = parse_pict("Format tool: Quick, Slow, ~None\nSIZE: 1, 10, ~-1", "disk.pict")
+    table = tmp_path / "cases.txt"
+    table.write_text("Format tool\tSIZE\nquick\t10\n~None\t1\nSlow\t~-1\n")
+    assert read_table(table, reading.model, reading.titles).tolist() == [[0, 10], [2, 1], [1, -1]]
+    table.write_text("size;Format_tool\n1;SLOW\n")
+    assert read_table(table, reading.model, reading.titles).tolist() == [[1, 1]]
+
+
+def test_a_pipe_or_a_device_is_no_table(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    for path in (tmp_path / "pipe", Path("/dev/zero")):
+        with pytest.raises(BadRequest, match=r"no regular file.*unreadable-file"):
+            read_table(path, MODEL)

@@ -174,3 +174,17 @@ def test_a_damaged_model_is_read_or_refused_but_never_breaks_the_reader(at: int,
 def test_files_that_cannot_be_read_are_refused_by_name(tmp_path: Path) -> None:
     with pytest.raises(BadDomain, match=r"absent\.pict"):
         read_pict(tmp_path / "absent.pict")
+
+
+def test_values_taken_over_keep_their_negative_mark() -> None:
+    model = parse_pict("A: ~x, a\nB: <A>, c, ~y", "m.pict").model
+    assert model.domains[1].labels == ("a", "c", "x", "y") and model.sizes == (1, 2)
+    assert choose(model, "each_choice").n_negative == 3
+
+
+def test_result_parameters_and_orders_of_one_parameter_are_losses() -> None:
+    reading = parse_pict("A @ 3: 1, 2\n$R: yes, no\nLib/@Name: x, y", "m.pict")
+    assert reading.titles == ("A", "$R", "Lib/@Name") and reading.model.names == ("A", "R", "Lib_Name")
+    lost = [str(loss) for loss in reading.losses]
+    assert "line 1: parameter 'A': its own order 3 is not kept" in lost
+    assert "line 2: parameter '$R': a result parameter is combined like any other here" in lost

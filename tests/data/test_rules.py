@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from parcours.data import rules as rules_module
+from parcours.data.arrays import building
 from parcours.data.arrays.building import covering_array
 from parcours.data.arrays.goals import goals_of
 from parcours.data.bounds import may_hold
@@ -99,8 +100,11 @@ def test_a_search_that_takes_too_long_ends_and_says_so(monkeypatch: pytest.Monke
     rules = Rules(sizes, pairs)
     with pytest.raises(rules_module.UndecidedError):
         rules.complete(np.full(11, OPEN))
-    array = covering_array(goals_of(sizes, 1, rules=rules), budget=0.0)
-    assert not len(array.rows) and len(array.undecided) == 11 * 10
+    with pytest.raises(BadDomain, match="rules-undecided"):
+        covering_array(goals_of(sizes, 1, rules=rules), budget=0.0)
+    monkeypatch.setattr(building, "LOST_STEPS", 0)
+    array = covering_array(goals_of([3] * 4, 2, rules=Rules([3] * 4, [RuleTable("r", (0, 1), ~np.eye(3, dtype=bool))])))
+    assert not len(array.rows) and len(array.undecided) == 6 + 5 * 9 and len(array.infeasible) == 3
 
 
 POINTS = st.lists(st.tuples(*[st.integers(-6, 6)] * 4), min_size=1, max_size=5)

@@ -159,7 +159,7 @@ def main(seconds: float, seed: int | None, only: tuple[str, ...]) -> None:
     """
     first, failed = time.time_ns() if seed is None else seed, False
     for name in only or READERS:
-        count, read, slowest, end = 0, 0, 0.0, time.monotonic() + seconds
+        count, read, slowest, end = 0, 0, (0.0, first), time.monotonic() + seconds
         while time.monotonic() < end:
             text, began = mutated(name, random.Random(first + count)), time.monotonic()
             try:
@@ -167,9 +167,10 @@ def main(seconds: float, seed: int | None, only: tuple[str, ...]) -> None:
             except Exception as error:
                 failed = True
                 click.echo(f"{name}: seed {first + count}: {type(error).__name__}: {str(error)[:300]}")
-            slowest = max(slowest, time.monotonic() - began)
+            slowest = max(slowest, (time.monotonic() - began, first + count))
             count += 1
-        click.echo(f"{name}: {count} files, {read} read, {count - read} refused, slowest {slowest:.2f} s")
+        said = f"{count} files, {read} read, {count - read} refused"
+        click.echo(f"{name}: {said}, slowest {slowest[0]:.2f} s (seed {slowest[1]})")
     sys.exit(failed)
 
 

@@ -152,9 +152,9 @@ def test_a_move_with_two_outcomes_is_refused_with_a_name_for_one() -> None:
     assert [str(need) for need in measure(fork, "edge", ["tick at 0 (2)"]).met] == ["tick at 0 (2)"]
 
 
-def test_nothing_taken_meets_only_the_states_where_machines_stand() -> None:
-    assert [str(need) for need in measure(ROOM, "node").met] == ["off", "still"]
-    assert measure(ROOM, "edge").met == ()
+def test_where_nothing_ran_nothing_is_met_and_a_run_without_steps_shows_where_machines_stand() -> None:
+    assert measure(ROOM, "node").met == ()
+    assert [str(need) for need in measure(ROOM, "node", []).met] == ["off", "still"]
 
 
 def test_other_machines_between_two_transitions_do_not_part_the_pair() -> None:

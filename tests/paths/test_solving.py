@@ -119,7 +119,7 @@ def test_small_state_spaces_are_decided_completely_and_rightly(cefsm: Cefsm, cri
 def test_the_solver_by_itself_contradicts_the_interpreter_nowhere(cefsm: Cefsm) -> None:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(deciding, "MOST_STATES", 0)
-        found = solve(cefsm, "C", "m", "edge-pair", budget=1)
+        found = solve(cefsm, "C", "m", "edge-pair", budget=10)
     assert_sound(cefsm, found)
     missed = {each.requirement.steps for each in found.undecided}
     assert missed.isdisjoint(reachable_pairs(cefsm)), "what can be met in a small model is found"

@@ -58,3 +58,14 @@ def test_names_that_the_model_does_not_have_are_refused(tmp_path: Path) -> None:
     for arguments in (("--component", "Gat"), ("--machine", "gat"), ("--criterion", "egde")):
         with pytest.raises(BadRequest, match="did you mean"):
             feasible(tmp_path, *arguments)
+
+
+def test_the_help_tells_which_criteria_work_and_those_do(tmp_path: Path) -> None:
+    told = " ".join(CliRunner().invoke(command, ["--help"]).stdout.split())
+    works, refused = told.split("all-du-paths do.")
+    for criterion in ("node", "edge-pair", "prime", "complete-round-trip"):
+        assert criterion in works and feasible(tmp_path, "--criterion", criterion, "--json").exit_code == 0
+    for criterion in ("simple-round-trip", "all-defs", "all-uses"):
+        assert criterion in refused
+        with pytest.raises(BadRequest, match="must name a state or a sequence"):
+            feasible(tmp_path, "--criterion", criterion)

@@ -122,6 +122,9 @@ def test_a_limit_on_the_length_is_kept_or_refused_where_nothing_fits(
         assert max(min_length(graph, each) for each in sequences) > limit
         return
     assert all(len(path) <= limit and is_run(graph, path) for path in paths)
+    cover = cover_sequences(graph, sequences, max_length=limit)
+    assert cover.fewest <= len(cover.paths)
+    assert cover.shortest <= cover.length
     assert all(any(contains(path, each) for path in paths) for each in sequences)
 
 

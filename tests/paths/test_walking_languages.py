@@ -75,7 +75,7 @@ def test_conditions_are_read(text: str, condition: Condition | None) -> None:
         ("edge>=101%", "at most 100%"),
         ("30", "a time must have a unit, ms, s, min, h"),
         ("30 weeks", "column 4 has 'weeks'"),
-        ("edge>=1e999%", "a number must stand here"),
+        ("edge>=1e999%", "this one is too large"),
         ("reached()", "'reached' must name something"),
         ("(edge>=1%", "must be followed by ')'"),
         ("edge>=1% edge>=2%", "'and', 'or' or the end"),

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
+from click.exceptions import Exit
 
 from parcours.cli.options import as_json, model_file, print_json, seed
 
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
 
     from parcours.data import InputModel
     from parcours.data.choosing import Selection
+    from parcours.data.pict import PictReading
 
 _PICT = (".pict", ".txt")
 
@@ -54,7 +56,8 @@ def draw_rows(
 ) -> None:
     """Draw rows of values from the blocks of an input model, and say which blocks they hit.
 
-    With --rows, further sets of the criterion follow the first one, or it is cut off.
+    With --rows, further sets of the criterion follow the first one, or it is cut off. Exit code 1 if combinations were
+    not decided within the budget.
 
     Example: parcours data draw src/parcours/studies/ramp_system/domains.yaml --criterion 3-wise --budget 10
     """
@@ -64,12 +67,12 @@ def draw_rows(
     from parcours.data.choosing import choose
     from parcours.data.tables import read_table
 
-    model = _model(file)
-    model = at_boundaries(model) if boundaries else model
+    reading = _told(_reading(file))
+    model = at_boundaries(reading.model) if boundaries else reading.model
     if criterion.endswith("wise"):
         say_if_cold()
     with progress() as told:
-        table = read_table(must, model) if must else None
+        table = read_table(must, model, reading.titles) if must else None
         chosen = choose(model, criterion, must=table, budget=budget, seed=seed, told=told)
     values = chosen.values(seed, rows)
     hit = cover(model, values)
@@ -78,12 +81,13 @@ def draw_rows(
             "names": model.names, "units": [d.unit for d in model.domains], "rows": _cells(model, values),
             "blocks": hit.n_blocks, "hit": hit.n_hit, "uncovered": hit.uncovered, "criterion": criterion,
             "fewest": chosen.fewest, "negative": chosen.n_negative, "infeasible": chosen.infeasible,
-            "undecided": chosen.undecided,
-            "stages": [{"name": s.name, "rows": s.n_rows, "seconds": s.seconds} for s in chosen.stages],
+            "undecided": chosen.undecided, "n_undecided": chosen.n_undecided,
+            "stages": [{"name": s.name, "rows": s.n_rows} for s in chosen.stages],
         })  # fmt: skip
-        return
+        raise Exit(1 if chosen.n_undecided else 0)
     _print_rows(chosen, values)
     click.echo(f"{hit.n_hit} of {hit.n_blocks} blocks hit" + "".join(f"\nnot hit: {block}" for block in hit.uncovered))
+    raise Exit(1 if chosen.n_undecided else 0)
 
 
 def _cells(model: InputModel, values: NDArray[np.float64]) -> list[list[float | int | str]]:
@@ -110,16 +114,22 @@ def _print_rows(chosen: Selection, values: NDArray[np.float64]) -> None:
     shown = tuple((number, *row) for number, row in enumerate(_cells(model, values)))
     print_table(Table(f"{model.name}, {chosen.criterion}", columns, shown))
     positive = len(chosen.rows) - chosen.n_negative
-    click.echo(f"{positive} rows satisfy it; no set has fewer than {chosen.fewest}")
+    if chosen.n_undecided:
+        click.echo(f"{positive} rows; {chosen.n_undecided} combinations not decided within the budget")
+    else:
+        click.echo(f"{positive} rows satisfy it; no set has fewer than {chosen.fewest}")
     if chosen.n_negative:
         click.echo(f"{chosen.n_negative} more rows are negative tests, each with one invalid value")
     for stage in chosen.stages:
         click.echo(f"  {stage.name}: {stage.n_rows} rows after {stage.seconds:.1f} s")
-    for what, found in (("forbidden by the rules", chosen.infeasible), ("undecided", chosen.undecided)):
+    for what, found, n in (
+        ("forbidden by the rules", chosen.infeasible, len(chosen.infeasible)),
+        ("undecided", chosen.undecided, chosen.n_undecided),
+    ):
         for words in found[:20]:
             click.echo(f"{what}: {words}")
-        if len(found) > 20:
-            click.echo(f"{what}: {len(found) - 20} more")
+        if n > 20:
+            click.echo(f"{what}: {n - 20} more")
 
 
 @command.command("measure")
@@ -135,13 +145,16 @@ def _print_rows(chosen: Selection, values: NDArray[np.float64]) -> None:
 def measure_table(table: Path, file: Path, strength: int, show: int, as_json: bool) -> None:
     """Say which combinations of blocks a table of values holds: CSV, JSON Lines, a suite, or `draw --json`.
 
+    With a PICT model, what PICT prints is read too: tabs, its own names, ~ before negative values.
+
     Example: parcours data measure cases.csv --model domains.yaml --strength 3
     """
     from parcours.data.measuring import measure
     from parcours.data.tables import read_table
 
-    model = _model(file)
-    found = measure(read_table(table, model), model, strength, most_shown=show)
+    reading = _told(_reading(file))
+    model = reading.model
+    found = measure(read_table(table, model, reading.titles), model, strength, most_shown=show)
     if as_json:
         print_json({
             "strength": found.strength, "rows": found.n_rows, "counted": found.n_counted, "wanted": found.n_wanted,
@@ -195,12 +208,12 @@ def convert(source: Path, target: Path) -> None:
 
     Example: parcours data convert printer.pict printer.yaml
     """
-    from parcours.data.pict import read_pict, write_pict
+    from parcours.data.pict import write_pict
     from parcours.data.writing import write_input_model
     from parcours.errors import BadRequest
 
-    losses = list(read_pict(source).losses) if source.suffix.lower() in _PICT else []
-    model = _model(source)
+    reading = _reading(source)
+    model, losses = reading.model, list(reading.losses)
     if target.suffix.lower() in _PICT:
         written = write_pict(model)
         text, losses = written.text, losses + list(written.losses)
@@ -222,8 +235,19 @@ def convert(source: Path, target: Path) -> None:
 
 
 def _model(path: Path) -> InputModel:
-    """Return the input model of a file, YAML or PICT by its suffix."""
-    from parcours.data import read_input_model
-    from parcours.data.pict import read_pict
+    """Return the input model of a file; what of the file it lacks is said on standard error."""
+    return _told(_reading(path)).model
 
-    return read_pict(path).model if path.suffix.lower() in _PICT else read_input_model(path)
+
+def _told(reading: PictReading) -> PictReading:
+    for loss in reading.losses:
+        click.echo(f"lost: {loss}", err=True)
+    return reading
+
+
+def _reading(path: Path) -> PictReading:
+    """Return the input model of a file, YAML or PICT by its suffix, and what PICT calls its inputs."""
+    from parcours.data import read_input_model
+    from parcours.data.pict import PictReading, read_pict
+
+    return read_pict(path) if path.suffix.lower() in _PICT else PictReading(read_input_model(path))

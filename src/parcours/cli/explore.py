@@ -13,6 +13,9 @@ if TYPE_CHECKING:
     from parcours.model import Move
     from parcours.model.composition import Discovery, Space
 
+_SHOWN = 3
+"""Most doubts that are named."""
+
 
 @click.command("explore")
 @model_file
@@ -64,7 +67,7 @@ def command(file: Path, max_states: int, max_seconds: float, witnesses: int, as_
 def _print(space: Space, witnesses: int) -> None:
     rate = space.n_expanded / max(space.seconds, 1e-9)
     click.echo(f"{space.cefsm.name}: {space.n_states} states, {space.n_transitions} transitions")
-    click.echo(f"{space.stopped or 'complete'}; {space.seconds:.2f} s, {rate:.0f} states/s")
+    click.echo(f"{space.stopped or _complete(space)}; {space.seconds:.2f} s, {rate:.0f} states/s")
     shown = 0
     for each in space.findings:
         click.echo(f"{each}{_extent(space, each)}")
@@ -75,7 +78,15 @@ def _print(space: Space, witnesses: int) -> None:
             if each.move is not None:
                 click.echo(f"    then {_spelled(each.move)}")
     if not space.findings:
-        click.echo("nothing is wrong" if space.complete else "nothing is wrong so far")
+        ending = " for the values tried" if space.complete and space.doubts else "" if space.complete else " so far"
+        click.echo(f"nothing is wrong{ending}")
+
+
+def _complete(space: Space) -> str:
+    if not space.doubts:
+        return "complete"
+    more = f", and {len(space.doubts) - _SHOWN} more" if len(space.doubts) > _SHOWN else ""
+    return f"complete for the values tried: {', '.join(space.doubts[:_SHOWN])}{more}"
 
 
 def _extent(space: Space, found: Discovery) -> str:
@@ -97,6 +108,8 @@ def _as_data(space: Space, witnesses: int) -> dict[str, object]:
         "states": space.n_states,
         "transitions": space.n_transitions,
         "complete": space.complete,
+        "exact": space.exact,
+        "doubts": space.doubts,
         "stopped": space.stopped,
         "expanded": space.n_expanded,
         "seconds": round(space.seconds, 3),

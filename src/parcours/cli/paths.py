@@ -74,6 +74,12 @@ def command(
     chosen = parse_criterion(criterion)
     limits = Limits(most, 20 * most, seconds)
     together = composition or chosen.family == "communication"
+    if composition and chosen.family != "communication" and (listed or runs is not None):
+        raise click.UsageError("--requirements and --measure look at machines; leave --composition out")
+    if (listed or runs is not None) and (walk or max_length is not None):
+        raise click.UsageError("--walk and --max-length shape a cover; --requirements and --measure make none")
+    if runs is None and tours != "direct":
+        raise click.UsageError("--tours is for --measure: covers tour directly")
     if together and (component or machine):
         raise click.UsageError("--component and --machine choose among machines; a composition has all of them")
     if runs is not None:
@@ -167,7 +173,9 @@ def _cover_composition(
         print_json(
             {
                 "requirements": len(asked.goals) + len(unmet),
-                "impossible": [str(each) for each in unmet],
+                "impossible": [str(each) for each in unmet] if space.exact else [],
+                "unmet": [str(each) for each in unmet],
+                "exact": space.exact,
                 "fewest": found.fewest,
                 "length": found.length,
                 "shortest": found.shortest,
@@ -182,7 +190,9 @@ def _cover_composition(
     reached = (cefsm.name, len(asked.goals), len(paths), found.fewest, found.length, found.shortest)
     print_table(_optimum([reached]))
     for each in unmet:
-        click.echo(f"no run can meet: {each}")
+        click.echo(f"no run can meet: {each}" if space.exact else f"not met: {each}")
+    if unmet and space.doubts:
+        click.echo(f"not met for the values tried: {', '.join(space.doubts)}")
 
 
 def _list(cefsm: Cefsm, criterion: Criterion, limits: Limits, component: str, machine: str, as_json: bool) -> None:
@@ -226,6 +236,7 @@ def _measure(
             {
                 "criterion": coverage.criterion,
                 "tours": tours,
+                "ratio": len(met) / (len(met) + len(missed)) if met or missed else 1.0,
                 "met": [dataclasses.asdict(need) for need in met],
                 "missed": [dataclasses.asdict(need) for need in missed],
             }

@@ -14,6 +14,7 @@ import click
 from parcours.cli.options import as_json, model_file, seed
 
 if TYPE_CHECKING:
+    from parcours.model import Cefsm
     from parcours.paths.walking import Phase, Space, Step, Walk
 
 _SHOWN = 20
@@ -27,7 +28,7 @@ _SHOWN = 20
 @click.option("--generator", default=None, help="GraphWalker's generator string instead of --walker and --until.")
 @click.option("--path", "path_", default="", help="Transitions of predefined_path, separated by blanks.")
 @click.option("--component", default="", help="Walk this component only; the environment does the others' part.")
-@click.option("--machine", default="", help="Walk this machine of the component only.")
+@click.option("--machine", default="", help="Walk this machine only.")
 @click.option("--ignore-guards", is_flag=True, help="Walk the bare graphs: no guards, no messages.")
 @click.option("--at-dead-end", default="restart", show_default=True, help="restart or stop.")
 @click.option(
@@ -59,7 +60,7 @@ def command(
 
     cefsm = read_any(file).cefsm
     if component or machine:
-        cefsm = part_of(cefsm, component or _owner(machine), machine)
+        cefsm = part_of(cefsm, component or _owner(cefsm, machine), machine)
     space = GraphSpace(cefsm) if ignore_guards else ModelSpace(cefsm)
     walk = Walk(
         space, _phases(space, walker, until, generator, path_), np.random.default_rng(seed),
@@ -71,10 +72,19 @@ def command(
     _summarise(walk, seed, as_json)
 
 
-def _owner(machine: str) -> str:
-    from parcours.errors import BadRequest
+def _owner(cefsm: Cefsm, machine: str) -> str:
+    """Return whose machine has a name that only one has."""
+    from parcours.errors import BadRequest, one_of
 
-    raise BadRequest("--machine", f"needs --component, to say whose machine {machine!r} is", slug="machine-alone")
+    owners = [each.name for each in cefsm.components if machine in [its.name for its in each.machines]]
+    if len(owners) == 1:
+        return owners[0]
+    if owners:
+        rule = f"needs --component where several have a machine {machine!r}"
+        raise BadRequest("--machine", rule, f"add --component with one of {', '.join(owners)}", slug="machine-alone")
+    known = sorted({its.name for each in cefsm.components for its in each.machines})
+    rule = f"must be a machine of '{cefsm.name}', but is {machine!r}"
+    raise BadRequest("--machine", rule, one_of(machine, known), slug="unknown-part")
 
 
 def _phases(space: Space, walker: str | None, until: str | None, generator: str | None, path: str) -> tuple[Phase, ...]:

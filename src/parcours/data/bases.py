@@ -17,33 +17,45 @@ from parcours.data.selecting import Rows
 
 def base_rows(
     sizes: Sequence[int], bases: Sequence[Sequence[int]], rules: Rules
-) -> tuple[Rows, tuple[tuple[int, int], ...]]:
-    """Return the rows, each once, and the (column, block) pairs that no allowed row holds.
+) -> tuple[Rows, tuple[tuple[int, int], ...], tuple[tuple[int, int], ...]]:
+    """Return the rows, each once, the (column, block) pairs that no allowed row holds, and those not decided.
 
     Args:
         sizes: the number of blocks of each parameter.
         bases: the base blocks of each parameter, at least one.
         rules: which rows are allowed.
 
+    Raises:
+        BadDomain: the rules leave no row, or the search for a first one took too long.
+
     >>> base_rows([3, 2], [[0, 1], [0]], Rules([3, 2]))[0].tolist()
     [[0, 0], [2, 0], [0, 1], [1, 0], [1, 1]]
     """
     rows: dict[tuple[int, ...], None] = {}
     forbidden: dict[tuple[int, int], None] = {}
+    undecided: dict[tuple[int, int], None] = {}
     for index in range(max(len(each) for each in bases)):
         base = np.array([each[index % len(each)] for each in bases], dtype=np.int64)
         changes = [(c, b) for c, size in enumerate(sizes) for b in range(size) if b not in bases[c]]
         for change in ((OPEN, OPEN), *changes):
-            row = _allowed(base, change, rules)
+            try:
+                row = _allowed(base, change, rules)
+            except UndecidedError:
+                if change[0] == OPEN:
+                    rules.require_row()  # else each block would take as long, for nothing
+                else:
+                    undecided[change] = None
+                continue
             if row is not None:
                 rows[tuple(row.tolist())] = None
             elif change[0] != OPEN:
                 forbidden[change] = None
-    return np.array(list(rows), dtype=np.int64).reshape(len(rows), len(sizes)), tuple(forbidden)
+    held = np.array(list(rows), dtype=np.int64).reshape(len(rows), len(sizes))
+    return held, tuple(forbidden), tuple(undecided)
 
 
 def _allowed(base: Rows, change: tuple[int, int], rules: Rules) -> Rows | None:
-    """Return the base row with one change, or the row that the rules allow in its place."""
+    """Return the base row with one change, or a row that the rules allow in its place. Raises UndecidedError."""
     column, block = change
     row = base.copy()
     if column != OPEN:
@@ -53,7 +65,4 @@ def _allowed(base: Rows, change: tuple[int, int], rules: Rules) -> Rows | None:
     open_ = np.full(len(base), OPEN)
     if column != OPEN:
         open_[column] = block
-    try:
-        return rules.complete(open_, row)
-    except UndecidedError:
-        return None
+    return rules.complete(open_, row)

@@ -30,7 +30,8 @@ def at_boundaries(model: InputModel) -> InputModel:
     """Return the model whose blocks are the boundary values of the given one's.
 
     Enumerations and listed values stay as they are. Just outside, one step below and above the range, lie invalid
-    blocks. Rules stay: those over blocks mean all values of the block.
+    blocks; an invalid block that holds such a value already shrinks to it. Rules stay: those over blocks mean all
+    values of the block.
 
     >>> from parcours.data.domains import split
     >>> model = at_boundaries(InputModel("m", (split("v", "m/s", [0.0, 0.5]),)))
@@ -60,7 +61,10 @@ def _boundaries(domain: Domain) -> tuple[Domain, list[range]]:
         points += [point(value, f"{prefix}{name}") for value, name in found.items()]
         pieces.append(range(first, len(points)))
         middles.append(first + next((i for i, name in enumerate(found.values()) if name == "nominal"), 0))
-    invalid = list(domain.invalid) + _outside(domain, step)
+    ends = _outside(domain, step)
+    invalid = [next((end for end in ends if end.low in block), block) for block in domain.invalid]
+    invalid = [replace(new, name=old.name or new.name) for new, old in zip(invalid, domain.invalid, strict=True)]
+    invalid += [end for end in ends if not any(end.low in block for block in domain.invalid)]
     pieces += [range(len(points) + i, len(points) + i + 1) for i in range(len(domain.invalid))]
     bases = tuple(middles[base] for base in domain.bases)
     return replace(domain, blocks=tuple(points), invalid=tuple(invalid), bases=bases, stated=None), pieces
@@ -81,12 +85,11 @@ def _points(domain: Domain, block: Block, step: float) -> dict[float, str]:
 
 
 def _outside(domain: Domain, step: float) -> list[Block]:
-    """Return the values one step below and above the range, unless an invalid block holds them, or it is a circle."""
+    """Return the values one step below and above the range, unless it is one of angles."""
     if domain.kind == "angle":
         return []
     low, high = extent(domain, domain.blocks[0])[0], extent(domain, domain.blocks[-1])[1]
-    ends = (point(low - step, "below"), point(high + step, "above"))
-    return [end for end in ends if not any(end.low in block for block in domain.invalid)]
+    return [point(low - step, "below"), point(high + step, "above")]
 
 
 def _spread(node: Expression, pieces: _Pieces) -> Expression | None:

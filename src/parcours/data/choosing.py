@@ -29,6 +29,9 @@ if TYPE_CHECKING:
 STRENGTHS = {"each_choice": 1, "pairwise": 2, "3-wise": 3, "4-wise": 4, "5-wise": 5, "6-wise": 6}
 """Criteria by how many inputs they combine."""
 
+LISTED = 1_000
+"""Most undecided combinations that are put into words."""
+
 MODEL_CRITERIA = tuple(name for known in CRITERIA for name in (
     ("base_choice", "multiple_base_choice") if known == "base_choice" else (known,)))  # fmt: skip
 """Names of the criteria that a model can be asked for."""
@@ -47,7 +50,8 @@ class Selection:
         fewest: no table without those has fewer rows.
         stages: how a covering array came about.
         infeasible: combinations that the rules forbid, in words.
-        undecided: combinations for which the search for an allowed row took too long, in words.
+        undecided: combinations for which the search for an allowed row took too long, in words, LISTED at most.
+        n_undecided: how many those are.
     """
 
     model: InputModel
@@ -59,6 +63,7 @@ class Selection:
     stages: tuple[Stage, ...] = ()
     infeasible: tuple[str, ...] = ()
     undecided: tuple[str, ...] = ()
+    n_undecided: int = 0
 
     def values(self, seed: int = 0, n: int | None = None) -> NDArray[np.float64]:
         """Return rows of values, shape (n_rows, n_inputs); must-have rows keep theirs. Raises as `draw`.
@@ -126,13 +131,15 @@ def choose(
     is_negative = (given >= np.array(model.sizes)).any(axis=1)
     positive = given[~is_negative]
     chosen = _positive(model, criterion, positive, budget, seed, told)
-    negative, forbidden = _negative(model, given[is_negative])
+    negative, forbidden, undecided = _negative(model, given[is_negative])
     return replace(
         chosen,
         rows=np.concatenate([given, chosen.rows[len(positive) :], negative]),
         must=values,
         n_negative=len(negative),
         infeasible=chosen.infeasible + forbidden,
+        undecided=chosen.undecided + undecided,
+        n_undecided=chosen.n_undecided + len(undecided),
     )
 
 
@@ -150,14 +157,17 @@ def _positive(
         array = covering_array(goals, must, budget=budget, seed=seed, told=told)
         infeasible, undecided = (
             tuple(model.in_words(goals.tuple_of(number)) for number in numbers)
-            for numbers in (array.infeasible, array.undecided)
+            for numbers in (array.infeasible, array.undecided[:LISTED])
         )
-        return Selection(model, criterion, array.rows, nothing, 0, array.fewest, array.stages, infeasible, undecided)
-    infeasible = ()
+        return Selection(
+            model, criterion, array.rows, nothing, 0, array.fewest, array.stages, infeasible, undecided,
+            len(array.undecided),
+        )  # fmt: skip
+    infeasible = undecided = ()
     if criterion.endswith("base_choice"):
         bases = [d.bases if criterion == "multiple_base_choice" else d.bases[:1] for d in model.domains]
-        rows, forbidden = base_rows(model.sizes, bases, rules)
-        infeasible = tuple(model.in_words([pair]) for pair in forbidden)
+        rows, *left = base_rows(model.sizes, bases, rules)
+        infeasible, undecided = (tuple(model.in_words([pair]) for pair in pairs) for pairs in left)
     elif criterion == "each_choice":
         rows = select(criterion, model.sizes, seed=seed)
     else:
@@ -166,17 +176,21 @@ def _positive(
     known = {row.tobytes() for row in must}
     others = [row for row in rows if row.tobytes() not in known]
     rows = np.concatenate([must, np.array(others, dtype=np.int64).reshape(len(others), len(model.domains))])
-    return Selection(model, criterion, rows, nothing, 0, len(rows), infeasible=infeasible)
+    return Selection(
+        model, criterion, rows, nothing, 0, len(rows), (), infeasible, undecided, len(undecided)
+    )  # fmt: skip
 
 
-def _negative(model: InputModel, must: Rows) -> tuple[Rows, tuple[str, ...]]:
-    """Return a row for each invalid block that no must-have row tests alone, all else valid and at its base."""
+def _negative(model: InputModel, must: Rows) -> tuple[Rows, tuple[str, ...], tuple[str, ...]]:
+    """Return a row for each invalid block that no must-have row tests alone, all else valid and at its base.
+
+    With them come the blocks that the rules forbid, and those for which the search took too long, in words."""
     rules, sizes = rules_of(model), np.array(model.sizes)
     invalid = must >= sizes
     tested = {(int(np.argmax(row)), int(blocks[np.argmax(row)])) for row, blocks in zip(invalid, must, strict=True)
               if row.sum() == 1}  # fmt: skip
     base = np.array([domain.bases[0] for domain in model.domains], dtype=np.int64)
-    rows, forbidden = [], []
+    rows, forbidden, undecided = [], [], []
     for column, domain in enumerate(model.domains):
         for block in range(len(domain.blocks), len(domain.choices)):
             if (column, block) in tested:
@@ -186,12 +200,13 @@ def _negative(model: InputModel, must: Rows) -> tuple[Rows, tuple[str, ...]]:
             try:
                 found = rules.complete(row, base)
             except UndecidedError:
-                found = None
+                undecided.append(model.in_words([(column, block)]))
+                continue
             if found is None:
                 forbidden.append(model.in_words([(column, block)]))
             else:
                 rows.append(found)
-    return np.array(rows, dtype=np.int64).reshape(len(rows), len(sizes)), tuple(forbidden)
+    return np.array(rows, dtype=np.int64).reshape(len(rows), len(sizes)), tuple(forbidden), tuple(undecided)
 
 
 def _must_blocks(model: InputModel, values: NDArray[np.float64]) -> Rows:

@@ -14,12 +14,15 @@ from parcours.errors import BadDomain
 def check_blocks(where: str, unit: str, blocks: Sequence[Block], stated: Block | None, kind: str) -> None:
     """Raise BadDomain unless the blocks of numbers ascend without gap or overlap, and fill the stated range.
 
-    Single values may stand apart. Blocks of angles may fill a whole circle, but not more.
+    Single values may stand apart, and integers need no shared ends: `[0, 3]`, `[4, 7]`. Blocks of angles may fill a
+    whole circle, but not more.
     """
     if not blocks:
         raise BadDomain(where, "a domain must have at least one block", slug="blocks-none")
     _check_names(where, blocks)
     for below, above in pairwise(blocks):
+        if kind == "integer" and below.high < above.low and math.floor(below.last) + 1 == math.ceil(above.first):
+            continue  # no whole number lies between them
         if below.high < above.low and not (below.is_point and above.is_point):
             raise BadDomain(
                 where,

@@ -12,6 +12,7 @@ import itertools
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
@@ -74,6 +75,8 @@ class Rules:
         self.sizes = tuple(sizes)
         self.tables = tuple(table for table in tables if not table.allowed.all())
         self._checks = MAX_CHECKS
+        self.source = source
+        self.lost_steps = 0  # choices that searches took back
         lengths = list(self.sizes)
         for table in self.tables:
             for column, length in zip(table.columns, table.allowed.shape, strict=True):
@@ -89,12 +92,28 @@ class Rules:
             self._listed.append(self._rows_of(members))
         never = never or any(listed is not None and not len(listed[1]) for listed in self._listed)
         if never or not self._narrow(self._masks({}), range(len(self.sizes))):
+            self._refuse()
+
+    def require_row(self) -> None:
+        """Raise BadDomain where no row is allowed, or the search for one takes too long to say."""
+        try:
+            if self.complete(np.full(len(self.sizes), OPEN)) is None:
+                self._refuse()
+        except UndecidedError:
             raise BadDomain(
-                source,
-                "some row of blocks must be allowed, but the rules leave none",
-                "loosen one of " + ", ".join(repr(table.name) for table in self.tables[:8]),
-                slug="no-valid-row",
-            )
+                self.source,
+                f"some row of blocks must be allowed, but {MAX_STEPS} choices did not find one, nor that there is none",
+                "make the rules simpler, or give a row that they allow as a must-have row",
+                slug="rules-undecided",
+            ) from None
+
+    def _refuse(self) -> NoReturn:
+        raise BadDomain(
+            self.source,
+            "some row of blocks must be allowed, but the rules leave none",
+            "loosen one of " + ", ".join(repr(table.name) for table in self.tables[:8]),
+            slug="no-valid-row",
+        )
 
     @property
     def are_listed(self) -> bool:
@@ -209,6 +228,7 @@ class Rules:
             while True:
                 while levels and not levels[-1][2]:
                     levels.pop()
+                    self.lost_steps += 1
                 if not levels:
                     return None
                 before, column, left = levels[-1]

@@ -9,7 +9,8 @@ from __future__ import annotations
 import csv
 import json
 import math
-from collections.abc import Iterator, Sequence
+import stat
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import NoReturn
 
@@ -27,28 +28,40 @@ MAX_CELL = 400
 """Longest text of a number [characters]."""
 
 
-def read_table(path: Path | str, model: InputModel) -> NDArray[np.float64]:
+def read_table(path: Path | str, model: InputModel, titles: Sequence[str] = ()) -> NDArray[np.float64]:
     """Return the values of a file, shape (n_rows, n_inputs).
 
     Args:
         path: `.json` (an object with `names` and `rows`, as `parcours data draw --json` prints), `.jsonl` (an object a
-            line, its values by name, by themselves or under `values`, as in a suite), else CSV with a header.
+            line, its values by name, by themselves or under `values`, as in a suite), else CSV with a header whose
+            cells are parted by tabs, semicolons or commas.
         model: whose inputs the columns are.
+        titles: names of the inputs as PICT prints them; then names match whatever their case, and `~` is no part of
+            a value.
 
     Raises:
         BadRequest: the file cannot be read, is not of its kind, or lacks an input.
     """
     path = Path(path)
     try:
-        if path.stat().st_size > MAX_BYTES:
-            _bad(path, 0, f"a table has at most {MAX_BYTES} bytes, but this one has {path.stat().st_size}")
-        text = path.read_text(encoding="utf-8-sig")
+        if not stat.S_ISREG(path.stat().st_mode):  # a device or a pipe may never end
+            rule = "a table must be a readable file, but this is no regular file"
+            raise BadRequest(str(path), rule, "check the path", slug="unreadable-file")
+        with path.open("rb") as file:
+            raw = file.read(MAX_BYTES + 1)
+        if len(raw) > MAX_BYTES:
+            _bad(path, 0, f"a table has at most {MAX_BYTES} bytes, but this one has more")
+        text = raw.decode("utf-8-sig")
     except (OSError, ValueError) as error:
         said = error.strerror if isinstance(error, OSError) else "its bytes are no UTF-8 text"
         rule = f"a table must be a readable file, but: {said}"
         raise BadRequest(str(path), rule, "check the path", slug="unreadable-file") from None
     readers = {".json": _json, ".jsonl": _lines}
-    rows = list(readers.get(path.suffix.lower(), _csv)(path, text, model.names))
+    reader = readers.get(path.suffix.lower())
+    rows = list(reader(path, text, model.names) if reader else _csv(path, text, model.names, titles))
+    if titles and not reader:
+        known = [{value.casefold(): value for value in domain.values} for domain in model.domains]
+        rows = [[_unmarked(str(cell), words) for cell, words in zip(row, known, strict=True)] for row in rows]
     table = np.array([[_value(d, cell) for d, cell in zip(model.domains, row, strict=True)] for row in rows])
     return table.astype(np.float64).reshape(len(rows), len(model.domains))
 
@@ -66,10 +79,22 @@ def _value(domain: Domain, cell: object) -> float:
         return math.nan
 
 
-def _csv(path: Path, text: str, names: Sequence[str]) -> Iterator[list[object]]:
-    reader = csv.reader(text.splitlines(), skipinitialspace=True)
+def _unmarked(cell: str, words: Mapping[str, str]) -> str:
+    """Return a cell that PICT printed without the mark of negative tests, a name as the model has it."""
+    plain = cell.strip().removeprefix("~").strip()
+    return words.get(plain.casefold(), plain)
+
+
+def _csv(path: Path, text: str, names: Sequence[str], titles: Sequence[str]) -> Iterator[list[object]]:
+    lines = text.splitlines()
+    delimiter = next((sign for sign in "\t;" if lines and sign in lines[0]), ",")
+    reader = csv.reader(lines, delimiter=delimiter, skipinitialspace=True)
     try:
         header = [name.strip() for name in next(reader, [])]
+        if titles:
+            header = [name.casefold() for name in header]
+            pairs = [(title.casefold(), name.casefold()) for title, name in zip(titles, names, strict=True)]
+            names = [title if title in header else name for title, name in pairs]
         places = _places(path, header, names)
         for row in reader:
             if not row:

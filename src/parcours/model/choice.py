@@ -3,20 +3,28 @@
 from __future__ import annotations
 
 from collections import ChainMap
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 
 from parcours.model.configuration import Configuration, Layout, Message, Site
-from parcours.model.expression import Expression, evaluate
+from parcours.model.exactness import inexact, keeps
+from parcours.model.expression import Binary, Expression, evaluate
+from parcours.model.likely import endless, holds, is_linear, is_plain, likely, may_hold
 from parcours.model.witness import Question, Values, with_terms
 
 _CACHED = 100_000
 
 
 class Choices:
-    """The choices at each transition of one model, remembered by the values that they depend on."""
+    """The choices at each transition of one model, remembered by the values that they depend on.
+
+    Attributes:
+        layout: the tables of the model.
+        doubts: for each transition where a choice was asked for that leaves out some that may lead on differently, why.
+    """
 
     def __init__(self, layout: Layout) -> None:
         self.layout = layout
+        self.doubts: dict[str, str] = {}
         self._remembered: dict[object, tuple[Values, ...]] = {}
 
     def of(
@@ -71,10 +79,13 @@ class Choices:
         if not both:
             return ({},)
         effects = [*sender.effects(), *receiver.effects()]
-        found = list(question.valuations(guards, effects))
-        if any(holds is None for _, holds in found):
-            found = list(question.valuations((), effects))
-        chosen = dict.fromkeys(tuple((term, dict(values).get(term)) for term in both) for values, _ in found)
+        if why := keeps(question, effects, both, f"{sender.transition.id}/{receiver.transition.id}"):
+            self.doubts.setdefault(sender.transition.id, why)
+        found = [values for values, holds in question.valuations(guards, effects) if holds]
+        if not found and guards:
+            together = guards[0] if len(guards) == 1 else Binary("&&", *guards)
+            found = [*likely(question, together)] or [values for values, _ in question.valuations((), effects)]
+        chosen = dict.fromkeys(tuple((term, dict(values).get(term)) for term in both) for values in found)
         return tuple({term: value for term, value in each if value is not None} for each in chosen)
 
     def _read(self, site: Site, known: Mapping[str, object], given: Mapping[str, object]) -> dict[str, object]:
@@ -89,20 +100,54 @@ class Choices:
         types = scopes.types(site.component, site.transition)
         question = Question(types, scopes.classes, scopes.domains(site.component), known)
         guards, effects = ([guard] if guard is not None else []), site.effects()
-        kept = question.terms(effects)
         if guard is not None and not question.terms(guards):
             if not evaluate(guard, known, f"guard of {site.transition.id!r}"):
                 return
             guards = []
+        found, is_sure = self._found(question, guards, effects)
+        if (found or not is_sure) and site.transition.id not in self.doubts:
+            why = inexact(question, guards, effects, site.transition.id)
+            if why and not (guards and is_sure and _is_all(question, guards[0], effects, found)):
+                self.doubts[site.transition.id] = why
+        yield from found.values()
+
+    def _found(
+        self, question: Question, guards: list[Expression], effects: list[Expression]
+    ) -> tuple[dict[Values, Values], bool]:
+        # The choices by what they keep, and whether there is no other kind of them.
+        kept = question.terms(effects)
         found: dict[Values, Values] = {}
-        for values, holds in question.valuations(guards, effects):
-            if holds is None:
-                yield from (free for free, _ in question.valuations((), effects))
-                return
-            found.setdefault(tuple(pair for pair in values if pair[0] in kept), values)
+        if not guards or is_plain(question, guards[0]) or not (kept and is_linear(question, guards[0])):
+            for values, is_met in question.valuations(guards, effects):
+                if is_met is None:
+                    break
+                found.setdefault(_of(values, kept), values)
+                if not kept:
+                    break
+            else:
+                return found, not guards or is_plain(question, guards[0])
+            if found:
+                return found, True
+        return self._solved(question, guards[0], effects), is_linear(question, guards[0])
+
+    def _solved(self, question: Question, guard: Expression, effects: list[Expression]) -> dict[Values, Values]:
+        kept = question.terms(effects)
+        found: dict[Values, Values] = {}
+        for values in likely(question, guard):
+            known = with_terms(question.known, dict(values))
+            beside = Question(question.types, question.classes, question.domains, known)
+            for more, _ in beside.valuations((), effects):
+                all_ = tuple(sorted((*values, *more)))
+                found.setdefault(_of(all_, kept), all_)
             if not kept:
                 break
-        yield from found.values()
+        if is_linear(question, guard) or (found and endless(question, kept)):
+            return found
+        # What nobody can decide counts as possible, but no choice that is wrong for sure.
+        for values, _ in question.valuations((), effects):
+            if may_hold(guard, with_terms(question.known, dict(values))):
+                found.setdefault(_of(values, kept), values)
+        return found
 
     def known(self, configuration: Configuration, site: Site, arrived: Message) -> dict[str, object]:
         """Return the values of the names that a transition reads, as far as the model says them."""
@@ -110,6 +155,24 @@ class Choices:
         if site.transition.event is not None and site.transition.event.name:
             known[site.transition.event.name] = dict(arrived)
         return known
+
+
+def _of(values: Values, kept: Collection[str]) -> Values:
+    return tuple(pair for pair in values if pair[0] in kept)
+
+
+def _is_all(question: Question, guard: Expression, effects: list[Expression], found: Mapping[Values, Values]) -> bool:
+    # Whether an integer has no other values than those found: no neighbour of one fits that is not found itself.
+    terms = question.terms([guard, *effects])
+    if len(terms) != 1 or not is_linear(question, guard):
+        return False
+    [term] = terms
+    domain = question.domains.get(term, ())
+    tried = {value for values in found.values() for _, value in values}
+    beside = {value + step for value in tried if isinstance(value, int) for step in (-1, 1)} - tried
+    return not any(
+        holds(guard, with_terms(question.known, {term: value})) for value in beside if not domain or value in domain
+    )
 
 
 def _expressions(site: Site) -> list[Expression]:

@@ -8,7 +8,8 @@ from collections.abc import Iterator, Mapping, Set
 from parcours.errors import BadModel, BadRequest, one_of
 from parcours.model.choice import Choices
 from parcours.model.configuration import Configuration, Content, Inputs, Layout, Message, Move, Site, stored
-from parcours.model.expression import Expression, evaluate
+from parcours.model.expression import evaluate
+from parcours.model.likely import may_hold
 from parcours.model.scope import is_local
 from parcours.model.structure import Cefsm
 from parcours.model.witness import with_terms
@@ -139,7 +140,26 @@ class Steps:
                 continue
             for reply in self.choices.of(after, partner, met[1], given.get(partner.component, {})):
                 inputs = tuple(sorted({*move.inputs, *_qualified(partner, reply)}, key=lambda pair: pair[0]))
+                if site.component == partner.component and not self._is_one_choice(
+                    configuration, after, site, partner, arrived, met[1], inputs
+                ):
+                    continue
                 yield Move(site.transition.id, partner.transition.id, inputs)
+
+    def _is_one_choice(
+        self, before: Configuration, after: Configuration, site: Site, partner: Site, arrived: Message, met: Message,
+        inputs: Inputs,
+    ) -> bool:  # fmt: skip
+        # Whether what two machines of one component chose apart is the same, and lets both guards hold.
+        if len(dict(inputs)) < len(inputs):
+            return False
+        prefix = site.component + "."
+        chosen = {name[len(prefix) :]: value for name, value in inputs}
+        return all(
+            each.transition.guard is None
+            or may_hold(each.transition.guard, with_terms(self.choices.known(where, each, message), chosen))
+            for each, where, message in ((site, before, arrived), (partner, after, met))
+        )
 
     def _fire(
         self, configuration: Configuration, site: Site, arrived: Message, move: Move
@@ -148,7 +168,7 @@ class Steps:
         prefix = site.component + "."
         chosen = {name[len(prefix) :]: value for name, value in move.inputs if name.startswith(prefix)}
         known = with_terms(self.choices.known(configuration, site, arrived), chosen)
-        if transition.guard is not None and not _holds(transition.guard, known):
+        if transition.guard is not None and not may_hold(transition.guard, known):
             raise _impossible(move, f"the guard of {transition.id!r} does not hold")
         values = list(configuration.values)
         for at, expression in site.assigned:
@@ -197,13 +217,6 @@ def _message(content: Content, known: Mapping[str, object], where: str) -> Messa
             if error.slug != "no-value":
                 raise
     return tuple(said)
-
-
-def _holds(guard: Expression, known: Mapping[str, object]) -> bool:
-    try:
-        return evaluate(guard, known) is True
-    except BadModel as error:
-        return error.slug == "no-value"
 
 
 def _impossible(move: Move, rule: str) -> BadRequest:

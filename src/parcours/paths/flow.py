@@ -41,12 +41,8 @@ class Passages:
         return int(self.taken @ arcs.costs)
 
 
-def passages(arcs: Arcs, n_walks: int | None = None) -> Passages:
+def passages(arcs: Arcs) -> Passages:
     """Return the cheapest way found for the fewest walks to take each arc as often as it must be taken.
-
-    Args:
-        arcs: the network.
-        n_walks: how many walks there shall be; None for the fewest. As many as are fewest are always made.
 
     Example: two branches with no way back need two walks.
 
@@ -57,7 +53,7 @@ def passages(arcs: Arcs, n_walks: int | None = None) -> Passages:
     closed = _closed(arcs)
     component = _components(arcs)
     between = _between(closed, component)
-    n_beginnings = max(int(between[-1]), n_walks or 0)
+    n_beginnings = int(between[-1])
     closed.least[-1] = n_beginnings
     taken = _circulation(closed, n_beginnings)
     shortest = int(taken @ closed.costs)
@@ -67,6 +63,17 @@ def passages(arcs: Arcs, n_walks: int | None = None) -> Passages:
             taken, shortest = _tightened(closed, taken, shortest)
     n_arcs = arcs.sources.size
     return Passages(taken[:n_arcs], n_beginnings, taken[n_arcs:-1], shortest)
+
+
+def least_cost(arcs: Arcs) -> int:
+    """Return what walks that take each arc as often as it must be taken cost at least, however many they are.
+
+    >>> least_cost(Arcs(2, np.array([0]), np.array([1]), np.ones(1, int), np.ones(1, int), np.array([1])))
+    1
+    """
+    closed = _closed(arcs)
+    closed.least[-1] = 1
+    return int(_circulation(closed, _UNLIMITED) @ closed.costs)
 
 
 def _closed(arcs: Arcs) -> Arcs:

@@ -56,6 +56,21 @@ def within(
     return tuple((*path, *_way(homeward, targets[path[-1]], targets)) for path in shorter)
 
 
+def shortest_path(graph: Graph, ends: Sequence[int]) -> Walk:
+    """Return a path with the fewest edges, but one at least, from the start to one of the ends.
+
+    >>> from parcours.model.structure import Machine, Transition
+    >>> from parcours.paths.graph import graph_of
+    >>> steps = (Transition("go", "a", "b"), Transition("back", "b", "a"))
+    >>> shortest_path(graph_of(Machine("m", "a", ("a", "b"), steps)), [0])
+    (0, 1)
+    """
+    sources, targets = graph.sources.tolist(), graph.targets.tolist()
+    homeward = _nearest(ends, targets, sources)
+    ways = [(edge, *_way(homeward, targets[edge], targets)) for edge, source in enumerate(sources) if not source]
+    return min(ways, key=len)
+
+
 def _nearest(begin: Iterable[int], sources: Sequence[int], targets: Sequence[int]) -> dict[int, int]:
     """Return for each state the last edge of a shortest way from `begin`, SILENT there."""
     leaving: dict[int, list[int]] = {}

@@ -8,10 +8,10 @@ hangs together is optimal altogether; and every step's optimum is a lower bound.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
-from scipy.optimize import Bounds, LinearConstraint, milp
+from scipy.optimize import Bounds, LinearConstraint, OptimizeResult, milp
 from scipy.sparse import csr_array
 
 from parcours.paths.joining import Arcs, Integers, groups
@@ -19,8 +19,11 @@ from parcours.paths.joining import Arcs, Integers, groups
 LARGEST = 4000
 """Most arcs of a network that is solved like this: time grows fast."""
 
-_ROUNDS = 20
-_NODES = 200
+_BRANCHED = 250
+"""Most arcs of a network where also whole numbers are asked for; beyond, what comes out fractional is left."""
+
+_ROUNDS = 40
+_NODES = 60
 """Most rounds, and nodes of one search tree: counted, not timed, so that the result is the same everywhere."""
 
 
@@ -32,9 +35,32 @@ def tightened(arcs: Arcs, known: Integers, shortest: int) -> tuple[Integers, int
         known: passages that hang together, shape (n_arcs,).
         shortest: a lower bound known before.
     """
-    n_arcs = arcs.sources.size
-    if n_arcs > LARGEST:
+    if arcs.sources.size > LARGEST:
         return known, shortest
+    rules: list[Integers] = []
+    whole = False
+    for _ in range(_ROUNDS):
+        found = _solved(arcs, rules, whole)
+        bound = found.mip_dual_bound if whole else found.fun
+        if bound is not None and np.isfinite(bound):
+            shortest = max(shortest, int(np.ceil(bound - 1e-6)))
+        if found.status != 0 or shortest >= known @ arcs.costs:
+            return known, shortest
+        where = groups(arcs, (found.x > 1e-6).astype(np.int64))
+        taken = np.rint(found.x).astype(np.int64)
+        if where.max() > 0:
+            rules += _entering(arcs, where)
+        elif np.abs(found.x - taken).max() < 1e-6:
+            return taken, shortest
+        elif whole or arcs.sources.size > _BRANCHED:
+            return known, shortest
+        else:
+            whole = True
+    return known, shortest
+
+
+def _solved(arcs: Arcs, rules: Sequence[Integers], whole: bool) -> OptimizeResult:
+    n_arcs = arcs.sources.size
     places = np.arange(n_arcs)
     balance = csr_array(
         (
@@ -45,25 +71,13 @@ def tightened(arcs: Arcs, known: Integers, shortest: int) -> tuple[Integers, int
     )
     most = np.full(n_arcs, np.inf)
     most[-1] = arcs.least[-1]
-    rules = [LinearConstraint(balance, 0, 0)]
-    for _ in range(_ROUNDS):
-        found = milp(
-            arcs.costs,
-            integrality=np.ones(n_arcs, dtype=np.int64),
-            bounds=Bounds(arcs.least, most),
-            constraints=rules,
-            options={"node_limit": _NODES},
-        )
-        if found.mip_dual_bound is not None and np.isfinite(found.mip_dual_bound):
-            shortest = max(shortest, int(np.ceil(found.mip_dual_bound - 1e-6)))
-        if found.status != 0 or shortest >= known @ arcs.costs:
-            return known, shortest
-        taken = np.rint(found.x).astype(np.int64)
-        where = groups(arcs, taken)
-        if where.max() <= 0:
-            return taken, shortest
-        rules += [LinearConstraint(entering, 1, np.inf) for entering in _entering(arcs, where)]
-    return known, shortest
+    return milp(
+        arcs.costs,
+        integrality=np.full(n_arcs, int(whole)),
+        bounds=Bounds(arcs.least, most),
+        constraints=[LinearConstraint(balance, 0, 0), *(LinearConstraint(rule, 1, np.inf) for rule in rules)],
+        options={"node_limit": _NODES},
+    )
 
 
 def _entering(arcs: Arcs, where: Integers) -> Iterator[Integers]:

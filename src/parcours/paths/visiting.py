@@ -14,10 +14,10 @@ import numpy as np
 
 from parcours.errors import BadRequest
 from parcours.paths.automaton import SILENT, Network, network, outermost
-from parcours.paths.flow import passages
+from parcours.paths.flow import least_cost, passages
 from parcours.paths.graph import Graph, Walk, stranded
 from parcours.paths.joining import Arcs
-from parcours.paths.shortening import within
+from parcours.paths.shortening import shortest_path, within
 from parcours.paths.touring import euler_tour
 
 Shape = Literal["tests", "open", "closed"]
@@ -31,7 +31,8 @@ class Cover:
     Attributes:
         paths: edges of each, from the start of the graph.
         fewest: no cover of the same shape has fewer paths.
-        shortest: no cover with as few paths as `fewest` has fewer edges in all.
+        shortest: no cover with as few paths as `fewest` has fewer edges in all; where a limit on the length made
+            more paths necessary, no cover at all has.
     """
 
     paths: tuple[Walk, ...]
@@ -75,20 +76,28 @@ def cover_sequences(
     Cover(paths=((0, 1, 2),), fewest=1, shortest=3)
     """
     wanted = outermost(len(graph.edges), sequences)
-    unseen = sorted(set(states) - _visited(graph, wanted))
+    asked = set(states)
+    begins = 0 in asked
+    unseen = sorted(asked - _visited(graph, wanted))
     if wanted and unseen:
         entering = {target: edge for edge, target in reversed(list(enumerate(graph.targets.tolist())))}
         wanted, unseen = outermost(len(graph.edges), [*wanted, *((entering[state],) for state in unseen)]), []
-    if not wanted and not set(unseen) - {0}:
+    if not wanted and not unseen and not (begins and graph.edges):
         return Cover((), 0, 0)
     ends = _ends(graph, shape)
-    paths, fewest, shortest = _fewest_paths(_split(network(graph, wanted), unseen), ends)
+    if not wanted and not unseen:
+        wanted = [shortest_path(graph, ends)]
+    built = _split(network(graph, wanted), unseen)
+    arcs = _arcs(built, ends)
+    paths, fewest, shortest = _fewest_paths(built, arcs)
     if shape == "open" and fewest > 1:
         rule = f"one walk must visit everything, but {fewest} are needed: there is no way back"
         raise BadRequest(f"graph of {graph.name!r}", rule, "ask for tests", slug="one-walk")
     if max_length is not None and max(map(len, paths)) > max_length:
         steps = wanted or [(path[place],) for path in paths for place in _arrivals(graph, path)]
         paths = within(graph, paths, steps, set(ends), max_length)
+        shortest = least_cost(arcs)
+        fewest = max(fewest, -(-shortest // max_length))
     return Cover(paths, fewest, shortest)
 
 
@@ -135,21 +144,23 @@ def _split(built: Network, states: Sequence[int]) -> Network:
     )
 
 
-def _fewest_paths(built: Network, ends: Sequence[int]) -> tuple[tuple[Walk, ...], int, int]:
-    """Return paths through the network, how few are possible, and a lower bound of their length."""
+def _arcs(built: Network, ends: Sequence[int]) -> Arcs:
     final = set(ends)
-    stops = np.array([node for node, state in enumerate(built.states) if state in final], dtype=np.int64)
     edges = np.array(built.edges, dtype=np.int64)
-    arcs = Arcs(
+    return Arcs(
         len(built.states),
         np.array(built.sources, dtype=np.int64),
         np.array(built.targets, dtype=np.int64),
         (edges != SILENT).astype(np.int64),
         np.array(built.required, dtype=np.int64),
-        stops,
+        np.array([node for node, state in enumerate(built.states) if state in final], dtype=np.int64),
     )
+
+
+def _fewest_paths(built: Network, arcs: Arcs) -> tuple[tuple[Walk, ...], int, int]:
+    """Return paths through the network, how few are possible, and a lower bound of their length."""
     found = passages(arcs)
-    pause = len(built.states)
+    pause, stops = len(built.states), arcs.ends
     sources = [*built.sources, *stops.tolist(), pause]
     targets = [*built.targets, *[pause] * stops.size, 0]
     taken = [*found.taken.tolist(), *found.ended.tolist(), found.beginnings]

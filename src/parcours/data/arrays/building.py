@@ -29,6 +29,14 @@ PATIENCE = 30_000_000
 """After how many tuples looked up in vain a size counts as the last, without a time budget; ten times what came before,
 if that is more."""
 
+LEAST_GROWTH = 1.0
+"""How long growing may take whatever the budget [s]: an array that lacks combinations is worth little."""
+
+LOST_STEPS = 30_000
+"""Most choices that searches for allowed rows take back while an array grows without a time budget: a few seconds."""
+
+_PART = 20_000_000  # tuples looked up while growing between two looks at the clock
+_ANY = 1_000_000  # rows
 _PIECE = 3_000_000  # tuples looked up between two looks at the clock
 _COUNTS = 4  # how often all tuples of an array are looked up to take a row away and to verify the result
 _CANDIDATES, _GROWTH = 50, 200_000_000
@@ -74,12 +82,14 @@ def covering_array(
     Args:
         goals: what must be held, and which rows are allowed; a tuple that cannot be decided is no longer needed there.
         must: rows that stay, and come first, shape (n_must, n_columns).
-        budget: how long to take rows away once there is an array [s], compiling not counted; None for a fixed effort.
+        budget: how long to search [s], compiling not counted, though growing may take LEAST_GROWTH; None for a fixed
+            effort. What growing did not come to is undecided.
         seed: of the random choices.
         told: is told of every smaller array.
 
     Raises:
         BadRequest: a row of `must` is not allowed.
+        BadDomain: the rules leave no row, or the search for a first one took too long.
 
     >>> from parcours.data.arrays.goals import goals_of
     >>> array = covering_array(goals_of([3, 3, 3, 3], 2))
@@ -93,6 +103,8 @@ def covering_array(
         raise BadRequest(
             f"must-have row {index + 1}", f"it must break no rule, but breaks {rule.name!r}", slug="must-row"
         )
+    if not len(must):
+        goals.rules.require_row()
     return _Search(goals, must, budget, seed, told).array()
 
 
@@ -104,6 +116,7 @@ class _Search:
         self.told = told or (lambda what, done, total: None)
         self.stream = starts(seed, np.array([0]), ROWS)
         self.begun = self.search_begun = time.perf_counter()
+        self.lost_before = goals.rules.lost_steps
         self.stages: list[Stage] = []
         self.undecided: list[int] = []
         self.best = must
@@ -114,16 +127,30 @@ class _Search:
         return time.perf_counter() - self.begun
 
     def array(self) -> CoveringArray:
-        self.keep("grown row by row", self.grown())
-        if len(self.best) > self.fewest:
-            for name, rows in self.others():
+        needed = self.goals.layout.needed
+        self.compile()
+        rows, left = self.grown()
+        self.keep("grown row by row", rows)
+        if len(left) or len(self.best) > self.fewest:
+            for name, rows in self.others(_ANY if len(left) else len(self.best)):
                 if self.goals.are_met_by(rows):
+                    if len(left):
+                        self.best, left = rows, left[:0]
                     self.keep(name, rows)
+        needed[left] = False
+        self.undecided += left.tolist()
+        if self.goals.rules.tables:  # less is needed than it seemed
+            self.fewest = max(fewest_rows(self.goals), len(self.must))
         self.shrink()
-        infeasible = set(np.flatnonzero(~self.goals.layout.needed).tolist()).difference(self.undecided)
-        return CoveringArray(
-            self.best, self.fewest, tuple(self.stages), tuple(sorted(infeasible)), tuple(self.undecided)
-        )
+        infeasible = np.setdiff1d(np.flatnonzero(~needed), np.array(self.undecided, dtype=np.int64)).tolist()
+        return CoveringArray(self.best, self.fewest, tuple(self.stages), tuple(infeasible), tuple(self.undecided))
+
+    def compile(self) -> None:
+        """Compile what is compiled, if need be, and only then start the clock of the budget."""
+        layout, room = self.goals.layout, np.zeros((1, len(self.goals.sizes)), dtype=np.int64)
+        grow(layout, room, 0, np.zeros(1, dtype=np.int64), 0, 1, self.stream)
+        repair(layout, table_of(layout, room[:0]), 0, 0, self.stream)
+        self.search_begun = time.perf_counter()
 
     def keep(self, name: str, rows: Ints) -> None:
         """Note a stage, and take its array if it is the smallest."""
@@ -132,29 +159,32 @@ class _Search:
             self.best = rows
             self.told(name, len(rows), self.fewest)
 
-    def others(self) -> Iterator[tuple[str, Ints]]:
-        """Yield the arrays that need no rules and no must-have rows."""
+    def others(self, most: int) -> Iterator[tuple[str, Ints]]:
+        """Yield the arrays that need no rules and no must-have rows, constructed ones of fewer than `most` rows."""
         sizes, sets = self.goals.sizes, self.goals.sets
         if self.goals.rules.tables or not sets:
             return
         strengths = {len(each) for each in sets}
         if len(strengths) == 1 and not len(self.must):
-            yield from constructions(sizes, strengths.pop(), self.seed, len(self.best))
+            yield from constructions(sizes, strengths.pop(), self.seed, most)
         if self.goals.n_tuples <= MAX_TUPLES and len(self.best) > self.fewest:
             deadline = time.perf_counter() + _OTHER_ENGINE_SECONDS
             rows = covertable_rows(self.goals, self.must, seed=self.seed, deadline=deadline)
             if rows is not None:
                 yield "covertable", rows
 
-    def grown(self) -> Ints:
-        """Return the must-have rows and as many as it takes, found greedily; note what cannot be decided."""
+    def grown(self) -> tuple[Ints, Ints]:
+        """Return the must-have rows and as many as it takes, found greedily, and the tuples that there was no time for.
+
+        What the search for a row cannot decide is noted."""
         goals, layout = self.goals, self.goals.layout
         missing = goals.missing(self.must)
         rows, n, n_missing = self.must, len(self.must), len(missing)
         cost = max(1, len(layout.set_of) * max(goals.sizes) // 2)
         candidates = int(np.clip(_GROWTH // (cost * max(1, len(goals.sets))), 4, _CANDIDATES))
-        while n_missing:
-            table = np.full((2 * n + 64, len(goals.sizes)), 0, dtype=np.int64)
+        step = max(1, _PART // (cost * candidates))
+        while n_missing and self.may_grow():
+            table = np.full((n + min(n + 64, step), len(goals.sizes)), 0, dtype=np.int64)
             table[:n] = rows[:n]
             before = n
             n, n_missing = map(int, grow(layout, table, n, missing, n_missing, candidates, self.stream))
@@ -170,7 +200,12 @@ class _Search:
                 if added is None:
                     n_missing -= 1  # the last one, which no row holds, is left out
             self.told("grown row by row", n, self.fewest)
-        return rows[:n].copy()
+        return rows[:n].copy(), missing[:n_missing].copy()
+
+    def may_grow(self) -> bool:
+        if self.budget is not None:
+            return time.perf_counter() - self.search_begun < max(self.budget, LEAST_GROWTH)
+        return self.goals.rules.lost_steps - self.lost_before < LOST_STEPS
 
     def completed(self, number: int) -> Ints | None:
         """Return an allowed row that holds a tuple, if there is one; note the tuple if that takes too long to say."""
@@ -187,8 +222,6 @@ class _Search:
         spent, spent_before, n_starts = 0, 0, 0
         fixed = len(self.must)
         table = stage = None
-        repair(self.goals.layout, table_of(self.goals.layout, self.best), fixed, 0, self.stream)  # compiled, if need be
-        self.search_begun = time.perf_counter()
         while len(self.best) > max(self.fewest, fixed) and self.goes_on(spent, spent_before):
             if table is None:
                 table = table_of(self.goals.layout, self.without_a_row(self.best))
@@ -204,7 +237,7 @@ class _Search:
                 self.told("fewer rows", len(self.best), self.fewest)
             elif spent - spent_before > (n_starts + 1) * 4 * PATIENCE:
                 n_starts += 1
-                table = table_of(self.goals.layout, self.cut(self.grown(), len(self.best) - 1))
+                table = table_of(self.goals.layout, self.cut(self.grown()[0], len(self.best) - 1))
         if stage:
             self.stages.append(stage)
 

@@ -34,16 +34,18 @@ MAX_VALUES = 10_000
 
 _WEIGHT = re.compile(r"\(\s*[0-9]{1,9}\s*\)$")
 _NUMBER = re.compile(r"[-+]?(?:[0-9]{1,19}(?:\.[0-9]{0,19})?|\.[0-9]{1,19})(?:[eE][-+]?[0-9]{1,3})?", re.ASCII)
+_ORDER = re.compile(r"\s@\s*([0-9]{1,9})$", re.ASCII)
 _GROUP = re.compile(r"\{([^{}]*)\}(?:\s*@\s*([0-9]{1,9}))?")
 _CONSTRAINT = re.compile(r"(?:IF|NOT|IsNegative|IsPositive)\b|[\[(]", re.IGNORECASE)
 
 
 @dataclass(frozen=True, slots=True)
 class PictReading:
-    """An input model read from a PICT file, and what of the file it does not hold."""
+    """An input model read from a PICT file, what of the file it does not hold, and the parameters' names there."""
 
     model: InputModel
     losses: tuple[Loss, ...] = ()
+    titles: tuple[str, ...] = ()
 
 
 def read_pict(path: Path | str) -> PictReading:
@@ -106,17 +108,25 @@ class _Reader:
         constraints = constraints_in(text, rest + 1, self.origin, self.parameters)
         name = re.sub(r"\.\w+$", "", Path(self.origin).name) or "pict"
         model = InputModel(name, domains, tuple(constraints), self.origin, groups=tuple(self.groups))
-        return PictReading(model, tuple(self.losses))
+        titles = tuple(parameter.title for parameter in self.parameters.values())
+        return PictReading(model, tuple(self.losses), titles)
 
     def parameter(self, line: str) -> None:
         title, colon, listed = line.partition(":")
         title = title.strip()
+        if order := _ORDER.search(title):
+            title = title[: order.start()].strip()
+            self.losses.append(Loss(f"parameter {title[:60]!r}", self.line, f"its own order {order[1]} is not kept"))
         if not colon or not title or not listed.strip():
             self.fail(f"a parameter must be written NAME: value, value, but this is {brief(line)}", slug="pict-syntax")
         if title.casefold() in self.parameters:
             self.fail(f"a parameter must be named once, but {brief(title)} is twice", slug="duplicate-name")
         if len(self.parameters) >= MAX_COLUMNS:
             self.fail(f"a model has at most {MAX_COLUMNS} parameters, but this one has more", slug="columns")
+        if title.startswith("$"):
+            self.losses.append(
+                Loss(f"parameter {title[:60]!r}", self.line, "a result parameter is combined like any other here")
+            )
         valid, invalid = self.values(title, listed)
         name = self.name(title)
         words = valid + invalid
@@ -134,7 +144,7 @@ class _Reader:
         for item in listed.split(","):
             item = item.strip()
             if item.startswith("<") and item.endswith(">"):
-                found = [(word, False) for word in self.of(item[1:-1].strip())]
+                found = self.of(item[1:-1].strip())
             else:
                 found = [self.value(title, item)]
             for word, is_negative in found:
@@ -163,8 +173,8 @@ class _Reader:
             self.fail(f"a value must be 1 to 200 printable characters, but one is {brief(word)}", slug="name")
         return word, is_negative
 
-    def of(self, title: str) -> list[str]:
-        """Return the valid values of a parameter that another one takes over."""
+    def of(self, title: str) -> list[tuple[str, bool]]:
+        """Return the values of a parameter that another one takes over, and whether each is for negative tests."""
         found = self.parameters.get(title.casefold())
         if found is None:
             self.fail(
@@ -172,7 +182,7 @@ class _Reader:
                 one_of(title[:60], [each.title for each in self.parameters.values()][:20]),
                 slug="unknown-name",
             )
-        return list(found.domain.labels[: len(found.domain.blocks)])
+        return [(label, place >= len(found.domain.blocks)) for place, label in enumerate(found.domain.labels)]
 
     def name(self, title: str) -> str:
         """Return a name that rules can say, different from all others."""

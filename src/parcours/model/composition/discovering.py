@@ -42,7 +42,7 @@ def discoveries(space: Space, local: LocalMoves, record: Record, band: Sequence[
         for (taken, channel), state in record.blocked.items()
         if state < space.n_expanded
     ]
-    if space.complete and not record.faults:
+    if space.exact and not record.faults:
         found += _never(space)
     resting = [state for state in ends if state in rests]
     if resting:
@@ -131,10 +131,11 @@ def _reception(
     places = " and ".join(f"{machine} in {at}" for (owner, machine), at in pairs if owner == receiver)
     said = ", ".join(f"{field} = {value!r}" for field, value in message)
     oldest = f"the oldest message of {channel}{f' ({said})' if said else ''}"
+    tried = ", for the values tried" if space.doubts else ""
     if is_blocked:
-        text = f"{receiver}, with {places}, can never send what it has to when it takes {oldest}"
+        text = f"{receiver}, with {places}, can never send what it has to when it takes {oldest}{tried}"
         return Discovery("blocked-reception", text, state, count)
-    text = f"{receiver}, with {places}, never comes to a state that takes {oldest}"
+    text = f"{receiver}, with {places}, never comes to a state that takes {oldest}{tried}"
     return Discovery("unspecified-reception", text, state, count)
 
 

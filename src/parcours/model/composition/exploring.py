@@ -101,6 +101,7 @@ def explore(
         np.asarray(found.labels),
         found.seconds,
         found.stopped,
+        doubts=local.doubts,
     )
     return replace(space, findings=discoveries(space, local, record, band))
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from parcours.errors import BadModel
+from parcours.errors import BadModel, BadRequest
 from parcours.model.composition.packing import Packing
 from parcours.model.configuration import Configuration, Message, Move
 from parcours.model.steps import Steps
@@ -51,11 +51,17 @@ class LocalMoves:
         touched: for each machine the variables, by index, that its transitions read or assign.
     """
 
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """Why what was never seen may happen all the same: choices that were left out, in words."""
+        return tuple(self._steps.choices.doubts.values()) + tuple(self._refused)
+
     def __init__(self, cefsm: Cefsm, packing: Packing) -> None:
         self.packing = packing
         self.meetings = {channel.name for channel in cefsm.channels if _joins_two(channel)} & packing.layout.meetings
         self._steps = Steps(replace(cefsm, channels=tuple(map(_freed, cefsm.channels))))
         self._start = self._steps.layout.initial()
+        self._refused: dict[str, None] = {}
         self._known: dict[tuple[tuple[int, ...], int, str, Message], tuple[LocalMove, ...]] = {}
         self.touched: list[list[int]] = []
         for leaving in packing.layout.leaving:
@@ -100,7 +106,10 @@ class LocalMoves:
             event = sites[0].transition.event
             takes = event.channel if event is not None and event.channel in layout.queue else ""
             if takes == channel and tuple(site.slot for site in sites) == machines:
-                found.append(self._taken(machines, here, move, takes))
+                try:
+                    found.append(self._taken(machines, here, move, takes))
+                except BadRequest:
+                    self._refused[f"{move} was offered with a choice that cannot be taken"] = None
         return found
 
     def _taken(self, machines: tuple[int, ...], here: Configuration, move: Move, takes: str) -> LocalMove:

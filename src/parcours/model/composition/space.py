@@ -87,6 +87,8 @@ class Space:
         seconds: how long it took [s].
         stopped: why it ended before everything was expanded, as a sentence; empty if nothing is left.
         findings: what it came upon, gravest kinds first.
+        doubts: why runs may do more than is in here even if nothing is left to expand: for each transition whose
+            open values were not all tried although they matter later, a sentence.
     """
 
     cefsm: Cefsm
@@ -101,6 +103,7 @@ class Space:
     seconds: float
     stopped: str = ""
     findings: tuple[Discovery, ...] = ()
+    doubts: tuple[str, ...] = ()
 
     @property
     def n_states(self) -> int:
@@ -119,8 +122,13 @@ class Space:
 
     @property
     def complete(self) -> bool:
-        """Whether these are all reachable configurations and all moves between them."""
+        """Whether everything that the step relation offers was expanded."""
         return not self.stopped
+
+    @property
+    def exact(self) -> bool:
+        """Whether what is not in here cannot happen: the space is complete, and no other choice matters."""
+        return self.complete and not self.doubts
 
     @cached_property
     def sources(self) -> Numbers:

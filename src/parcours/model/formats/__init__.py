@@ -110,7 +110,7 @@ def format_of(path: Path) -> str:
 def _with_suffix(path: Path) -> list[str]:
     found = [name for name, each in FORMATS.items() if path.suffix.lower() in each.suffixes]
     if not found:
-        known = ", ".join(suffix for each in FORMATS.values() for suffix in each.suffixes)
+        known = ", ".join(dict.fromkeys(suffix for each in FORMATS.values() for suffix in each.suffixes))
         rule = f"the suffix must tell the format, but {path.suffix!r} does not"
         raise BadRequest(str(path), rule, f"name the format, or rename the file. Known: {known}", slug="unknown-format")
     return found

@@ -51,7 +51,9 @@ def composition_graph(space: Space) -> Graph:
 def composition_demand(
     space: Space, criterion: str | Criterion, limits: Limits | None = None
 ) -> tuple[Demand, tuple[Requirement, ...]]:
-    """Return what a criterion over graphs or channels asks of a composition, and what no walk of it can meet.
+    """Return what a criterion over graphs or channels asks of a composition, and what no walk of it meets.
+
+    That none can meet it is proven only if the space is exact (`Space.exact`).
 
     Each requirement over channels has a shortest walk that meets it: one edge, or for a rendezvous over a queue those
     from the one that sends to the one that receives.

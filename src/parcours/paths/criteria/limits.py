@@ -32,8 +32,9 @@ class Tally:
     >>> tally.add(3)
     >>> tally.add(3)
     Traceback (most recent call last):
-    parcours.errors.BadRequest: prime paths of 'door': there must be at most 1, but the search was stopped at 2, with \
-more to come; take a weaker criterion, cover parts of the model, or raise the limit [too-many-requirements]
+    parcours.errors.BadRequest: prime paths of 'door': there must be at most 1, but the search was stopped at 2 of \
+6 steps in all, with more to come; take a weaker criterion, cover parts of the model, or raise the limit \
+[too-many-requirements]
     """
 
     def __init__(self, limits: Limits, what: str) -> None:
@@ -68,7 +69,8 @@ more to come; take a weaker criterion, cover parts of the model, or raise the li
     def _refusal(self, rule: str) -> BadRequest:
         return BadRequest(
             self.what,
-            f"there must be {rule}, but the search was stopped at {self.count}, with more to come",
+            f"there must be {rule}, but the search was stopped at {self.count} of {self.steps} steps in all, "
+            "with more to come",
             "take a weaker criterion, cover parts of the model, or raise the limit",
             slug="too-many-requirements",
         )

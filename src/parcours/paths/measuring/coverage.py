@@ -72,6 +72,8 @@ def measure(
     walks = walks_of(of, [each.subject for each in asked], sequences)
     required = [goal.requirement for each in asked for goal in each.goals]
     answers = [yes for each, own in zip(asked, walks, strict=True) for yes in met_goals(each, own, tours)]
+    if not sequences:  # nothing ran, so no machine stood in its initial state
+        answers = [False] * len(required)
     return _coverage(chosen, required, answers)
 
 

@@ -22,6 +22,7 @@ from parcours.paths.solving.verdicts import Covered, Executability, Infeasible, 
 from parcours.paths.solving.verifying import Verifier
 
 if TYPE_CHECKING:
+    from parcours.paths.solving.proving import Prover
     from parcours.paths.solving.searching import Prefixes, Search
 
     Found = tuple[tuple[str, ...], tuple[Inputs, ...]]
@@ -129,6 +130,8 @@ class _Solving:
         share = 0.6 if has_solver() else 1.0
         space = Space(self.cefsm, self.owner, MOST_STATES, self.begun + share * self.budget)
         explored = space.explore(self.targets, self.finals, complete=complete)
+        if self.targets.at(self.targets.start()):
+            self._take(self.verifier.path(()))  # the start needs no transition, which might not come in time
         for run in explored.runs:
             self._take(self.verifier.path(run))
         if has_solver():
@@ -159,11 +162,11 @@ class _Solving:
         prefixes = Prefixes(ground, self.owner, self.machine, seed)
         root = Search(prefixes, self.targets, (), self.verifier.runs)
         prefixes.deadline = self._after(0.5)
-        reason = self._grow(prefixes, root, complete=complete)
+        reason = self._grow(prefixes, root, prover, complete=complete)
         until = self._after(0.5)
         self._exclude(list(self.open), lambda need: prover.proof(need, until, WAYS_FOR_PROOF))
         prefixes.deadline = self.deadline
-        return self._grow(prefixes, root, complete=complete) if self.open else reason
+        return self._grow(prefixes, root, prover, complete=complete) if self.open else reason
 
     def _unreached(self, explored: Explored) -> list[Requirement]:
         """Return what no run meets, where all that can happen was seen."""
@@ -178,7 +181,7 @@ class _Solving:
                 self.open.pop(need, None)
                 self._tell()
 
-    def _grow(self, prefixes: Prefixes, root: Search, *, complete: bool) -> str:
+    def _grow(self, prefixes: Prefixes, root: Search, prover: Prover, *, complete: bool) -> str:
         """Cover what is left by paths that the solver finds; return why the rest stays undecided."""
         try:
             while self.open and (found := root.onward(self._meets, MOST_CHECKS)) is not None:
@@ -197,7 +200,8 @@ class _Solving:
         if prefixes.doubt:
             return prefixes.doubt
         tried = f"none of the paths that can run comes to it, of {prefixes.checks} tried"
-        self._exclude(list(self.open), lambda need: (tried,))
+        until = self._after(0.5)
+        self._exclude(list(self.open), lambda need: prover.proof(need, until, WAYS_FOR_PROOF) or (tried,))
         return ""
 
     def _extended(self, search: Search, wanted: Callable[[Node], bool]) -> Found | None:
@@ -218,7 +222,8 @@ class _Solving:
         for need in self.targets.met(path.ids) if path is not None else ():
             assert path is not None
             self.open.pop(need, None)
-            self.covered.setdefault(need, path)
+            if need not in self.covered or not self.covered[need].moves:
+                self.covered[need] = path
         self._tell()
 
     def _tell(self) -> None:

@@ -9,7 +9,7 @@ import z3
 
 from parcours.model.configuration import Layout
 from parcours.model.expression import Apply, Assignment, Expression, Field
-from parcours.model.structure import Cefsm, Component, Variable
+from parcours.model.structure import CLOCK, Cefsm, Component, Variable
 from parcours.paths.solving.terms import Symbols, Value, constant, fits
 from parcours.paths.timing.clockwork import is_timed
 
@@ -43,6 +43,7 @@ class Ground:
         symbols: the numbers of texts.
         variables: for each component its variables by name.
         assigned: for each component and variable what is assigned to it, with the machine that does so.
+        clocks: for each component the names of its clocks.
         timed: whether the model says anything about time.
     """
 
@@ -53,6 +54,10 @@ class Ground:
             for component in cefsm.components
         }
         self.assigned = {component.name: dict(_assigned(component)) for component in cefsm.components}
+        self.clocks = {
+            name: frozenset(each.name for each in found.values() if each.type == CLOCK)
+            for name, found in self.variables.items()
+        }
         self.timed = any(is_timed(component) for component in cefsm.components)
 
     def unsteady(self, component: str, machine: str) -> frozenset[str]:

@@ -4,6 +4,7 @@ The transitions of the requirement are taken from anywhere: any values the varia
 machines do. If that is impossible, what conflicts is the proof. Otherwise every transition that can come before is
 put in front, again and again; one that neither sets nor tests what the rest reads is passed over. If all ways back
 come to a conflict, the requirement is infeasible. What was passed over only allows more, so a proof stays one.
+Where time counts, it is left out at first, so that clocks read anything: that too only allows more.
 """
 
 from __future__ import annotations
@@ -44,6 +45,7 @@ class Prover:
         self._bounds, self._unsteady = bounds, ground.unsteady(component.name, machine.name)
         self._ground, self._component, self._machine, self._seed = ground, component, machine, seed
         self._transitions = {transition.id: transition for transition in machine.transitions}
+        self._clocks = ground.clocks[component.name]
         self._entering: dict[str, list[Transition]] = {}
         for transition in machine.transitions:
             self._entering.setdefault(transition.target, []).append(transition)
@@ -56,13 +58,21 @@ class Prover:
             deadline: when to stop, on `time.monotonic`.
             ways: how many ways back to look at.
         """
+        if self._ground.timed:
+            now = time.monotonic()
+            found = self._proof(need, now + max(0.0, deadline - now) / 2, ways, timed=False)
+            if found is not None:
+                return found
+        return self._proof(need, deadline, ways, timed=self._ground.timed)
+
+    def _proof(self, need: Requirement, deadline: float, ways: int, *, timed: bool) -> tuple[str, ...] | None:
         ahead: list[tuple[str, Slice]]
         if need.kind == "state":
             if need.steps[0] == self._machine.initial:
                 return None
             ahead = [(transition.source, (transition.id,)) for transition in self._entering.get(need.steps[0], ())]
         elif need.steps[0] == START:
-            conflict = self._conflict(need.steps[1:], "initial")
+            conflict = self._conflict(need.steps[1:], "initial", timed=timed)
             return None if conflict is None else (*self._starts(need.steps[1:]), *conflict)
         else:
             ahead = [(self._transitions[need.steps[0]].source, need.steps)]
@@ -70,9 +80,9 @@ class Prover:
         for state, slice_ in ahead:
             if len(seen) > ways or time.monotonic() > deadline:
                 return None
-            conflict = self._conflict(slice_, "anywhere")
+            conflict = self._conflict(slice_, "anywhere", timed=timed)
             if conflict is None and state == self._machine.initial:
-                conflict = self._conflict(slice_, "initial")
+                conflict = self._conflict(slice_, "initial", timed=timed)
                 if conflict is None:
                     return None  # a run may begin so, as far as this shows
                 reasons |= dict.fromkeys(self._starts(slice_))
@@ -81,30 +91,30 @@ class Prover:
             if conflict is not None:
                 reasons |= dict.fromkeys(conflict)
                 continue
-            for before in self._before(state, slice_):
+            for before in self._before(state, slice_, timed=timed):
                 if before not in seen:
                     seen.add(before)
                     ahead.append(before)
         return tuple(reasons)
 
-    def _before(self, state: str, slice_: Slice) -> Iterator[tuple[str, Slice]]:
-        read = self._read(slice_)
+    def _before(self, state: str, slice_: Slice, *, timed: bool) -> Iterator[tuple[str, Slice]]:
+        read = self._read(slice_) - (frozenset() if timed else self._clocks)
         for transition in self._entering.get(state, ()):
             sets = {action.target for action in transition.actions if isinstance(action, Assignment)}
             tests = names(transition.guard) if transition.guard is not None else frozenset[str]()
             # A test is put in front once only, or a loop of tests would never end.
             tells = not sets.isdisjoint(read) or (transition.id not in slice_ and not tests.isdisjoint(read))
             # Time passes on every transition, so none is passed over where it counts.
-            passed = not tells and not self._ground.timed
-            yield transition.source, slice_ if passed else (transition.id, *slice_)
+            yield transition.source, slice_ if not tells and not timed else (transition.id, *slice_)
 
-    def _conflict(self, ids: Slice, begin: Begin) -> tuple[str, ...] | None:
+    def _conflict(self, ids: Slice, begin: Begin, *, timed: bool) -> tuple[str, ...] | None:
         """Return what makes the transitions impossible, in real and in rounded arithmetic; None if nothing does."""
+        unsteady = self._unsteady if timed else self._unsteady | self._clocks
         for exact in (True, False):
             place = (0, self._component.name, self._machine.name)
             walk = Walk(
                 self._ground, [place], exact=exact, explain=True, begin=begin,
-                unsteady=self._unsteady, bounds=self._bounds, seed=self._seed,
+                unsteady=unsteady, bounds=self._bounds, timed=timed, seed=self._seed,
             )  # fmt: skip
             try:
                 for number, id in enumerate(ids, start=1):

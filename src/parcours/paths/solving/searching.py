@@ -9,6 +9,7 @@ same values are one.
 from __future__ import annotations
 
 import heapq
+import sys
 import time
 from collections.abc import Callable, Iterator
 
@@ -29,6 +30,9 @@ Verified = Callable[[Ids, tuple[Inputs, ...]], bool]
 CHECK_SECONDS = 2.0
 """Longest time for one question to the solver [s]."""
 
+LOOPS = 50
+"""Where time counts, a path takes at most so many transitions for each state and transition of the machine."""
+
 
 class Prefixes:
     """One solver that walks along the paths of a machine; the other machines of its component stand still.
@@ -40,6 +44,7 @@ class Prefixes:
         seed: of the solver's random choices.
 
     Attributes:
+        longest: most transitions of a path. Where time counts no two paths are alike, so loops would have no end.
         allowed: transitions that the machine can take by itself.
         doubt: why not having found a path proves nothing; empty if it does.
         deadline: when to stop, on `time.monotonic`.
@@ -50,6 +55,7 @@ class Prefixes:
         self._place = (0, component.name, machine.name)
         self._walk = Walk(ground, [self._place], seed=seed)
         self._ids: Ids = ()
+        self.longest = LOOPS * (len(machine.states) + len(machine.transitions)) if ground.timed else sys.maxsize
         self._transitions = {transition.id: transition for transition in machine.transitions}
         self.deadline, self.checks = time.monotonic(), 0
         meetings = {each.name for each in ground.cefsm.channels if each.sender == each.receiver == component.name}
@@ -180,6 +186,9 @@ class Search:
                 if (node, key) in self._seen:
                     continue
                 self._seen.add((node, key))
+            if len(ids) >= prefixes.longest:
+                prefixes.doubt = prefixes.doubt or f"no path of more than {prefixes.longest} transitions was tried"
+                continue
             for transition in self._targets.leaving.get(node[0], ()):
                 if transition.id in prefixes.allowed:
                     self._order -= 1  # the newest first among equals: the solver need not go far

@@ -37,6 +37,7 @@ class Walk:
         unsteady: variables that others may set at any time.
         bounds: what is known of variables that do not begin as the model says, or are unsteady.
         taken: messages that a later event takes, as (event number, channel).
+        timed: whether time counts; where it does not, the clocks are to be among `unsteady`.
         seed: of the solver's random choices.
     """
 
@@ -51,9 +52,11 @@ class Walk:
         unsteady: frozenset[str] = frozenset(),
         bounds: frozenset[Bound] = frozenset(),
         taken: frozenset[tuple[int, str]] = frozenset(),
+        timed: bool = True,
         seed: int = 0,
     ) -> None:
         self.ground, self._places, self._explain, self._taken = ground, tuple(places), explain, taken
+        self._timed = timed and ground.timed
         self._solver = z3.Solver()
         self._solver.set("random_seed", seed % 2**31)
         if explain:
@@ -73,7 +76,7 @@ class Walk:
     def key(self) -> object | None:
         """Return the values of all variables, or None if some depend on what is open, or time passes."""
         values = self._levels[-1].values
-        if self.ground.timed or not all(map(is_constant, values.values())):
+        if self._timed or not all(map(is_constant, values.values())):
             return None
         # Variables that nobody looked at yet are missing; so are those that stand as they began.
         begun = {slot: self.ground.initial(self.ground.variables[slot[1]][slot[2]]) for slot in values}
@@ -144,8 +147,10 @@ class Walk:
 
     def _take(self, event: Event, level: Level) -> None:
         transition, at = event.transition, f"{event.transition.id!r}"
-        if self.ground.timed:
+        if self._timed:
             self._tick(event, level)
+        else:
+            level.clocks = dict.fromkeys(self.ground.clocks[event.component], (0, Fraction(0)))
         translator = self._reading.translator(event, level)
         if transition.guard is not None:
             guard = translator.term(transition.guard)

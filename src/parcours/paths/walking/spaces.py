@@ -9,7 +9,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from dataclasses import replace
 
-from parcours.errors import BadRequest, one_of
+from parcours.errors import BadModel, BadRequest, one_of
 from parcours.model.configuration import Configuration, Move
 from parcours.model.steps import Steps
 from parcours.model.structure import ENVIRONMENT, Cefsm, Channel, Machine, Transition
@@ -122,8 +122,11 @@ class ModelSpace(Space):
         return self._steps.layout.initial()
 
     def step(self, here: Configuration, move: Move) -> Configuration:
-        """Return the configuration after a move. Raises BadModel as `parcours.model.step`."""
-        return self._steps.step(here, move)
+        """Return the configuration after a move. Raises BadModel as `parcours.model.step`, also if that refuses it."""
+        try:
+            return self._steps.step(here, move)
+        except BadRequest as error:
+            raise BadModel(error.where, error.rule, error.remedy, slug="impossible-move") from None
 
     def _options(self, here: Configuration) -> tuple[Option, ...]:
         groups: dict[tuple[str, str], list[Move]] = {}

@@ -87,10 +87,13 @@ class TokenReader:
 
     def number(self) -> float:
         """Read a number, and return it. Raises BadRequest."""
-        text = self.kind("number")
-        value = float(text) if text else math.inf
-        if not math.isfinite(value):
+        token = self.here
+        if token is None or token.kind != "number":
             self.fail("a number must stand here")
+        value = float(token.text)
+        if not math.isfinite(value):
+            self.fail("a number must be at most 1.8e308, and this one is too large")
+        self._at += 1
         return value
 
     def percent(self, amount: float) -> float:

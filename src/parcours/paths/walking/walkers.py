@@ -30,7 +30,7 @@ class Ending(StrEnum):
 
     HELD = "the stop condition holds"
     DEAD_END = "nothing can be done there"
-    EXHAUSTED = "no configuration that can be reached meets anything more"
+    EXHAUSTED = "no configuration that the offered choices reach meets anything more"
     PLAN_DONE = "the planned path is done"
     BLOCKED = "the planned path goes on with a transition that cannot be taken there"
     BUDGET = "the budget is spent, and the stop condition does not hold"

@@ -1,8 +1,9 @@
 """Guards and actions in JavaScript or UPPAAL's C-like language to our syntax trees, or a refusal by name."""
 
+from parcours.model.formats.foreign.refusing import refusal, sized
 from parcours.model.formats.foreign.texts import Branch, actions, branches, condition, guard, performed, variables
 from parcours.model.formats.foreign.tokens import Language, Tokens
-from parcours.model.formats.foreign.translation import Scope, Translation, refusal, sized
+from parcours.model.formats.foreign.translation import Scope, Translation
 
 __all__ = [
     "Branch",

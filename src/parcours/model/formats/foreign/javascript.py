@@ -6,7 +6,7 @@ import re
 from collections.abc import Set
 
 from parcours.model.expression import Apply, Binary, Expression, Literal, Name, Unary
-from parcours.model.formats.foreign.values import is_natural
+from parcours.model.formats.foreign.kinds import is_natural
 
 WORDS = frozenset(
     re.findall(
@@ -47,6 +47,9 @@ def _spelled(node: Expression, naturals: Set[str]) -> Expression:
             return _spelled(operand, naturals)
         case Unary(operator, operand):
             return Unary(operator, _spelled(operand, naturals))
+        case Binary("==" | "!=" as operator, Binary("%", left, right), Literal(0)):
+            # Languages differ in the sign of a remainder, not in whether there is one.
+            return Binary(operator, Binary("%", _spelled(left, naturals), _spelled(right, naturals)), Literal(0))
         case Binary("%", left, right) if not (is_natural(left, naturals) and is_natural(right, naturals)):
             # The remainder there has the sign of the dividend, ours that of the divisor.
             one, two = _spelled(left, naturals), _spelled(right, naturals)

@@ -12,21 +12,17 @@ from dataclasses import dataclass
 
 from parcours.errors import BadModel
 from parcours.model.expression import Assignment, Expression, Literal, Unary
+from parcours.model.formats.foreign.kinds import KINDS, kind_of
 from parcours.model.formats.foreign.parsing import Parser
+from parcours.model.formats.foreign.refusing import refusal, sized
 from parcours.model.formats.foreign.tokens import Language, Tokens
-from parcours.model.formats.foreign.translation import Scope, Translation, refusal, sized
+from parcours.model.formats.foreign.translation import Scope, Translation
 from parcours.model.formats.foreign.tree import Set, Statement, When
-from parcours.model.formats.foreign.values import (
-    FALSE,
-    KINDS,
-    MAX_CASES,
-    TRUE,
-    conjunction,
-    kind_of,
-    negation,
-    replaced,
-)
+from parcours.model.formats.foreign.values import FALSE, MAX_CASES, TRUE, conjunction, negation, replaced
 from parcours.model.structure import Variable
+
+MAX_ACTIONS = 1_000
+"""Most assignments of one branch."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,12 +32,42 @@ class Branch:
     guard: Expression
     actions: tuple[Assignment, ...]
 
-    def held(self) -> dict[str, Expression]:
-        """Return what each assigned variable holds afterwards, in terms of the values before."""
+    def before(self, condition: Expression, where: str) -> Expression:
+        """Return a condition on the values afterwards in terms of the values before.
+
+        Raises:
+            BadModel: it would be too large.
+        """
+        if condition in (TRUE, FALSE):
+            return condition
+        return replaced(condition, self.held(where))
+
+    def under(self, condition: Expression, where: str) -> Branch | None:
+        """Return the branch on which a condition on the values afterwards holds too; None if it cannot.
+
+        Raises:
+            BadModel: its guard would be too large.
+        """
+        guard = conjunction((self.guard, self.before(condition, where)))
+        return None if guard == FALSE else Branch(sized(guard, where), self.actions)
+
+    def held(self, where: str) -> dict[str, Expression]:
+        """Return what each assigned variable holds afterwards, in terms of the values before.
+
+        Raises:
+            BadModel: one would be too large.
+        """
         values: dict[str, Expression] = {}
         for action in self.actions:
-            values[action.target] = replaced(action.value, values)
+            values[action.target] = sized(replaced(action.value, values), where)
         return values
+
+    def then(self, target: str, value: Expression, where: str) -> Branch:
+        """Return the branch with one more assignment. Raises BadModel beyond MAX_ACTIONS."""
+        if len(self.actions) >= MAX_ACTIONS:
+            rule = f"an action is translated to at most {MAX_ACTIONS} assignments, but this one has more"
+            raise BadModel(where, rule, "split the action", slug="expression-size")
+        return Branch(self.guard, (*self.actions, Assignment(target, value)))
 
 
 def guard(text: str, language: Language, where: str, kinds: Mapping[str, str] | None = None) -> Expression:
@@ -132,22 +158,20 @@ def performed(
 
 def _after(before: Branch, statement: Statement, scope: Scope, where: str) -> Iterable[Branch]:
     translation = Translation(scope, where)
-    held = before.held()
     if isinstance(statement, Set):
         for case, place in scope.target(statement.place, where):
-            kind = scope.kinds.get(place.id, "")
-            for condition, value in translation.of_kind(statement.value, kind):
-                guard = conjunction((before.guard, replaced(conjunction((case, condition)), held)))
-                if guard != FALSE:
-                    yield Branch(guard, (*before.actions, Assignment(place.id, value)))
+            values = translation.of_kind(statement.value, scope.kinds.get(place.id, ""))
+            scope.spend(len(values), where)
+            for condition, value in values:
+                if (after := before.under(conjunction((case, condition)), where)) is not None:
+                    yield after.then(place.id, value, where)
         return
     if not isinstance(statement, When):
         raise refusal(where, "a loop or a call")
     holding = translation.truth(statement.condition)
     for choice, body in ((holding, statement.yes), (negation(holding), statement.no)):
-        guard = conjunction((before.guard, replaced(choice, held)))
-        if guard != FALSE:
-            now = [Branch(guard, before.actions)]
+        if (start := before.under(choice, where)) is not None:
+            now = [start]
             for inner in body:
                 now = [after for each in now for after in _after(each, inner, scope, where)]
             yield from now

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Set
 from dataclasses import dataclass, field
 
-from parcours.errors import BadModel
 from parcours.model.expression import Apply, Binary, Expression, Literal, Name, Unary
-from parcours.model.expression.parsing import MAX_DEPTH, MAX_LENGTH
+from parcours.model.formats.foreign.kinds import is_natural, kind_of
+from parcours.model.formats.foreign.refusing import construct_of, refusal
 from parcours.model.formats.foreign.tokens import Language
 from parcours.model.formats.foreign.tree import (
     Applied,
@@ -26,13 +26,10 @@ from parcours.model.formats.foreign.values import (
     Cases,
     always,
     conjunction,
-    depth,
     disjunction,
     folded,
     holds,
-    is_natural,
     joined,
-    kind_of,
     literal,
     negation,
 )
@@ -67,6 +64,9 @@ class Scope:
     kinds: Mapping[str, str] = field(default_factory=dict)
     naturals: Set[str] = frozenset()
 
+    def spend(self, count: int, where: str) -> None:
+        """Count cases that are written out. Readers that expand ranges bound their sum."""
+
     def read(self, tree: Identifier | Index | Member, where: str) -> Cases:
         """Return what a place of the foreign model holds."""
         return always(self.target(tree, where)[0][1])
@@ -75,7 +75,7 @@ class Scope:
         """Return the variables that an assignment to a place may change, each with the condition for it."""
         if isinstance(tree, Identifier) and is_identifier(tree.name):
             return [(TRUE, Name(tree.name))]
-        raise refusal(where, _construct(tree))
+        raise refusal(where, construct_of(tree))
 
     def applied(self, tree: Applied, where: str) -> Cases:
         """Return the value of a function."""
@@ -242,33 +242,3 @@ def _by_sign(node: Expression, positive: Expression, negative: Expression) -> Ca
 
 def _pairs(cases: Cases) -> list[tuple[Expression, tuple[Expression, Expression]]]:
     return [(case, (pair.arguments[0], pair.arguments[1])) for case, pair in cases if isinstance(pair, Apply)]
-
-
-def sized(node: Expression, where: str) -> Expression:
-    """Return the expression if it is no longer than our own parser allows, so that it can be written and read."""
-    if depth(node) >= MAX_DEPTH or len(str(node)) > MAX_LENGTH:
-        rule = (
-            f"a translated expression has at most {MAX_LENGTH} characters and {MAX_DEPTH} levels, but this one has more"
-        )
-        raise BadModel(where, rule, "split it", slug="expression-size")
-    return node
-
-
-def refusal(where: str, what: str) -> BadModel:
-    """Return the refusal of something that our language cannot say."""
-    rule = f"only arithmetic, comparisons, assignments and choices are translated, but here is {what}"
-    return BadModel(where, rule, "write it with these", slug="foreign-construct")
-
-
-def _construct(tree: Tree) -> str:
-    match tree:
-        case Identifier(name):
-            return f"the name {name!r}"
-        case Member(_, name):
-            return f"a field {name!r} of an object"
-        case Index():
-            return "an element of a list"
-        case Applied(function, _):
-            return f"a call of the function {function!r}"
-        case _:
-            return "an assignment to a value"

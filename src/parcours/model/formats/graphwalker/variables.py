@@ -9,7 +9,7 @@ from parcours.errors import BadModel
 from parcours.model.expression import Assignment, Binary, Expression, Literal, Name, Unary, names
 from parcours.model.expression.syntax import COMPARISONS, walk
 from parcours.model.formats.foreign import variables
-from parcours.model.formats.foreign.values import kind_of
+from parcours.model.formats.foreign.kinds import kind_of
 from parcours.model.formats.reading import Loss
 from parcours.model.structure import Variable
 

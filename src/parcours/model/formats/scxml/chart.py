@@ -11,10 +11,19 @@ from parcours.model.formats.xml_lines import Element
 
 STATES = ("state", "parallel", "final", "history")
 
+OWN = "urn:parcours"
+"""The namespace of what our own writer adds to transitions."""
+
+ID, SILENT = "transition", "tau"
+"""The attributes it adds: the name of a transition, and whether its event stands for none."""
+
 
 @dataclass(slots=True, eq=False)
 class Arc:
-    """A transition; `events` are descriptors such as `error.*`, and `content` is what it does."""
+    """A transition; `events` are descriptors such as `error.*`, and `content` is what it does.
+
+    `id` and `is_silent` are what our own writer notes: the name it had, and that its event stands for none.
+    """
 
     source: Node
     events: tuple[str, ...]
@@ -24,6 +33,8 @@ class Arc:
     content: tuple[Element, ...]
     line: int
     number: int
+    id: str = ""
+    is_silent: bool = False
 
 
 @dataclass(slots=True, eq=False)
@@ -101,6 +112,8 @@ class ChartReader:
         id = element.get("id") if parent is not None else ""
         if not id:
             id = f"{element.tag}@{element.line}" if parent is not None else "scxml"
+            if id in self.nodes:
+                id = f"{id}.{len(self.nodes)}"
         if id in self.nodes:
             self._fail(element, f"each state must have an id of its own, but {id!r} was used before", "duplicate")
         node = Node(id, element.tag, parent, len(self.nodes), element.line)
@@ -152,6 +165,8 @@ class ChartReader:
             content,
             element.line,
             self._arcs,
+            element.get(ID),
+            element.get(SILENT) == "true",
         )
 
     def _targets(self, element: Element) -> tuple[Node, ...]:

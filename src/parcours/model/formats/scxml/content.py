@@ -10,6 +10,7 @@ from parcours.errors import BadModel
 from parcours.model.expression import Expression, Name
 from parcours.model.formats.foreign import Branch, Scope, Tokens, Translation, performed, refusal, sized
 from parcours.model.formats.foreign.parsing import Parser
+from parcours.model.formats.foreign.texts import MAX_ACTIONS
 from parcours.model.formats.foreign.tree import (
     Applied,
     Constant,
@@ -31,7 +32,6 @@ from parcours.model.formats.foreign.values import (
     conjunction,
     literal,
     negation,
-    replaced,
 )
 from parcours.model.formats.reading import Loss
 from parcours.model.formats.xml_lines import Element
@@ -153,7 +153,7 @@ class Content:
         """Return what elements do behind what was done before, if a condition holds then."""
         elements, found = tuple(elements), list[Outcome]()
         for outcome in before:
-            choice = replaced(self.condition(condition, scope, where), outcome.branch.held())
+            choice = outcome.branch.before(self.condition(condition, scope, where), where)
             for holds, block in ((choice, elements), (negation(choice), ())):
                 guard = conjunction((outcome.branch.guard, holds))
                 if guard != FALSE:
@@ -179,6 +179,9 @@ class Content:
             case "if":
                 return self._chosen(element, scope, outcome)
             case "raise" | "send":
+                if len(outcome.sent) >= MAX_ACTIONS:
+                    rule = f"content sends at most {MAX_ACTIONS} events, but this sends more"
+                    raise BadModel(where, rule, "split it", slug="expression-size")
                 return [replace(outcome, sent=(*outcome.sent, self._sent(element, where)))]
             case "foreach":
                 raise refusal(where, "the loop 'foreach'")
@@ -189,7 +192,7 @@ class Content:
         return [replace(outcome, branch=each) for each in performed(statements, scope, where, outcome.branch)]
 
     def _chosen(self, element: Element, scope: Scope, outcome: Outcome) -> list[Outcome]:
-        held, found = outcome.branch.held(), list[Outcome]()
+        found: list[Outcome] = []
         rest, condition = outcome.branch.guard, element.get("cond")
         block: list[Element] = []
         head = element
@@ -197,11 +200,11 @@ class Content:
             if child is not None and child.tag not in ("else", "elseif"):
                 block.append(child)
                 continue
-            choice = replaced(self.condition(condition, scope, self.where(head)), held)
-            guard = conjunction((rest, choice))
+            choice = outcome.branch.before(self.condition(condition, scope, self.where(head)), self.where(head))
+            guard = sized(conjunction((rest, choice)), self.where(head))
             if guard != FALSE:
                 found += self.run(block, scope, [outcome.under(guard)])
-            rest = conjunction((rest, negation(choice)))
+            rest = sized(conjunction((rest, negation(choice))), self.where(head))
             if child is not None:
                 head, condition, block = child, child.get("cond") if child.tag == "elseif" else "", []
             elif rest != FALSE:

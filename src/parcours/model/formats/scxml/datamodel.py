@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
 from parcours.errors import BadModel
-from parcours.model.expression import Assignment, Expression, Literal
+from parcours.model.expression import Expression, Literal
 from parcours.model.formats.foreign import Scope, Tokens, Translation, refusal
+from parcours.model.formats.foreign.kinds import kind_of
 from parcours.model.formats.foreign.parsing import Parser
 from parcours.model.formats.foreign.tree import (
     Choice,
@@ -20,9 +21,12 @@ from parcours.model.formats.foreign.tree import (
     Tree,
     When,
 )
-from parcours.model.formats.foreign.values import is_constant, kind_of
+from parcours.model.formats.foreign.values import is_constant
 from parcours.model.formats.reading import Loss
 from parcours.model.formats.xml_lines import Element
+
+MAX_DATA = 2_000
+"""Most data of one document."""
 
 _ABSENT = ("", "undefined", "null")
 _STARTS: dict[str, bool | int | float | str] = {"bool": False, "int": 0, "real": 0.0, "text": ""}
@@ -36,7 +40,7 @@ class DataModel:
         origin: the file's name, for messages.
 
     Attributes:
-        initial: assignments of the initial values.
+        initial: the initial values, by name.
         lines: of the declarations, by name.
         kinds: bool, int, real or text, by name.
         missing: data that cannot be translated, with the reason.
@@ -45,15 +49,18 @@ class DataModel:
 
     def __init__(self, root: Element, origin: str) -> None:
         self.origin = origin
-        self.initial: list[Assignment] = []
+        self.initial: dict[str, Expression] = {}
         self.lines: dict[str, int] = {}
         self.kinds: dict[str, str] = {}
         self.missing: dict[str, BadModel] = {}
         self.losses: list[Loss] = []
         self._assigned = list(_assigned(root))
-        for element in root.walk():
-            if element.tag == "data":
-                self._declare(element.get("id"), element)
+        declared = [element for element in root.walk() if element.tag == "data"]
+        if len(declared) > MAX_DATA:
+            rule = f"a document declares at most {MAX_DATA} data, but this one has {len(declared)}"
+            raise BadModel(f"{origin}:{declared[0].line}", rule, "split the document", slug="expansion-size")
+        for element in declared:
+            self._declare(element.get("id"), element)
         for script in root.all("script"):
             self._run(script)
 
@@ -85,11 +92,10 @@ class DataModel:
                 raise refusal(where, "a choice or an object in a script of the document")
             name = statement.place.name
             self.lines.setdefault(name, script.line)
-            self.initial = [each for each in self.initial if each.target != name]
             self._start(name, self._constant(statement.value, where))
 
     def _start(self, name: str, value: Expression) -> None:
-        self.initial.append(Assignment(name, value))
+        self.initial[name] = value
         self.kinds[name] = kind_of(value, {})
 
     def _constant(self, tree: Tree, where: str) -> Expression:
@@ -108,9 +114,9 @@ class DataModel:
 class _Initial(Scope):
     """Data that have their initial values."""
 
-    def __init__(self, initial: Iterable[Assignment]) -> None:
+    def __init__(self, values: Mapping[str, Expression]) -> None:
         super().__init__("javascript")
-        self._values = {each.target: each.value for each in initial}
+        self._values = values
 
     def read(self, tree: Tree, where: str) -> list[tuple[Expression, Expression]]:
         """Return the value of a name."""

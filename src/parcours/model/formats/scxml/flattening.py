@@ -13,16 +13,20 @@ from itertools import product
 
 from parcours.errors import BadModel
 from parcours.model.expression import Expression
+from parcours.model.formats.foreign import sized
 from parcours.model.formats.foreign.values import FALSE, MAX_CASES, TRUE, conjunction, negation
 from parcours.model.formats.scxml.chart import Arc, Node
 from parcours.model.formats.scxml.configuring import Configuration, arrived, start, take, without_conflicts
 from parcours.model.formats.scxml.content import Content, DataScope, Outcome
 
-MAX_CONFIGURATIONS = 2_000
+MAX_CONFIGURATIONS = 1_000
 """Most configurations of one machine."""
 
-MAX_STEPS = 20_000
+MAX_STEPS = 10_000
 """Most transitions of one machine."""
+
+MAX_PAIRS = 100_000
+"""Most pairs of a transition and an event that it answers."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,13 +42,18 @@ class Step:
 
 @dataclass(frozen=True, slots=True)
 class Flat:
-    """A flattened chart; `starts` are what happens on the way into the first configuration."""
+    """A flattened chart; `starts` are what happens on the way into the first configuration.
+
+    `nodes` and `arcs` are the states and transitions of the document that this comes from.
+    """
 
     initial: str
     starts: tuple[Outcome, ...]
     states: tuple[str, ...]
     final: tuple[str, ...]
     steps: tuple[Step, ...]
+    nodes: frozenset[Node] = frozenset()
+    arcs: frozenset[Arc] = frozenset()
 
 
 class Flattening:
@@ -59,7 +68,15 @@ class Flattening:
     """
 
     def __init__(self, root: Node, events: Sequence[str], content: Content, scope: DataScope, origin: str) -> None:
-        self.root, self.events, self.content, self.scope, self.origin = root, events, content, scope, origin
+        self.root, self.content, self.scope, self.origin = root, content, scope, origin
+        self.order = {event: number for number, event in enumerate(events)}
+        self.matching: dict[str, list[str]] = {}
+        for event in events:
+            for beginning in beginnings(event):
+                self.matching.setdefault(beginning, []).append(event)
+        self._pairs = 0
+        self._answering: dict[Node, dict[str, list[Arc]]] = {}
+        self._ended: set[Arc] = set()
 
     def flat(self) -> Flat:
         """Return the machine.
@@ -92,13 +109,16 @@ class Flattening:
                 if len(steps) > MAX_STEPS:
                     self.fail(f"a chart has at most {MAX_STEPS} transitions when flattened, but this one has more")
         starts = self.content.run(beginning, self.within(first, ""))
-        return Flat(first.name, tuple(starts), tuple(seen.values()), tuple(final), tuple(steps))
+        nodes = frozenset(node for here in seen for node in here.active)
+        used = self._ended.union(arc for step in steps for arc in step.arcs)
+        return Flat(first.name, tuple(starts), tuple(seen.values()), tuple(final), tuple(steps), nodes, frozenset(used))
 
     def ended(self, here: Configuration, after: Configuration, outcomes: list[Outcome]) -> list[Outcome]:
         """Return outcomes with what transitions without target do when the states they wait for come to their end."""
-        over = [f"done.state.{node.id}" for node in after.active if arrived(after, node) and not arrived(here, node)]
+        over = {f"done.state.{node.id}" for node in after.active if arrived(after, node) and not arrived(here, node)}
         for arc in (arc for node in sorted(after.active, key=_order) for arc in node.arcs if not arc.targets):
-            if any(matches(each, end) for each in arc.events for end in over):
+            if any(plain(each) in over for each in arc.events):
+                self._ended.add(arc)
                 scope = self.within(after, "")
                 where = f"{self.origin}:{arc.line}: cond"
                 outcomes = self.content.under(arc.condition, arc.content, scope, where, outcomes)
@@ -118,7 +138,8 @@ class Flattening:
             yield "", guard, arcs
         if resting == FALSE:
             return
-        for event in self.events:
+        awaited = {event for node in here.active for event in self.answering(node)}
+        for event in sorted(awaited, key=self.order.__getitem__):
             for guard, arcs in self.sets(here, event):
                 if (both := conjunction((resting, guard))) != FALSE:
                     yield event, both, arcs
@@ -131,12 +152,12 @@ class Flattening:
             rest: Expression = TRUE
             own: list[tuple[Expression, Arc | None]] = []
             for node in (atom, *atom.ancestors()):
-                for arc in node.arcs:
-                    if rest != FALSE and self.answers(arc, event, here):
+                for arc in self.answering(node).get(event, ()) if event else self.spontaneous(node, here):
+                    if rest != FALSE:
                         holds = self.content.condition(arc.condition, scope, f"{self.origin}:{arc.line}: cond")
                         if (guard := conjunction((rest, holds))) != FALSE:
                             own.append((guard, arc))
-                        rest = conjunction((rest, negation(holds)))
+                        rest = sized(conjunction((rest, negation(holds))), f"{self.origin}:{arc.line}: cond")
             if own:
                 options.append([*own, (rest, None)] if rest != FALSE else own)
         count = 1
@@ -154,14 +175,27 @@ class Flattening:
             for guard in guards:
                 yield guard, arcs
 
-    def answers(self, arc: Arc, event: str, here: Configuration) -> bool:
-        """Return whether a transition waits for an event; for the end of a state, whether that has come."""
-        if not event:
-            if not arc.events:
-                return True
-            ended = [f"done.state.{node.id}" for node in here.active if arrived(here, node)]
-            return bool(arc.targets) and any(matches(each, end) for each in arc.events for end in ended if each != "*")
-        return any(matches(descriptor, event) for descriptor in arc.events)
+    def answering(self, node: Node) -> dict[str, list[Arc]]:
+        """Return the transitions of a state by the events they wait for, in the order of the document."""
+        if node not in self._answering:
+            found: dict[str, list[Arc]] = {}
+            for arc in node.arcs:
+                for event in dict.fromkeys(each for one in arc.events for each in self.matching.get(plain(one), ())):
+                    found.setdefault(event, []).append(arc)
+                self._pairs += sum(map(len, (self.matching.get(plain(one), ()) for one in arc.events)))
+                if self._pairs > MAX_PAIRS:
+                    self.fail(f"a chart has at most {MAX_PAIRS} pairs of transitions and events, but this one has more")
+            self._answering[node] = found
+        return self._answering[node]
+
+    def spontaneous(self, node: Node, here: Configuration) -> Iterator[Arc]:
+        """Yield the transitions that wait for nothing, or for the end of states that have come to it."""
+        ended = {each for one in here.active if arrived(here, one) for each in beginnings(f"done.state.{one.id}")} - {
+            ""
+        }
+        for arc in node.arcs:
+            if not arc.events or (arc.targets and any(plain(each) in ended for each in arc.events)):
+                yield arc
 
     def within(self, here: Configuration, event: str) -> DataScope:
         """Return the scope of a configuration in which an event has arrived."""
@@ -174,14 +208,25 @@ class Flattening:
         raise BadModel(f"{self.origin}:{self.root.line}", rule, "split the chart", slug="expansion-size")
 
 
-def matches(descriptor: str, event: str) -> bool:
-    """Return whether an event has a descriptor: its name, a part of it before a dot, or `*`.
+def plain(descriptor: str) -> str:
+    """Return an event descriptor without its wildcard: what an event must begin with.
 
-    >>> matches("error", "error.send"), matches("error.*", "error"), matches("*", "x"), matches("er", "error")
-    (True, True, True, False)
+    >>> plain("error.*"), plain("error."), plain("*")
+    ('error', 'error', '')
     """
-    plain = descriptor.removesuffix("*").removesuffix(".")
-    return not plain or event == plain or event.startswith(plain + ".")
+    return descriptor.removesuffix("*").removesuffix(".")
+
+
+def beginnings(event: str) -> Iterator[str]:
+    """Yield what descriptors of an event say: all of it, what stands before each dot, nothing.
+
+    >>> list(beginnings("error.io"))
+    ['error.io', 'error', '']
+    """
+    while event:
+        yield event
+        event = event.rpartition(".")[0]
+    yield ""
 
 
 def _order(node: Node) -> int:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence, Set
 from pathlib import PurePath
 
 from parcours.errors import BadModel
-from parcours.model.expression import Assignment, Binary, Call, Expression, Literal, Name
+from parcours.model.expression import Assignment, Binary, Call, Literal, Name
 from parcours.model.formats.foreign import variables
 from parcours.model.formats.foreign.values import TRUE, conjunction, is_constant, replaced
 from parcours.model.formats.naming import Names, as_label
@@ -15,7 +15,7 @@ from parcours.model.formats.scxml.chart import Arc, ChartReader, Node
 from parcours.model.formats.scxml.configuring import Configuration, exits
 from parcours.model.formats.scxml.content import Content, DataScope, Outcome, is_inward
 from parcours.model.formats.scxml.datamodel import DataModel
-from parcours.model.formats.scxml.flattening import Flat, Flattening, matches
+from parcours.model.formats.scxml.flattening import MAX_STEPS, Flat, Flattening, beginnings, plain
 from parcours.model.formats.xml_lines import Element, parse_xml
 from parcours.model.structure import (
     CLOCK,
@@ -36,6 +36,9 @@ EVENT = "Event"
 
 CAPACITY = 8
 """How many events of one name wait at the document that sends them to itself; there, any number does."""
+
+MAX_EVENTS = 2_000
+"""Most events of one document."""
 
 START = "(start)"
 """The state before the first configuration, where entering that does something."""
@@ -66,12 +69,7 @@ class _System:
 
     def reading(self) -> Reading:
         """Return the model and what the document says beyond it."""
-        regions = self._regions()
-        events = {region: [each for each in self.events if _answered(region, each)] for region in regions}
-        scope = DataScope("javascript", self.data.kinds, frozenset(), self.data.missing)
-        flats = {
-            region: Flattening(region, events[region], self.content, scope, self.origin).flat() for region in regions
-        }
+        flats = self._flats()
         self._time(flats.values())
         machines, names = [], Names()
         for region, flat in flats.items():
@@ -79,10 +77,11 @@ class _System:
                 self._machine(names.label(self.component if region.kind == "scxml" else region.id), flat, region)
             )
         self._report()
+        self._report_unused(flats)
         later = [each for machine in machines for step in machine.transitions for each in step.actions]
-        declared = variables(
-            self.data.initial, (each for each in later if isinstance(each, Assignment)), f"{self.origin}: <datamodel>"
-        )
+        initial = [Assignment(variable, value) for variable, value in self.data.initial.items()]
+        assigned = [each for each in later if isinstance(each, Assignment)]
+        declared = variables(initial, assigned, f"{self.origin}: <datamodel>")
         clocks = tuple(Variable(clock, CLOCK, None, unit="s") for clock, _ in self.clocks.values())
         component = Component(self.component, tuple(machines), (*declared, *clocks), line=self.element.line)
         messages = (MessageClass(EVENT, ()),) if self.channels else ()
@@ -90,29 +89,49 @@ class _System:
         cefsm = Cefsm(name, (component,), tuple(self.channels.values()), messages, source=self.origin)
         return accepted(cefsm, self.losses)
 
-    def _regions(self) -> list[Node]:
-        """Return the regions that can be machines of their own: nothing but data is shared between them."""
-        root = self.chart.root
-        top = root.inner()[0]
-        if (
-            len(root.inner()) > 1
-            or top.kind != "parallel"
-            or top.arcs
-            or any("In(" in arc.condition for arc in _arcs(top))
-        ):
-            return [root]
+    def _flats(self) -> dict[Node, Flat]:
+        """Return the machines: the document, or its regions where these share nothing but data.
+
+        Regions that answer the same event take it at once, which one machine for all of them says exactly; only
+        where that has too many configurations, they are machines that take the event one after the other.
+        """
+        root, top = self.chart.root, self.chart.root.inner()[0]
         regions = top.inner()
-        for event in self.events:
-            if sum(_answered(region, event) for region in regions) > 1:
-                return [root]
-        for region in regions:
-            whole = Configuration(frozenset(root.walk()))
-            if any(not node.is_inside(region) for arc in _arcs(region) for node in exits(arc, whole)):
-                return [root]
+        if len(root.inner()) > 1 or top.kind != "parallel" or not self._are_apart(top):
+            return {root: self._flat(root)}
+        answered = [_descriptors(region) for region in regions]
+        shared = [event for event in self.events if sum(_is_among(event, each) for each in answered) > 1]
+        if shared:
+            try:
+                return {root: self._flat(root)}
+            except BadModel as error:
+                if error.slug != "expansion-size":
+                    raise
+            rule = f"regions that answer {', '.join(shared[:9])} take it at once there; here one of them does"
+            self.losses.append(Loss(f"parallel {top.id!r}", top.line, rule))
         if sum(any(not arc.events for arc in _arcs(region)) for region in regions) > 1:
             rule = "regions with transitions without events take them at once there; here one after the other"
             self.losses.append(Loss(f"parallel {top.id!r}", top.line, rule))
-        return regions
+        return {region: self._flat(region) for region in regions}
+
+    def _flat(self, region: Node) -> Flat:
+        descriptors = _descriptors(region)
+        events = [event for event in self.events if _is_among(event, descriptors)]
+        scope = DataScope("javascript", self.data.kinds, frozenset(), self.data.missing)
+        return Flattening(region, events, self.content, scope, self.origin).flat()
+
+    def _are_apart(self, top: Node) -> bool:
+        """Return whether the regions of the only state of the document see nothing of each other but data."""
+        whole = Configuration(frozenset(self.chart.root.walk()))
+        if top.arcs or top.entry or self.chart.root.start_content or _asks_for_states(self.element):
+            return False
+        for region in top.inner():
+            inside = {node.id for node in region.walk()}
+            for arc in _arcs(region):
+                ends = {each.removeprefix("done.state.") for each in arc.events if each.startswith("done.state.")}
+                if not ends <= inside or any(not node.is_inside(region) for node in exits(arc, whole)):
+                    return False
+        return True
 
     def _inward(self) -> Iterable[str]:
         for element in self.element.walk():
@@ -120,10 +139,13 @@ class _System:
                 yield element.get("event")
 
     def _events(self) -> list[str]:
-        named = [each for arc in _arcs(self.chart.root) for each in arc.events]
+        arcs = _arcs(self.chart.root)
+        named = [each for arc in arcs for each in arc.events]
         ends = {f"done.state.{id}" for id in self.chart.nodes}
-        plain = (each.removesuffix("*").removesuffix(".") for each in named)
-        found = list(dict.fromkeys(each for each in (*plain, *self.inward) if each and each not in ends))
+        found = list(dict.fromkeys(each for each in (*map(plain, named), *self.inward) if each and each not in ends))
+        if len(arcs) > MAX_STEPS or len(found) > MAX_EVENTS:
+            rule = f"a chart has at most {MAX_STEPS} transitions and {MAX_EVENTS} events, but this one has more"
+            raise BadModel(f"{self.origin}:{self.element.line}", rule, "split the chart", slug="expansion-size")
         if any(each.endswith("*") for each in named):
             rule = "an event with * is read as one of the events that the document names"
             self.losses.append(Loss("<scxml>", self.element.line, rule))
@@ -150,10 +172,11 @@ class _System:
     def _machine(self, name: str, flat: Flat, region: Node) -> Machine:
         transitions = []
         for step in flat.steps:
-            id = self.ids.label(f"{step.source}:{step.event or 'always'}")
-            transitions.append(
-                self._transition(id, step.source, step.target, step.event, step.outcome, step.arcs[0].line)
-            )
+            silent = step.event not in self.inward and all(arc.is_silent for arc in step.arcs)
+            event = "" if silent else step.event
+            noted = step.arcs[0].id if len(step.arcs) == 1 else ""
+            id = self.ids.label(noted or f"{step.source}:{event or 'always'}")
+            transitions.append(self._transition(id, step.source, step.target, event, step.outcome, step.arcs[0].line))
         states, initial = flat.states, flat.initial
         if not self._starts(flat.starts):
             states, initial = (START, *states), START
@@ -184,11 +207,11 @@ class _System:
         """Take what entering the first configuration does into the initial values, if that is all it does."""
         if len(starts) != 1 or starts[0].branch.guard != TRUE or starts[0].sent:
             return False
-        before: dict[str, Expression] = {each.target: each.value for each in self.data.initial}
-        after = {name: replaced(value, before) for name, value in starts[0].branch.held().items()}
+        before = self.data.initial
+        after = {name: replaced(value, before) for name, value in starts[0].branch.held(self.origin).items()}
         if not all(map(is_constant, after.values())):
             return False
-        self.data.initial = [Assignment(name, value) for name, value in {**before, **after}.items()]
+        self.data.initial = {**before, **after}
         return True
 
     def _channel(self, event: str, *, inward: bool) -> str:
@@ -216,10 +239,31 @@ class _System:
                 Loss("<scxml>", line, f"{rule}; here they wait, {CAPACITY} of a name, and go in any order")
             )
 
+    def _report_unused(self, flats: Mapping[Node, Flat]) -> None:
+        """Note the states and transitions of the document that nothing leads to."""
+        for region, flat in flats.items():
+            for node in region.walk():
+                if node.kind == "history":
+                    continue
+                if node is not region and node not in flat.nodes:
+                    self.losses.append(Loss(f"state {node.id!r}", node.line, "can never be entered; left out"))
+                for number, arc in enumerate(node.arcs, 1):
+                    if arc not in flat.arcs:
+                        where = f"transition {number} of state {node.id!r}"
+                        self.losses.append(Loss(where, arc.line, "can never be taken; left out"))
+
 
 def _arcs(node: Node) -> list[Arc]:
     return [arc for each in node.walk() if each.kind != "history" for arc in each.arcs]
 
 
-def _answered(region: Node, event: str) -> bool:
-    return any(matches(descriptor, event) for arc in _arcs(region) for descriptor in arc.events)
+def _descriptors(region: Node) -> set[str]:
+    return {plain(descriptor) for arc in _arcs(region) for descriptor in arc.events}
+
+
+def _asks_for_states(root: Element) -> bool:
+    return any("In(" in text for element in root.walk() for text in (element.text, *element.attributes.values()))
+
+
+def _is_among(event: str, descriptors: Set[str]) -> bool:
+    return not descriptors.isdisjoint(beginnings(event))

@@ -1,23 +1,31 @@
-"""A model to an SCXML document: one machine is the document, several are the regions of a parallel state."""
+"""A model to an SCXML document: one machine is the document, several are the regions of a parallel state.
+
+A transition without an event is a choice of the model, but SCXML takes one at once, before all others. So each gets an
+event of its own, marked `parcours:tau`, unless it is the only way out of its state. `parcours:transition` keeps ids.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from xml.sax.saxutils import escape, quoteattr
 
 from parcours.model.expression import Apply, Assignment, Expression, Name, names
 from parcours.model.expression.syntax import walk
 from parcours.model.formats.foreign.javascript import WORDS, javascript
-from parcours.model.formats.foreign.values import conjunction, conjuncts, literal, replaced
+from parcours.model.formats.foreign.values import FALSE, TRUE, conjunction, conjuncts, literal, replaced
 from parcours.model.formats.naming import Names, as_identifier
 from parcours.model.formats.reading import Loss, Writing
+from parcours.model.formats.scxml.chart import ID, OWN, SILENT
 from parcours.model.formats.unsaid import unsaid
 from parcours.model.structure import BASE_TYPES, CLOCK, ENVIRONMENT, Cefsm, Component, Machine, Transition
 
 OUTSIDE = "#_external"
 """The target of events that leave the model."""
 
-_HOLDS = frozenset(("actions", "events", "finals", "guards", "sends", "states", "variables"))
+_RAISED = ("done", "error")
+"""How the names of events begin that an SCXML processor raises by itself."""
+
+_HOLDS = frozenset(("actions", "events", "finals", "guards", "ids", "sends", "states", "variables"))
 """What of the aspects of a model a document holds."""
 
 
@@ -36,6 +44,7 @@ class _Writer:
         self.events = {channel.name: _event(channel.name, channel.topic) for channel in cefsm.channels}
         self.channels = {channel.name: channel for channel in cefsm.channels}
         own, self.ids = Names(WORDS), Names()
+        self.silent = Names((*self.events.values(), *_RAISED))
         self.spoken: dict[str, dict[str, Expression]] = {}
         for component in cefsm.components:
             self.spoken[component.name] = {
@@ -59,7 +68,7 @@ class _Writer:
         if cefsm.name != name:
             self.lose("model", 0, f"its name {cefsm.name!r} is not written")
         yield '<?xml version="1.0" encoding="UTF-8"?>'
-        space = 'xmlns="http://www.w3.org/2005/07/scxml" version="1.0" datamodel="ecmascript"'
+        space = f'xmlns="http://www.w3.org/2005/07/scxml" xmlns:parcours="{OWN}" version="1.0" datamodel="ecmascript"'
         head = f"<scxml {space} name={quoteattr(name)}"
         regions = [self.region(component, machine) for component, machine in self.machines]
         yield f"{head}>" if several else f'{head} initial="{regions[0][0]}">'
@@ -106,16 +115,20 @@ class _Writer:
                 lines.append(f'  <{kind} id="{at[state]}"/>')
                 continue
             lines.append(f'  <state id="{at[state]}">')
+            before: list[tuple[Transition, Expression]] = []
             for transition in leaving[state]:
-                lines += self.transition(component, transition, at[transition.target])
+                guard = self.guard(component, transition)
+                self.compare(transition, guard, before)
+                before.append((transition, guard))
+                alone = len(leaving[state]) == 1 == len(self.machines) and not transition.is_loop
+                lines += self.transition(component, transition, guard, at, alone=alone)
             lines.append("  </state>")
         return at[machine.initial], lines
 
-    def transition(self, component: Component, transition: Transition, target: str) -> Iterator[str]:
-        """Yield the lines of a transition."""
+    def guard(self, component: Component, transition: Transition) -> Expression:
+        """Return what of the guard of a transition has a counterpart, in the words of the document."""
         where = f"transition {transition.id!r}"
         meaning = self.spoken[component.name]
-        parts = [f' event="{self.events[transition.event.channel]}"'] if transition.event is not None else []
         guards = []
         for part in conjuncts(transition.guard) if transition.guard is not None else ():
             if self.is_said(part, meaning):
@@ -124,10 +137,43 @@ class _Writer:
                 self.lose(
                     where, transition.line, f'the condition "{part}" is not written; the transition is free of it'
                 )
-        if guards:
-            parts.append(f" cond={quoteattr(javascript(conjunction(guards), self.naturals(component)))}")
+        return conjunction(guards)
+
+    def compare(self, transition: Transition, guard: Expression, before: list[tuple[Transition, Expression]]) -> None:
+        """Note that transitions that stand before another one go first, where both may go."""
+        if transition.event is None:
+            return
+        channel = transition.event.channel
+        rivals = [
+            other
+            for other, condition in before
+            if other.event is not None and other.event.channel == channel and conjunction((condition, guard)) != FALSE
+        ]
+        if rivals:
+            first = ", ".join(repr(other.id) for other in rivals[:9])
+            rule = f"where {first} can go too, that goes first there, as it stands before it; here either may"
+            self.lose(f"transition {transition.id!r}", transition.line, rule)
+
+    def transition(
+        self, component: Component, transition: Transition, guard: Expression, at: Mapping[str, str], *, alone: bool
+    ) -> Iterator[str]:
+        """Yield the lines of a transition; `alone` says that nothing else can happen in its state."""
+        meaning = self.spoken[component.name]
+        parts, event = [], ""
+        if transition.event is not None:
+            event = self.events[transition.event.channel]
+            parts.append(f' event="{event}"')
+        elif not alone:
+            name = self.silent.identifier(transition.id)
+            parts.append(f' event="{name}" parcours:{SILENT}="true"')
+            rule = f"waits for the event {name!r} there; only Parcours reads it as a transition without event"
+            self.lose(f"transition {transition.id!r}", transition.line, rule)
+        if transition.id != f"{at[transition.source]}:{event or 'always'}":
+            parts.append(f" parcours:{ID}={quoteattr(transition.id)}")
+        if guard != TRUE:
+            parts.append(f" cond={quoteattr(javascript(guard, self.naturals(component)))}")
         body = [*self.actions(component, transition, meaning), *self.sends(transition)]
-        head = f'    <transition{"".join(parts)} target="{target}"'
+        head = f'    <transition{"".join(parts)} target="{at[transition.target]}"'
         yield from (f"{head}>", *body, "    </transition>") if body else (f"{head}/>",)
 
     def actions(self, component: Component, transition: Transition, meaning: dict[str, Expression]) -> Iterator[str]:

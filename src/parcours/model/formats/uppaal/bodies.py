@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from parcours.model.formats.foreign.parsing import Parser
 from parcours.model.formats.foreign.tokens import Tokens
 from parcours.model.formats.foreign.tree import Applied, Constant, Infix, Other, Set, Statement, Tree
-from parcours.model.formats.uppaal.declarations import DeclarationReader, Declared, TypeTree
+from parcours.model.formats.uppaal.declarations import DeclarationReader
+from parcours.model.formats.uppaal.declared import Declared, TypeTree
 
 _TYPES = ("int", "bool", "const", "double", "struct")
 

@@ -7,6 +7,7 @@ components, and the steps on it are there once for each partner.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Set
 from dataclasses import dataclass, field
 
@@ -130,11 +131,15 @@ class Composing:
             labels, variables = Names(), Names()
             for name in members:
                 self.machine_names[name] = labels.label(name)
-            for id, cell in self.cells.cells.items():
-                local = not cell.is_global and any(id.startswith(f"{name}.") for name in members)
-                if local or (group in self.users.get(id, ()) and id not in self.constants):
-                    own = id.partition(".")[2] if len(members) == 1 and not cell.is_global else id
-                    self.renamed[group, id] = variables.identifier(own)
+            kept = [id for id in self.cells.cells if self._belongs(id, group, members)]
+            # A local variable has its own name where that tells it from all others of the component.
+            plain = Counter(_plain(id) for id in kept)
+            for id in kept:
+                self.renamed[group, id] = variables.identifier(_plain(id) if plain[_plain(id)] == 1 else id)
+
+    def _belongs(self, id: str, group: int, members: list[str]) -> bool:
+        local = not self.cells.cells[id].is_global and any(id.startswith(f"{name}.") for name in members)
+        return local or (group in self.users.get(id, ()) and id not in self.constants)
 
     def _variable(self, cell: Cell, name: str) -> Variable:
         if cell.kind == CLOCK:
@@ -193,3 +198,7 @@ class Composing:
                 yield id, None, (Send(name),)
             else:
                 yield id, Receive(name), ()
+
+
+def _plain(id: str) -> str:
+    return id.rpartition(".")[2]

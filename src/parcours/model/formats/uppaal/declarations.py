@@ -6,86 +6,23 @@ The grammar is that of UPPAAL 4 and 5 (docs.uppaal.org/language-reference), with
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TypeAlias
-
 from parcours.model.formats.foreign.parsing import Parser
 from parcours.model.formats.foreign.tokens import Tokens
 from parcours.model.formats.foreign.tree import Tree
+from parcours.model.formats.uppaal.declared import (
+    Aside,
+    Declaration,
+    Declared,
+    Initial,
+    Instance,
+    Routine,
+    System,
+    TypeTree,
+)
 
 _PREFIXES = ("const", "meta", "urgent", "broadcast", "hybrid")
 _SKIPPED = ("progress", "gantt", "query", "state", "priority")
 _REFUSED = ("before_update", "after_update", "import", "dynamic", "process")
-
-
-@dataclass(frozen=True, slots=True)
-class TypeTree:
-    """A type as written: int, bool, clock, chan, double, struct or the name of another, with its bounds or fields."""
-
-    base: str
-    prefixes: frozenset[str] = frozenset()
-    low: Tree | None = None
-    high: Tree | None = None
-    fields: tuple[Declared, ...] = ()
-
-
-Initial: TypeAlias = "Tree | tuple[Initial, ...]"
-
-
-@dataclass(frozen=True, slots=True)
-class Declared:
-    """A variable, constant, channel, clock, parameter or (`is_type`) the name of a type."""
-
-    name: str
-    type: TypeTree
-    line: int
-    lengths: tuple[Tree | TypeTree, ...] = ()
-    initial: Initial | None = None
-    is_reference: bool = False
-    is_type: bool = False
-
-
-@dataclass(frozen=True, slots=True)
-class Routine:
-    """A function: the position of its body among the tokens of its text."""
-
-    name: str
-    result: TypeTree
-    parameters: tuple[Declared, ...]
-    tokens: Tokens
-    body: int
-    line: int
-
-
-@dataclass(frozen=True, slots=True)
-class Instance:
-    """`name(parameters) = template(arguments);`."""
-
-    name: str
-    parameters: tuple[Declared, ...]
-    template: str
-    arguments: tuple[Tree, ...]
-    line: int
-
-
-@dataclass(frozen=True, slots=True)
-class System:
-    """`system A, B < C;`; `is_ranked` tells that processes have priorities."""
-
-    names: tuple[str, ...]
-    is_ranked: bool
-    line: int
-
-
-@dataclass(frozen=True, slots=True)
-class Aside:
-    """Something that has no counterpart and does not matter to what can happen, by its name."""
-
-    what: str
-    line: int
-
-
-Declaration: TypeAlias = Declared | Routine | Instance | System | Aside
 
 
 def parse_declarations(text: str, origin: str, line: int) -> list[Declaration]:
@@ -109,7 +46,7 @@ def parse_declarations(text: str, origin: str, line: int) -> list[Declaration]:
 
 def parse_parameters(text: str, origin: str, line: int) -> tuple[Declared, ...]:
     """Return the parameters of a template, e.g. `const id_t id, clock &x`."""
-    return DeclarationReader(Tokens(text, "uppaal", origin, line)).parameters("")
+    return DeclarationReader(Tokens(text, "uppaal", origin, line)).parameters()
 
 
 def parse_selections(text: str, origin: str, line: int) -> tuple[Declared, ...]:
@@ -138,10 +75,10 @@ class DeclarationReader:
         found: list[Declaration] = []
         while self.tokens.token.kind != "end":
             if not self.tokens.accept(";"):
-                found += self.one()
+                found += self._one()
         return found
 
-    def one(self) -> list[Declaration]:
+    def _one(self) -> list[Declaration]:
         tokens = self.tokens
         word, after, line = tokens.token.text, tokens.ahead(1).text, tokens.line_at(tokens.token.at)
         if word in _REFUSED:
@@ -151,15 +88,15 @@ class DeclarationReader:
             return [Declared(each.name, each.type, line, each.lengths, is_type=True) for each in self.plain()]
         if word == "system":
             tokens.position += 1
-            return [self.system(line)]
+            return [self._system(line)]
         if word in _SKIPPED or (word, after) == ("chan", "priority"):
-            self.skip()
+            self._skip()
             return [Aside("priorities of channels" if word == "chan" else repr(word), line)]
         if after == "=" or (after == "(" and word not in _PREFIXES) or after == ":=":
-            return [self.instance(line)]
-        return list(self.declarators())
+            return [self._instance(line)]
+        return list(self._declarators())
 
-    def declarators(self) -> list[Declared | Routine]:
+    def _declarators(self) -> list[Declared | Routine]:
         tokens = self.tokens
         type_, found = self.type(), list[Declared | Routine]()
         while True:
@@ -167,10 +104,10 @@ class DeclarationReader:
             is_reference = tokens.accept("&")
             name = tokens.name("a name")
             if tokens.accept("("):
-                return [self.routine(name, type_, line)]
-            lengths, initial = self.lengths(), None
+                return [self._routine(name, type_, line)]
+            lengths, initial = self._lengths(), None
             if tokens.accept("=") or tokens.accept(":="):
-                initial = self.initial()
+                initial = self._initial()
             elif "const" in type_.prefixes and tokens.token.kind in ("int", "real"):
                 initial = self.parser.condition()
             found.append(Declared(name, type_, line, lengths, initial, is_reference))
@@ -180,7 +117,7 @@ class DeclarationReader:
 
     def plain(self) -> list[Declared]:
         """Return the variables of one declaration."""
-        found = self.declarators()
+        found = self._declarators()
         return [each if isinstance(each, Declared) else self.tokens.refuse("a function") for each in found]
 
     def type(self) -> TypeTree:
@@ -210,7 +147,7 @@ class DeclarationReader:
             return TypeTree(base, marks, low, high)
         return TypeTree(base, marks)
 
-    def lengths(self) -> tuple[Tree | TypeTree, ...]:
+    def _lengths(self) -> tuple[Tree | TypeTree, ...]:
         tokens, found = self.tokens, list[Tree | TypeTree]()
         while tokens.accept("["):
             is_type = tokens.token.text in ("int", "scalar") and tokens.ahead(1).text == "["
@@ -218,7 +155,7 @@ class DeclarationReader:
             tokens.expect("]")
         return tuple(found)
 
-    def initial(self, depth: int = 0) -> Initial:
+    def _initial(self, depth: int = 0) -> Initial:
         tokens = self.tokens
         if not tokens.accept("{"):
             return self.parser.condition()
@@ -230,18 +167,19 @@ class DeclarationReader:
                 tokens.expect(",")
             if tokens.ahead(1).text == ":" and tokens.token.kind == "name":
                 tokens.position += 2
-            found.append(self.initial(depth + 1))
+            found.append(self._initial(depth + 1))
         return tuple(found)
 
-    def routine(self, name: str, result: TypeTree, line: int) -> Routine:
+    def _routine(self, name: str, result: TypeTree, line: int) -> Routine:
         parameters = self.parameters(")")
         if self.tokens.token.text != "{":
             self.tokens.refuse("a function without a body")
         body = self.tokens.position
-        self.skip()
+        self._skip()
         return Routine(name, result, parameters, self.tokens, body, line)
 
-    def parameters(self, closing: str) -> tuple[Declared, ...]:
+    def parameters(self, closing: str = "") -> tuple[Declared, ...]:
+        """Return parameters up to a closing sign, or the end."""
         tokens, found = self.tokens, list[Declared]()
         while not (tokens.accept(closing) if closing else tokens.token.kind == "end"):
             if found:
@@ -250,10 +188,10 @@ class DeclarationReader:
             is_reference = tokens.accept("&")
             line = tokens.line_at(tokens.token.at)
             name = tokens.name("a name")
-            found.append(Declared(name, type_, line, self.lengths(), None, is_reference))
+            found.append(Declared(name, type_, line, self._lengths(), None, is_reference))
         return tuple(found)
 
-    def instance(self, line: int) -> Instance:
+    def _instance(self, line: int) -> Instance:
         tokens = self.tokens
         name = tokens.name("a name")
         parameters = self.parameters(")") if tokens.accept("(") else ()
@@ -269,7 +207,7 @@ class DeclarationReader:
         tokens.expect(";")
         return Instance(name, parameters, template, tuple(arguments), line)
 
-    def system(self, line: int) -> System:
+    def _system(self, line: int) -> System:
         tokens = self.tokens
         names, is_ranked = [tokens.name("a process")], False
         while not tokens.accept(";"):
@@ -280,7 +218,7 @@ class DeclarationReader:
             names.append(tokens.name("a process"))
         return System(tuple(names), is_ranked, line)
 
-    def skip(self) -> None:
+    def _skip(self) -> None:
         # To the end of the block that starts before the next semicolon, or to that semicolon.
         tokens, depth = self.tokens, 0
         while tokens.token.kind != "end":

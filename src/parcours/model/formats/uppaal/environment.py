@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Self
 
 from parcours.errors import BadModel
@@ -20,7 +21,7 @@ from parcours.model.formats.foreign.values import (
     joined,
     literal,
 )
-from parcours.model.formats.uppaal.declarations import Declared, Initial, Routine, TypeTree
+from parcours.model.formats.uppaal.declared import Declared, Initial, Routine, TypeTree
 from parcours.model.formats.uppaal.symbols import (
     KINDS,
     MAX_CELLS,
@@ -118,16 +119,29 @@ class Environment(Scope):
             if not isinstance(symbol, Row):
                 raise refusal(where, f"an element of {KINDS[type(symbol)]}")
             for condition, index in indices:
-                for at, item in enumerate(symbol.items):
-                    both = conjunction((case, condition, folded(Binary("==", index, Literal(at)))))
+                for at, item in self._candidates(symbol, index, where):
+                    both = conjunction((case, condition, at))
                     if both != FALSE:
                         found.append((both, item))
                     if len(found) > MAX_CASES:
                         rule = f"an element of an array has at most {MAX_CASES} cases, but this one has more"
                         raise BadModel(where, rule, "use constants as indices", slug="expansion-size")
-        if not found:
+        if not found and not self.cells.depth:  # inside a function, a way on which an index is outside ends there
             raise BadModel(where, "an index must lie inside its array, but this one does not", slug="out-of-range")
         return found
+
+    def _candidates(self, row: Row, index: Expression, where: str) -> Iterable[tuple[Expression, Symbol]]:
+        match index:
+            case Literal(int() as at) if not isinstance(at, bool):
+                return [(TRUE, row.items[at])] if at < len(row.items) else []
+            case Unary("-", Literal()):
+                return []
+        self.spend(len(row.items) // 16, where)
+        return ((Binary("==", index, Literal(at)), item) for at, item in enumerate(row.items))
+
+    def spend(self, count: int, where: str) -> None:
+        """Count cases of the whole system. Raises BadModel beyond MAX_WORK."""
+        self.cells.spend(where, count)
 
     def read(self, tree: Identifier | Index | Member, where: str) -> Cases:
         """Return what a place holds."""
@@ -135,7 +149,7 @@ class Environment(Scope):
         for case, symbol in self.locate(tree, where):
             match symbol:
                 case Cell():
-                    found.append((case, Name(symbol.id)))
+                    found.append((case, self.cells.known.get(symbol.id, Name(symbol.id))))
                 case Held(cases):
                     found += joined(where, lambda _, value: value, [(case, TRUE)], list(cases))
                 case _:

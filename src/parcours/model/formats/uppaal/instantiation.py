@@ -9,7 +9,7 @@ from itertools import product
 from parcours.errors import BadModel, one_of
 from parcours.model.formats.foreign import refusal
 from parcours.model.formats.foreign.tree import Tree
-from parcours.model.formats.uppaal.declarations import Declaration, Declared, Instance, Routine, System
+from parcours.model.formats.uppaal.declared import Declaration, Declared, Instance, Routine, System
 from parcours.model.formats.uppaal.environment import Environment
 from parcours.model.formats.uppaal.templates import Template
 

@@ -1,12 +1,31 @@
-"""Expressions of our language to UPPAAL's C, or the reason why it cannot say them."""
+"""Expressions and times of our language to UPPAAL's C and its whole units of time, or why it cannot say them."""
 
 from __future__ import annotations
 
+import math
+import re
 from collections.abc import Mapping, Set
 from dataclasses import dataclass, field
 
-from parcours.model.expression import Apply, Binary, Expression, Field, Literal, Name, Unary, names
-from parcours.model.formats.foreign.values import is_natural
+from parcours.model.expression import Apply, Assignment, Binary, Expression, Field, Literal, Name, Unary, names
+from parcours.model.expression.syntax import walk
+from parcours.model.formats.foreign.kinds import is_natural
+from parcours.model.structure import CLOCK, Cefsm
+
+WORDS = frozenset(
+    re.findall(
+        r"\w+",
+        """after_update and assign before_update bool branchpoint broadcast break case chan clock commit const continue
+        default do double dynamic else enum exists exit false for forall gantt guard hybrid if imply import init int
+        invariant meta not numOf or postcondition priority process progress query rate return scalar select
+        simulation spawn state string struct sum switch sync system trans true type typedef urgent void while xor abs
+        fabs fmod fint floor ceil sqrt pow exp log sin cos tan deadlock location""",
+    )
+)
+"""Names that mean something in UPPAAL and cannot be given."""
+
+LARGEST_SCALE = 9
+"""Most decimals of a second that the unit of time may have: nanoseconds."""
 
 _LEVELS = {"||": 1, "&&": 2, "==": 3, "!=": 3, "<": 4, "<=": 4, ">": 4, ">=": 4, "+": 6, "-": 6, "*": 7, "/": 7, "%": 7}
 _COMPARING = ("==", "!=", "<", "<=", ">", ">=")
@@ -118,3 +137,33 @@ class Rendering:
                 return f"abs({self._of(argument, 0, 1)})", 9
             case _:
                 raise UnsayableError(f"it has no function {function!r}")
+
+
+def scale_of(cefsm: Cefsm) -> int:
+    """Return the units of time a second in which every time of a model is whole, as far as nanoseconds go."""
+    times: list[float] = []
+    for component in cefsm.components:
+        clocks = {variable.name for variable in component.variables if variable.type == CLOCK}
+        for machine in component.machines:
+            conditions = [condition for _, condition in machine.invariants]
+            for transition in machine.transitions:
+                times += [time for time in transition.duration or () if math.isfinite(time)]
+                conditions += [transition.guard] if transition.guard is not None else []
+                for action in transition.actions:
+                    if isinstance(action, Assignment) and action.target in clocks:
+                        times += _numbers(action.value)
+            for condition in conditions:
+                if names(condition) & clocks:
+                    times += _numbers(condition)
+    scale = 1
+    while scale < 10**LARGEST_SCALE and any(abs(time * scale - round(time * scale)) > 1e-6 for time in times):
+        scale *= 10
+    return scale
+
+
+def _numbers(node: Expression) -> list[float]:
+    return [
+        float(each.value)
+        for each in walk(node)
+        if isinstance(each, Literal) and isinstance(each.value, int | float) and not isinstance(each.value, bool)
+    ]

@@ -1,48 +1,24 @@
 """Functions of a UPPAAL file written out where they are called: branches of assignments, and values.
 
-Nothing runs: a body is followed along every way its choices can fall, loops as often as their conditions can hold.
-Variables of a function are worked out of the result. What does not come to an end in bounds is refused.
+Variables of a function are worked out of the result: only those of the system remain.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
 
-from parcours.errors import BadModel
 from parcours.model.expression import Assignment, Expression, names
-from parcours.model.formats.foreign import Branch, Tokens, Translation, performed, refusal, sized
-from parcours.model.formats.foreign.tree import Applied, Set, Statement, When
+from parcours.model.formats.foreign import Branch, Tokens, refusal, sized
+from parcours.model.formats.foreign.tree import Applied
 from parcours.model.formats.foreign.values import (
-    FALSE,
-    MAX_CASES,
     TRUE,
     Cases,
-    always,
-    conjunction,
-    literal,
-    negation,
     replaced,
 )
-from parcours.model.formats.uppaal.bodies import BodyParser, Each, Local, Loop, Perform, Return
-from parcours.model.formats.uppaal.declarations import Declared, Routine
+from parcours.model.formats.uppaal.bodies import BodyParser
+from parcours.model.formats.uppaal.declared import Routine
 from parcours.model.formats.uppaal.environment import Environment
-from parcours.model.formats.uppaal.symbols import Cell
-
-MAX_TURNS = 200
-"""Most turns of one loop."""
-
-MAX_NESTED = 8
-"""Most calls inside each other."""
-
-
-@dataclass(frozen=True, slots=True)
-class Running:
-    """Where a body stands on one way: what was done, and the value it returned, if it did."""
-
-    branch: Branch
-    has_returned: bool = False
-    value: Expression | None = None
+from parcours.model.formats.uppaal.execution import Execution, Running, is_local
 
 
 def updates(text: str, environment: Environment, origin: str, line: int) -> list[Branch]:
@@ -60,6 +36,7 @@ def updates(text: str, environment: Environment, origin: str, line: int) -> list
     where = f"{origin}:{line}"
     statements = BodyParser(Tokens(text, "uppaal", origin, line)).statements()
     found = Execution(environment, where).run(statements, [Running(Branch(TRUE, ()))])
+    environment.cells.known = {}
     return [Branch(sized(each.branch.guard, where), without_locals(each.branch.actions, where)) for each in found]
 
 
@@ -70,18 +47,15 @@ def value_of(call: Applied, environment: Environment, routine: Routine, where: s
         BadModel: the function changes variables that outlive it, returns nothing, or cannot be translated.
     """
     found: Cases = []
+    kept = environment.cells.known
     for each in Execution(environment, where).called(call, routine, Running(Branch(TRUE, ()))):
         if any(not is_local(action.target) for action in each.branch.actions):
             raise refusal(where, f"the function {call.function!r}, which changes variables, inside a value")
         if each.value is None:
             raise refusal(where, f"the value of {call.function!r}, which returns none")
-        found.append((each.branch.guard, replaced(each.value, each.branch.held())))
+        found.append((each.branch.guard, replaced(each.value, each.branch.held(where))))
+    environment.cells.known = kept
     return found
-
-
-def is_local(id: str) -> bool:
-    """Return whether a variable belongs to one call of a function."""
-    return "'" in id
 
 
 def without_locals(actions: Iterable[Assignment], where: str) -> tuple[Assignment, ...]:
@@ -116,160 +90,3 @@ class CallingEnvironment(Environment):
             if isinstance(routine, Routine):
                 return value_of(tree, self, routine, where)
         return super().applied(tree, where)
-
-
-class Execution:
-    """Follows statements along every way.
-
-    Args:
-        scope: the names they see.
-        where: file and line of the call, for messages.
-    """
-
-    def __init__(self, scope: Environment, where: str) -> None:
-        self.scope, self.where = scope, where
-
-    def run(self, statements: Iterable[Statement], now: list[Running]) -> list[Running]:
-        """Return where the ways end; those that have returned stay as they are."""
-        for statement in statements:
-            self.scope.cells.spend(self.where, len(now))
-            if isinstance(statement, Local):
-                now = self.declared(statement.declared, now)
-            else:
-                now = [
-                    after for each in now for after in ([each] if each.has_returned else self.after(statement, each))
-                ]
-            self.bounded(now)
-        return now
-
-    def within(self) -> Execution:
-        """Return the execution of a block inside: what it declares is not seen outside."""
-        return Execution(self.scope.inner(), self.where)
-
-    def bounded(self, now: list[Running]) -> None:
-        """Raise BadModel if there are too many ways."""
-        if len(now) > MAX_CASES:
-            rule = f"an update has at most {MAX_CASES} branches, but this one has more"
-            raise BadModel(self.where, rule, "make its arrays or ranges smaller", slug="expansion-size")
-
-    def after(self, statement: Statement, here: Running) -> list[Running]:
-        """Return where one statement leads."""
-        match statement:
-            case Set():
-                found = performed([statement], self.scope, self.where, here.branch)
-                return [Running(branch) for branch in found]
-            case When(condition, yes, no):
-                choice = self.choice(Translation(self.scope, self.where).truth(condition), here)
-                taken = [
-                    self.within().run(body, self.under(each, here))
-                    for each, body in zip(choice, (yes, no), strict=True)
-                ]
-                return [each for found in taken for each in found]
-            case Perform(call):
-                routine = self.scope.find(call.function, self.where)
-                if not isinstance(routine, Routine):
-                    raise refusal(self.where, f"a call of {call.function!r}")
-                return [Running(each.branch) for each in self.called(call, routine, here)]
-            case Loop():
-                return self.turns(statement, here)
-            case Each(name, type_, body):
-                now, values = [here], tuple(self.scope.shape(type_, self.where).values(self.where))
-                self.scope.cells.spend(self.where, len(values))
-                for value in values:
-                    block = self.within()
-                    block.scope.hold(name, value)
-                    now = block.run(body, now)
-                return now
-            case Return(value):
-                if value is None:
-                    return [replace(here, has_returned=True)]
-                cases = Translation(self.scope, self.where).value(value)
-                return [
-                    Running(each.branch, True, result)
-                    for case, result in cases
-                    for each in self.under(replaced(case, here.branch.held()), here)
-                ]
-            case _:
-                raise refusal(self.where, f"a statement {type(statement).__name__!r}")
-
-    def choice(self, condition: Expression, here: Running) -> tuple[Expression, Expression]:
-        """Return a condition and its opposite, in terms of the values before everything."""
-        before = replaced(condition, here.branch.held())
-        return before, negation(before)
-
-    def under(self, condition: Expression, here: Running) -> list[Running]:
-        """Return the way with one more condition; none if that cannot hold."""
-        guard = conjunction((here.branch.guard, condition))
-        return [] if guard == FALSE else [replace(here, branch=Branch(guard, here.branch.actions))]
-
-    def turns(self, loop: Loop, here: Running) -> list[Running]:
-        """Return the ways out of a loop."""
-        now, done = [here], list[Running]()
-        for _ in range(MAX_TURNS):
-            self.scope.cells.spend(self.where, len(now))
-            inside: list[Running] = []
-            for each in now:
-                yes, no = self.choice(Translation(self.scope, self.where).truth(loop.condition), each)
-                done += self.under(no, each)
-                inside += self.under(yes, each)
-            now = self.within().run(loop.body, inside)
-            done += [each for each in now if each.has_returned]
-            now = [each for each in now if not each.has_returned]
-            self.bounded([*now, *done])
-            if not now:
-                return done
-        raise BadModel(self.where, f"a loop ends within {MAX_TURNS} turns, but this one may not", slug="expansion-size")
-
-    def declared(self, declared: Declared, now: list[Running]) -> list[Running]:
-        """Return where the declaration of a variable leads: from now on its name means a new cell."""
-        shape = self.scope.shape(declared.type, self.where, declared.lengths)
-        made, cells = self.scope.cells.make_local(declared.name, shape, declared.line, self.where)
-        if isinstance(made, Cell) and declared.initial is not None and not isinstance(declared.initial, tuple):
-            cases = Translation(self.scope, self.where).of_kind(declared.initial, made.kind)
-            now = [after for each in now for after in self.assigned(made.id, cases, each)]
-        elif declared.initial is not None and cells:
-            raise refusal(self.where, f"initial values of the local variable {declared.name!r}")
-        else:
-            for cell in cells:
-                now = [after for each in now for after in self.assigned(cell.id, always(literal(cell.initial)), each)]
-        self.scope.names[declared.name] = made
-        return now
-
-    def assigned(self, id: str, cases: Cases, here: Running) -> list[Running]:
-        """Return the ways on which a variable is assigned one of several values."""
-        held = here.branch.held()
-        return [
-            replace(each, branch=Branch(each.branch.guard, (*each.branch.actions, Assignment(id, value))))
-            for case, value in cases
-            for each in self.under(replaced(case, held), here)
-        ]
-
-    def called(self, call: Applied, routine: Routine, here: Running) -> list[Running]:
-        """Return the ways out of a call, with what they return."""
-        if self.scope.cells.depth >= MAX_NESTED:
-            raise refusal(self.where, f"calls more than {MAX_NESTED} deep")
-        if len(call.arguments) != len(routine.parameters):
-            rule = (
-                f"{call.function!r} has {len(routine.parameters)} parameters, but gets {len(call.arguments)} arguments"
-            )
-            raise BadModel(self.where, rule, slug="arity")
-        inner = self.scope.home(routine).inner()
-        now = [here]
-        for parameter, argument in zip(routine.parameters, call.arguments, strict=True):
-            shape = inner.shape(parameter.type, self.where, parameter.lengths)
-            if parameter.is_reference or shape.lengths or shape.kind == "struct":
-                places = self.scope.locate(argument, self.where)
-                if len(places) != 1:
-                    raise refusal(self.where, "an index that varies in an argument")
-                inner.names[parameter.name] = places[0][1]
-            else:
-                made, cells = self.scope.cells.make_local(parameter.name, shape, parameter.line, self.where)
-                inner.names[parameter.name] = made
-                cases = Translation(self.scope, self.where).of_kind(argument, shape.kind)
-                now = [after for each in now for after in self.assigned(cells[0].id, cases, each)]
-        tokens = routine.tokens
-        tokens.position = routine.body + 1
-        self.scope.cells.depth += 1
-        found = Execution(inner, self.where).run(BodyParser(tokens).statements("}"), now)
-        self.scope.cells.depth -= 1
-        return found

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import math
-import re
 from collections.abc import Iterable, Iterator
 
-from parcours.model.expression import Assignment, Expression, Literal, names
-from parcours.model.expression.syntax import walk
+from parcours.model.expression import Assignment, Expression, names
 from parcours.model.formats.naming import Names
 from parcours.model.formats.reading import Loss
-from parcours.model.formats.uppaal.rendering import Rendering
+from parcours.model.formats.uppaal.rendering import WORDS, Rendering, scale_of
 from parcours.model.structure import (
     CLOCK,
     ENVIRONMENT,
@@ -22,22 +19,8 @@ from parcours.model.structure import (
     Variable,
 )
 
-WORDS = frozenset(
-    re.findall(
-        r"\w+",
-        """after_update and assign before_update bool branchpoint broadcast break case chan clock commit const continue
-        default do double dynamic else enum exists exit false for forall gantt guard hybrid if imply import init int
-        invariant meta not numOf or postcondition priority process progress query rate return scalar select
-        simulation spawn state string struct sum switch sync system trans true type typedef urgent void while xor abs
-        fabs fmod fint floor ceil sqrt pow exp log sin cos tan deadlock location""",
-    )
-)
-"""Names that mean something in UPPAAL and cannot be given."""
-
 TESTER = "Environment"
 """The template that stands for the tester: one location, and an edge for each channel of the environment."""
-
-_LARGEST_SCALE = 9
 
 
 class Shared:
@@ -52,7 +35,7 @@ class Shared:
         self.cefsm = cefsm
         self.losses: list[Loss] = []
         self.names = Names((*WORDS, TESTER))
-        self.scale = _scale(cefsm)
+        self.scale = scale_of(cefsm)
         if self.scale != 1:
             self.losses.append(Loss("model", 0, f"the unit of time is 1/{self.scale} s there"))
         words = [str(word) for each in _variables(cefsm) if each.type == "enum" for word in each.domain]
@@ -252,33 +235,3 @@ def _variables(cefsm: Cefsm) -> Iterator[Variable]:
 
 def _bounds(variable: Variable) -> str:
     return f"[{variable.domain[0]},{variable.domain[-1]}]" if isinstance(variable.domain, range) else ""
-
-
-def _scale(cefsm: Cefsm) -> int:
-    """Return the units of time a second in which every time of a model is whole, as far as nanoseconds go."""
-    times: list[float] = []
-    for component in cefsm.components:
-        clocks = {variable.name for variable in component.variables if variable.type == CLOCK}
-        for machine in component.machines:
-            conditions = [condition for _, condition in machine.invariants]
-            for transition in machine.transitions:
-                times += [time for time in transition.duration or () if math.isfinite(time)]
-                conditions += [transition.guard] if transition.guard is not None else []
-                for action in transition.actions:
-                    if isinstance(action, Assignment) and action.target in clocks:
-                        times += _numbers(action.value)
-            for condition in conditions:
-                if names(condition) & clocks:
-                    times += _numbers(condition)
-    scale = 1
-    while scale < 10**_LARGEST_SCALE and any(abs(time * scale - round(time * scale)) > 1e-6 for time in times):
-        scale *= 10
-    return scale
-
-
-def _numbers(node: Expression) -> list[float]:
-    return [
-        float(each.value)
-        for each in walk(node)
-        if isinstance(each, Literal) and isinstance(each.value, int | float) and not isinstance(each.value, bool)
-    ]

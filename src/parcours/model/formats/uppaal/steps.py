@@ -56,8 +56,9 @@ class Steps:
         Raises:
             BadModel: a text cannot be translated, or there are more than MAX_STEPS steps.
         """
-        locations = process.template.locations
-        for way in process.template.ways():
+        locations, ways = process.template.locations, process.template.ways()
+        self._bounded(len(ways), process.template.line)
+        for way in ways:
             source, target = locations[way[0].source].name, locations[way[-1].target].name
             line = way[0].line
             for environment, suffix in self._selected(process.environment, way):
@@ -65,14 +66,17 @@ class Steps:
                 if process.name != process.template.name or way[0].name.isdecimal():
                     id = f"{process.name}.{id}"
                 found = self._written_out(way, environment)
+                self._bounded(len(found), line)
+                self.count += len(found)
                 for number, (guard, branch, link, sign) in enumerate(found, 1):
-                    self.count += 1
-                    if self.count > MAX_STEPS:
-                        rule = f"a system is written out to at most {MAX_STEPS} steps, but this one goes beyond"
-                        raise BadModel(self._where(line), rule, "make its ranges smaller", slug="expansion-size")
                     own = f"{id}#{number}" if len(found) > 1 else id
                     weight = self._weight(way, environment)
                     yield Step(self.ids.label(own), source, target, guard, branch.actions, link, sign, weight, line)
+
+    def _bounded(self, more: int, line: int) -> None:
+        if self.count + more > MAX_STEPS:
+            rule = f"a system is written out to at most {MAX_STEPS} steps, but this one goes beyond"
+            raise BadModel(self._where(line), rule, "make its ranges smaller", slug="expansion-size")
 
     def _selected(self, around: Environment, way: tuple[Edge, ...]) -> Iterator[tuple[Environment, str]]:
         selections = [

@@ -9,7 +9,7 @@ from typing import TypeAlias
 from parcours.errors import BadModel
 from parcours.model.expression import Expression
 from parcours.model.formats.foreign.values import TRUE, literal
-from parcours.model.formats.uppaal.declarations import Routine
+from parcours.model.formats.uppaal.declared import Routine
 
 MAX_CELLS = 10_000
 """Most variables, channels and constants of a system, each element of an array counted."""
@@ -112,12 +112,21 @@ Given: TypeAlias = "bool | int | float | tuple[Given, ...] | None"
 
 
 class Cells:
-    """All variables of one system, counted, with the kinds and signs that translations ask for."""
+    """All variables of one system, counted, with what translations ask for.
+
+    Attributes:
+        cells: by id.
+        kinds: by id.
+        naturals: ids of variables that are never negative.
+        known: the values of variables of functions, by id, where the way that is followed says them.
+        depth: how many calls the way is inside.
+    """
 
     def __init__(self) -> None:
         self.kinds: dict[str, str] = {}
         self.naturals: set[str] = set()
         self.cells: dict[str, Cell] = {}
+        self.known: dict[str, Expression] = {}
         self.count = self.work = self.calls = self.depth = 0
 
     def spend(self, where: str, more: int = 1) -> None:

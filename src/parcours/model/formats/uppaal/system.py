@@ -10,7 +10,8 @@ from parcours.model.formats.foreign.values import TRUE, conjunction, conjuncts
 from parcours.model.formats.naming import as_label
 from parcours.model.formats.reading import Loss, Reading, accepted
 from parcours.model.formats.uppaal.composing import Composing, Part
-from parcours.model.formats.uppaal.declarations import Aside, Declared, Routine, System, parse_declarations
+from parcours.model.formats.uppaal.declarations import parse_declarations
+from parcours.model.formats.uppaal.declared import Aside, Declared, Routine, System
 from parcours.model.formats.uppaal.instantiation import Instantiation, Process
 from parcours.model.formats.uppaal.routines import CallingEnvironment
 from parcours.model.formats.uppaal.sharing import TESTER

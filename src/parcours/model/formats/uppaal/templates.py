@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 from parcours.errors import BadModel
 from parcours.model.formats.naming import Names, as_label
-from parcours.model.formats.uppaal.declarations import Declaration, Declared, parse_declarations, parse_parameters
+from parcours.model.formats.uppaal.declarations import parse_declarations, parse_parameters
+from parcours.model.formats.uppaal.declared import Declaration, Declared
 from parcours.model.formats.xml_lines import Element
 
 

@@ -16,8 +16,8 @@ from parcours.model.expression import Assignment, Expression
 from parcours.model.formats.naming import Names, as_identifier
 from parcours.model.formats.reading import Loss, Writing
 from parcours.model.formats.unsaid import unsaid
-from parcours.model.formats.uppaal.rendering import Rendering, UnsayableError
-from parcours.model.formats.uppaal.sharing import TESTER, WORDS, Shared
+from parcours.model.formats.uppaal.rendering import WORDS, Rendering, UnsayableError
+from parcours.model.formats.uppaal.sharing import TESTER, Shared
 from parcours.model.structure import Cefsm, Component, Machine, Transition
 
 _HEAD = """<?xml version="1.0" encoding="utf-8"?>
