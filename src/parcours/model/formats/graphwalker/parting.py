@@ -6,8 +6,9 @@ import re
 from collections.abc import Iterator, Mapping
 from itertools import count
 
-from parcours.model.expression import Apply, Assignment, Binary, Expression, Literal, Name, Unary, names
+from parcours.model.expression import Apply, Assignment, Binary, Expression, Literal, Name, names
 from parcours.model.expression.syntax import walk
+from parcours.model.formats.foreign.javascript import javascript
 from parcours.model.formats.foreign.values import literal, replaced
 from parcours.model.formats.graphwalker.models import Edge, Model, Vertex
 from parcours.model.formats.naming import Names, joint_name
@@ -30,7 +31,7 @@ _JAVASCRIPT = frozenset(
         NaN Infinity false true""",
     )
 )
-_STRING = {"\n": "\\n", "\t": "\\t", "\r": "\\r", "\\": "\\\\", "'": "\\'"}
+_ESCAPED = "\n\t\r\\'"
 
 
 def parted(cefsm: Cefsm) -> tuple[list[Model], tuple[Loss, ...]]:
@@ -140,13 +141,13 @@ class _Parter:
         for variable in component.variables:
             name = self.spoken[component.name].get(variable.name)
             if name is not None and variable.role == "local":
-                yield f"{name} = {_javascript(literal(variable.initial))};"
+                yield f"{name} = {javascript(literal(variable.initial))};"
 
     def conditions(self, component: Component, transition: Transition) -> Iterator[str]:
         spoken = self.spoken[component.name]
         for part in _conjuncts(transition.guard) if transition.guard is not None else ():
             if _is_said(part, spoken):
-                text = _javascript(replaced(part, spoken))
+                text = javascript(replaced(part, spoken))
                 yield f"({text})" if isinstance(part, Binary) and part.operator == "||" else text
             else:
                 what = f'the condition "{part}" is not written; the transition is free of it'
@@ -156,7 +157,7 @@ class _Parter:
         spoken = self.spoken[component.name]
         for action in transition.actions:
             if isinstance(action, Assignment) and action.target in spoken and _is_said(action.value, spoken):
-                yield f"{spoken[action.target]} = {_javascript(replaced(action.value, spoken))};"
+                yield f"{spoken[action.target]} = {javascript(replaced(action.value, spoken))};"
             else:
                 self.lose(f"transition {transition.id!r}", transition.line, f'the action "{action}" is not written')
 
@@ -178,36 +179,4 @@ def _is_said(node: Expression, spoken: Mapping[str, Expression]) -> bool:
 
 
 def _is_plain(text: str) -> bool:
-    return all(sign in _STRING or sign.isprintable() for sign in text)
-
-
-def _javascript(node: Expression) -> str:
-    """Return the text of an expression whose value there is the same as here.
-
-    >>> from parcours.model.expression import parse_expression
-    >>> _javascript(parse_expression("abs(n) % 2 == 0 && mode != 'it\\\\'s'"))
-    "Math.abs(n) - 2 * Math.floor(Math.abs(n) / 2) == 0 && mode != 'it\\\\'s'"
-    """
-    return str(_spelled(node))
-
-
-def _spelled(node: Expression) -> Expression:
-    match node:
-        case Literal(str(text)):
-            # A name is rendered as it stands.
-            return Name("'" + "".join(_STRING.get(sign, sign) for sign in text) + "'")
-        case Unary("-", Unary("-", operand)):
-            # Two minus signs in a row are another operator there.
-            return _spelled(operand)
-        case Unary(operator, operand):
-            return Unary(operator, _spelled(operand))
-        case Binary("%", left, right):
-            # The remainder there has the sign of the dividend, ours that of the divisor.
-            one, two = _spelled(left), _spelled(right)
-            return Binary("-", one, Binary("*", two, Apply("Math.floor", (Binary("/", one, two),))))
-        case Binary(operator, left, right):
-            return Binary(operator, _spelled(left), _spelled(right))
-        case Apply(function, arguments):
-            return Apply(f"Math.{function}", tuple(map(_spelled, arguments)))
-        case _:
-            return node
+    return all(sign in _ESCAPED or sign.isprintable() for sign in text)
