@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from itertools import product
 
 import pytest
@@ -125,28 +125,11 @@ def test_the_solver_by_itself_contradicts_the_interpreter_nowhere(cefsm: Cefsm) 
     assert missed.isdisjoint(reachable_pairs(cefsm)), "what can be met in a small model is found"
 
 
-def component(variables: str, *transitions: str, extra: str = "") -> Cefsm:
-    lines = "\n".join(f"          {transition}" for transition in transitions)
-    return parse_model(f"""
-parcours: model/1
-name: m
-components:
-  C:
-    variables: {{{variables}}}
-    machines:
-      m:
-        initial: a
-{extra}
-        transitions:
-{lines}
-""")
-
-
 def verdict(found: Executability, id: str) -> Covered | Infeasible | Undecided:
     return next(each for each in found.verdicts if each.requirement.steps == (id,))
 
 
-def test_a_loop_that_must_be_taken_often_is_taken_so_often() -> None:
+def test_a_loop_that_must_be_taken_often_is_taken_so_often(component: Callable[..., Cefsm]) -> None:
     cefsm = component(
         "n: {type: int, initial: 0}, step: {type: int, role: input, range: [0, 3]}",
         "t1: {from: a, to: a, action: n := n + step}",
@@ -157,7 +140,9 @@ def test_a_loop_that_must_be_taken_often_is_taken_so_often() -> None:
     assert sum(value for move in path.moves for _, value in move.inputs if isinstance(value, int)) == 20
 
 
-def test_a_proof_names_the_guards_that_conflict_and_no_other(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_proof_names_the_guards_that_conflict_and_no_other(
+    component: Callable[..., Cefsm], monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(deciding, "MOST_STATES", 300)
     cefsm = component(
         "v: {type: real, role: input}, ready: {type: bool, role: input}, n: {type: int, initial: 0}",
@@ -172,7 +157,9 @@ def test_a_proof_names_the_guards_that_conflict_and_no_other(monkeypatch: pytest
     assert isinstance(verdict(found, "t3"), Covered)
 
 
-def test_a_proof_goes_back_to_the_start_where_it_must(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_proof_goes_back_to_the_start_where_it_must(
+    component: Callable[..., Cefsm], monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(deciding, "MOST_STATES", 300)
     cefsm = component(
         "v: {type: real, role: input}, b: {type: bool, initial: false}, m: {type: int, initial: 0}",
@@ -188,7 +175,7 @@ def test_a_proof_goes_back_to_the_start_where_it_must(monkeypatch: pytest.Monkey
     assert verdict(found, "t4") == Infeasible(Requirement("m", "transitions", ("t4",)), bound)
 
 
-def test_what_only_rounding_allows_is_not_called_infeasible() -> None:
+def test_what_only_rounding_allows_is_not_called_infeasible(component: Callable[..., Cefsm]) -> None:
     cefsm = component(
         "x: {type: real, role: input}, y: {type: real, initial: 0}",
         "t1: {from: a, to: b, guard: x > 0.0, action: y := x + 1.0}",
@@ -200,7 +187,7 @@ def test_what_only_rounding_allows_is_not_called_infeasible() -> None:
     assert isinstance(verdict(found, "t3"), Infeasible), "no rounding makes twice a positive number smaller"
 
 
-def test_real_inputs_are_floats_that_really_hold() -> None:
+def test_real_inputs_are_floats_that_really_hold(component: Callable[..., Cefsm]) -> None:
     cefsm = component(
         "x: {type: real, role: input}, y: {type: real, role: input}",
         't1: {from: a, to: b, guard: "x * x + y * y < 0.3 && x > 0.51 && hypot(x, y) > 0.52"}',
@@ -211,7 +198,7 @@ def test_real_inputs_are_floats_that_really_hold() -> None:
     run(cefsm, found.paths[0].moves)
 
 
-def test_a_search_that_cannot_end_says_what_it_spent() -> None:
+def test_a_search_that_cannot_end_says_what_it_spent(component: Callable[..., Cefsm]) -> None:
     cefsm = component(
         "n: {type: int, initial: 1}, k: {type: int, role: input}",
         "t1: {from: a, to: a, guard: k > 0 && k < 1000, action: n := (n * k) % 100003}",
@@ -223,7 +210,7 @@ def test_a_search_that_cannot_end_says_what_it_spent() -> None:
     assert missed.spent < 4.0
 
 
-def test_paths_end_where_a_test_may_end_unless_they_may_end_anywhere() -> None:
+def test_paths_end_where_a_test_may_end_unless_they_may_end_anywhere(component: Callable[..., Cefsm]) -> None:
     cefsm = component(
         "n: {type: int, initial: 0, range: [0, 5]}",
         "t1: {from: a, to: b, action: n := 3}",
@@ -264,7 +251,9 @@ def test_what_other_machines_may_set_proves_nothing(monkeypatch: pytest.MonkeyPa
     assert isinstance(verdict(found, "t2"), Infeasible), "n is 2 and 1 under no interference"
 
 
-def test_without_the_solver_small_spaces_are_still_decided(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_the_solver_small_spaces_are_still_decided(
+    component: Callable[..., Cefsm], monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(deciding, "has_solver", lambda: False)
     assert isinstance(verdict(solve(parse_model(SHARED), "C", "m", "edge"), "t2"), Infeasible)
     endless = component(

@@ -2,35 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import pytest
 
-from parcours.model import Cefsm, parse_model
+from parcours.model import Cefsm
 from parcours.paths.criteria import Requirement
 from parcours.paths.solving import Covered, Executability, Infeasible, Undecided, deciding, searching, solve
-
-
-def component(variables: str, *transitions: str, extra: str = "") -> Cefsm:
-    lines = "\n".join(f"          {transition}" for transition in transitions)
-    return parse_model(f"""
-parcours: model/1
-name: m
-components:
-  C:
-    variables: {{{variables}}}
-    machines:
-      m:
-        initial: a
-{extra}
-        transitions:
-{lines}
-""")
 
 
 def verdict(found: Executability, id: str) -> Covered | Infeasible | Undecided:
     return next(each for each in found.verdicts if each.requirement.steps == (id,))
 
 
-def test_the_start_is_met_where_nothing_can_be_done_in_time() -> None:
+def test_the_start_is_met_where_nothing_can_be_done_in_time(component: Callable[..., Cefsm]) -> None:
     cefsm = component("x: {type: clock}", "t1: {from: a, to: b, guard: x <= 0, duration: [2, 2]}")
     found = solve(cefsm, "C", "m", "node", budget=3)
     (start,) = found.covered
@@ -38,12 +23,14 @@ def test_the_start_is_met_where_nothing_can_be_done_in_time() -> None:
     assert [each.requirement.steps for each in found.infeasible] == [("b",)]
 
 
-def test_the_start_is_met_by_a_longer_path_where_there_is_one() -> None:
+def test_the_start_is_met_by_a_longer_path_where_there_is_one(component: Callable[..., Cefsm]) -> None:
     found = solve(component("x: {type: clock}", "t1: {from: a, to: b, guard: x >= 1}"), "C", "m", "node", budget=3)
     assert [each.path.ids for each in found.covered] == [("t1",), ("t1",)] and len(found.paths) == 1
 
 
-def test_a_clock_elsewhere_hinders_no_proof_over_data(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_clock_elsewhere_hinders_no_proof_over_data(
+    component: Callable[..., Cefsm], monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(deciding, "MOST_STATES", 0)
     cefsm = component(
         "x: {type: clock}, n: {type: int, initial: 0}, k: {type: int, initial: 0}",
@@ -55,7 +42,9 @@ def test_a_clock_elsewhere_hinders_no_proof_over_data(monkeypatch: pytest.Monkey
     assert isinstance(found, Infeasible) and "action of 't1': n := n + 1" in found.proof
 
 
-def test_a_proof_without_time_takes_no_clock_for_data(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_proof_without_time_takes_no_clock_for_data(
+    component: Callable[..., Cefsm], monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(deciding, "MOST_STATES", 0)
     cefsm = component(
         "x: {type: clock}, n: {type: int, initial: 0, range: [0, 3]}",
@@ -66,7 +55,9 @@ def test_a_proof_without_time_takes_no_clock_for_data(monkeypatch: pytest.Monkey
     assert len(solve(cefsm, "C", "m", "edge", budget=5).covered) == 3
 
 
-def test_when_all_paths_are_tried_what_conflicts_is_still_named(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_when_all_paths_are_tried_what_conflicts_is_still_named(
+    component: Callable[..., Cefsm], monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(deciding, "MOST_STATES", 0)
     cefsm = component(
         "n: {type: int, initial: 0, range: [0, 3]}",
@@ -78,7 +69,9 @@ def test_when_all_paths_are_tried_what_conflicts_is_still_named(monkeypatch: pyt
     assert found.requirement.steps == ("t3",) and "guard of 't3': n > 0" in found.proof
 
 
-def test_where_time_counts_paths_do_not_grow_for_ever(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_where_time_counts_paths_do_not_grow_for_ever(
+    component: Callable[..., Cefsm], monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(searching, "LOOPS", 3)
     monkeypatch.setattr(deciding, "MOST_STATES", 0)
     cefsm = component(
@@ -93,7 +86,9 @@ def test_where_time_counts_paths_do_not_grow_for_ever(monkeypatch: pytest.Monkey
     assert isinstance(missed, Undecided) and "more than 15 transitions" in missed.reason
 
 
-def test_the_way_home_is_found_however_large_the_space_is(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_way_home_is_found_however_large_the_space_is(
+    component: Callable[..., Cefsm], monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(deciding, "MOST_STATES", 1)
     cefsm = component(
         "", "t1: {from: a, to: b}", "t2: {from: b, to: d}", "t3: {from: d, to: a}", extra="        final: [a]"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from fractions import Fraction
 
 import pytest
@@ -70,35 +71,18 @@ def test_windows_are_those_of_the_solver_and_contradictions_too(limits: list[Lim
             assert can(solver, time == latest) is not window.closes
 
 
-def timed(variables: str, *transitions: str, extra: str = "") -> Cefsm:
-    lines = "\n".join(f"          {transition}" for transition in transitions)
-    return parse_model(f"""
-parcours: model/1
-name: m
-components:
-  C:
-    variables: {{{variables}}}
-    machines:
-      m:
-        initial: a
-{extra}
-        transitions:
-{lines}
-""")
-
-
 def windows(found: Schedule | Contradiction | Unscheduled) -> list[str]:
     assert isinstance(found, Schedule), found
     return [str(window) for window in found.windows]
 
 
-def test_durations_run_from_entering_the_state() -> None:
-    cefsm = timed("n: {type: int, initial: 0}", "t: {from: a, to: a, duration: [0.1, 0.2]}")
+def test_durations_run_from_entering_the_state(component: Callable[..., Cefsm]) -> None:
+    cefsm = component("n: {type: int, initial: 0}", "t: {from: a, to: a, duration: [0.1, 0.2]}")
     assert windows(schedule(cefsm, ["t"] * 3)) == ["[0.1, 0.2] s", "[0.2, 0.4] s", "[0.3, 0.6] s"]
 
 
-def test_tenths_of_a_second_add_up_exactly() -> None:
-    cefsm = timed(
+def test_tenths_of_a_second_add_up_exactly(component: Callable[..., Cefsm]) -> None:
+    cefsm = component(
         "x: {type: clock}",
         "t1: {from: a, to: b, duration: [0.1, 0.1]}",
         "t2: {from: b, to: c, duration: [0.2, 0.2]}",
@@ -109,8 +93,8 @@ def test_tenths_of_a_second_add_up_exactly() -> None:
     assert isinstance(schedule(cefsm, ["t1", "t2", "t4"]), Contradiction)
 
 
-def test_a_contradiction_names_the_bounds_of_its_cycle_and_no_other() -> None:
-    cefsm = timed(
+def test_a_contradiction_names_the_bounds_of_its_cycle_and_no_other(component: Callable[..., Cefsm]) -> None:
+    cefsm = component(
         "x: {type: clock}, y: {type: clock}",
         "t1: {from: a, to: b, action: x := 0, duration: [1, 2]}",
         "t2: {from: b, to: c, duration: [3, 9]}",
@@ -125,8 +109,8 @@ def test_a_contradiction_names_the_bounds_of_its_cycle_and_no_other() -> None:
     }
 
 
-def test_invariants_hold_from_entering_until_leaving() -> None:
-    cefsm = timed(
+def test_invariants_hold_from_entering_until_leaving(component: Callable[..., Cefsm]) -> None:
+    cefsm = component(
         "x: {type: clock}",
         "t1: {from: a, to: b, guard: x >= 1}",
         "t2: {from: b, to: a, action: x := 2}",
@@ -135,8 +119,8 @@ def test_invariants_hold_from_entering_until_leaving() -> None:
     assert windows(schedule(cefsm, ["t1", "t2", "t1"])) == ["[1, 4] s", "[1, 6) s", "[1, 8) s"]
 
 
-def test_a_choice_between_times_is_met_in_the_first_way_that_fits() -> None:
-    cefsm = timed(
+def test_a_choice_between_times_is_met_in_the_first_way_that_fits(component: Callable[..., Cefsm]) -> None:
+    cefsm = component(
         "x: {type: clock}",
         "t1: {from: a, to: b, guard: x < 1 || x >= 5, duration: [2, 9]}",
         "t2: {from: b, to: a, guard: x != 5, duration: [0, 0]}",
@@ -144,8 +128,8 @@ def test_a_choice_between_times_is_met_in_the_first_way_that_fits() -> None:
     assert windows(schedule(cefsm, ["t1", "t2"])) == ["(5, 9] s", "(5, 9] s"]
 
 
-def test_data_that_clocks_are_compared_with_is_chosen_by_the_solver_or_given() -> None:
-    cefsm = timed(
+def test_data_that_clocks_are_compared_with_is_chosen_by_the_solver_or_given(component: Callable[..., Cefsm]) -> None:
+    cefsm = component(
         "x: {type: clock}, n: {type: int, role: input, range: [1, 9]}",
         "t1: {from: a, to: b, guard: x <= n && n < 5, duration: [4, 20]}",
     )
@@ -156,8 +140,8 @@ def test_data_that_clocks_are_compared_with_is_chosen_by_the_solver_or_given() -
         schedule(cefsm, ["t1"], inputs=[(("C.n", 7), ("C.x", 3.0))])
 
 
-def test_conditions_that_are_no_bound_are_said_not_to_be_scheduled() -> None:
-    cefsm = timed("x: {type: clock}, y: {type: clock}", "t1: {from: a, to: a, guard: x + y < 5}")
+def test_conditions_that_are_no_bound_are_said_not_to_be_scheduled(component: Callable[..., Cefsm]) -> None:
+    cefsm = component("x: {type: clock}, y: {type: clock}", "t1: {from: a, to: a, guard: x + y < 5}")
     found = schedule(cefsm, ["t1"], inputs=[(("C.x", 0.0), ("C.y", 0.0))])
     assert isinstance(found, Unscheduled) and "difference of clocks" in found.reason
 
@@ -186,8 +170,8 @@ def test_a_receive_comes_after_its_send_and_in_a_rendezvous_with_it() -> None:
     assert windows(schedule(parse_model(RELAY % 0), ["a1", "b1", "b2"])) == ["[2, 3] s", "[2, 3] s", "[3, 4] s"]
 
 
-def test_clocks_read_what_they_read_in_the_schedule() -> None:
-    cefsm = timed(
+def test_clocks_read_what_they_read_in_the_schedule(component: Callable[..., Cefsm]) -> None:
+    cefsm = component(
         "x: {type: clock}, y: {type: clock}",
         "t1: {from: a, to: b, guard: x > 2, action: y := 1.5}",
         "t2: {from: b, to: a, guard: y - x > -1 && y == 2.5}",

@@ -13,6 +13,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from parcours.data.constraints import is_condition
 from parcours.model.expression import Apply, Binary, Expression, Literal, Name, Unary
 
 Floats: TypeAlias = NDArray[np.float64]
@@ -46,7 +47,7 @@ def _chance(node: Expression, bounds: Mapping[str, Bounds]) -> Chance:
             (true, false), (true_too, false_too) = _chance(left, bounds), _chance(right, bounds)
             both = operator == "&&"
             return (true & true_too, false | false_too) if both else (true | true_too, false & false_too)
-        case Binary("==" | "!=" as operator, left, right) if _is_condition(left):
+        case Binary("==" | "!=" as operator, left, right) if is_condition(left):
             (true, false), (true_too, false_too) = _chance(left, bounds), _chance(right, bounds)
             same, other = (true & true_too) | (false & false_too), (true & false_too) | (false & true_too)
             return (same, other) if operator == "==" else (other, same)
@@ -54,18 +55,6 @@ def _chance(node: Expression, bounds: Mapping[str, Bounds]) -> Chance:
             return _compared(operator, _range(left, bounds), _range(right, bounds))
         case _:
             raise AssertionError(f"the reader lets no {node} through as a condition")
-
-
-def _is_condition(node: Expression) -> bool:
-    match node:
-        case Literal(value):
-            return isinstance(value, bool)
-        case Unary(operator, _):
-            return operator == "!"
-        case Binary(operator, _, _):
-            return operator not in ("+", "-", "*", "/", "%")
-        case _:
-            return False
 
 
 def _compared(operator: str, left: Bounds, right: Bounds) -> Chance:

@@ -119,7 +119,7 @@ def _truth(node: Expression, columns: Columns) -> NDArray[np.bool_]:
             if undecided.any():
                 first[undecided] = _truth(right, {name: column[undecided] for name, column in columns.items()})
             return first
-        case Binary("==" | "!=" as operator, left, right) if _is_condition(left):
+        case Binary("==" | "!=" as operator, left, right) if is_condition(left):
             return _COMPARISON[operator](_truth(left, columns), _truth(right, columns))
         case Binary(operator, left, right):
             return _COMPARISON[operator](_number(left, columns), _number(right, columns))
@@ -127,7 +127,8 @@ def _truth(node: Expression, columns: Columns) -> NDArray[np.bool_]:
             raise AssertionError(f"the reader lets no {node} through as a condition")
 
 
-def _is_condition(node: Expression) -> bool:
+def is_condition(node: Expression) -> bool:
+    """Return whether an expression of a constraint is true or false, not a number."""
     match node:
         case Literal(value):
             return isinstance(value, bool)

@@ -3,8 +3,8 @@
 Fewest walks is a minimum flow with lower bounds on the condensation of the network: inside a strongly connected
 component one walk can do everything, so only the components and the arcs between them count (Ntafos & Hakimi, On
 path cover problems in digraphs, IEEE TSE 5, 1979). Least length is a minimum-cost circulation; where it falls into
-cycles that hang together with no walk, they are joined by short ways; a small network is then solved exactly, in a
-large one the circulation remains as the lower bound.
+cycles that hang together with no walk, they are joined by short ways; in a network that is not too large, `tightening`
+then looks for the optimum and raises the lower bound.
 """
 
 from __future__ import annotations

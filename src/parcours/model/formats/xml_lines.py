@@ -87,7 +87,7 @@ class _Builder:
         parser.EntityDeclHandler = lambda name, *_: self.entity(name)
         parser.SkippedEntityHandler = lambda name, _: self.entity(name)
         parser.ExternalEntityRefHandler = lambda context, *_: self.entity(context)
-        self.found: Element | None = None
+        self.roots: list[Element] = []
         try:
             parser.Parse(text.encode(), True)
         except expat.ExpatError as error:
@@ -95,9 +95,7 @@ class _Builder:
             raise BadModel(f"{origin}:{error.lineno}", f"must be XML, but: {said}", slug="xml-syntax") from None
         except UnicodeEncodeError:
             raise BadModel(origin, "must be text, but has half characters", slug="encoding") from None
-        if self.found is None:  # pragma: no cover - expat refuses a document without a root
-            raise BadModel(origin, "must have a root element, but has none", slug="xml-syntax")
-        self.root: Element = self.found
+        (self.root,) = self.roots  # expat refuses a document with no root or with two
 
     def start(self, name: str, attributes: dict[str, str]) -> None:
         self.count += 1
@@ -111,7 +109,7 @@ class _Builder:
         if self.path:
             self.path[-1].children.append(element)
         else:
-            self.found = element
+            self.roots.append(element)
         self.path.append(element)
         self.texts.append([])
 
