@@ -44,6 +44,24 @@ FACTS = np.dtype(
         ("n_planning_cycles", "i8"),
         ("n_control_cycles", "i8"),
         ("n_late_cycles", "i8"),  # planning cycles that took longer than their period
+        ("error", "i8"),  # 0, or why the planner's own fault ended the case: a code of the study
     ]
 )
 """The layout of one case's facts; a study may append fields of its own."""
+
+TRACK = np.dtype(
+    [
+        ("time", "i8"),  # [ns]
+        ("x", "f8"),  # robot [m]
+        ("y", "f8"),
+        ("heading", "f8"),  # [rad]
+        ("v", "f8"),  # [m/s]
+        ("w", "f8"),  # [rad/s]
+        ("halted", "i8"),  # 1 while the planner signals imminent collision
+    ]
+)
+"""One entry every TRACK_PERIOD of where the robot was. Where the obstacles were stands beside it as an array of
+shape (n, n_obstacles, 2) [m]."""
+
+TRACK_PERIOD = 50_000_000
+"""Time between two entries of a track [ns]."""

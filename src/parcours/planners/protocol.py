@@ -1,0 +1,101 @@
+"""What any planner is given and gives back: a task once, then an observation each period, answered by a command.
+
+A planner is a class with `reset` and `observe`, or a plain function of an observation. It knows nothing of the test:
+neither the obstacles' future nor the verdict. Units are metres, seconds,
+radians; headings run counter-clockwise from x (REP 103).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+X, Y, HEADING, SPEED, YAW_RATE, RADIUS = range(6)
+"""Columns of `Observation.robot` (the first five) and of each row of `Observation.obstacles` (all six)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """What the robot can do: the world holds it to these, whatever is commanded."""
+
+    speed: float  # top speed [m/s], forward and backward
+    yaw_rate: float  # [rad/s], either way
+    acceleration: float  # [m/s2], speeding up and braking
+    yaw_acceleration: float  # [rad/s2]
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """What is the same from the begin to the end of one case.
+
+    Attributes:
+        goal: where to go, (x, y) [m].
+        goal_tolerance: as near as this counts as reached [m].
+        robot_radius: the robot is a disc [m].
+        limits: the robot's limits.
+        period: time between two observations [s].
+        arena: obstacles begin in the square [0, arena]^2 [m]; nobody is held back at its border.
+        seed: for planners that draw random numbers; differs from case to case, and replays with it.
+    """
+
+    goal: tuple[float, float]
+    goal_tolerance: float
+    robot_radius: float
+    limits: Limits
+    period: float
+    arena: float
+    seed: int
+
+
+@dataclass(slots=True)
+class Observation:
+    """What can be sensed now. The arrays are used again for the next observation: copy what is to be kept.
+
+    Attributes:
+        time: since the case began [s].
+        robot: x, y, heading, speed, yaw rate [m, m, rad, m/s, rad/s], shape (5,).
+        obstacles: one row each: x, y, heading, speed, yaw rate, radius [m, m, rad, m/s, rad/s, m], shape (n, 6).
+        task: the task, for planners that are plain functions.
+    """
+
+    time: float
+    robot: Floats
+    obstacles: Floats
+    task: Task
+
+
+class Command(NamedTuple):
+    """Speeds to hold until the next command: forward [m/s] and yaw rate [rad/s]. A plain pair will do."""
+
+    v: float
+    w: float
+
+
+@dataclass(frozen=True, slots=True)
+class Trajectory:
+    """Poses to be at, which the host's tracking controller follows until a newer answer replaces it.
+
+    Attributes:
+        points: one row each: time since the case began, x, y, heading [s, m, m, rad], times increasing, shape (n, 4).
+    """
+
+    points: Floats
+
+
+Answer = Command | tuple[float, float] | Trajectory | None
+"""What `observe` returns; None leaves what was commanded before."""
+
+
+class Planner(Protocol):
+    """A planner with a memory. One object serves many cases: `reset` comes before each."""
+
+    def reset(self, task: Task) -> None:
+        """Forget the last case and begin this one."""
+
+    def observe(self, observation: Observation) -> Answer:
+        """Return what to do now."""
