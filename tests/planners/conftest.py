@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from parcours.kernels import Record
-from parcours.planners.ramp.messages import PATH, POSE, TRAJECTORY, one
+from parcours.kernels import Record, kernel
+from parcours.planners.ramp.messages import PATH, POSE, SAMPLE, TRAJECTORY, many, one
 from parcours.planners.ramp.parameters import guarded
 from parcours.planners.ramp.route import ROUTE, TRANSITION
 from parcours.planners.ramp.switching import switch_path
+from parcours.planners.ramp.trajectory import pose_at
 from parcours.planners.ramp.trajectory_generator import generate
 
 
@@ -55,3 +57,43 @@ def ways() -> list[Way]:
     """Return 600 random ways, always the same ones."""
     rng = np.random.default_rng(20160711)
     return [random_way(rng) for _ in range(600)]
+
+
+@dataclass(frozen=True, slots=True)
+class Sampled:
+    """A trajectory's motion at equal times from its begin, and at its exact end; arrays of shape (n,)."""
+
+    time: NDArray[np.float64]
+    x: NDArray[np.float64]
+    y: NDArray[np.float64]
+    heading: NDArray[np.float64]
+    v: NDArray[np.float64]
+    w: NDArray[np.float64]
+
+
+class Sampler(Protocol):
+    """Samples a TRAJECTORY every `period` seconds."""
+
+    def __call__(self, trajectory: Record, period: float = SAMPLE) -> Sampled: ...
+
+
+@kernel
+def _fill(poses: Record, trajectory: Record, time: Record) -> None:
+    """Set each of the poses to where the trajectory is at its time."""
+    for i in range(len(time)):
+        pose_at(trajectory, time[i], poses[i])
+
+
+def sample(trajectory: Record, period: float = SAMPLE) -> Sampled:
+    """Return the motion of the trajectory every `period` seconds: the one way by which tests look inside."""
+    duration = float(trajectory.duration)
+    time = np.append(np.arange(0.0, duration - 1e-9, period), duration)
+    poses = many(POSE, len(time))
+    _fill(poses, trajectory, time)
+    return Sampled(time, *(np.array(poses[name]) for name in ("x", "y", "heading", "v", "w")))
+
+
+@pytest.fixture(scope="session")
+def sampled() -> Sampler:
+    """Return `sample`."""
+    return sample

@@ -25,8 +25,9 @@ OBSTACLE = np.dtype(
         ("heading", "f8"),  # [rad]
         ("v", "f8"),  # how it moves now [m/s]
         ("w", "f8"),  # [rad/s]
+        ("now", "i8"),  # the time to which the world has brought it [ns]
         ("touching", "i8"),  # 1 while it is in contact with the robot
-        ("min_clearance", "f8"),  # least gap between robot and obstacle so far [m]; negative is overlap
+        ("apart", "i8"),  # up to this time it cannot come nearer than any obstacle has come before [ns]
     ]
 )
 """What one obstacle will do, where it is, and how near it came."""

@@ -53,8 +53,20 @@ def begin(world: Record, obstacles: Record) -> None:
     world.travelled = 0.0
     for i in range(len(obstacles)):
         move(obstacles[i], 0)
+        obstacles[i].now = 0
         obstacles[i].touching = 0
-        obstacles[i].min_clearance = np.inf
+        obstacles[i].apart = NEVER
+
+
+@kernel
+def _bring(obstacle: Record, now: int) -> None:
+    """Put the obstacle where it is at `now` [ns], unless it is there already."""
+    before = obstacle.now
+    obstacle.now = now
+    stood = before < obstacle.start or before >= obstacle.stop
+    if before == now or (stood and (now < obstacle.start or before >= obstacle.stop)):
+        return
+    move(obstacle, now)
 
 
 @kernel
@@ -63,13 +75,17 @@ def _meet(world: Record, obstacle: Record, x0: float, y0: float, x1: float, y1: 
     robot = world.robot
     reach = robot.radius + obstacle.radius
     clearance = least_distance(x0, y0, x1, y1) - reach
-    obstacle.min_clearance = min(obstacle.min_clearance, clearance)
     if clearance < world.min_clearance:
         world.min_clearance = clearance
         world.t_min_clearance = world.now
     if clearance > 0.0:
         obstacle.touching = 0
+        # In a tick the gap closes by at most what both can go: until then nothing happens that would be noted.
+        closing = (max(abs(robot.v), robot.v_max) + abs(obstacle.speed)) * (TICK * 1e-9) + 1e-12
+        left = np.sqrt(x1 * x1 + y1 * y1) - reach - max(world.min_clearance, 0.0)
+        obstacle.apart = world.now + TICK * int(max(left, 0.0) / closing)
         return
+    obstacle.apart = NEVER
     if obstacle.touching:
         return
     obstacle.touching = 1
@@ -111,11 +127,14 @@ def advance(world: Record, obstacles: Record, until: int) -> None:
         world.travelled += np.sqrt(step_x * step_x + step_y * step_y)
         for i in range(len(obstacles)):
             obstacle = obstacles[i]
-            gap_x, gap_y = obstacle.x - x, obstacle.y - y
-            if world.now - TICK < obstacle.stop and world.now > obstacle.start:
-                move(obstacle, world.now)
-            _meet(world, obstacle, gap_x, gap_y, obstacle.x - robot.x, obstacle.y - robot.y)
+            if world.now > obstacle.apart:
+                _bring(obstacle, world.now - TICK)
+                gap_x, gap_y = obstacle.x - x, obstacle.y - y
+                _bring(obstacle, world.now)
+                _meet(world, obstacle, gap_x, gap_y, obstacle.x - robot.x, obstacle.y - robot.y)
         if world.t_goal == NEVER:
             to_x, to_y = world.goal_x - robot.x, world.goal_y - robot.y
             if to_x * to_x + to_y * to_y < world.goal_tolerance * world.goal_tolerance:
                 world.t_goal = world.now
+    for i in range(len(obstacles)):
+        _bring(obstacles[i], world.now)

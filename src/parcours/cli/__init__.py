@@ -23,6 +23,8 @@ COMMANDS = {
     "suite": "Write the executable cases of a study to a file.",
     "run": "Execute a study and keep its results.",
     "report": "Results of campaigns as tables, HTML and JUnit.",
+    "compare": "Planners on the same cases, with paired tests.",
+    "planner": "Check a planner of your own.",
     "replay": "One case of a campaign, run again and drawn.",
     "demo": "The whole study of the paper, as one report.",
 }

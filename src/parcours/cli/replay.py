@@ -20,9 +20,9 @@ def command(folder: Path, number: int, html: Path) -> None:
     from parcours.report.page import to_html
     from parcours.report.pieces import Page, Section
     from parcours.report.writing import write_text
-    from parcours.studies.ramp_system.campaigns import load_campaign, replay
+    from parcours.studies.navigation.campaigns import load_results
 
-    campaign = load_campaign(folder)
+    campaign = load_results(folder)
     if number >= len(campaign.facts):
         last = len(campaign.facts) - 1
         raise BadRequest(
@@ -30,7 +30,7 @@ def command(folder: Path, number: int, html: Path) -> None:
             f"the campaign has cases 0 .. {last}, but case {number} was asked for",
             slug="case-number",
         )
-    drawn = replay(campaign, number)
+    drawn = campaign.replay(number)
     section = Section("Replay", "Run again from the case number: the same bits as in the campaign.", (drawn,))
     write_text(
         html,

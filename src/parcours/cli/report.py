@@ -12,7 +12,7 @@ from parcours.cli.options import as_json, print_json
 
 if TYPE_CHECKING:
     from parcours.studies.ramp_components.results import ComponentResult
-    from parcours.studies.ramp_system.campaigns import SystemResults
+    from parcours.studies.ramp_system.campaigns import Results
 
 
 @click.command("report")
@@ -27,6 +27,7 @@ def command(folders: tuple[Path, ...], html: Path | None, junit: Path | None, as
     """
     from parcours.report.junit import to_junit
     from parcours.report.writing import write_text
+    from parcours.studies.navigation.campaigns import error_table
     from parcours.studies.ramp_components.results import FILE, component_table, read_components
     from parcours.studies.ramp_system.campaigns import campaigns_page, junit_results
 
@@ -37,7 +38,8 @@ def command(folders: tuple[Path, ...], html: Path | None, junit: Path | None, as
         from parcours.report.page import to_html
 
         tables = [component_table(found, f"Component cases, {folder}") for folder, found in components.items()]
-
+        errors = error_table(results)
+        tables += [errors] if errors is not None else []
         write_text(html, to_html(campaigns_page(results, tables)))
         click.echo(f"wrote {html}", err=True)
     if junit is not None:
@@ -46,20 +48,21 @@ def command(folders: tuple[Path, ...], html: Path | None, junit: Path | None, as
         click.echo(f"wrote {junit}", err=True)
 
 
-def load(folders: list[Path]) -> dict[str, SystemResults]:
+def load(folders: list[Path]) -> dict[str, Results]:
     """Return the results of system campaigns by folder."""
-    from parcours.studies.ramp_system.campaigns import load_campaign
+    from parcours.studies.navigation.campaigns import load_results
 
-    return {str(folder): load_campaign(folder) for folder in folders}
+    return {str(folder): load_results(folder) for folder in folders}
 
 
 def summarise(
-    results: dict[str, SystemResults], as_json: bool, components: dict[str, list[ComponentResult]] | None = None
+    results: dict[str, Results], as_json: bool, components: dict[str, list[ComponentResult]] | None = None
 ) -> None:
     """Print the outcomes of campaigns and component studies."""
     from parcours.report.terminal import print_table
+    from parcours.studies.navigation.campaigns import error_table, summary
     from parcours.studies.ramp_components.results import component_table
-    from parcours.studies.ramp_system.campaigns import outcome_table, summary
+    from parcours.studies.ramp_system.campaigns import outcome_table
 
     components = components or {}
     if as_json:
@@ -70,3 +73,6 @@ def summarise(
         print_table(component_table(found, f"Component cases, {name}"))
     if results:
         print_table(outcome_table(results))
+    errors = error_table(results)
+    if errors is not None:
+        print_table(errors)

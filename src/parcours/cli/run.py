@@ -12,7 +12,8 @@ from parcours.cli.options import as_json, seed, workers
 @click.command("run")
 @click.argument("study")
 @click.option("--schedule", default="original", show_default=True, help="original or guarded (ramp_system).")
-@click.option("--protocol", default="table-vii", show_default=True, help="table-vii or published (ramp_system).")
+@click.option("--planner", default="", help="navigation: a shipped planner's name, module:Name or file.py:Name.")
+@click.option("--protocol", default="table-vii", show_default=True, help="table-vii or published (system cases).")
 @click.option(
     "--cases",
     type=click.IntRange(1, 100_000_000),
@@ -21,6 +22,17 @@ from parcours.cli.options import as_json, seed, workers
 )
 @click.option("--robot-radius", type=float, default=0.125, show_default=True, help="[m]")
 @click.option("--obstacle-radius", type=float, default=0.1, show_default=True, help="[m]")
+@click.option("--period", type=float, default=0.05, show_default=True, help="navigation: between observations [s]")
+@click.option("--command-delay", type=float, default=0.0, show_default=True, help="navigation: of answers [s]")
+@click.option("--time-limit", type=float, default=20.0, show_default=True, help="navigation: of a case [s]")
+@click.option("--watched-on", type=float, default=0.0, show_default=True, help="navigation: beyond its end [s]")
+@click.option(
+    "--call-timeout",
+    type=float,
+    default=10.0,
+    show_default=True,
+    help="navigation: an answer that takes longer is an error [s of wall clock].",
+)
 @seed
 @workers
 @click.option(
@@ -31,35 +43,52 @@ from parcours.cli.options import as_json, seed, workers
 )
 @as_json
 def command(
-    study: str, schedule: str, protocol: str, cases: int | None, robot_radius: float, obstacle_radius: float, seed: int,
-    workers: int, out: Path, as_json: bool,
+    study: str, schedule: str, planner: str, protocol: str, cases: int | None, robot_radius: float,
+    obstacle_radius: float, period: float, command_delay: float, time_limit: float, watched_on: float,
+    call_timeout: float, seed: int, workers: int, out: Path, as_json: bool,
 ) -> None:  # fmt: skip
     """Execute a study. Ctrl-C keeps the system cases that were finished; the same command goes on from there.
 
     Example: parcours run ramp_system --schedule guarded --cases 905 --out out/guarded
+
+    Example: parcours run navigation --planner orca --cases 905 --out out/orca
     """
     from parcours.cli.progress import progress, say_if_cold
     from parcours.studies import check_study
 
     check_study(study)
+    _refuse_options_of_others(study)
     if study == "ramp_components":
-        _refuse_system_options()
         _components(seed, cases, out, as_json)
         return
     from parcours.run.campaign import run_campaign
-    from parcours.studies.ramp_system.study import PUBLISHED_CASES, system_study
+    from parcours.studies.navigation.scenario import Scenario
+    from parcours.studies.navigation.study import NavigationStudy, study_of
+    from parcours.studies.ramp_system.cases import SystemCases
+    from parcours.studies.ramp_system.study import PUBLISHED_CASES, SystemStudy, system_study
 
-    campaign_study = system_study(
-        schedule, seed=seed, protocol=protocol, radius=robot_radius, obstacle_radius=obstacle_radius  # type: ignore[arg-type]
-    )  # fmt: skip
+    campaign_study: SystemStudy | NavigationStudy
     say_if_cold()
+    if study == "navigation":
+        label = _require_planner(planner)
+        scenario = Scenario(
+            period=period, command_delay=command_delay, time_limit=time_limit, watched_on=watched_on,
+            call_timeout=call_timeout,
+        )  # fmt: skip
+        system_cases = SystemCases(seed, protocol, robot_radius, obstacle_radius)  # type: ignore[arg-type]
+        campaign_study = study_of(label, system_cases, scenario)
+    else:
+        label = schedule
+        campaign_study = system_study(
+            schedule, seed=seed, protocol=protocol, radius=robot_radius, obstacle_radius=obstacle_radius  # type: ignore[arg-type]
+        )  # fmt: skip
     with progress() as report:
         outcome = run_campaign(
             campaign_study,
             campaign_study.campaign(PUBLISHED_CASES if cases is None else cases),
             out,
             workers=workers,
-            progress=lambda done, total: report(f"{study}, {schedule}", done, total),
+            progress=lambda done, total: report(f"{study}, {label}", done, total),
         )
     click.echo(str(outcome), err=as_json)
     if outcome.interrupted:
@@ -69,17 +98,37 @@ def command(
     summarise(load([out]), as_json)
 
 
-def _refuse_system_options() -> None:
-    """Raise BadRequest if an option was given that only the system study has."""
+def _require_planner(planner: str) -> str:
+    """Return the planner's name; raise BadRequest if none was given."""
+    from parcours.errors import BadRequest
+    from parcours.studies.navigation.planners import NAMES
+
+    if not planner:
+        known = f"name one of {', '.join(NAMES)}, or module:Name, or file.py:Name"
+        raise BadRequest("--planner", "navigation needs to be told which planner to run", known, slug="planner-unknown")
+    return planner
+
+
+_SYSTEM = ("protocol", "robot_radius", "obstacle_radius", "workers")
+_OPTIONS = {
+    "ramp_components": (),
+    "ramp_system": (*_SYSTEM, "schedule"),
+    "navigation": (*_SYSTEM, "planner", "period", "command_delay", "time_limit", "watched_on", "call_timeout"),
+}
+"""Study -> the options that not all studies have and it has."""
+
+
+def _refuse_options_of_others(study: str) -> None:
+    """Raise BadRequest if an option was given that the study does not have."""
     from parcours.errors import BadRequest
 
     context = click.get_current_context()
-    for name in ("schedule", "protocol", "robot_radius", "obstacle_radius", "workers"):
+    for name in sorted({name for names in _OPTIONS.values() for name in names} - set(_OPTIONS[study])):
         if context.get_parameter_source(name) is not click.core.ParameterSource.DEFAULT:
-            option = "--" + name.replace("_", "-")
+            owners = " and ".join(owner for owner, names in _OPTIONS.items() if name in names)
             raise BadRequest(
-                option,
-                "it belongs to ramp_system, but the study is ramp_components",
+                "--" + name.replace("_", "-"),
+                f"it belongs to {owners}, but the study is {study}",
                 "leave it out",
                 slug="option-study",
             )

@@ -7,13 +7,17 @@ from __future__ import annotations
 
 import contextlib
 import importlib
-from collections.abc import Callable
+import signal
+import threading
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import cast
 
 from parcours.errors import BadRequest, HostFailure, ParcoursError
 from parcours.run.atomic import sweep
 from parcours.run.pool import run_tasks
+from parcours.run.pulse import LostCase, RunsStrangers
 from parcours.run.store import Campaign, Rows, Store, create
 
 Simulate = Callable[[int, int], Rows]
@@ -51,7 +55,10 @@ def run_campaign(
     workers: int = 1,
     progress: Progress | None = None,
 ) -> Outcome:
-    """Compute what is missing of a campaign, and return how far it came. Ctrl-C ends it early.
+    """Compute what is missing of a campaign, and return how far it came. Ctrl-C or SIGTERM ends it early.
+
+    A function that runs strangers' code (`parcours.run.pulse.RunsStrangers`) always runs in processes of its own, and
+    a case in which it hangs or takes its process down costs that case only.
 
     Args:
         simulate: the study's function, or its name "module:function". With several workers it is pickled and
@@ -90,11 +97,12 @@ def run_campaign(
         return f"shard {shard} (cases {cases.start}..{cases.stop - 1})"
 
     try:
-        if workers == 1 or len(missing) <= 1:
+        words = _pulse_words(function)
+        if not words and (workers == 1 or len(missing) <= 1):
             done = (_here(task, shard, name) for shard in missing)
         else:
-            done = run_tasks(task, missing, min(workers, len(missing)), name)
-        with contextlib.closing(done):
+            done = run_tasks(task, missing, min(workers, len(missing)), name, pulse_words=words)
+        with _terminable(), contextlib.closing(done):
             for shard in done:
                 finished += len(campaign.cases(shard))
                 report(finished, campaign.n_cases)
@@ -113,10 +121,41 @@ class _ComputeShard:
     simulate: Simulate | str
     store: Store
 
-    def __call__(self, shard: int) -> None:
+    def __call__(self, shard: int, lost: tuple[LostCase, ...] = ()) -> None:
         function = _resolve(self.simulate) if isinstance(self.simulate, str) else self.simulate
         cases = self.store.campaign.cases(shard)
+        function = _without(function, lost)
         self.store.write(shard, function(cases.start, len(cases)))
+
+
+def _pulse_words(function: object) -> int:
+    """Return how many words the function shares with the parent; 0 if it runs no strangers' code."""
+    return function.pulse_words if isinstance(function, RunsStrangers) else 0
+
+
+def _without(function: Simulate, lost: tuple[LostCase, ...]) -> Simulate:
+    """Return the function that does not run the lost cases."""
+    runs: object = function
+    if not lost or not isinstance(runs, RunsStrangers):
+        return function
+    return cast(Simulate, runs.without(lost))
+
+
+@contextlib.contextmanager
+def _terminable() -> Iterator[None]:
+    """Let SIGTERM end the block as Ctrl-C does."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+
+    def stop(number: int, frame: object) -> None:
+        raise KeyboardInterrupt
+
+    before = signal.signal(signal.SIGTERM, stop)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 def _here(task: Callable[[int], None], shard: int, name: Callable[[int], str]) -> int:

@@ -10,7 +10,7 @@ from parcours.errors import require_known
 if TYPE_CHECKING:
     from parcours.suite import Case
 
-STUDIES = ("ramp_components", "ramp_system")
+STUDIES = ("ramp_components", "ramp_system", "navigation")
 """The studies that ship with Parcours."""
 
 
@@ -31,7 +31,7 @@ def suite_of(name: str, *, seed: int, n_cases: int | None = None) -> Iterator[Ca
         BadRequest: the study is unknown.
     """
     check_study(name)
-    if name == "ramp_system":
+    if name in ("ramp_system", "navigation"):  # the same cases, whatever planner runs them
         from parcours.studies.ramp_system.cases import SystemCases
 
         return SystemCases(seed).suite(n_cases)

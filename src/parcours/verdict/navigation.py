@@ -84,7 +84,7 @@ def shares(facts: Facts) -> dict[Share, Flags]:
 
 
 class Outcome(IntEnum):
-    """The sound outcome of a case; the first that holds, in this order."""
+    """The sound outcome of a case; the first that holds, in this order (but an ERROR before all)."""
 
     COLLIDED = 0
     """The robot, moving, closed the gap at a contact, alone or together with the obstacle."""
@@ -97,7 +97,9 @@ class Outcome(IntEnum):
     STUCK = 4
     """Halted at the end, and the robot never moved again while it was watched on."""
     ASTRAY = 5
-    """Moving, but the goal was not reached while it was watched on either."""
+    """The goal was not reached while it was watched on either."""
+    ERROR = 6
+    """The planner's own fault ended the case: it raised, hung, died or answered nonsense. Goes before all others."""
 
 
 VERDICT_OF = {
@@ -107,6 +109,7 @@ VERDICT_OF = {
     Outcome.BLOCKED: Verdict.INCONCLUSIVE,
     Outcome.STUCK: Verdict.FAIL,
     Outcome.ASTRAY: Verdict.FAIL,
+    Outcome.ERROR: Verdict.ERROR,
 }
 """The verdict each outcome earns."""
 
@@ -125,13 +128,14 @@ def outcomes(facts: Facts) -> NDArray[np.int64]:
     """
     collided = (facts["n_robot_contacts"] > 0) | (facts["n_shared_contacts"] > 0)
     conditions = [
+        facts["error"] != 0,
         collided,
         facts["t_goal"] != NEVER,
         facts["t_goal_after"] != NEVER,
         facts["goal_gap"] < 0.0,
         (facts["halted"] == 1) & (facts["moved_after"] == 0),
     ]
-    choices = [Outcome.COLLIDED, Outcome.REACHED, Outcome.UNDER_WAY, Outcome.BLOCKED, Outcome.STUCK]
+    choices = [Outcome.ERROR, Outcome.COLLIDED, Outcome.REACHED, Outcome.UNDER_WAY, Outcome.BLOCKED, Outcome.STUCK]
     return np.select(conditions, [int(code) for code in choices], int(Outcome.ASTRAY)).astype(np.int64)
 
 
@@ -152,6 +156,9 @@ def explain(record: np.void) -> str:
         name: record[name] * 1e-9 for name in ("t_end", "t_goal", "t_goal_after", "t_last_moving", "halted_time")
     }
     place = f"({record['x']:.2f}, {record['y']:.2f}) m"
+    if outcome is Outcome.ERROR:
+        reason = record["reason"].decode("utf-8", "replace") if "reason" in (record.dtype.names or ()) else ""
+        return f"the planner failed at {seconds['t_end']:.2f} s: {reason or 'no reason was kept'}"
     if outcome is Outcome.COLLIDED:
         times = [t for t in (record["t_robot_contact"], record["t_shared_contact"]) if t != NEVER]
         return f"the moving robot closed the gap and touched an obstacle at {min(times) * 1e-9:.2f} s"

@@ -19,11 +19,10 @@ from parcours.planners.ramp.messages import (
     TRAJECTORY,
     Report,
     Step,
-    copy_trajectory,
     one,
-    pose_at,
 )
 from parcours.planners.ramp.parameters import GUARDED, ORIGINAL, Parameters
+from parcours.planners.ramp.trajectory import copy_trajectory, pose_at
 
 COMMAND_PERIOD = 50_000_000
 """Time between two commands [ns]."""
@@ -80,10 +79,14 @@ def _replay(control: Record, pose: Record, now: int) -> None:
     if i + 1 >= trajectory.n:
         control.command_v = control.command_w = 0.0
         return
-    control.command_v = trajectory.v[i + 1]
-    control.command_w = wrap(trajectory.heading[i + 1] - trajectory.heading[i]) / SAMPLE
+    reference = control.reference
+    pose_at(trajectory, i * SAMPLE, reference)
+    heading = reference.heading
+    pose_at(trajectory, (i + 1) * SAMPLE, reference)
+    control.command_v = reference.v
+    control.command_w = wrap(reference.heading - heading) / SAMPLE
     if abs(control.command_w) < _STRAIGHT:
-        control.command_w = _HEADING_GAIN * wrap(trajectory.heading[i] - pose.heading)
+        control.command_w = _HEADING_GAIN * wrap(heading - pose.heading)
 
 
 @kernel

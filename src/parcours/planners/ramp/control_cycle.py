@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from parcours.kernels import Record, kernel
 from parcours.planners.ramp.guard import evaluate_moving_on, is_imminent
-from parcours.planners.ramp.messages import SAMPLE, copy_trajectory, pose_at
+from parcours.planners.ramp.messages import SAMPLE
 from parcours.planners.ramp.parameters import GUARDED, ORIGINAL
 from parcours.planners.ramp.path_modification import remove_knot
 from parcours.planners.ramp.planning_cycle import MOVING
@@ -12,6 +12,7 @@ from parcours.planners.ramp.population import best_member
 from parcours.planners.ramp.route import HYBRID, TRANSITION
 from parcours.planners.ramp.sensing_cycle import evaluate_population
 from parcours.planners.ramp.switching import earliest_switch, generate_from_switch
+from parcours.planners.ramp.trajectory import copy_trajectory, pose_at, shift
 
 DRAGGED = 0.01
 """A trajectory that was dragged farther than this [m] is generated anew rather than continued."""
@@ -36,9 +37,8 @@ def commit(planner: Record, now: int, parameters: Record) -> int:
         planner.n_switches += 1
         planner.followed = member.id
     copy_trajectory(planner.moving_on, member.trajectory, 0)
-    for i in range(planner.moving_on.n):
-        planner.moving_on.x[i] += planner.drift_x
-        planner.moving_on.y[i] += planner.drift_y
+    planner.moving_on_until = 0
+    shift(planner.moving_on, planner.drift_x, planner.drift_y)
     planner.dragged = 1 if max(abs(planner.drift_x), abs(planner.drift_y)) > DRAGGED else 0
     if parameters.schedule == ORIGINAL or planner.halted or planner.moving_on.begins > now:
         planner.moving_on.begins = now
@@ -101,6 +101,7 @@ def re_anchor(planner: Record, best: int, parameters: Record) -> bool:
         return False
     copy_trajectory(planner.members[best].trajectory, moving_on, at)
     planner.members[best].trajectory.begins = planner.t_next
+    planner.members[best].trajectory.scene = 0  # its room was found for the guard's margin
     return True
 
 
@@ -139,7 +140,7 @@ def control_cycle(planner: Record, predictions: Record, now: int, parameters: Re
         Whether new trajectories were generated.
     """
     best = commit(planner, now, parameters)
-    evaluate_moving_on(planner, predictions, now, parameters)
+    evaluate_moving_on(planner, predictions, now, planner.changed, parameters)
     anew, kept = adapt(planner, best, now, parameters)
     for i in range(planner.n):
         if anew and i != kept:

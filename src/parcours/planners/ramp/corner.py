@@ -1,11 +1,14 @@
 """A corner between two straight legs, rounded by a quadratic Bezier curve with equal legs: geometry and speed.
 
 With leg length d and turning angle phi the control points are C0 = corner - d*u1, C1 = corner, C2 = corner + d*u2. Put
-s = sin(phi/2), c = cos(phi/2), t = u - 1/2 and r(t) = sqrt(c^2 + 4 s^2 t^2); then |B'| = 2 d r, the curvature is
-sin(phi) / (2 d r^3), greatest in the middle, and the arc length has a closed form.
+s = sin(phi/2), c = cos(phi/2) and x = (2u - 1) s/c, the slope against the middle, and r = c sqrt(1 + x^2); then
+|B'| = 2 d r, the curvature is s c / (d r^3), greatest in the middle, and the way from the middle is
+d c^2 / (2 s) (x sqrt(1 + x^2) + asinh x).
 """
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 
@@ -15,39 +18,43 @@ from parcours.planners.ramp.messages import SAMPLE
 
 
 @kernel
+def corner_rate(turn: float, parameters: Record) -> float:
+    """Return the greatest constant speed on a corner per metre of leg [1/s] within the yaw limits; 0 for a hairpin.
+
+    Args:
+        turn: turning angle phi [rad], either sign.
+        parameters: PARAMETERS; w_max and alpha_max are read.
+    """
+    s, c = sin_cos(0.5 * abs(turn))
+    if c <= 1e-6:
+        return 0.0
+    if s <= 1e-9:
+        return np.inf
+    # Curvature begins at once: within one sample the yaw rate may change by alpha_max * SAMPLE, an eighth of which is
+    # left for the climb within that sample. In between it climbs from the ends to the middle over about 0.9 of a leg,
+    # at no more than 2.25 times its mean rate.
+    rate = min(parameters.w_max * c * c / s, 0.875 * parameters.alpha_max * SAMPLE / (s * c))
+    climb = s / (c * c) - s * c
+    return float(min(rate, np.sqrt(0.4 * parameters.alpha_max / climb))) if climb > 0.0 else float(rate)
+
+
+@kernel
 def corner_speed(leg: float, turn: float, parameters: Record) -> float:
-    """Return the greatest constant speed [m/s] on the corner that keeps yaw rate and yaw acceleration in their limits.
+    """Return the greatest constant speed [m/s] on the corner that keeps speed and yaw within their limits.
 
     Args:
         leg: leg length d [m].
         turn: turning angle phi [rad], either sign.
         parameters: PARAMETERS; v_max, w_max and alpha_max are read.
     """
-    s, c = sin_cos(0.5 * abs(turn))
-    if c <= 1e-6 or leg <= 1e-6:
-        return 0.0
-    if s <= 1e-9:
-        return float(parameters.v_max)
-    at_ends = s * c / leg
-    in_middle = s / (leg * c * c)
-    # Curvature begins at once: within one sample the yaw rate may change by alpha_max * SAMPLE, an eighth of which is
-    # left for the climb within that sample. In between it climbs from the ends to the middle over about 0.9 of a leg,
-    # at no more than 2.25 times its mean rate.
-    at_once = 0.875 * parameters.alpha_max * SAMPLE
-    speed = min(parameters.v_max, parameters.w_max / in_middle, at_once / at_ends)
-    climb = in_middle - at_ends
-    if climb > 0.0:
-        speed = min(speed, np.sqrt(parameters.alpha_max * 0.4 * leg / climb))
-    return float(speed)
+    return float(min(parameters.v_max, leg * corner_rate(turn, parameters)))
 
 
 @kernel
-def _half_length(t: float, s: float, c: float) -> float:
-    """Return the arc length from the middle of the curve to t, in units of 2 d."""
-    r = np.sqrt(c * c + 4.0 * s * s * t * t)
-    if s < 1e-6:
-        return float(t)
-    return float(0.5 * t * r + c * c / (4.0 * s) * log((2.0 * s * t + r) / c))
+def _doubled_area(x: float) -> float:
+    """Return x sqrt(1 + x^2) + asinh x for x >= 0."""
+    r = np.sqrt(1.0 + x * x)
+    return float(x * r + log(x + r))
 
 
 @kernel
@@ -58,20 +65,69 @@ def corner_length(leg: float, turn: float) -> float:
     2.0
     """
     s, c = sin_cos(0.5 * abs(turn))
-    return 4.0 * leg * _half_length(0.5, s, c)
+    return float(leg * c * c / s * _doubled_area(s / c)) if s > 1e-6 else 2.0 * leg
 
 
 @kernel
-def corner_at(way: float, guess: float, leg: float, turn: float) -> tuple[float, float]:
-    """Return (curve parameter u, signed curvature [1/m]) after `way` [m] along the curve; `guess` is a nearby u."""
-    s, c = sin_cos(0.5 * abs(turn))
-    target = way / (2.0 * leg) - _half_length(0.5, s, c)
-    t = guess - 0.5
-    for _ in range(8):
-        step = (_half_length(t, s, c) - target) / np.sqrt(c * c + 4.0 * s * s * t * t)
-        t = min(max(t - step, -0.5), 0.5)
-        if abs(step) < 1e-12:
-            break
-    r = np.sqrt(c * c + 4.0 * s * s * t * t)
-    bend = s * c / (leg * r * r * r)
-    return t + 0.5, bend if turn >= 0.0 else -bend
+def _slope_by_newton(way: float) -> float:
+    """Return x >= 0 with x sqrt(1 + x^2) + asinh x = way, for way >= 0."""
+    x = 0.5 * way / np.sqrt(np.sqrt(1.0 + 0.11 * way * way))
+    for _ in range(4):
+        x -= 0.5 * (_doubled_area(x) - way) / np.sqrt(1.0 + x * x)
+    return float(x)
+
+
+_PER_UNIT, _KNOWN = 32, 40
+_FINE = 4
+
+
+def _slopes() -> list[float]:
+    """Return the slope every 1/_PER_UNIT: the solution of 2 sqrt(1 + x^2) dx = dy by Runge and Kutta's fourth order."""
+
+    def rise(x: float) -> float:
+        return 0.5 / math.sqrt(1.0 + x * x)
+
+    x, h, slopes = 0.0, 1.0 / (_PER_UNIT * _FINE), [0.0]
+    for _ in range(_KNOWN * _PER_UNIT + 1):
+        for _ in range(_FINE):
+            k1 = rise(x)
+            k2 = rise(x + 0.5 * h * k1)
+            k3 = rise(x + 0.5 * h * k2)
+            x += h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + rise(x + h * k3))
+        slopes.append(x)
+    return slopes
+
+
+_SLOPES = np.array(_slopes())
+_RISES = 0.5 / np.sqrt(1.0 + _SLOPES * _SLOPES) / _PER_UNIT
+"""The slope, and its change from entry to entry, every 1/32 up to 40: interpolated between them it is exact to 1e-9."""
+
+
+@kernel
+def slope_at(way: float) -> float:
+    """Return x with x sqrt(1 + x^2) + asinh x = way, the slope of a parabola after some way from its vertex.
+
+    >>> round(slope_at(-2.2955871493926380), 8)
+    -1.0
+    """
+    y = abs(way)
+    if y >= _KNOWN:
+        x = _slope_by_newton(y)
+    else:
+        place = y * _PER_UNIT
+        k = int(place)
+        t = place - k
+        x0, x1, d0, d1 = _SLOPES[k], _SLOPES[k + 1], _RISES[k], _RISES[k + 1]
+        a, b = d0 - (x1 - x0), (x1 - x0) - d1
+        x = x0 + t * (x1 - x0 + (1.0 - t) * (a * (1.0 - t) + b * t))
+    return float(x if way >= 0.0 else -x)
+
+
+@kernel
+def place_on_corner(piece: Record, way: float) -> tuple[float, float, float]:
+    """Return (x [m], y [m], slope against the corner's middle) after `way` [m] along the CURVE of a PIECE."""
+    s, c = piece.half_s, piece.half_c
+    slope = slope_at((way - 0.5 * piece.length) * 2.0 * s / (piece.leg * c * c))
+    u = min(max(0.5 + 0.5 * slope * c / s, 0.0), 1.0)
+    before, after = piece.leg * u * (2.0 - u), piece.leg * u * u
+    return piece.x + before * piece.c + after * piece.to_c, piece.y + before * piece.s + after * piece.to_s, slope

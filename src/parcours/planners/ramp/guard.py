@@ -7,13 +7,18 @@ looks a constant time ahead on the motion that is really left, with robot and ob
 
 from __future__ import annotations
 
+import numpy as np
+
 from parcours.kernels import Record, kernel
 from parcours.planners.ramp.messages import NO_COLLISION, SAMPLE
 from parcours.planners.ramp.parameters import GUARDED, ORIGINAL
-from parcours.planners.ramp.trajectory_evaluation import collision_time
+from parcours.planners.ramp.trajectory_evaluation import collision_time, earliest_collision, still_passes
 
 GUARD_PERIOD = 50_000_000
 """Time between two imminent-collision checks of the published planner [ns] (20 Hz)."""
+
+_AHEAD = 20
+"""How many samples beyond its window the guarded schedule looks while it is at it."""
 
 
 @kernel
@@ -29,23 +34,37 @@ def window(planner: Record, now: int, parameters: Record) -> tuple[int, int, int
 
 
 @kernel
-def evaluate_moving_on(planner: Record, predictions: Record, now: int, parameters: Record) -> None:
-    """Set moving_on_hit and moving_on_t: whether and when the motion under way meets a predicted obstacle."""
-    t = NO_COLLISION
-    if planner.moving_on.n > 0 and len(predictions) > 0:
-        begins, first, last, margin, may_leave = window(planner, now, parameters)
-        t = collision_time(
-            planner.moving_on,
-            begins,
-            first,
-            last,
-            predictions,
-            planner.drift_x,
-            planner.drift_y,
-            margin,
-            may_leave,
-            parameters,
+def evaluate_moving_on(planner: Record, predictions: Record, now: int, changed: float, parameters: Record) -> None:
+    """Set moving_on_hit and moving_on_t: whether and when the motion under way meets a predicted obstacle.
+
+    The guarded schedule looks farther ahead than it needs to, and remembers the room that it found.
+
+    Args:
+        planner: PLANNER.
+        predictions: array of PREDICTION.
+        now: [ns].
+        changed: by how much these predictions have changed in this scene [m]; inf if that is unknown.
+        parameters: PARAMETERS.
+    """
+    if planner.moving_on.n == 0 or len(predictions) == 0:
+        note_moving_on(planner, NO_COLLISION)
+        return
+    moving_on, drift_x, drift_y = planner.moving_on, planner.drift_x, planner.drift_y
+    begins, first, last, margin, may_leave = window(planner, now, parameters)
+    if parameters.schedule == GUARDED and changed < np.inf:
+        if last <= planner.moving_on_until and still_passes(moving_on, planner.scene, changed, drift_x, drift_y):
+            note_moving_on(planner, NO_COLLISION)
+            return
+        until = last + _AHEAD
+        hit, room = earliest_collision(
+            moving_on, begins, first, until, predictions, drift_x, drift_y, margin, may_leave, parameters
         )
+        moving_on.scene = planner.scene if hit == until else 0
+        moving_on.room, moving_on.changed, moving_on.drift_x, moving_on.drift_y = room, changed, drift_x, drift_y
+        planner.moving_on_until = until
+        note_moving_on(planner, hit * SAMPLE if hit < last else NO_COLLISION)
+        return
+    t = collision_time(moving_on, begins, first, last, predictions, drift_x, drift_y, margin, may_leave, parameters)
     note_moving_on(planner, t)
 
 

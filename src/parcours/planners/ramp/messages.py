@@ -28,15 +28,62 @@ POSE = np.dtype([("x", "f8"), ("y", "f8"), ("heading", "f8"), ("v", "f8"), ("w",
 PATH = np.dtype([("n", "i8"), ("x", "f8", (MAX_KNOTS,)), ("y", "f8", (MAX_KNOTS,))])
 """Knot points from start to goal [m] (Path)."""
 
+LINE, CURVE, TURN = 0, 1, 2
+"""Kinds of piece: a straight, a rounded corner, a turn on the spot."""
+
+MAX_PIECES = 3 * MAX_KNOTS + 4
+
+PIECE = np.dtype(
+    [
+        ("kind", "i8"),
+        ("x", "f8"),  # where it begins [m]
+        ("y", "f8"),
+        ("heading", "f8"),  # its heading there [rad], and that angle's sine and cosine
+        ("s", "f8"),
+        ("c", "f8"),
+        ("length", "f8"),  # [m], or [rad] for a turn
+        ("leg", "f8"),  # of a curve [m]
+        ("angle", "f8"),  # turned by a curve or turn [rad]
+        ("to_s", "f8"),  # sine and cosine of its heading at the end of a curve
+        ("to_c", "f8"),
+        ("half_s", "f8"),  # sine and cosine of half the angle
+        ("half_c", "f8"),
+        ("v0", "f8"),  # speed at its begin [m/s], or [rad/s] for a turn
+        ("peak", "f8"),  # its greatest speed
+        ("rate", "f8"),  # the limit by which it speeds up and slows down [m/s2], or [rad/s2]
+        ("up", "f8"),  # how long it speeds up, holds and slows down [s]
+        ("hold", "f8"),
+        ("down", "f8"),
+        ("end", "f8"),  # when it ends, from the begin of the first piece [s]
+    ]
+)
+"""A piece of a trajectory with its speed profile."""
+
+MAX_LEGS = 3 * MAX_PIECES
+
+LEG = np.dtype(
+    [
+        ("begin", "f8"),  # [s], counted as PIECE.end
+        ("end", "f8"),
+        ("x", "f8"),  # where it begins [m]
+        ("y", "f8"),
+        ("dx", "f8"),  # how far it leads [m]
+        ("dy", "f8"),
+        ("per_square", "f8"),  # 1 / (dx^2 + dy^2); 0 where it leads nowhere
+        ("stray", "f8"),  # how far the robot is at most from where uniform motion would have it [m]
+    ]
+)
+"""A stretch of a trajectory that is nearly uniform motion."""
+
 TRAJECTORY = np.dtype(
     [
         ("id", "i8"),
-        ("n", "i8"),  # samples, one every SAMPLE seconds; the first is the start
-        ("x", "f8", (MAX_SAMPLES,)),
-        ("y", "f8", (MAX_SAMPLES,)),
-        ("heading", "f8", (MAX_SAMPLES,)),
-        ("v", "f8", (MAX_SAMPLES,)),
-        ("w", "f8", (MAX_SAMPLES,)),
+        ("n", "i8"),  # samples, one every SAMPLE seconds and the end; the first is the start
+        ("n_pieces", "i8"),
+        ("pieces", PIECE, (MAX_PIECES,)),
+        ("n_legs", "i8"),
+        ("legs", LEG, (MAX_LEGS,)),  # the same way in outline; times count as those of the pieces
+        ("skipped", "f8"),  # how long before the begin the first piece would have begun [s]
         ("duration", "f8"),  # of the generated part [s]
         ("curve_end", "f8"),  # when its first corner is done [s]; 0 without a corner
         ("knot_time", "f8", (MAX_KNOTS,)),  # when each knot of its path is passed [s]; NO_COLLISION if never
@@ -48,9 +95,14 @@ TRAJECTORY = np.dtype(
         ("feasible", "i8"),
         ("fitness", "f8"),
         ("t_collision", "f8"),  # first predicted collision, from its begin [s]; NO_COLLISION
+        ("scene", "i8"),  # the scene whose obstacles it was found to pass; 0 for none
+        ("room", "f8"),  # by how much they and it may come nearer at least until it meets one of them [m]
+        ("changed", "f8"),  # how much the scene had changed then [m]
+        ("drift_x", "f8"),  # the drift with which that was found [m]
+        ("drift_y", "f8"),
     ]
 )
-"""A path with time, and what the evaluation says of it (RampTrajectory)."""
+"""A path with time, and what the evaluation says of it (RampTrajectory); `trajectory.samples` gives its samples."""
 
 NO_COLLISION = 9999.0
 """The collision time of a trajectory that meets nobody [s]."""
@@ -69,7 +121,11 @@ PREDICTION = np.dtype(
         ("n", "i8"),
         ("x", "f8", (HORIZON,)),
         ("y", "f8", (HORIZON,)),
-        ("speed", "f8"),
+        ("heading", "f8"),  # at the first sample [rad]
+        ("speed", "f8"),  # along its heading [m/s]; 0 if it stands
+        ("turn", "f8"),  # yaw rate [rad/s]
+        ("straight", "f8"),  # for how long it may be taken to move uniformly [s]
+        ("bend", "f8"),  # and how far it is then off at most, by the square of that time [m/s2]
         ("radius", "f8"),
         ("stamp", "i8"),
     ]
@@ -193,45 +249,3 @@ def copy_path(target: Record, source: Record) -> None:
     target.n = source.n
     for i in range(source.n):
         target.x[i], target.y[i] = source.x[i], source.y[i]
-
-
-@kernel
-def copy_trajectory(target: Record, source: Record, first: int) -> None:
-    """Make the target TRAJECTORY the source from its sample `first` on (0: all of it); times count from there."""
-    n = max(source.n - first, 1)
-    first = source.n - n
-    target.id = source.id
-    target.n = n
-    for i in range(n):
-        target.x[i] = source.x[first + i]
-        target.y[i] = source.y[first + i]
-        target.heading[i] = source.heading[first + i]
-        target.v[i] = source.v[first + i]
-        target.w[i] = source.w[first + i]
-    target.duration = max(source.duration - first * SAMPLE, 0.0)
-    target.curve_end = max(source.curve_end - first * SAMPLE, 0.0)
-    for k in range(MAX_KNOTS):
-        passed = source.knot_time[k]
-        target.knot_time[k] = passed if passed >= NO_COLLISION else passed - first * SAMPLE
-    target.rest_length, target.rest_turn = source.rest_length, source.rest_turn
-    target.first_heading = source.first_heading
-    target.smooth = source.smooth
-    target.begins = source.begins + first * 100_000_000
-    target.feasible, target.fitness = source.feasible, source.fitness
-    target.t_collision = source.t_collision
-
-
-@kernel
-def pose_at(trajectory: Record, seconds: float, pose: Record) -> None:
-    """Set the POSE to where the trajectory is `seconds` after its begin (its ends beyond them)."""
-    place = min(max(seconds / SAMPLE, 0.0), float(trajectory.n - 1))
-    i = min(int(place), max(trajectory.n - 2, 0))
-    j = min(i + 1, trajectory.n - 1)
-    share = place - i
-    pose.x = trajectory.x[i] + share * (trajectory.x[j] - trajectory.x[i])
-    pose.y = trajectory.y[i] + share * (trajectory.y[j] - trajectory.y[i])
-    turn = trajectory.heading[j] - trajectory.heading[i]
-    turn -= 6.283185307179586 * np.floor((turn + 3.141592653589793) / 6.283185307179586)
-    pose.heading = trajectory.heading[i] + share * turn
-    pose.v = trajectory.v[i] + share * (trajectory.v[j] - trajectory.v[i])
-    pose.w = trajectory.w[i] + share * (trajectory.w[j] - trajectory.w[i])

@@ -31,7 +31,6 @@ from parcours.planners.ramp.messages import (
     Tag,
     TrajectoryRequest,
     TrajectoryResponse,
-    copy_trajectory,
     many,
     one,
 )
@@ -46,6 +45,7 @@ from parcours.planners.ramp.planning_cycle import (
 from parcours.planners.ramp.prediction import predict
 from parcours.planners.ramp.sensing_cycle import evaluate_population, evaluates_population, note_nearest
 from parcours.planners.ramp.switching import switch_path, take_up
+from parcours.planners.ramp.trajectory import copy_trajectory
 from parcours.streams import start
 
 PLANNER_STREAM = np.uint64(1)
@@ -212,7 +212,7 @@ class Planner:
             predict(obstacles.states[k], obstacles.stamp, fresh[k])
         planner.knows_obstacles = 1
         compensate(planner, self._parameters)
-        evaluate_moving_on(planner, fresh, now, self._parameters)
+        evaluate_moving_on(planner, fresh, now, np.inf, self._parameters)
         if not is_imminent(planner, now, self._parameters):
             return False
         planner.halted = 1

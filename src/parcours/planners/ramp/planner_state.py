@@ -30,6 +30,7 @@ PLANNER = np.dtype(
         ("moving_on", TRAJECTORY),  # what the robot was told to do at the last control cycle
         ("moving_on_hit", "i8"),  # 1 if its guarded part met an obstacle when it was last evaluated
         ("moving_on_t", "f8"),  # when it would [s]
+        ("moving_on_until", "i8"),  # the sample up to which moving_on.room was found
         ("t_control", "i8"),  # last control cycle [ns]
         ("t_next", "i8"),  # next control cycle [ns]
         ("anchor", POSE),  # the state expected after the longest period, where paths begin
@@ -43,6 +44,8 @@ PLANNER = np.dtype(
         ("halted", "i8"),  # 1 while imminent collision is on
         ("rested", "i8"),  # 1 if, while halted, the population begins at rest where the robot stands
         ("knows_obstacles", "i8"),
+        ("scene", "i8"),  # a new number whenever an obstacle does what was not predicted; 0 at first
+        ("changed", "f8"),  # by how much predictions have changed since, at most [m]
         ("near_direction", "f8"),  # from the robot to the nearest obstacle [rad]
         ("near_distance", "f8"),  # [m], between centres
         ("n_switches", "i8"),  # control cycles that chose another member than the one followed
@@ -70,6 +73,8 @@ def begin_population(planner: Record, pose: Record, parameters: Record) -> None:
     planner.halted = planner.rested = planner.knows_obstacles = planner.n_switches = 0
     planner.drift_x = planner.drift_y = 0.0
     planner.dragged = 0
+    planner.scene = planner.moving_on_until = 0
+    planner.changed = 0.0
     planner.near_direction, planner.near_distance = 0.0, NO_COLLISION
     planner.latest = pose
     planner.anchor = pose

@@ -7,11 +7,12 @@ Trajectory Evaluation pass between them; the compiled form calls them in a row.
 from __future__ import annotations
 
 from parcours.kernels import Record, kernel
-from parcours.planners.ramp.messages import copy_path, pose_at
+from parcours.planners.ramp.messages import copy_path
 from parcours.planners.ramp.parameters import ORIGINAL
 from parcours.planners.ramp.path_modification import CROSSOVER, MOVE, OPERATORS, applies, modify
 from parcours.planners.ramp.population import best_member, offer
 from parcours.planners.ramp.switching import generate_from_switch
+from parcours.planners.ramp.trajectory import pose_at
 from parcours.planners.ramp.trajectory_evaluation import evaluate
 from parcours.streams import Stream, below
 
@@ -121,6 +122,8 @@ def planning_cycle(
         evaluate(
             trajectory,
             predictions,
+            planner.scene,
+            planner.changed,
             planner.drift_x,
             planner.drift_y,
             planner.latest.heading,

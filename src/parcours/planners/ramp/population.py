@@ -8,7 +8,8 @@ from __future__ import annotations
 
 from parcours.elementary import PI, TAU, atan2
 from parcours.kernels import Record, kernel
-from parcours.planners.ramp.messages import copy_path, copy_trajectory
+from parcours.planners.ramp.messages import copy_path
+from parcours.planners.ramp.trajectory import copy_trajectory
 from parcours.streams import Stream, below
 
 SAME_PATH = 0.05

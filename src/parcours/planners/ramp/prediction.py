@@ -6,7 +6,9 @@ expected to stand. No uncertainty, no acceleration, no walls.
 
 from __future__ import annotations
 
-from parcours.elementary import PI, sin_cos
+import numpy as np
+
+from parcours.elementary import PI, sin_cos, wrap
 from parcours.kernels import Record, kernel
 from parcours.planners.ramp.messages import HORIZON, SAMPLE
 
@@ -20,16 +22,66 @@ LONGEST_ARC = 5.0
 """An arc is predicted for at most this time [s]."""
 
 
+_OFF = 0.04
+"""An arc is taken for a chord as long as it strays from it by less than this [m]."""
+
+
+@kernel
+def predicted_place(prediction: Record, place: float) -> tuple[float, float]:
+    """Return where the obstacle is expected to be at a fractional sample of the PREDICTION, (x, y) [m]."""
+    if prediction.n == 1:
+        return prediction.x[0], prediction.y[0]
+    place = min(max(place, 0.0), prediction.n - 1.0)
+    j = int(place)
+    k = min(j + 1, prediction.n - 1)
+    share = place - j
+    x = prediction.x[j] + share * (prediction.x[k] - prediction.x[j])
+    y = prediction.y[j] + share * (prediction.y[k] - prediction.y[j])
+    return x, y
+
+
+@kernel
+def change_of(prediction: Record, obstacle: Record, stamp: int) -> float:
+    """Return by how much the prediction will change at most, at any time, when it is made anew; inf if that is unknown.
+
+    As long as the obstacle does as predicted, only the end of its way becomes known: that much it goes on [m].
+
+    Args:
+        prediction: PREDICTION made earlier.
+        obstacle: OBSTACLE_STATE as sensed now.
+        stamp: when that was sensed [ns].
+    """
+    pose = obstacle.pose
+    speed = pose.v if abs(pose.v) >= STANDS else 0.0
+    if speed != prediction.speed or (speed != 0.0 and pose.w != prediction.turn):
+        return np.inf
+    if speed == 0.0:
+        return float(max(abs(pose.x - prediction.x[0]), abs(pose.y - prediction.y[0])) * 1.5)
+    elapsed = (stamp - prediction.stamp) * 1e-9
+    s0, c0 = sin_cos(prediction.heading)
+    x, y = prediction.x[0] + speed * elapsed * c0, prediction.y[0] + speed * elapsed * s0
+    if abs(pose.w) >= STRAIGHT:
+        s1, c1 = sin_cos(prediction.heading + pose.w * elapsed)
+        x = prediction.x[0] + speed / pose.w * (s1 - s0)
+        y = prediction.y[0] - speed / pose.w * (c1 - c0)
+    turned = abs(wrap(pose.heading - prediction.heading - pose.w * elapsed))
+    moved = 1.5 * max(abs(pose.x - x), abs(pose.y - y))
+    way = abs(speed) * SAMPLE * HORIZON
+    sampled = abs(pose.w) * SAMPLE * abs(speed) * SAMPLE  # chords between samples against the arc, twice, and more
+    return float(moved + turned * way + abs(speed) * elapsed + sampled)
+
+
 @kernel
 def predict(obstacle: Record, stamp: int, prediction: Record) -> None:
     """Fill the PREDICTION for an OBSTACLE_STATE that was sensed at `stamp` [ns]."""
     pose = obstacle.pose
     prediction.radius, prediction.stamp = obstacle.radius, stamp
     prediction.x[0], prediction.y[0] = pose.x, pose.y
-    prediction.n, prediction.speed = 1, 0.0
+    prediction.n, prediction.speed, prediction.straight, prediction.bend = 1, 0.0, np.inf, 0.0
+    prediction.heading, prediction.turn = pose.heading, pose.w
     if abs(pose.v) < STANDS:
         return
-    prediction.speed = abs(pose.v)
+    prediction.speed = pose.v
     s, c = sin_cos(pose.heading)
     if abs(pose.w) < STRAIGHT:
         prediction.n = HORIZON
@@ -38,6 +90,8 @@ def predict(obstacle: Record, stamp: int, prediction: Record) -> None:
             prediction.x[i], prediction.y[i] = pose.x + way * c, pose.y + way * s
         return
     prediction.n = min(int(min(PI / abs(pose.w), LONGEST_ARC) / SAMPLE) + 1, HORIZON)
+    prediction.bend = abs(pose.v * pose.w) / 8.0
+    prediction.straight = np.sqrt(_OFF / prediction.bend)
     arc_radius = pose.v / pose.w
     centre_x, centre_y = pose.x - arc_radius * s, pose.y + arc_radius * c
     step_s, step_c = sin_cos(pose.w * SAMPLE)

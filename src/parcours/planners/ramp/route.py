@@ -11,17 +11,12 @@ import numpy as np
 
 from parcours.elementary import atan2, sin_cos, wrap
 from parcours.kernels import Record, kernel
-from parcours.planners.ramp.corner import corner_length, corner_speed
-from parcours.planners.ramp.messages import MAX_KNOTS
+from parcours.planners.ramp.corner import corner_length, corner_rate, corner_speed
+from parcours.planners.ramp.messages import CURVE, LINE, MAX_PIECES, TURN
 from parcours.planners.ramp.profile import reachable
 
 HYBRID, HOLONOMIC, TRANSITION = 0, 1, 2
 """Kinds of way: round the first corner; stop and rotate at each; a switch (rounds the joint and one corner more)."""
-
-LINE, CURVE, TURN = 0, 1, 2
-"""Kinds of piece."""
-
-MAX_PIECES = 3 * MAX_KNOTS + 4
 
 ROUTE = np.dtype(
     [
@@ -123,11 +118,12 @@ def _round_corner(
     shorter = min(before, after)
     if shorter < SHORTEST_LEG:
         return 0.0, 0.0
+    rate = corner_rate(turn, parameters)
     best_leg, best_speed = 0.0, SLOW_CORNER * parameters.v_max
     for k in range(16):
         share = 0.1 + 0.05 * k if early else 0.85 - 0.05 * k
         leg = (1.0 - share) * shorter
-        speed = corner_speed(leg, turn, parameters)
+        speed = min(parameters.v_max, leg * rate)
         if speed >= best_speed and reachable(speed, before - leg, parameters.a_max) >= v:
             best_leg, best_speed = leg, speed
             if speed >= 0.8 * parameters.v_max:
@@ -149,7 +145,8 @@ def _lay(path: Record, pose: Record, kind: int, stop_first: bool, parameters: Re
         k += 1
     route.first_heading = heading
     if k > last or ((path.x[k] - x) ** 2 + (path.y[k] - y) ** 2 < NEAR * NEAR):
-        return bool(v < NEAR)
+        _add(route, LINE, x, y, heading, 0.0, parameters.v_max)
+        return bool(v < NEAR) and _speeds(route, v, parameters.a_max)
     route.first_heading = atan2(path.y[k] - y, path.x[k] - x)
     turn = wrap(route.first_heading - heading)
     if v >= NEAR and (stop_first or abs(turn) > GENTLE):
@@ -240,6 +237,12 @@ def _estimate_rest(path: Record, k: int, heading: float, route: Record) -> None:
         route.rest_length += length
         route.rest_turn += abs(wrap(towards - heading))
         heading = towards
+
+
+@kernel
+def can_switch(path: Record, pose: Record, parameters: Record, route: Record) -> bool:
+    """Return whether the PATH can be joined from the state `pose` without a stop; `route` is working memory."""
+    return bool(_lay(path, pose, TRANSITION, False, parameters, route))
 
 
 @kernel

@@ -7,7 +7,7 @@ import numpy as np
 from parcours.elementary import atan2
 from parcours.kernels import Record, kernel
 from parcours.planners.ramp.guard import evaluate_moving_on
-from parcours.planners.ramp.prediction import predict
+from parcours.planners.ramp.prediction import change_of, predict
 from parcours.planners.ramp.trajectory_evaluation import evaluate
 
 NOT_BEFORE_CONTROL = 100_000_000
@@ -40,12 +40,23 @@ def evaluate_population(planner: Record, predictions: Record, parameters: Record
         evaluate(
             planner.members[i].trajectory,
             predictions,
+            planner.scene,
+            planner.changed,
             planner.drift_x,
             planner.drift_y,
             planner.latest.heading,
             planner.halted == 1,
             parameters,
         )
+
+
+@kernel
+def changes_of(planner: Record, predictions: Record, obstacles: Record, stamp: int) -> float:
+    """Return by how much the predictions change at most if made of the obstacles as sensed now [m]; inf if unknown."""
+    changes = np.inf if planner.scene == 0 else 0.0
+    for k in range(len(obstacles)):
+        changes = max(changes, change_of(predictions[k], obstacles[k], stamp))
+    return changes
 
 
 @kernel
@@ -57,11 +68,17 @@ def sensing_cycle(
     Returns:
         Whether the population was evaluated.
     """
+    changes = changes_of(planner, predictions, obstacles, stamp)
     for k in range(len(obstacles)):
         predict(obstacles[k], stamp, predictions[k])
+    if changes < np.inf:
+        planner.changed += changes
+    else:
+        planner.scene += 1
+        planner.changed = 0.0
     note_nearest(planner, obstacles)
     evaluates = evaluates_population(planner, now)
     if evaluates:
         evaluate_population(planner, predictions, parameters)
-    evaluate_moving_on(planner, predictions, now, parameters)
+    evaluate_moving_on(planner, predictions, now, planner.changed, parameters)
     return evaluates

@@ -8,9 +8,10 @@ members, of the latest time at which each can be joined smoothly (published).
 from __future__ import annotations
 
 from parcours.kernels import Record, kernel
-from parcours.planners.ramp.messages import MAX_KNOTS, SAMPLE, copy_path, pose_at
+from parcours.planners.ramp.messages import MAX_KNOTS, SAMPLE, copy_path
 from parcours.planners.ramp.path_modification import insert_knot
-from parcours.planners.ramp.route import TRANSITION, plan_route
+from parcours.planners.ramp.route import TRANSITION, can_switch
+from parcours.planners.ramp.trajectory import pose_at
 from parcours.planners.ramp.trajectory_generator import generate
 
 EARLIEST = 0.2
@@ -62,8 +63,7 @@ def earliest_switch(planner: Record, followed: int, parameters: Record) -> int:
         for k in range(longest - 1, elapsed + int(EARLIEST / SAMPLE + 0.5) - 1, -1):
             pose_at(planner.moving_on, k * SAMPLE, planner.switch)
             switch_path(planner.members[i].path, planner.switch, TRANSITION, planner.work_path)
-            plan_route(planner.work_path, planner.switch, TRANSITION, parameters, planner.route)
-            if planner.route.smooth == 1:
+            if can_switch(planner.work_path, planner.switch, parameters, planner.route):
                 earliest = min(earliest, k)
                 break
     return earliest

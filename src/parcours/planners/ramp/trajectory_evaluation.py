@@ -8,9 +8,20 @@ import numpy as np
 
 from parcours.elementary import PI, wrap
 from parcours.kernels import Record, kernel
-from parcours.planners.ramp.messages import NO_COLLISION, SAMPLE, EvaluationRequest, EvaluationResponse, Step
+from parcours.planners.ramp.messages import (
+    NO_COLLISION,
+    SAMPLE,
+    EvaluationRequest,
+    EvaluationResponse,
+    Step,
+)
 from parcours.planners.ramp.parameters import GUARDED, Parameters
+from parcours.planners.ramp.prediction import predicted_place
 from parcours.planners.ramp.service import Service
+from parcours.planners.ramp.trajectory import place_at
+
+_UNSEEN = 0.003
+"""What legs leave out at joints of the way between two samples [m]: up to 2.4 m/s2 over a sample."""
 
 MODEST_TURN = 0.1
 """Least angle an orientation penalty counts [rad]."""
@@ -19,51 +30,31 @@ MODEST_TURN = 0.1
 @kernel
 def _gap(trajectory: Record, i: int, prediction: Record, shift: float, dx: float, dy: float) -> tuple[float, float]:
     """Return the vector from the robot at sample i (its last beyond the end) to the obstacle at that instant [m]."""
-    at = min(i, trajectory.n - 1)
-    place = min(max(i + shift, 0.0), prediction.n - 1.0)
-    j = int(place)
-    k = min(j + 1, prediction.n - 1)
-    share = place - j
-    x = prediction.x[j] + share * (prediction.x[k] - prediction.x[j])
-    y = prediction.y[j] + share * (prediction.y[k] - prediction.y[j])
-    return x - trajectory.x[at] - dx, y - trajectory.y[at] - dy
+    x, y = place_at(trajectory, i * SAMPLE)
+    at_x, at_y = predicted_place(prediction, i + shift)
+    return at_x - x - dx, at_y - y - dy
 
 
 @kernel
-def first_collision(
+def _first_hit(
     trajectory: Record,
-    begins: int,
     first: int,
     last: int,
     prediction: Record,
-    drift_x: float,
-    drift_y: float,
+    shift: float,
+    dx: float,
+    dy: float,
     reach: float,
-    may_leave: bool,
-    v_max: float,
+    leaving: bool,
+    closing: float,
 ) -> int:
-    """Return the first sample at which robot and obstacle are predicted to be within `reach`, or `last` if at none.
+    """Return the first sample from `first` on at which the two are within reach, looking at one sample after the other.
 
     Samples are skipped as long as the gap cannot close (conservative advancement); where it can, the least distance
-    between two samples is exact, so that nothing slips between them.
-
-    Args:
-        trajectory: TRAJECTORY.
-        begins: when its first sample is reached [ns].
-        first: first sample to look at.
-        last: one past the last sample to look at.
-        prediction: PREDICTION of one obstacle.
-        drift_x: what to add to the trajectory's positions [m].
-        drift_y: ...
-        reach: distance between centres that counts as collision [m].
-        may_leave: whether a robot that begins within reach may go as long as the distance does not shrink.
-        v_max: the robot's top speed [m/s].
+    between two samples is exact, so that nothing slips between them. `closing` is the most it closes in a sample [m].
     """
-    shift = (begins - prediction.stamp) * 1e-9 / SAMPLE
-    closing = (v_max + prediction.speed) * SAMPLE
-    leaving = may_leave
     i = first
-    x, y = _gap(trajectory, i, prediction, shift, drift_x, drift_y)
+    x, y = _gap(trajectory, i, prediction, shift, dx, dy)
     distance = np.sqrt(x * x + y * y)
     while i < last:
         if distance < reach and not leaving:
@@ -75,11 +66,11 @@ def first_collision(
                 i += skip
                 if i >= last:
                     return last
-                x, y = _gap(trajectory, i, prediction, shift, drift_x, drift_y)
+                x, y = _gap(trajectory, i, prediction, shift, dx, dy)
                 distance = np.sqrt(x * x + y * y)
                 continue
         i += 1
-        x1, y1 = _gap(trajectory, i, prediction, shift, drift_x, drift_y)
+        x1, y1 = _gap(trajectory, i, prediction, shift, dx, dy)
         following = np.sqrt(x1 * x1 + y1 * y1)
         if leaving:
             if following < distance - 1e-6:
@@ -87,14 +78,210 @@ def first_collision(
         elif following < reach:
             return i
         else:
-            dx, dy = x1 - x, y1 - y
-            square = dx * dx + dy * dy
-            share = min(max(-(x * dx + y * dy) / square, 0.0), 1.0) if square > 0.0 else 0.0
-            nx, ny = x + share * dx, y + share * dy
+            step_x, step_y = x1 - x, y1 - y
+            square = step_x * step_x + step_y * step_y
+            share = min(max(-(x * step_x + y * step_y) / square, 0.0), 1.0) if square > 0.0 else 0.0
+            nx, ny = x + share * step_x, y + share * step_y
             if nx * nx + ny * ny < reach * reach:
                 return i
         x, y, distance = x1, y1, following
     return last
+
+
+@kernel
+def _collision_with_standing(
+    trajectory: Record,
+    first: int,
+    last: int,
+    prediction: Record,
+    drift_x: float,
+    drift_y: float,
+    reach: float,
+    v_max: float,
+) -> tuple[int, float]:
+    """Return what `first_collision` does for an obstacle that stands, and a robot that begins out of its reach."""
+    x, y = prediction.x[0] - drift_x, prediction.y[0] - drift_y
+    room = np.inf
+    for i in range(trajectory.n_legs):
+        leg = trajectory.legs[i]
+        is_last = i == trajectory.n_legs - 1
+        if leg.end - trajectory.skipped <= first * SAMPLE and not is_last:
+            continue
+        if leg.begin - trajectory.skipped >= last * SAMPLE:
+            break
+        gap_x, gap_y = x - leg.x, y - leg.y
+        inwards = gap_x * leg.dx + gap_y * leg.dy
+        share = min(max(inwards * leg.per_square, 0.0), 1.0)
+        near_x, near_y = gap_x - share * leg.dx, gap_y - share * leg.dy
+        near = near_x * near_x + near_y * near_y
+        least = reach + leg.stray + _UNSEEN
+        room = min(room, np.sqrt(near) - least)
+        if near < least * least:
+            outside = gap_x * gap_x + gap_y * gap_y - least * least
+            share = 0.0
+            if outside > 0.0:  # nothing is near before the two come so near in uniform motion
+                root = np.sqrt(max(inwards * inwards * leg.per_square - outside, 0.0) * leg.per_square)
+                share = 0.999 * (inwards * leg.per_square - root)
+            begins = leg.begin - trajectory.skipped + share * (leg.end - leg.begin)
+            from_ = max(first, int(begins / SAMPLE))
+            to = last if is_last else min(last, int((leg.end - trajectory.skipped) / SAMPLE) + 1)
+            hit = _first_hit(trajectory, from_, to, prediction, 0.0, drift_x, drift_y, reach, False, v_max * SAMPLE)
+            if hit < to:
+                return hit, 0.0
+    return last, max(room, 0.0)
+
+
+@kernel
+def _collision_with_moving(
+    trajectory: Record,
+    first: int,
+    last: int,
+    x0: float,
+    y0: float,
+    prediction: Record,
+    shift: float,
+    drift_x: float,
+    drift_y: float,
+    reach: float,
+    v_max: float,
+) -> tuple[int, float]:
+    """Return what `first_collision` does for an obstacle that moves, and a robot that begins out of its reach."""
+    closing = (v_max + abs(prediction.speed)) * SAMPLE
+    time, until = first * SAMPLE, last * SAMPLE
+    sets_out, stands = -shift * SAMPLE, (prediction.n - 1 - shift) * SAMPLE
+    ox0, oy0 = predicted_place(prediction, first + shift)
+    i = 0
+    room = np.inf
+    unseen = _UNSEEN + 0.25 * abs(prediction.speed) * SAMPLE  # the obstacle sets out and stops at once
+    inexact = 2.0  # the first leg may be entered in its midst
+    while time < until:
+        while i < trajectory.n_legs and (
+            trajectory.legs[i].end - trajectory.skipped <= time or time >= trajectory.duration
+        ):
+            i += 1
+        end, stray, x1, y1 = until, unseen, x0, y0
+        if time < sets_out:
+            end = min(end, sets_out)
+        elif time < stands:
+            end = min(end, stands, time + prediction.straight)
+        if i < trajectory.n_legs:
+            leg = trajectory.legs[i]
+            leg_ends = leg.end - trajectory.skipped
+            end = min(end, leg_ends, trajectory.duration)
+            stray += inexact * leg.stray
+            share = (end - time) / (leg_ends - time)
+            x1, y1 = x0 + share * (leg.x + leg.dx - x0), y0 + share * (leg.y + leg.dy - y0)
+            if end == leg_ends:
+                inexact = 1.0
+        stray += prediction.bend * (end - time) * (end - time)
+        ox1, oy1 = predicted_place(prediction, end / SAMPLE + shift)
+        x, y = ox0 - x0 - drift_x, oy0 - y0 - drift_y
+        step_x, step_y = ox1 - x1 - drift_x - x, oy1 - y1 - drift_y - y
+        square = step_x * step_x + step_y * step_y
+        inwards = -(x * step_x + y * step_y)
+        share = min(max(inwards / square, 0.0), 1.0) if square > 0.0 else 0.0
+        near_x, near_y = x + share * step_x, y + share * step_y
+        least = reach + stray
+        near = near_x * near_x + near_y * near_y
+        room = min(room, np.sqrt(near) - least)
+        if near < least * least:
+            outside = x * x + y * y - least * least
+            begins = time
+            if outside > 0.0:  # nothing is near before the two come so near in uniform motion
+                share = (inwards - np.sqrt(max(inwards * inwards - square * outside, 0.0))) / square
+                begins += 0.999 * share * (end - time)
+            from_, to = max(first, int(begins / SAMPLE)), min(last, int(end / SAMPLE) + 1)
+            hit = _first_hit(trajectory, from_, to, prediction, shift, drift_x, drift_y, reach, False, closing)
+            if hit < to:
+                return hit, 0.0
+        time, x0, y0, ox0, oy0 = end, x1, y1, ox1, oy1
+    return last, max(room, 0.0)
+
+
+@kernel
+def first_collision(
+    trajectory: Record,
+    begins: int,
+    first: int,
+    last: int,
+    x0: float,
+    y0: float,
+    prediction: Record,
+    drift_x: float,
+    drift_y: float,
+    reach: float,
+    may_leave: bool,
+    v_max: float,
+) -> tuple[int, float]:
+    """Return the first sample at which robot and obstacle are predicted to be within `reach`, or `last` if at none.
+
+    Beside it stands the room left: by how much the two may at least come nearer before anything is found [m].
+
+    The legs of the trajectory are gone through first, with both bodies in uniform motion: only where these come
+    nearer than reach and all that was left out could matter, are samples looked at.
+
+    Args:
+        trajectory: TRAJECTORY.
+        begins: when its first sample is reached [ns].
+        first: first sample to look at.
+        last: one past the last sample to look at.
+        x0: where the trajectory is at the first [m].
+        y0: ...
+        prediction: PREDICTION of one obstacle.
+        drift_x: what to add to the trajectory's positions [m].
+        drift_y: ...
+        reach: distance between centres that counts as collision [m].
+        may_leave: whether a robot that begins within reach may go as long as the distance does not shrink.
+        v_max: the robot's top speed [m/s].
+    """
+    shift = (begins - prediction.stamp) * 1e-9 / SAMPLE
+    x, y = predicted_place(prediction, first + shift)
+    x, y = x - x0 - drift_x, y - y0 - drift_y
+    if x * x + y * y < reach * reach:
+        if not may_leave:
+            return first, 0.0
+        closing = (v_max + abs(prediction.speed)) * SAMPLE
+        return _first_hit(trajectory, first, last, prediction, shift, drift_x, drift_y, reach, True, closing), 0.0
+    if prediction.n == 1:
+        return _collision_with_standing(trajectory, first, last, prediction, drift_x, drift_y, reach, v_max)
+    return _collision_with_moving(trajectory, first, last, x0, y0, prediction, shift, drift_x, drift_y, reach, v_max)
+
+
+@kernel
+def earliest_collision(
+    trajectory: Record,
+    begins: int,
+    first: int,
+    last: int,
+    predictions: Record,
+    drift_x: float,
+    drift_y: float,
+    margin: float,
+    may_leave: bool,
+    parameters: Record,
+) -> tuple[int, float]:
+    """Return the first sample at which any obstacle is met, `last` if none is, and the room [m]."""
+    least_room = np.inf
+    x0, y0 = place_at(trajectory, first * SAMPLE)
+    for k in range(len(predictions)):
+        prediction = predictions[k]
+        reach = parameters.robot_radius + prediction.radius + margin
+        last, room = first_collision(
+            trajectory,
+            begins,
+            first,
+            last,
+            x0,
+            y0,
+            prediction,
+            drift_x,
+            drift_y,
+            reach,
+            may_leave,
+            parameters.v_max,
+        )
+        least_room = min(least_room, room)
+    return last, least_room
 
 
 @kernel
@@ -111,29 +298,66 @@ def collision_time(
     parameters: Record,
 ) -> float:
     """Return when the trajectory first meets any obstacle, from its begin on [s]; NO_COLLISION if it meets none."""
-    earliest = last
-    for k in range(len(predictions)):
-        prediction = predictions[k]
-        reach = parameters.robot_radius + prediction.radius + margin
-        earliest = first_collision(
-            trajectory,
-            begins,
-            first,
-            earliest,
-            prediction,
-            drift_x,
-            drift_y,
-            reach,
-            may_leave,
-            parameters.v_max,
-        )
+    earliest, _ = earliest_collision(
+        trajectory,
+        begins,
+        first,
+        last,
+        predictions,
+        drift_x,
+        drift_y,
+        margin,
+        may_leave,
+        parameters,
+    )
     return earliest * SAMPLE if earliest < last else NO_COLLISION
+
+
+@kernel
+def still_passes(trajectory: Record, scene: int, changed: float, drift_x: float, drift_y: float) -> bool:
+    """Return whether the room that was left the last time makes it sure that the trajectory meets nobody."""
+    if scene == 0 or trajectory.scene != scene:
+        return False
+    dx, dy = drift_x - trajectory.drift_x, drift_y - trajectory.drift_y
+    return bool(np.sqrt(dx * dx + dy * dy) + changed - trajectory.changed < trajectory.room)
+
+
+@kernel
+def _first_meeting(
+    trajectory: Record,
+    predictions: Record,
+    scene: int,
+    changed: float,
+    drift_x: float,
+    drift_y: float,
+    parameters: Record,
+) -> float:
+    """Return when the trajectory first meets any obstacle [s]; looks only if the last look does not tell already."""
+    if still_passes(trajectory, scene, changed, drift_x, drift_y):
+        return NO_COLLISION
+    earliest, trajectory.room = earliest_collision(
+        trajectory,
+        trajectory.begins,
+        0,
+        trajectory.n,
+        predictions,
+        drift_x,
+        drift_y,
+        parameters.plan_margin,
+        parameters.schedule == GUARDED,
+        parameters,
+    )
+    trajectory.scene = scene if earliest == trajectory.n else 0
+    trajectory.changed, trajectory.drift_x, trajectory.drift_y = changed, drift_x, drift_y
+    return earliest * SAMPLE if earliest < trajectory.n else NO_COLLISION
 
 
 @kernel
 def evaluate(
     trajectory: Record,
     predictions: Record,
+    scene: int,
+    changed: float,
     drift_x: float,
     drift_y: float,
     heading: float,
@@ -149,25 +373,15 @@ def evaluate(
     Args:
         trajectory: TRAJECTORY; `begins` says when.
         predictions: array of PREDICTION.
+        scene: a number that changes whenever an obstacle does what was not predicted; 0 if unknown.
+        changed: by how much predictions have changed since, at most [m].
         drift_x: correction of planned towards measured position [m].
         drift_y: ...
         heading: the robot's heading now [rad].
         halted: whether the robot is stopped for imminent collision; then orientation costs nothing.
         parameters: PARAMETERS.
     """
-    may_leave = parameters.schedule == GUARDED
-    t = collision_time(
-        trajectory,
-        trajectory.begins,
-        0,
-        trajectory.n,
-        predictions,
-        drift_x,
-        drift_y,
-        parameters.plan_margin,
-        may_leave,
-        parameters,
-    )
+    t = _first_meeting(trajectory, predictions, scene, changed, drift_x, drift_y, parameters)
     angle = abs(wrap(trajectory.first_heading - heading))
     cost = (
         trajectory.duration
@@ -212,6 +426,8 @@ class TrajectoryEvaluation(Service):
                 evaluate(
                     trajectories[k],
                     predictions,
+                    0,
+                    0.0,
                     drift_x,
                     drift_y,
                     request.heading,

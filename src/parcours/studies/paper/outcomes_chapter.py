@@ -147,10 +147,10 @@ def _stuck_table(results: PaperResults) -> Table:
         codes = outcomes(facts)
         for words, mask in masks.items():
             mine = codes[mask(facts)]
-            rows.append((schedule, words, len(mine), *(int((mine == o).sum()) for o in Outcome)))
+            rows.append((schedule, words, len(mine), *(int((mine == o).sum()) for o in OUTCOME_WORDS)))
     return Table(
         "What became of them: cases stuck by the published rule, and cases an obstacle ran into",
-        (Column("schedule"), Column("of which"), Column("cases"), *(Column(OUTCOME_WORDS[o]) for o in Outcome)),
+        (Column("schedule"), Column("of which"), Column("cases"), *(Column(OUTCOME_WORDS[o]) for o in OUTCOME_WORDS)),
         tuple(rows),
         "Obstacles do not avoid the robot, so some contacts no planner can prevent; they are phantoms and drive on. A "
         "robot that one has run into may be too near to leave by the published rule, and is then stuck through no "
@@ -165,7 +165,7 @@ def _interval(rate: Rate) -> str:
 def _sound_table(series: dict[str, NDArray[np.void]]) -> Table:
     codes = {name: Counter(outcomes(facts).tolist()) for name, facts in series.items()}
     rows: list[tuple[Cell, ...]] = [
-        (OUTCOME_WORDS[o], str(VERDICT_OF[o]), *(codes[name][int(o)] for name in series)) for o in Outcome
+        (OUTCOME_WORDS[o], str(VERDICT_OF[o]), *(codes[name][int(o)] for name in series)) for o in OUTCOME_WORDS
     ]
     for verdict in (Verdict.PASS, Verdict.FAIL, Verdict.INCONCLUSIVE):
         of = [o for o in Outcome if VERDICT_OF[o] is verdict]

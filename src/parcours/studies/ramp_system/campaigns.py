@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Protocol as TypingProtocol
 from typing import cast
 
 import numpy as np
@@ -33,9 +34,35 @@ OUTCOME_WORDS = {
     Outcome.UNDER_WAY: "goal reached later",
     Outcome.BLOCKED: "an obstacle rests on the goal",
     Outcome.STUCK: "stopped for ever",
-    Outcome.ASTRAY: "moving, but never arrived",
+    Outcome.ASTRAY: "never arrived",
 }
 """Outcomes as a reader of tables meets them."""
+
+ERROR_WORDS = "the planner itself failed"
+"""Outcome.ERROR, which RAMP cannot have: shown only where there is one."""
+
+
+class Results(TypingProtocol):
+    """One campaign of any planner on system cases, as reports need it."""
+
+    @property
+    def label(self) -> str:
+        """What ran: a schedule of RAMP, or a planner's name."""
+
+    @property
+    def cases(self) -> SystemCases:
+        """The family of cases."""
+
+    @property
+    def facts(self) -> NDArray[np.void]:
+        """Facts of its finished cases, shape (n,)."""
+
+    @property
+    def planned(self) -> int:
+        """How many cases it plans."""
+
+    def replay(self, number: int) -> Replay:
+        """Return the replay of one case."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,6 +72,20 @@ class SystemResults:
     study: SystemStudy
     facts: NDArray[np.void]
     planned: int
+
+    @property
+    def label(self) -> str:
+        """The schedule."""
+        return self.study.parameters.schedule
+
+    @property
+    def cases(self) -> SystemCases:
+        """The family of cases."""
+        return self.study.cases
+
+    def replay(self, number: int) -> Replay:
+        """Return the replay of one case."""
+        return replay(self, number)
 
 
 def load_campaign(folder: Path) -> SystemResults:
@@ -87,15 +128,19 @@ def load_campaign(folder: Path) -> SystemResults:
     return SystemResults(study, facts, campaign.n_cases)
 
 
-def outcome_table(results: Mapping[str, SystemResults]) -> Table:
+def outcome_table(results: Mapping[str, Results]) -> Table:
     """Return the outcomes of campaigns side by side."""
     rows: list[tuple[Cell, ...]] = [("cases", *(_finished(r) for r in results.values()))]
     for words, field in (("reached goal", "reached"), ("feasible at the end", "feasible"),
                          ("imminent collision", "halted_once"), ("stuck in imminent collision", "stuck")):  # fmt: skip
         rows.append((words, *(_share(getattr(published(r.facts), field)) for r in results.values())))
     codes = [Counter(outcomes(r.facts).tolist()) for r in results.values()]
-    rows += [(OUTCOME_WORDS[o], *(count[int(o)] for count in codes)) for o in Outcome]
-    for verdict in (Verdict.PASS, Verdict.FAIL, Verdict.INCONCLUSIVE):
+    rows += [(words, *(count[int(o)] for count in codes)) for o, words in OUTCOME_WORDS.items()]
+    verdicts = [Verdict.PASS, Verdict.FAIL, Verdict.INCONCLUSIVE]
+    if any(count[int(Outcome.ERROR)] for count in codes):
+        rows.append((ERROR_WORDS, *(count[int(Outcome.ERROR)] for count in codes)))
+        verdicts.append(Verdict.ERROR)
+    for verdict in verdicts:
         of = [o for o in Outcome if VERDICT_OF[o] is verdict]
         rows.append((f"verdict {verdict}", *(sum(count[int(o)] for o in of) for count in codes)))
     return Table(
@@ -106,7 +151,7 @@ def outcome_table(results: Mapping[str, SystemResults]) -> Table:
     )
 
 
-def _finished(result: SystemResults) -> Cell:
+def _finished(result: Results) -> Cell:
     n = len(result.facts)
     return n if n == result.planned else Marked(f"{n} of {result.planned}, unfinished", "poor")
 
@@ -116,15 +161,15 @@ def _share(flags: np.ndarray) -> str:
     return f"{rate.share:.1%} [{rate.low:.1%}, {rate.high:.1%}]"
 
 
-def summary(result: SystemResults) -> dict[str, object]:
+def summary(result: Results) -> dict[str, object]:
     """Return the outcomes of one campaign as JSON values."""
     facts = result.facts
     flags = published(facts)
     codes = Counter(outcomes(facts).tolist())
     return {
-        "schedule": result.study.parameters.schedule,
-        "protocol": result.study.cases.protocol,
-        "seed": result.study.cases.seed,
+        "schedule": result.label,
+        "protocol": result.cases.protocol,
+        "seed": result.cases.seed,
         "cases": len(facts),
         "planned": result.planned,
         "reached": int(flags.reached.sum()),
@@ -170,7 +215,7 @@ def replay(campaign: SystemResults, number: int, words: str = "") -> Replay:
     )
 
 
-def _pie(results: Mapping[str, SystemResults]) -> Figure:
+def _pie(results: Mapping[str, Results]) -> Figure:
     return shares(
         "How the tests ended", [str(share) for share in Share],
         {name: [int(f.sum()) for f in slices_of(r.facts).values()] for name, r in results.items()},
@@ -178,7 +223,7 @@ def _pie(results: Mapping[str, SystemResults]) -> Figure:
     )  # fmt: skip
 
 
-def campaigns_page(results: Mapping[str, SystemResults], first: Sequence[Piece] = ()) -> Page:
+def campaigns_page(results: Mapping[str, Results], first: Sequence[Piece] = ()) -> Page:
     """Return a page on campaigns: the pieces given first, their outcomes, and replays of two failed cases each."""
     pieces: list[Piece] = [*first]
     if results:
@@ -186,14 +231,14 @@ def campaigns_page(results: Mapping[str, SystemResults], first: Sequence[Piece] 
     for result in results.values():
         codes = outcomes(result.facts)
         failed = np.flatnonzero([VERDICT_OF[Outcome(int(code))] is Verdict.FAIL for code in codes])
-        pieces += [replay(result, int(result.facts["number"][k])) for k in failed[:2]]
-    facts = tuple((name, result.study.parameters.schedule) for name, result in results.items())
-    return Page("System campaigns of RAMP", "", facts, (Section("Outcomes", "", tuple(pieces)),))
+        pieces += [result.replay(int(result.facts["number"][k])) for k in failed[:2]]
+    facts = tuple((name, result.label) for name, result in results.items())
+    return Page("System campaigns", "", facts, (Section("Outcomes", "", tuple(pieces)),))
 
 
-def junit_results(results: Mapping[str, SystemResults]) -> Iterable[CaseResult]:
+def junit_results(results: Mapping[str, Results]) -> Iterable[CaseResult]:
     """Yield the sound verdict of every case, its id led by the campaign it belongs to."""
     for name, result in results.items():
         for record, code in zip(result.facts, outcomes(result.facts), strict=True):
-            case = f"{name}/{result.study.cases.id(int(record['number']))}"
+            case = f"{name}/{result.cases.id(int(record['number']))}"
             yield CaseResult(case, VERDICT_OF[Outcome(int(code))], float(record["t_end"]) * 1e-9, explain(record))

@@ -23,7 +23,7 @@ from parcours.planners.ramp.parameters import GUARDED, ORIGINAL
 from parcours.planners.ramp.planner_state import begin_population
 from parcours.planners.ramp.planning_cycle import compensate, planning_cycle
 from parcours.planners.ramp.prediction import predict
-from parcours.planners.ramp.sensing_cycle import evaluate_population, sensing_cycle
+from parcours.planners.ramp.sensing_cycle import changes_of, evaluate_population, sensing_cycle
 from parcours.streams import start
 from parcours.studies.ramp_system.facts import TRANSITIONS
 
@@ -137,18 +137,27 @@ def _callback(
 
 
 @kernel
-def _guard(work: Record, seen: Record, guarded: Record, now: int, parameters: Record, latencies: Record) -> None:
+def _guard(
+    work: Record,
+    seen: Record,
+    predictions: Record,
+    guarded: Record,
+    now: int,
+    parameters: Record,
+    latencies: Record,
+) -> None:
     """Run the guard as a task of its own on the obstacles just seen; it can only halt."""
     planner = work.planner
     if planner.halted:
         return
+    changed = planner.changed + changes_of(planner, predictions, seen, now)
     for k in range(len(seen)):
         predict(seen[k], now, guarded[k])
     planner.knows_obstacles = 1
     planner.latest = work.report
     planner.t_latest = work.t_report
     compensate(planner, parameters)
-    evaluate_moving_on(planner, guarded, now, parameters)
+    evaluate_moving_on(planner, guarded, now, changed, parameters)
     if is_imminent(planner, now, parameters):
         planner.halted = 1
         work.t_halted = now
@@ -363,7 +372,7 @@ def run_case(
             for k in range(1, 4):
                 facts.transitions[_P61 + k] += 1
             if parameters.schedule == GUARDED:
-                _guard(work, seen, guarded, now, parameters, latencies)
+                _guard(work, seen, predictions, guarded, now, parameters, latencies)
         while now == work.wakes:
             _think(work, seen, predictions, now, parameters, latencies, facts)
         if now == work.best_due:

@@ -1,0 +1,51 @@
+"""What a check found: how grave it is, what was seen, and what to do about it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+
+class Level(StrEnum):
+    """How grave a finding is."""
+
+    ERROR = "error"
+    """The planner breaks the protocol, or cannot do its task."""
+    WARNING = "warning"
+    """It can be run, but its results will mislead or surprise."""
+    NOTE = "note"
+    """Worth knowing; nothing is wrong."""
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One thing that a check found.
+
+    Attributes:
+        slug: names the kind of finding; the same for the same fault.
+        level: how grave it is.
+        seen: what was observed, with numbers.
+        remedy: what to do; may be empty for a note.
+        check: name of the check that found it, filled in by the battery.
+    """
+
+    slug: str
+    level: Level
+    seen: str
+    remedy: str = ""
+    check: str = ""
+
+
+def error(slug: str, seen: str, remedy: str) -> Finding:
+    """Return a finding of level error."""
+    return Finding(slug, Level.ERROR, seen, remedy)
+
+
+def warning(slug: str, seen: str, remedy: str) -> Finding:
+    """Return a finding of level warning."""
+    return Finding(slug, Level.WARNING, seen, remedy)
+
+
+def note(slug: str, seen: str, remedy: str = "") -> Finding:
+    """Return a finding of level note."""
+    return Finding(slug, Level.NOTE, seen, remedy)

@@ -1,0 +1,220 @@
+"""A planner's name -> the planner: those that ship with Parcours by name, anybody's by module or file."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import importlib
+import importlib.util
+import inspect
+import os
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from types import ModuleType
+from typing import cast
+
+from parcours.errors import BadRequest, one_of
+from parcours.planners.protocol import Answer, Observation, Task
+
+SHIPPED = {
+    "orca": "parcours.planners.orca:Orca",
+    "dwa": "parcours.planners.dwa:Dwa",
+    "mppi": "parcours.planners.mppi:Mppi",
+    "stand-still": "parcours.planners.baselines:StandStill",
+    "straight-ahead": "parcours.planners.baselines:StraightAhead",
+}
+"""Planners that ship with Parcours and are run as anybody's are."""
+
+RAMP = {"ramp-original": "original", "ramp-guarded": "guarded"}
+"""Names under which RAMP is known where planners are named -> its schedule; it runs in its own compiled loop."""
+
+NAMES = (*SHIPPED, *RAMP)
+
+_REMEDY = "name a planner that ships with Parcours, package.module:Name, or path/to/file.py:Name"
+
+Observe = Callable[[Observation], Answer]
+PlannerLike = str | type | Observe | object
+"""A name, a class that is constructed without arguments, a plain function, or an object with `observe`."""
+
+
+@dataclass(frozen=True, slots=True)
+class Plugin:
+    """A planner that is ready to be asked.
+
+    Attributes:
+        name: as it was given.
+        observe: called with every observation.
+        reset: called before each case; None if the planner has none.
+        file: the file it is defined in, "" if unknown; faults are placed there.
+    """
+
+    name: str
+    observe: Observe
+    reset: Callable[[Task], object] | None
+    file: str
+
+
+def source_digest(planner: str) -> str:
+    """Return a digest of the file in which a planner is defined; of shipped ones "", as they are part of Parcours.
+
+    Raises:
+        BadRequest: the name is no planner's, or its module or file is missing.
+    """
+    if planner in NAMES:
+        return ""
+    where, _ = _parts(planner)
+    path = Path(where) if _is_file(where) else _file_of(planner, where)
+    try:
+        return hashlib.sha256(path.read_bytes()).hexdigest()[:16] if path is not None else ""
+    except OSError as error:
+        raise _unknown(planner, f"its file must be readable, but: {error.strerror}") from error
+
+
+def load_planner(planner: PlannerLike) -> Plugin:
+    """Return a planner that is ready to be asked. The current folder is importable.
+
+    Args:
+        planner: a shipped one's name (but not RAMP's), "package.module:Name", "path/to/file.py:Name", or the class,
+            function or object itself. What it prints while it is loaded goes to standard error.
+
+    Raises:
+        BadRequest: the name leads nowhere, the constructor raised, or there is neither `observe` nor a function.
+
+    >>> load_planner("stand-still").name
+    'stand-still'
+    >>> load_planner(lambda observation: (0.0, 0.0)).reset is None
+    True
+    """
+    if isinstance(planner, str):
+        target = SHIPPED.get(planner, planner)
+        where, attribute = _parts(target)
+        with contextlib.redirect_stdout(sys.stderr):
+            return _ready(planner, _attribute(planner, _module(planner, where), attribute))
+    name = getattr(planner, "__qualname__", type(planner).__qualname__)
+    return _ready(name, planner)
+
+
+def _parts(planner: str) -> tuple[str, str]:
+    """Return the module or file of a name, and what to look for in it."""
+    where, colon, attribute = planner.rpartition(":")
+    if planner in RAMP:
+        rule = "RAMP runs in a loop of its own, and has no observe"
+        raise BadRequest(f"planner {planner!r}", rule, "parcours run and compare know how", slug="planner-ramp")
+    if not colon or not where or not attribute:
+        rule = "must be a known name, or say what to take from where after a colon"
+        raise BadRequest(f"planner {planner!r}", rule, f"{_REMEDY}; {one_of(planner, NAMES)}", slug="planner-unknown")
+    return where, attribute
+
+
+def _is_file(where: str) -> bool:
+    return where.endswith(".py") or os.sep in where
+
+
+def _unknown(planner: str, rule: str) -> BadRequest:
+    return BadRequest(f"planner {planner!r}", rule, _REMEDY, slug="planner-missing")
+
+
+def _importable_here() -> None:
+    """Make modules in the current folder importable, as they are for `python -m`."""
+    here = str(Path.cwd())
+    if here not in sys.path and "" not in sys.path:
+        sys.path.insert(0, here)
+
+
+def _file_of(planner: str, module: str) -> Path | None:
+    """Return the file of a module, without importing the module itself."""
+    _importable_here()
+    try:
+        spec = importlib.util.find_spec(module)
+    except (ImportError, ValueError, AttributeError) as error:
+        raise _unknown(planner, f"its module must be importable, but: {error}") from error
+    if spec is None:
+        raise _unknown(planner, f"its module must be importable, but there is no {module!r}")
+    return Path(spec.origin) if spec.has_location and spec.origin else None
+
+
+def _module(planner: str, where: str) -> ModuleType:
+    """Import the module or file."""
+    _importable_here()
+    if not _is_file(where):
+        _file_of(planner, where)
+        return cast(ModuleType, _guarded(planner, "its module", lambda: importlib.import_module(where)))
+    path = Path(where)
+    if not path.is_file():
+        raise _unknown(planner, "its file must exist, but there is none")
+    name = f"parcours_planner_{hashlib.sha256(path.read_bytes()).hexdigest()[:16]}"
+    spec = importlib.util.spec_from_file_location(name, path)
+    if spec is None or spec.loader is None:
+        raise _unknown(planner, "its file must be Python source with the ending .py, but is not")
+    module = importlib.util.module_from_spec(spec)
+    loader = spec.loader
+    sys.modules[name] = module
+    folder = str(path.resolve().parent)
+    sys.path.insert(0, folder)  # its neighbours are importable, as they are for `python file.py`
+    try:
+        _guarded(planner, "its file", lambda: loader.exec_module(module))
+    except BaseException:
+        del sys.modules[name]
+        raise
+    finally:
+        with contextlib.suppress(ValueError):
+            sys.path.remove(folder)
+    return module
+
+
+def _attribute(planner: str, module: ModuleType, dotted: str) -> object:
+    found: object = module
+    for part in dotted.split("."):
+        try:
+            found = getattr(found, part)
+        except AttributeError as error:
+            public = [name for name in vars(module) if not name.startswith("_")]
+            rule = f"{dotted!r} must be defined there, but is not"
+            raise BadRequest(f"planner {planner!r}", rule, one_of(dotted, public), slug="planner-missing") from error
+    return found
+
+
+def _ready(name: str, found: object) -> Plugin:
+    """Return the planner that a class, function or object makes."""
+    file = ""
+    with contextlib.suppress(TypeError, OSError):
+        file = inspect.getfile(found if inspect.isclass(found) or inspect.isfunction(found) else type(found))
+    if inspect.isclass(found):
+        made = found
+        found = _guarded(name, "its constructor, which is given nothing,", lambda: made())
+    observe = getattr(found, "observe", None)
+    reset = getattr(found, "reset", None)
+    if observe is None and callable(found):
+        observe = found
+    for method, what in ((observe, "observe(observation)"), (reset, "reset(task)")):
+        if method is None and what.startswith("reset"):
+            continue
+        if not callable(method):
+            rule = f"must be a function of an observation, or have {what}, but is a {type(found).__name__} without"
+            raise BadRequest(f"planner {name!r}", rule, "see docs/planners.md", slug="planner-form")
+        _require_one_argument(name, method, what)
+    return Plugin(name, cast(Observe, observe), cast("Callable[[Task], object] | None", reset), file)
+
+
+def _require_one_argument(name: str, method: Callable[..., object], what: str) -> None:
+    """Raise BadRequest unless the function can be called with one argument."""
+    try:
+        inspect.signature(method).bind(None)
+    except TypeError as error:
+        rule = f"{what} must take exactly one argument, but: {error}"
+        raise BadRequest(f"planner {name!r}", rule, "see docs/planners.md", slug="planner-form") from error
+    except ValueError:
+        return  # compiled code without a signature: the first call will tell
+
+
+def _guarded(planner: str, what: str, act: Callable[[], object]) -> object:
+    """Do something of the planner's own; what it raises becomes one line."""
+    try:
+        return act()
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:
+        rule = f"{what} must not raise, but raised {type(error).__name__}: {error}"
+        raise BadRequest(f"planner {planner!r}", rule, "run it alone to see where", slug="planner-raised") from error

@@ -1,0 +1,235 @@
+"""The navigation study: numbered system cases, run with any planner -> facts and tracks, alone or as a campaign."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import hashlib
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from parcours.errors import BadRequest
+from parcours.planners.ramp.parameters import guarded, original
+from parcours.run.pulse import LostCase
+from parcours.run.store import Campaign
+from parcours.studies.navigation.facts import FACTS, PlannerFault, lost
+from parcours.studies.navigation.host import Host, host_words, hung
+from parcours.studies.navigation.planners import RAMP, PlannerLike, load_planner, source_digest
+from parcours.studies.navigation.scenario import Scenario
+from parcours.studies.ramp_system.cases import SystemCases
+from parcours.studies.ramp_system.study import SystemStudy, code_digest
+
+Track = tuple[NDArray[np.void], NDArray[np.void], NDArray[np.float64]]
+"""Of one case: facts, array of FACTS of shape (1,); track, array of TRACK, shape (n,); places, shape (n, k, 2) [m]."""
+
+_N_OBSTACLES = 3
+_CHECKED = 10_000
+
+
+@dataclass(frozen=True, slots=True)
+class NavigationStudy:
+    """A planner on one family of cases; callable as a campaign's `simulate`.
+
+    Args:
+        planner: see `load_planner`; for a campaign it must be a name.
+        cases: the cases.
+        scenario: robot, goal, clock, deadlines.
+        lost: cases that are not to be run, because the planner hangs there or takes its process down.
+
+    Raises:
+        BadRequest: the planner is none, or the robot does not fit into the arena.
+
+    A plain function will do for a planner:
+
+    >>> def crawl(observation):
+    ...     return 0.05, 0.0
+    >>> facts = NavigationStudy(crawl, SystemCases(1))(0, 4)
+    >>> [round(float(way), 2) for way in facts["travelled"]]
+    [1.07, 1.07, 1.07, 1.07]
+    """
+
+    planner: PlannerLike
+    cases: SystemCases
+    scenario: Scenario = field(default_factory=Scenario)
+    lost: tuple[LostCase, ...] = ()
+
+    def __post_init__(self) -> None:
+        self.scenario.require_room(self.cases.robot_radius)
+        self._host()
+
+    @property
+    def label(self) -> str:
+        """What to call the planner in a table."""
+        return self.planner if isinstance(self.planner, str) else load_planner(self.planner).name
+
+    @property
+    def digest(self) -> str:
+        """A digest of the planner's own source file; empty for planners that ship with Parcours."""
+        return source_digest(self.planner) if isinstance(self.planner, str) else ""
+
+    @property
+    def pulse_words(self) -> int:
+        """How many words a worker shares with its parent."""
+        return host_words(self.scenario, _N_OBSTACLES)
+
+    def without(self, lost: tuple[LostCase, ...]) -> Self:
+        """Return the study that gives the facts of these cases as errors and does not run them."""
+        return dataclasses.replace(self, lost=lost)
+
+    def __call__(self, first: int, count: int) -> NDArray[np.void]:
+        """Return the facts of cases first .. first + count - 1, array of FACTS of shape (count,)."""
+        return self.run(np.arange(first, first + count))
+
+    def run(self, numbers: NDArray[np.int64]) -> NDArray[np.void]:
+        """Return the facts of the cases, array of FACTS of shape (n,); independent of what else is run."""
+        facts = np.zeros(len(numbers), FACTS)
+        left = np.ones(len(numbers), bool)
+        for case in self.lost:
+            for k in np.flatnonzero(numbers == case.number):
+                facts[k : k + 1] = self._lost_facts(case)
+                left[k] = False
+        ran = np.zeros(int(left.sum()), FACTS)
+        self._run(numbers[left], ran, track=False)
+        facts[left] = ran
+        return facts
+
+    def track(self, number: int) -> Track:
+        """Return facts, track and the obstacles' places of one case run anew, for a replay or for measures."""
+        facts = np.zeros(1, FACTS)
+        host = self._run(np.array([number]), facts, track=True)
+        track, places = host.track()
+        facts["n_track"] = len(track)
+        return facts, track, places
+
+    def tracks(self, numbers: NDArray[np.int64]) -> Iterator[Track]:
+        """Yield what `track` returns for each of the cases."""
+        for number in numbers.tolist():
+            yield self.track(number)
+
+    def _host(self) -> Host:
+        return _host(_Same(self.planner), self.digest, self.scenario, self.cases.robot_radius)
+
+    def _run(self, numbers: NDArray[np.int64], facts: NDArray[np.void], *, track: bool) -> Host:
+        host = self._host()
+        if len(numbers):
+            words = self._obstacles(numbers)
+            host.run(numbers.tolist(), words, self.cases.seed, facts, track)
+        return host
+
+    def _obstacles(self, numbers: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Return the obstacles of the cases as float64 words, once they are found clear of the robot's start."""
+        obstacles = np.ascontiguousarray(self.cases.obstacles(numbers))
+        x, y, _ = self.scenario.start
+        reach = self.cases.robot_radius + obstacles["radius"]
+        gap = np.hypot(obstacles["x0"] - x, obstacles["y0"] - y) - reach
+        if len(numbers) and gap.min() < 0.0:
+            k = int(np.argmin(gap.min(axis=1)))
+            rule = (
+                f"the robot must start clear of obstacles, but at ({x:g}, {y:g}) m it is {-gap[k].min():.3f} m inside"
+            )
+            remedy = "give another start, or smaller radii"
+            raise BadRequest(self.cases.id(int(numbers[k])), rule, remedy, slug="start-occupied")
+        return obstacles.view(np.float64).reshape(len(numbers), -1)
+
+    def _lost_facts(self, case: LostCase) -> NDArray[np.void]:
+        if case.how == "hung":
+            return hung(case.number, case.time, self.scenario.call_timeout)
+        reason = f"died: its process {case.detail} after the observation at {case.time * 1e-9:.2f} s"
+        return lost(case.number, PlannerFault.DIED, reason, case.time)
+
+    def campaign(self, n_cases: int, shard_size: int = 64) -> Campaign:
+        """Return the campaign of cases 0 .. n_cases - 1.
+
+        Raises:
+            BadRequest: the planner has no name under which workers could find it, or an obstacle of the first cases
+                stands where the robot starts.
+        """
+        if not isinstance(self.planner, str):
+            rule = "in a campaign it must be a name under which worker processes find it"
+            raise BadRequest(
+                f"planner {self.label!r}", rule, "name it module:name or file.py:name", slug="planner-name"
+            )
+        self._obstacles(np.arange(min(n_cases, _CHECKED)))
+        return Campaign(
+            study="navigation",
+            schedule=self.planner,
+            seed=self.cases.seed,
+            n_cases=n_cases,
+            dtype=FACTS,
+            parameters={
+                "code": _code(),
+                "planner_source": self.digest,
+                "protocol": self.cases.protocol,
+                "robot_radius": self.cases.robot_radius,
+                "obstacle_radius": self.cases.obstacle_radius,
+                "scenario": dataclasses.asdict(self.scenario),
+            },
+            shard_size=shard_size,
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Same:
+    """A planner as a key: the same name, or the same object."""
+
+    planner: PlannerLike
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Same) and _key(self.planner) == _key(other.planner)
+
+    def __hash__(self) -> int:
+        return hash(_key(self.planner))
+
+
+def _key(planner: PlannerLike) -> str | int:
+    return planner if isinstance(planner, str) else id(planner)
+
+
+@functools.lru_cache(maxsize=16)
+def _host(planner: _Same, digest: str, scenario: Scenario, robot_radius: float) -> Host:
+    """Return the host of a planner in this process; one planner object serves all its cases."""
+    return Host(load_planner(planner.planner), scenario, robot_radius, _N_OBSTACLES)
+
+
+@functools.cache
+def _code() -> str:
+    """Return a digest of everything of Parcours that the bits of a case depend on."""
+    digest = hashlib.sha256(code_digest().encode())
+    for path in sorted(Path(__file__).parent.glob("*.py")):
+        digest.update(path.name.encode() + b"\0" + path.read_bytes() + b"\0")
+    return digest.hexdigest()[:16]
+
+
+def study_of(
+    planner: PlannerLike, cases: SystemCases, scenario: Scenario | None = None
+) -> NavigationStudy | SystemStudy:
+    """Return the study that runs a planner: RAMP's own for its two names, else a NavigationStudy.
+
+    Args:
+        planner: see `load_planner`, or "ramp-original" or "ramp-guarded".
+        cases: the cases.
+        scenario: by default Scenario().
+
+    Raises:
+        BadRequest: the planner is none; or it is RAMP, and the scenario is not the one that RAMP is built for.
+
+    >>> study_of("ramp-guarded", SystemCases(1)).watched_on
+    0.0
+    """
+    scenario = scenario or Scenario()
+    if not isinstance(planner, str) or planner not in RAMP:
+        return NavigationStudy(planner, cases, scenario)
+    plain = Scenario(
+        time_limit=scenario.time_limit, watched_on=scenario.watched_on, call_timeout=scenario.call_timeout
+    )  # fmt: skip
+    if scenario != plain:
+        rule = "of a scenario, RAMP's own loop can change time_limit and watched_on only"
+        raise BadRequest(f"planner {planner!r}", rule, "leave the rest as it is", slug="planner-ramp")
+    make = original if RAMP[planner] == "original" else guarded
+    parameters = make(robot_radius=cases.robot_radius)
+    return SystemStudy(cases, parameters, time_limit=scenario.time_limit, watched_on=scenario.watched_on)

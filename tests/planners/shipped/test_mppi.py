@@ -1,0 +1,119 @@
+"""MPPI: what its averages are made of, and that its chance is the seed's."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from parcours.errors import BadRequest
+from parcours.planners.mppi import Mppi
+from parcours.planners.mppi.futures import average, draw_pool, roll_out, sample, shift_plan
+from parcours.streams import start
+
+if TYPE_CHECKING:
+    from tests.planners.shipped.conftest import Course
+
+    from parcours.planners.protocol import Floats
+
+LIMITS = np.array([0.25, math.pi / 2, 1.0, 2.094])
+WEIGHTS = np.array([3.0, 1.0, 0.2, 0.25, 0.0])
+
+
+def pool_of(seed: int, n: int) -> Floats:
+    stream, pool = np.zeros(1, np.uint64), np.empty(n)
+    start(stream, np.uint64(seed), np.uint64(0), np.uint64(7))
+    draw_pool(stream, pool)
+    return pool
+
+
+def cost(controls: Floats, places: Floats) -> float:
+    """Return the cost of a future from rest in the origin with the goal at (1, 0)."""
+    n = places.shape[1]
+    return roll_out(np.zeros(5), controls, 1.0, 0.0, LIMITS, places, np.full(n, 0.225), n, 0.2, WEIGHTS, 0.1)
+
+
+def standing(*spots: tuple[float, float]) -> Floats:
+    return np.tile(np.array(spots).reshape(1, len(spots), 2), (11, 1, 1))
+
+
+def test_the_same_seed_gives_the_same_commands_and_another_seed_others(course: Course) -> None:
+    obstacles = course.discs((0.8, 0.05, 2.0, 0.2, 0.3))
+    planner = Mppi()
+    first = course.drive(planner, course.task_to(1.5, 0.2, seed=4), obstacles)
+    assert course.drive(planner, course.task_to(1.5, 0.2, seed=4), obstacles).commands == first.commands
+    assert course.drive(Mppi(), course.task_to(1.5, 0.2, seed=4), obstacles).commands == first.commands
+    assert course.drive(Mppi(), course.task_to(1.5, 0.2, seed=5), obstacles).commands != first.commands
+
+
+def test_the_pool_is_standard_normal() -> None:
+    pool = pool_of(3, 20_000)
+    assert abs(pool.mean()) < 0.03
+    assert pool.std() == pytest.approx(1.0, abs=0.02)
+    assert (np.abs(pool) < 1.959964).mean() == pytest.approx(0.95, abs=0.006)
+
+
+def test_disturbances_have_the_spread_and_correlation_asked_for() -> None:
+    samples, bends, stream = np.empty((4000, 6, 2)), np.empty(4000), np.ones(1, np.uint64)
+    plan = np.tile([0.1, 0.3], (6, 1))
+    sample(plan, 0.25, np.array([0.2, 0.6, 0.8]), 0.0, stream, pool_of(1, 8192), samples, bends)
+    assert np.array_equal(samples[0], plan)
+    assert np.array_equal(samples[1], plan * [0.0, 1.0])
+    noise = samples[2:] - plan
+    assert noise[:, :, 0].std() == pytest.approx(0.2, rel=0.05)
+    assert noise[:, :, 1].std() == pytest.approx(0.6, rel=0.05)
+    assert np.corrcoef(noise[:, 2, 1], noise[:, 3, 1])[0, 1] == pytest.approx(0.8, abs=0.03)
+    expected = (noise * plan / np.array([0.2, 0.6]) ** 2).sum(axis=(1, 2))
+    assert bends[2:] == pytest.approx(expected, rel=1e-9, abs=1e-9)
+
+
+def test_the_plan_is_the_softmin_average() -> None:
+    rng = np.random.default_rng(9)
+    samples, costs, plan = rng.normal(size=(32, 5, 2)), rng.uniform(0.0, 0.1, 32), np.empty((5, 2))
+    weights = np.exp(-(costs - costs.min()) / 0.02)
+    expected = np.tensordot(weights / weights.sum(), samples, axes=1)
+    average(samples, costs.copy(), 0.02, plan)
+    assert plan == pytest.approx(expected, rel=1e-12)
+    average(samples, costs.copy(), 1e-6, plan)
+    assert np.array_equal(plan, samples[costs.argmin()])
+
+
+def test_a_plan_moves_on_by_whole_steps_and_by_parts_of_them() -> None:
+    plan = np.array([[0.0, 0.0], [1.0, 2.0], [3.0, 4.0]])
+    shift_plan(plan, 0.5)
+    assert plan.tolist() == [[0.5, 1.0], [2.0, 3.0], [3.0, 4.0]]
+    shift_plan(plan, 1.0)
+    assert plan.tolist() == [[2.0, 3.0], [3.0, 4.0], [3.0, 4.0]]
+    shift_plan(plan, 1e9)
+    assert plan.tolist() == [[3.0, 4.0]] * 3
+
+
+def test_futures_keep_the_limits_whatever_was_drawn() -> None:
+    wild = np.random.default_rng(10).normal(size=(10, 2)) * 5.0
+    cost(wild, standing())
+    steps = np.diff(np.vstack([[0.0, 0.0], wild]), axis=0)
+    assert wild[:, 0].min() >= 0.0 and wild[:, 0].max() <= 0.25
+    assert np.abs(wild[:, 1]).max() <= math.pi / 2
+    assert np.abs(steps[:, 0]).max() <= 0.2 + 1e-12
+    assert np.abs(steps[:, 1]).max() <= 0.4188 + 1e-12
+
+
+def test_running_into_something_costs_most_early_and_standing_before_it_is_cheaper() -> None:
+    ahead = np.tile([0.25, 0.0], (10, 1))
+    free, late, early = (cost(ahead.copy(), standing(spot)) for spot in ((0.0, 5.0), (0.6, 0.0), (0.35, 0.0)))
+    assert free < late < early
+    assert cost(np.zeros((10, 2)), standing((0.6, 0.0))) < late
+
+
+def test_passing_near_costs_more_than_passing_far() -> None:
+    ahead = np.tile([0.25, 0.0], (10, 1))
+    assert cost(ahead.copy(), standing((0.3, 0.35))) < cost(ahead.copy(), standing((0.3, 0.26)))
+
+
+@pytest.mark.parametrize(("name", "value"), [("n_samples", 1), ("temperature", 0.0), ("smooth", -1), ("fresh", None)])
+def test_a_parameter_out_of_its_range_is_refused_by_name(name: str, value: object) -> None:
+    parameters = {name: value}
+    with pytest.raises(BadRequest, match=rf"planner mppi, {name}: .*\[planner-parameter\]"):
+        Mppi(**parameters)  # type: ignore[arg-type]

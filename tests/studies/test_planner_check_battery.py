@@ -1,0 +1,122 @@
+"""How the battery of checks is run: what is a planner, what ends it, what it says; and the shipped planners pass it."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from parcours.errors import BadRequest
+from parcours.planners.baselines import StraightAhead as Sound
+from parcours.planners.protocol import Command, Observation, Trajectory, X, Y
+from parcours.studies.checking.battery import CHECKS, run_battery, told_in_lines
+from parcours.studies.checking.finding import Level
+from parcours.studies.checking.loading import load_subject
+from parcours.studies.checking.subject import Subject
+
+
+def steer(observation: Observation) -> Command:
+    """Drive straight at the goal."""
+    return Sound().observe(observation)
+
+
+class AnswersText:
+    def observe(self, observation: Observation) -> object:
+        return "go"
+
+
+def test_a_plain_function_is_a_planner() -> None:
+    report = run_battery(Subject("", lambda: steer), ["is_a_planner", "answers_in_form", "repeats_itself"])
+    assert not report.findings
+
+
+def test_commands_and_trajectories_of_the_same_way_are_driven_alike() -> None:
+    class Plans(Sound):
+        def observe(self, observation: Observation) -> object:  # type: ignore[override]
+            x, y = (float(observation.robot[k]) for k in (X, Y))
+            gx, gy = observation.task.goal
+            way, angle = math.hypot(gx - x, gy - y), math.atan2(gy - y, gx - x)
+            return Trajectory(
+                np.array([[observation.time, x, y, angle], [observation.time + way / 0.2, gx, gy, angle]])
+            )
+
+    assert run_battery(Subject("", Plans), ["turns_towards_the_goal", "reaches_a_free_goal"]).passed
+
+
+def test_an_error_at_a_gate_ends_the_battery_and_says_what_was_left() -> None:
+    report = run_battery(Subject("", AnswersText))
+    assert report.made == ("is_a_planner", "answers_in_form")
+    assert "reaches_a_free_goal" in report.left and not report.passed
+    assert "not made since an earlier one failed: same_in_own_process" in told_in_lines(report)
+
+
+def test_an_endless_loop_is_given_up_and_not_waited_for() -> None:
+    class Hangs(Sound):
+        def observe(self, observation: Observation) -> object:  # type: ignore[override]
+            while True:
+                pass
+
+    begun = time.monotonic()
+    report = run_battery(Subject("", Hangs), ["repeats_itself"], patience=0.2)
+    assert [finding.slug for finding in report.findings] == ["unfinished"]
+    assert time.monotonic() - begun < 30.0
+
+
+def test_what_a_planner_raises_is_placed_in_its_source() -> None:
+    class Raises(Sound):
+        def observe(self, observation: Observation) -> object:  # type: ignore[override]
+            raise ZeroDivisionError("no way")
+
+    (finding,) = run_battery(Subject("", Raises), ["answers_in_form"]).findings
+    assert finding.slug == "planner-raises"
+    assert "ZeroDivisionError: no way (in observe, test_planner_check_battery.py:" in finding.seen
+
+
+def test_an_unknown_check_is_refused_with_the_known_ones() -> None:
+    with pytest.raises(BadRequest, match=r"did you mean 'is_quiet'\?.*\[unknown-check\]"):
+        run_battery(Subject("", Sound), ["is_quite"])
+
+
+class TestPlannersByName:
+    """The whole battery, which starts a process of its own."""
+
+    @pytest.mark.parametrize("name", ["orca", "dwa", "mppi"])
+    def test_the_shipped_planners_have_no_error(self, name: str) -> None:
+        report = run_battery(load_subject(name))
+        assert not [finding for finding in report.findings if finding.level is Level.ERROR]
+        assert len(report.made) == len(CHECKS)
+
+    def test_what_differs_or_dies_only_in_another_process_is_found(self, write: Callable[[str], str]) -> None:
+        dies = write(
+            "import os, multiprocessing as m\ndef f(o):\n    m.parent_process() and os._exit(3)\n    return 0, 0\n"
+        )
+        hashes = write("def f(o):\n    return 0.1, hash('salted by the process') % 1000 / 1000\n")
+        found = [run_battery(load_subject(f), ["same_in_own_process"]).findings[0] for f in (dies, hashes)]
+        assert [finding.slug for finding in found] == ["process-dies", "process-differs"]
+        assert "exit code 3" in found[0].seen
+
+    def test_a_constructor_that_raises_is_a_finding_and_a_missing_name_is_a_refusal(
+        self, write: Callable[[str], str]
+    ) -> None:
+        broken = write(
+            "class f:\n    def __init__(self):\n        raise OSError('no map')\n    def observe(self, o): ...\n"
+        )
+        (finding,) = run_battery(load_subject(broken)).findings
+        assert finding.slug == "planner-raises" and "no map" in finding.seen
+        with pytest.raises(BadRequest, match=r"\[planner-missing\]"):
+            load_subject("parcours.planners.orca:Orcs")
+
+
+@pytest.fixture
+def write(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], str]:
+    """Return a function that writes a planner `f` into a file of its own, and names it."""
+
+    def written(source: str) -> str:
+        path = tmp_path_factory.mktemp("planner") / "mine.py"
+        path.write_text(source)
+        return f"{path}:f"
+
+    return written
