@@ -15,22 +15,23 @@ from parcours.planners.ramp.messages import PATH, POSE, SAMPLE, TRAJECTORY, many
 from parcours.planners.ramp.parameters import guarded
 from parcours.planners.ramp.route import ROUTE, TRANSITION
 from parcours.planners.ramp.switching import switch_path
-from parcours.planners.ramp.trajectory import pose_at
+from parcours.planners.ramp.trajectory import pose_at, samples
 from parcours.planners.ramp.trajectory_generator import generate
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class Way:
-    """A path, the state it was begun in, what kind was asked for, and the trajectory that came of it."""
+    """A path, the state it was begun in, what kind was asked for, the trajectory that came of it, and its samples."""
 
     path: Record
     start: Record
     kind: int
     trajectory: Record
+    states: Record
 
     def samples(self, name: str) -> NDArray[np.float64]:
         """Return one field of the trajectory's samples, shape (n,)."""
-        return np.asarray(self.trajectory[name])[: int(self.trajectory.n)]
+        return np.asarray(self.states[name])
 
 
 def random_way(rng: np.random.Generator) -> Way:
@@ -49,7 +50,7 @@ def random_way(rng: np.random.Generator) -> Way:
     entered = one(PATH)
     switch_path(path, start, kind, entered)
     generate(entered, start, kind, parameters, one(ROUTE), trajectory)
-    return Way(entered, start, kind, trajectory)
+    return Way(entered, start, kind, trajectory, samples(trajectory))
 
 
 @pytest.fixture(scope="session")

@@ -10,9 +10,10 @@ import pytest
 from parcours.arena.robot import ROBOT, drive
 from parcours.kernels import Record
 from parcours.planners.ramp.control import COMMAND_PERIOD, CONTROL, command, follow, signal
-from parcours.planners.ramp.messages import PATH, POSE, TRAJECTORY, one, pose_at
+from parcours.planners.ramp.messages import PATH, POSE, TRAJECTORY, one
 from parcours.planners.ramp.parameters import Parameters, guarded, original
 from parcours.planners.ramp.route import HYBRID, ROUTE
+from parcours.planners.ramp.trajectory import pose_at, samples
 from parcours.planners.ramp.trajectory_generator import generate
 
 SECOND = 1_000_000_000
@@ -36,9 +37,10 @@ class Loop:
         self.parameters, self.now = parameters.record(), 0
         self.control, self.pose = one(CONTROL), one(POSE)
         self.robot = np.zeros(1, ROBOT).view(np.recarray)[0]
-        robot, heading = self.robot, float(trajectory.heading[0])
-        robot.x = trajectory.x[0] - aside * math.sin(heading)
-        robot.y = trajectory.y[0] + aside * math.cos(heading)
+        begin = samples(trajectory)[0]
+        robot, heading = self.robot, float(begin.heading)
+        robot.x = begin.x - aside * math.sin(heading)
+        robot.y = begin.y + aside * math.cos(heading)
         robot.heading = heading + turned
         robot.v_max, robot.w_max, robot.a_max, robot.alpha_max = 0.25, math.pi / 2, 1.0, 2 * math.pi / 3
         follow(self.control, trajectory, 0, self.parameters)
@@ -94,7 +96,7 @@ def test_tracking_rights_a_wrong_heading_and_replaying_rights_it_too_late() -> N
     tracked, replayed = (Loop(make(), trajectory, turned=0.4).run(lasts) for make in (guarded, original))
     assert tracked.aside[-1] < 0.001
     assert replayed.aside[-1] > 0.03
-    heading = trajectory.heading[0]
+    heading = samples(trajectory).heading[0]
     assert abs(tracked.robot.heading - heading) < 0.02
     assert abs(replayed.robot.heading - heading) < 0.1
 
@@ -102,7 +104,7 @@ def test_tracking_rights_a_wrong_heading_and_replaying_rights_it_too_late() -> N
 def test_replaying_sends_the_plan_s_own_speeds() -> None:
     trajectory = planned(*STRAIGHT)
     loop = Loop(original(), trajectory).run(2.0)
-    assert [v for v, _ in loop.commands[::2]] == [float(v) for v in trajectory.v[1:21]]
+    assert [v for v, _ in loop.commands[::2]] == [float(v) for v in samples(trajectory).v[1:21]]
 
 
 @pytest.mark.parametrize("make", [original, guarded])

@@ -7,22 +7,24 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from parcours.kernels import Record
 from parcours.planners.ramp.messages import (
+    LINE,
     NO_COLLISION,
     OBSTACLE_STATE,
     PREDICTION,
     SAMPLE,
     TRAJECTORY,
-    copy_trajectory,
     many,
     one,
 )
 from parcours.planners.ramp.parameters import Parameters, guarded, original
 from parcours.planners.ramp.prediction import predict
+from parcours.planners.ramp.route import ROUTE
+from parcours.planners.ramp.trajectory import copy_trajectory, place_at, samples, time_route
 from parcours.planners.ramp.trajectory_evaluation import collision_time, evaluate, first_collision
 
 if TYPE_CHECKING:
@@ -41,42 +43,59 @@ def prediction_of(x: float, y: float, heading: float, v: float, w: float, stamp:
     return prediction
 
 
-def gap(trajectory: Record, i: int, prediction: Record, shift: float, drift: Point) -> Point:
-    """Return the vector from robot to obstacle at sample i, the obstacle's place between its own samples on a line."""
-    n = int(prediction.n)
-    at = min(i, int(trajectory.n) - 1)
-    x, y = (float(np.interp(i + shift, np.arange(n), prediction[name][:n])) for name in ("x", "y"))
-    return x - float(trajectory.x[at]) - drift[0], y - float(trajectory.y[at]) - drift[1]
+class Search:
+    """The two bodies at every sample from `first` to `last`, both included.
+
+    The obstacle's place between its own samples is on a line.
+    """
+
+    def __init__(
+        self, trajectory: Record, begins: int, first: int, last: int, prediction: Record, drift: Point
+    ) -> None:
+        self.first, self.last = first, last
+        at = np.arange(first, last + 1)
+        poses, n = samples(trajectory), int(prediction.n)
+        robot = np.minimum(at, len(poses) - 1)
+        place = at + (begins - int(prediction.stamp)) * 1e-9 / SAMPLE
+        x, y = (np.interp(place, np.arange(n), prediction[name][:n]) for name in ("x", "y"))
+        self.gaps = np.stack([x - poses.x[robot] - drift[0], y - poses.y[robot] - drift[1]], axis=1)
+        self.distances = np.hypot(*self.gaps.T)
+        before, steps = self.gaps[:-1], np.diff(self.gaps, axis=0)
+        squares = (steps**2).sum(axis=1)
+        shares = np.clip(-(before * steps).sum(axis=1) / np.where(squares > 0.0, squares, 1.0), 0.0, 1.0)
+        self.nearest = np.hypot(*(before + shares[:, np.newaxis] * steps).T)
+        """The least distance on the way to each sample but the first."""
+        self.least = float(min(self.nearest[: last - first - 1].min(initial=np.inf), self.distances[0]))
+        """The least distance before `last`."""
+
+    def hit(self, reach: float, may_leave: bool) -> int:
+        """Look at every sample and every step between two of them; skip nothing."""
+        distances = self.distances
+        leaving = may_leave and bool(distances[0] < reach)
+        if distances[0] < reach and not leaving:
+            return self.first
+        for k in range(1, len(distances)):
+            if leaving:
+                if distances[k] < distances[k - 1] - 1e-6:
+                    return self.first + k - 1
+                leaving = bool(distances[k] < reach)
+            elif self.nearest[k - 1] < reach:
+                return self.first + k
+        return self.last
 
 
-def searched(
+def found(
     trajectory: Record, begins: int, first: int, last: int, prediction: Record, drift: Point, reach: float, leave: bool
-) -> int:
-    """Look at every sample and every step between two of them; skip nothing."""
-    shift = (begins - int(prediction.stamp)) * 1e-9 / SAMPLE
-    before = gap(trajectory, first, prediction, shift, drift)
-    if math.hypot(*before) < reach and not leave:
-        return first
-    leaving = leave and math.hypot(*before) < reach
-    for i in range(first + 1, last):
-        here = gap(trajectory, i, prediction, shift, drift)
-        if leaving:
-            if math.hypot(*here) < math.hypot(*before) - 1e-6:
-                return i - 1
-            leaving = math.hypot(*here) < reach
-        else:
-            step = (here[0] - before[0], here[1] - before[1])
-            length = step[0] ** 2 + step[1] ** 2
-            share = min(max(-(before[0] * step[0] + before[1] * step[1]) / length, 0.0), 1.0) if length else 0.0
-            if math.hypot(before[0] + share * step[0], before[1] + share * step[1]) < reach:
-                return i
-        before = here
-    return last
+) -> tuple[int, float]:
+    """Return what the kernel finds, and the room."""
+    place = place_at(trajectory, first * SAMPLE)
+    hit, room = first_collision(trajectory, begins, first, last, *place, prediction, *drift, reach, leave, V_MAX)
+    return int(hit), float(room)
 
 
 def test_the_first_collision_is_the_one_a_plain_search_finds_over_random_motions(ways: list[Way]) -> None:
     rng = np.random.default_rng(3)
-    found = []
+    hits = []
     for k, way in enumerate(ways):
         v, w = rng.choice([0.0, rng.uniform(0.05, 0.5)]), rng.choice([0.0, rng.uniform(-1.5, 1.5)])
         prediction = prediction_of(
@@ -86,27 +105,58 @@ def test_the_first_collision_is_the_one_a_plain_search_finds_over_random_motions
         begins, first, last = int(rng.integers(4 * 10**9)), int(rng.integers(0, 5)), int(way.trajectory.n)
         last = last if k % 3 else first + 11
         drift = (float(rng.uniform(-0.05, 0.05)), float(rng.uniform(-0.05, 0.05)))
-        hit = first_collision(way.trajectory, begins, first, last, prediction, *drift, reach, leave, V_MAX)
-        assert hit == searched(way.trajectory, begins, first, last, prediction, drift, reach, leave), k
-        found.append(hit < last)
-    assert 0.2 < np.mean(found) < 0.8
+        hit, _ = found(way.trajectory, begins, first, last, prediction, drift, reach, leave)
+        assert hit == Search(way.trajectory, begins, first, last, prediction, drift).hit(reach, leave), k
+        hits.append(hit < last)
+    assert 0.2 < np.mean(hits) < 0.8
+
+
+motions = st.one_of(
+    st.just((0.0, 0.0)),
+    st.tuples(st.floats(0.01, 0.5) | st.floats(-0.5, -0.01), st.just(0.0)),
+    st.tuples(st.floats(0.01, 0.5) | st.floats(-0.5, -0.01), st.floats(0.01, 3.0) | st.floats(-3.0, -0.01)),
+)
+places = st.floats(-0.3, 2.3)
+small = st.floats(-0.05, 0.05)
+
+
+@settings(max_examples=1500)
+@given(
+    st.integers(0, 599), motions, places, places, st.floats(-math.pi, math.pi),
+    st.integers(-2 * 10**9, 14 * 10**9), st.integers(0, 60), st.integers(1, 520), small, small,
+    st.floats(0.05, 0.5) | st.floats(-9.0, -2.0), st.booleans(), st.booleans(),
+)  # fmt: skip
+def test_nothing_the_search_skips_could_have_been_a_collision(
+    ways: list[Way], number: int, motion: Point, x: float, y: float, heading: float, late: int, first: int, n: int,
+    dx: float, dy: float, reach: float, above: bool, leave: bool,
+) -> None:  # fmt: skip
+    trajectory, prediction = ways[number].trajectory, prediction_of(x, y, heading, *motion, stamp=3 * 10**9)
+    begins, last = 3 * 10**9 + late, first + n
+    search = Search(trajectory, begins, first, last, prediction, (dx, dy))
+    if reach < 0.0:  # the bodies only just touch, or miss, by 10^reach: at the nearest they come, or begin
+        reach = search.least + (10.0**reach if above else -(10.0**reach))
+        assume(0.01 < reach < 2.0)
+    hit, room = found(trajectory, begins, first, last, prediction, (dx, dy), reach, leave)
+    assert hit == search.hit(reach, leave)
+    if hit == last and search.distances[0] >= reach:
+        assert 0.0 <= room <= max(search.least - reach, 0.0)
 
 
 def crossing(samples: int = 60) -> Record:
     """Return a trajectory straight along x at top speed."""
-    trajectory = one(TRAJECTORY)
-    trajectory.n = samples
-    trajectory.x[:samples] = 0.025 * np.arange(samples)
-    trajectory.v[:samples] = 0.25
-    trajectory.duration = (samples - 1) * SAMPLE
-    trajectory.smooth = 1
+    route, trajectory = one(ROUTE), one(TRAJECTORY)
+    route.n, route.kind[0], route.length[0], route.cap[0] = 1, LINE, 0.025 * (samples - 1), V_MAX
+    route.v_in[:2] = V_MAX
+    route.smooth = 1
+    time_route(route, guarded().record(), trajectory)
+    assert trajectory.n == samples
     return trajectory
 
 
 def test_head_on_at_three_quarters_of_a_metre_a_second_is_seen_at_the_sample_it_happens() -> None:
     prediction = prediction_of(1.5, 0.0, math.pi, 0.5, 0.0)
     touched = (1.5 - 0.225) / 0.75
-    hit = first_collision(crossing(), 0, 0, 60, prediction, 0.0, 0.0, 0.225, False, V_MAX)
+    hit, _ = found(crossing(), 0, 0, 60, prediction, (0.0, 0.0), 0.225, False)
     assert hit == math.ceil(touched / SAMPLE)
 
 
@@ -114,24 +164,23 @@ def test_a_body_that_crosses_between_two_samples_does_not_slip_through() -> None
     # Both are tiny: at every sample they are farther apart than reach, in between they meet.
     trajectory = crossing()
     prediction = prediction_of(0.5 + 0.0125, -0.5 * 2.05, math.pi / 2, 0.5, 0.0)
-    samples = [math.hypot(*gap(trajectory, i, prediction, 0.0, (0.0, 0.0))) for i in range(60)]
-    assert min(samples) > 0.02
-    assert first_collision(trajectory, 0, 0, 60, prediction, 0.0, 0.0, 0.01, False, V_MAX) == 21
+    assert Search(trajectory, 0, 0, 60, prediction, (0.0, 0.0)).distances.min() > 0.02
+    assert found(trajectory, 0, 0, 60, prediction, (0.0, 0.0), 0.01, False)[0] == 21
 
 
 def test_a_robot_that_begins_too_near_may_leave_but_not_come_nearer() -> None:
     behind, ahead = prediction_of(-0.1, 0.0, 0.0, 0.0, 0.0), prediction_of(0.1, 0.0, 0.0, 0.0, 0.0)
     for prediction, may_leave, hit in ((behind, False, 0), (behind, True, 60), (ahead, False, 0), (ahead, True, 0)):
-        assert first_collision(crossing(), 0, 0, 60, prediction, 0.0, 0.0, 0.225, may_leave, V_MAX) == hit
+        assert found(crossing(), 0, 0, 60, prediction, (0.0, 0.0), 0.225, may_leave)[0] == hit
 
 
 def test_what_lies_outside_the_window_is_not_looked_at() -> None:
     prediction = prediction_of(1.0, 0.0, 0.0, 0.0, 0.0)
     touched = math.ceil((1.0 - 0.225) / 0.025)
-    assert first_collision(crossing(), 0, 0, touched, prediction, 0.0, 0.0, 0.225, False, V_MAX) == touched
-    assert first_collision(crossing(), 0, 0, touched + 1, prediction, 0.0, 0.0, 0.225, False, V_MAX) == touched
+    assert found(crossing(), 0, 0, touched, prediction, (0.0, 0.0), 0.225, False)[0] == touched
+    assert found(crossing(), 0, 0, touched + 1, prediction, (0.0, 0.0), 0.225, False)[0] == touched
     passed = prediction_of(0.0, 0.0, 0.0, 0.0, 0.0)
-    assert first_collision(crossing(), 0, 12, 60, passed, 0.0, 0.0, 0.225, False, V_MAX) == 60
+    assert found(crossing(), 0, 12, 60, passed, (0.0, 0.0), 0.225, False)[0] == 60
 
 
 def test_the_collision_time_is_that_of_the_first_of_all_obstacles_and_margins_bring_it_forward() -> None:
@@ -159,7 +208,7 @@ def test_every_feasible_trajectory_is_fitter_than_every_infeasible_one(ways: lis
             )
         trajectory = one(TRAJECTORY)
         copy_trajectory(trajectory, way.trajectory, 0)
-        evaluate(trajectory, predictions, 0.0, 0.0, float(way.start.heading), False, parameters.record())
+        evaluate(trajectory, predictions, 0, 0.0, 0.0, 0.0, float(way.start.heading), False, parameters.record())
         assert 0.0 < trajectory.fitness <= 1.0
         if trajectory.t_collision < NO_COLLISION or not trajectory.smooth:
             assert not trajectory.feasible
@@ -178,8 +227,8 @@ def test_the_longest_way_through_the_arena_is_fitter_than_the_latest_collision(
     obstacle = prediction_of(0.025 * round(late / SAMPLE) + 0.22, 0.0, 0.0, 0.0, 0.0)
     predictions = many(PREDICTION, 1)
     predictions[0] = obstacle
-    evaluate(free, predictions[:0], 0.0, 0.0, 0.0, False, guarded().record())
-    evaluate(doomed, predictions, 0.0, 0.0, 0.0, False, original().record())
+    evaluate(free, predictions[:0], 0, 0.0, 0.0, 0.0, 0.0, False, guarded().record())
+    evaluate(doomed, predictions, 0, 0.0, 0.0, 0.0, 0.0, False, original().record())
     assert free.feasible
     assert not doomed.feasible
     assert free.fitness > doomed.fitness
@@ -190,7 +239,7 @@ def test_fitness_falls_with_duration_rest_turning_and_first_heading_and_with_an_
         trajectory = crossing()
         for name, value in changes.items():
             setattr(trajectory, name, value)
-        evaluate(trajectory, predictions, 0.0, 0.0, 0.0, halted, guarded().record())
+        evaluate(trajectory, predictions, 0, 0.0, 0.0, 0.0, 0.0, halted, guarded().record())
         return float(trajectory.fitness)
 
     nobody, early, late = many(PREDICTION, 0), many(PREDICTION, 1), many(PREDICTION, 1)

@@ -10,9 +10,10 @@ import pytest
 from numpy.typing import NDArray
 
 from parcours.kernels import Record
-from parcours.planners.ramp.messages import MAX_SAMPLES, NO_COLLISION, PATH, POSE, SAMPLE, TRAJECTORY, one, pose_at
+from parcours.planners.ramp.messages import MAX_SAMPLES, NO_COLLISION, PATH, POSE, SAMPLE, TRAJECTORY, one
 from parcours.planners.ramp.parameters import guarded
 from parcours.planners.ramp.route import HOLONOMIC, HYBRID, NEAR, ROUTE
+from parcours.planners.ramp.trajectory import copy_trajectory, place_at, pose_at, samples, shift
 from parcours.planners.ramp.trajectory_generator import generate
 
 if TYPE_CHECKING:
@@ -159,23 +160,22 @@ def test_a_straight_way_takes_the_time_of_its_trapezoid() -> None:
     trajectory = trajectory_of(path_of((0.0, 0.0), (1.0, 0.0)))
     assert trajectory.duration == pytest.approx(1.0 / 0.25 + 0.25 / 1.0)
     assert trajectory.curve_end == 0.0
-    assert not trajectory.y[: trajectory.n].any()
+    assert not samples(trajectory).y.any()
 
 
 def test_a_hybrid_way_rounds_its_first_corner_without_a_stop_and_inside_the_corner() -> None:
     trajectory = trajectory_of(path_of((0.0, 0.0), (1.0, 0.0), (1.0, 1.0)))
-    n = int(trajectory.n)
+    states = samples(trajectory)
     assert trajectory.rest_length == 0.0
-    assert trajectory.v[1 : n - 4].min() >= 0.1  # but for speeding up and braking at the ends
-    assert trajectory.x[:n].max() <= 1.0
-    assert np.hypot(trajectory.x[:n] - 1.0, trajectory.y[:n]).min() > 0.01
-    assert trajectory.heading[n - 1] == pytest.approx(math.pi / 2)
+    assert states.v[1:-4].min() >= 0.1  # but for speeding up and braking at the ends
+    assert states.x.max() <= 1.0
+    assert np.hypot(states.x - 1.0, states.y).min() > 0.01
+    assert states.heading[-1] == pytest.approx(math.pi / 2)
 
 
 def test_a_holonomic_way_stops_and_rotates_on_every_knot() -> None:
     trajectory = trajectory_of(path_of((0.0, 0.0), (1.0, 0.0), (1.0, 1.0)), kind=HOLONOMIC)
-    n = int(trajectory.n)
-    x, y, v, w = (trajectory[name][:n] for name in ("x", "y", "v", "w"))
+    x, y, v, w = (samples(trajectory)[name] for name in ("x", "y", "v", "w"))
     turns = np.abs(w) > 1e-9
     assert turns.any()
     assert not v[turns].any()
@@ -186,19 +186,19 @@ def test_a_holonomic_way_stops_and_rotates_on_every_knot() -> None:
 
 def test_a_moving_robot_must_stop_for_a_way_that_leads_behind_it() -> None:
     trajectory = trajectory_of(path_of((1.0, 1.0), (0.2, 1.0)), heading=0.0, v=0.25)
-    n = int(trajectory.n)
+    states = samples(trajectory)
     assert trajectory.smooth == 0
-    assert trajectory.x[:n].max() == pytest.approx(1.0 + 0.25**2 / 2.0, abs=1e-3)  # it brakes first
-    assert (trajectory.x[n - 1], trajectory.y[n - 1]) == pytest.approx((0.2, 1.0))
+    assert states.x.max() == pytest.approx(1.0 + 0.25**2 / 2.0, abs=1e-3)  # it brakes first
+    assert (states.x[-1], states.y[-1]) == pytest.approx((0.2, 1.0))
 
 
 def test_a_moving_robot_overshoots_a_goal_it_cannot_brake_for_and_turns_back_to_it() -> None:
     trajectory = trajectory_of(path_of((1.0, 1.0), (1.02, 1.0)), v=0.25)
-    n = int(trajectory.n)
+    states = samples(trajectory)
     assert trajectory.smooth == 0
-    assert trajectory.x[:n].max() == pytest.approx(1.0 + 0.25**2 / 2.0, abs=1e-3)
-    assert (trajectory.x[n - 1], trajectory.y[n - 1]) == pytest.approx((1.02, 1.0))
-    assert np.abs(np.diff(trajectory.v[:n])).max() <= LIMITS.a_max * SAMPLE + ROUNDING
+    assert states.x.max() == pytest.approx(1.0 + 0.25**2 / 2.0, abs=1e-3)
+    assert (states.x[-1], states.y[-1]) == pytest.approx((1.02, 1.0))
+    assert np.abs(np.diff(states.v)).max() <= LIMITS.a_max * SAMPLE + ROUNDING
 
 
 def test_a_way_longer_than_fifty_seconds_is_cut_off_there() -> None:
@@ -209,17 +209,83 @@ def test_a_way_longer_than_fifty_seconds_is_cut_off_there() -> None:
 
 
 def test_a_pose_between_samples_lies_between_them_and_turns_the_short_way() -> None:
-    trajectory, pose = one(TRAJECTORY), one(POSE)
-    trajectory.n = 2
-    trajectory.x[1], trajectory.v[1] = 0.02, 0.2
-    trajectory.heading[0], trajectory.heading[1] = 3.1, -3.1
-    pose_at(trajectory, 0.05, pose)
-    assert (pose.x, pose.v) == pytest.approx((0.01, 0.1))
-    assert abs(math.remainder(pose.heading - math.pi, math.tau)) < 1e-9
-    pose_at(trajectory, -1.0, pose)
-    assert pose.x == 0.0
-    pose_at(trajectory, 9.0, pose)
-    assert pose.x == 0.02
+    trajectory = trajectory_of(path_of((0.0, 0.0), (-1.0, -0.1)), heading=3.0, kind=HOLONOMIC)
+    states, pose = samples(trajectory), one(POSE)
+    assert states.heading[-1] < -3.0  # it turns left, over pi
+    for k in range(len(states) - 2):  # the last sample is the end, whenever that is
+        before, after = states[k], states[k + 1]
+        pose_at(trajectory, (k + 0.5) * SAMPLE, pose)
+        for name in ("x", "y"):
+            assert min(before[name], after[name]) - ROUNDING <= pose[name] <= max(before[name], after[name]) + ROUNDING
+        assert 0.0 <= math.remainder(pose.heading - before.heading, math.tau) <= LIMITS.w_max * SAMPLE
+        assert 0.0 <= math.remainder(after.heading - pose.heading, math.tau) <= LIMITS.w_max * SAMPLE
+        assert abs(pose.heading) <= math.pi
+
+
+def test_before_its_begin_a_trajectory_is_where_it_begins_and_after_its_end_it_rests_there(ways: list[Way]) -> None:
+    pose = one(POSE)
+    for way in ways[:100]:
+        first, last = way.states[0], way.states[-1]
+        pose_at(way.trajectory, -1.0, pose)
+        assert (pose.x, pose.y, pose.heading) == (first.x, first.y, first.heading)
+        pose_at(way.trajectory, float(way.trajectory.duration) + 9.0, pose)
+        assert (pose.x, pose.y, pose.heading) == (last.x, last.y, last.heading)
+        assert way.trajectory.n == MAX_SAMPLES or (pose.v, pose.w) == (0.0, 0.0)
+
+
+def test_a_place_is_that_of_the_pose(ways: list[Way]) -> None:
+    pose = one(POSE)
+    for way in ways[:100]:
+        for seconds in np.linspace(-0.2, float(way.trajectory.duration) + 0.2, 17):
+            pose_at(way.trajectory, seconds, pose)
+            assert place_at(way.trajectory, seconds) == (pose.x, pose.y)
+
+
+def test_what_is_left_of_a_trajectory_is_the_same_motion_at_the_same_times(ways: list[Way]) -> None:
+    rng = np.random.default_rng(8)
+    for way in ways[:200]:
+        first, rest = int(rng.integers(0, way.trajectory.n)), one(TRAJECTORY)
+        copy_trajectory(rest, way.trajectory, first)
+        left = way.states[first:]
+        assert rest.n == len(left)
+        for name in ("x", "y", "v", "w"):
+            assert np.allclose(samples(rest)[name], left[name], rtol=0.0, atol=ROUNDING), name
+        turns = samples(rest).heading - left.heading
+        assert np.abs(np.remainder(turns + math.pi, math.tau) - math.pi).max() < ROUNDING
+        assert rest.begins == way.trajectory.begins + first * 100_000_000
+        assert rest.duration == pytest.approx(way.trajectory.duration - first * SAMPLE, abs=ROUNDING) or len(left) == 1
+        again = one(TRAJECTORY)
+        copy_trajectory(again, rest, 1)  # a rest of a rest
+        assert samples(again).x[-1] == pytest.approx(left.x[-1], abs=ROUNDING)
+
+
+def test_a_shifted_trajectory_is_elsewhere_and_otherwise_the_same(ways: list[Way]) -> None:
+    for way in ways[:50]:
+        moved = one(TRAJECTORY)
+        copy_trajectory(moved, way.trajectory, 0)
+        shift(moved, 0.03, -0.02)
+        states = samples(moved)
+        assert np.allclose(states.x - 0.03, way.states.x, rtol=0.0, atol=ROUNDING)
+        assert np.allclose(states.y + 0.02, way.states.y, rtol=0.0, atol=ROUNDING)
+        assert np.array_equal(states.heading, way.states.heading)
+        assert np.array_equal(states.v, way.states.v)
+
+
+def test_the_legs_of_a_trajectory_follow_one_another_and_stray_from_it_no_farther_than_they_say(
+    ways: list[Way],
+) -> None:
+    for way in ways:
+        legs = way.trajectory.legs[: way.trajectory.n_legs]
+        assert legs["begin"][0] == 0.0
+        assert legs["begin"][1:] == pytest.approx(legs["end"][:-1], abs=ROUNDING)
+        for leg in legs:
+            for share in (0.0, 0.25, 0.5, 0.8, 1.0):
+                seconds = leg["begin"] + share * (leg["end"] - leg["begin"])
+                if seconds > way.trajectory.duration:
+                    continue
+                x, y = place_at(way.trajectory, seconds)
+                off = math.hypot(leg["x"] + share * leg["dx"] - x, leg["y"] + share * leg["dy"] - y)
+                assert off <= leg["stray"] + ROUNDING
 
 
 def test_a_way_longer_than_50_s_is_cut_and_still_costs_its_time() -> None:

@@ -266,7 +266,7 @@ def test_a_control_that_follows_another_trajectory_than_it_was_sent_is_found(mon
 
 def _moved(trajectory: Record) -> Record:
     other = trajectory.copy()
-    other.x[0] += 1e-3
+    other.pieces[0]["x"] += 1e-3
     return other
 
 

@@ -33,11 +33,9 @@ CASES = SystemCases(1)
 PLANNER = '''
 import itertools, os
 
-
 def ticking(observation):
     print("asked")
     return 0.1, 0.0
-
 
 class Moody:
     """Fails in another way in every case."""
@@ -61,25 +59,20 @@ class Moody:
             os._exit(3)
         return None
 
-
 class Refuses:
     def __init__(self):
         raise RuntimeError("no licence")
-
 
 class Needs:
     def __init__(self, model):
         pass
 
-
 class Idle:
     pass
-
 
 class Curious:
     def observe(self, observation, goal):
         return None
-
 
 nothing = 3
 '''

@@ -22,7 +22,6 @@ from parcours.verdict.facts import NEVER, TRACK_PERIOD
 from parcours.verdict.navigation import Outcome, outcomes
 
 CASES = SystemCases(1)
-Ask = Callable[[Observation], Answer]
 
 
 def run(planner: object, number: int = 0, **scenario: object) -> np.void:
@@ -32,7 +31,7 @@ def run(planner: object, number: int = 0, **scenario: object) -> np.void:
 class Notes:
     """Answers as told, and keeps what it was shown."""
 
-    def __init__(self, answer: Ask) -> None:
+    def __init__(self, answer: Callable[[Observation], Answer]) -> None:
         self.answer = answer
         self.tasks: list[Task] = []
         self.times: list[float] = []
@@ -296,6 +295,6 @@ def test_a_blind_planner_arrives_where_nobody_is_in_its_way_and_one_that_stands_
 def test_a_turn_towards_the_goal_is_seen_in_the_next_observation() -> None:
     notes = Notes(lambda o: (0.0, 1.0))
     run(notes, time_limit=1.0)
-    heading = [robot[HEADING] for robot in notes.robots]
+    heading = np.array(notes.robots)[:, HEADING]
     assert heading[0] == pytest.approx(math.pi / 4) and heading[10] > heading[1] > heading[0]
     assert notes.robots[0][SPEED] == 0.249 and notes.robots[0][X] == notes.robots[0][Y] == 0.0

@@ -38,6 +38,8 @@ CONTROL = np.dtype(
         ("halt", "i8"),  # 1 while imminent collision is signalled
         ("t_halt", "i8"),  # when the signal came [ns]
         ("paused", "i8"),  # 1 while the robot is held
+        ("limit", "f8"),  # how fast it may drive now [m/s]
+        ("lag", "i8"),  # by how much limits have delayed it so far [ns]
         ("reference", POSE),  # working memory
         ("command_v", "f8"),  # [m/s]
         ("command_w", "f8"),  # [rad/s]
@@ -48,6 +50,9 @@ CONTROL = np.dtype(
 _ALONG, _ACROSS, _TURN = 2.0, 64.0, 16.0
 """Feedback gains: [1/s], [1/m2], [1/m]."""
 
+_ASKEW = 0.3
+"""The plan waits for a robot whose heading is farther off than this [rad]."""
+
 _STRAIGHT = 1e-4
 _HEADING_GAIN = 0.5
 
@@ -57,7 +62,7 @@ def follow(control: Record, trajectory: Record, now: int, parameters: Record) ->
     """Take over a new TRAJECTORY at `now` [ns]."""
     copy_trajectory(control.trajectory, trajectory, 0)
     control.has = 1
-    control.begins = now if parameters.schedule == ORIGINAL else trajectory.begins
+    control.begins = now if parameters.schedule == ORIGINAL else trajectory.begins + control.lag - trajectory.lag
 
 
 @kernel
@@ -91,17 +96,28 @@ def _replay(control: Record, pose: Record, now: int) -> None:
 
 @kernel
 def _track(control: Record, pose: Record, now: int) -> None:
-    """Set the command so that the robot converges to the planned pose at the planned time."""
+    """Set the command so that the robot converges to the planned pose at the planned time.
+
+    Where its speed is limited, time goes on more slowly by the same share; where it looks elsewhere, time waits. It
+    never drives backward.
+    """
     reference = control.reference
     elapsed = (now - control.begins) * 1e-9
     pose_at(control.trajectory, elapsed, reference)
+    turn = wrap(reference.heading - pose.heading)
+    share = control.limit / reference.v if reference.v > control.limit else 1.0
+    if abs(turn) > _ASKEW:
+        share = 0.0
+    late = int((1.0 - share) * COMMAND_PERIOD)
+    control.begins += late
+    control.lag += late
     s, c = sin_cos(pose.heading)
     dx, dy = reference.x - pose.x, reference.y - pose.y
     ahead, aside = c * dx + s * dy, c * dy - s * dx
-    turn = wrap(reference.heading - pose.heading)
     turn_s, turn_c = sin_cos(turn)
-    pose_at(control.trajectory, elapsed + 0.5e-9 * COMMAND_PERIOD, reference)
-    control.command_v = reference.v * turn_c + _ALONG * ahead
+    pose_at(control.trajectory, elapsed + share * 0.5e-9 * COMMAND_PERIOD, reference)
+    reference.v, reference.w = share * reference.v, share * reference.w
+    control.command_v = max(min(reference.v * turn_c + _ALONG * ahead, control.limit), 0.0)
     control.command_w = reference.w + reference.v * (_ACROSS * aside + _TURN * turn_s)
     if reference.v < 0.01:
         control.command_w = reference.w + 3.0 * turn
@@ -145,6 +161,7 @@ class Control:
     def reset(self) -> None:
         """Forget trajectory, flag and clock."""
         self._state = one(CONTROL)
+        self._state.limit = np.inf
         self._pose = one(POSE)
         self._next_command = 0
         self._next_report = REPORT_PERIOD
@@ -168,6 +185,9 @@ class Control:
                 yield Step("", (("cmd_vel", (0.0, 0.0)),))
         elif channel == "pose" and isinstance(message, Report):
             self._pose = message.pose
+        elif channel == "speed_limit" and isinstance(message, float):
+            self._state.limit = message
+            yield Step("")
         else:
             yield Step("p41")
 
@@ -183,7 +203,7 @@ class Control:
             yield Step("p47")
             return
         self._next_report += REPORT_PERIOD
-        yield Step("p48", (("update", Report(now, self._pose.copy())),))
+        yield Step("p48", (("update", Report(now, self._pose.copy(), int(self._state.lag))),))
         yield Step("p49")
 
     def execute(self, now: int) -> Iterator[Step]:

@@ -11,7 +11,7 @@ from parcours.planners.ramp.planning_cycle import MOVING
 from parcours.planners.ramp.population import best_member
 from parcours.planners.ramp.route import HYBRID, TRANSITION
 from parcours.planners.ramp.sensing_cycle import evaluate_population
-from parcours.planners.ramp.switching import earliest_switch, generate_from_switch
+from parcours.planners.ramp.switching import earliest_switch, generate_from_switch, latest_switch
 from parcours.planners.ramp.trajectory import copy_trajectory, pose_at, shift
 
 DRAGGED = 0.01
@@ -38,6 +38,7 @@ def commit(planner: Record, now: int, parameters: Record) -> int:
         planner.followed = member.id
     copy_trajectory(planner.moving_on, member.trajectory, 0)
     planner.moving_on_until = 0
+    planner.moving_on.lag = planner.lag
     shift(planner.moving_on, planner.drift_x, planner.drift_y)
     planner.dragged = 1 if max(abs(planner.drift_x), abs(planner.drift_y)) > DRAGGED else 0
     if parameters.schedule == ORIGINAL or planner.halted or planner.moving_on.begins > now:
@@ -84,17 +85,17 @@ def re_anchor(planner: Record, best: int, parameters: Record) -> bool:
     """
     moving_on = planner.moving_on
     planner.rested = 0
-    longest = int(parameters.control_period / SAMPLE + 0.5)
-    pose_at(moving_on, longest * SAMPLE, planner.anchor)
+    latest = latest_switch(planner, parameters)
+    pose_at(moving_on, latest * SAMPLE, planner.anchor)
     path = planner.members[best].path
-    while path.n > 2 and moving_on.knot_time[1] <= longest * SAMPLE:
+    while path.n > 2 and moving_on.knot_time[1] <= latest * SAMPLE:
         remove_knot(path, 1)
         for k in range(1, len(moving_on.knot_time) - 1):
             moving_on.knot_time[k] = moving_on.knot_time[k + 1]
     _begin_paths_at_anchor(planner)
-    at = earliest_switch(planner, best, parameters)
+    at = earliest_switch(planner, best, latest, parameters)
     planner.t_next = moving_on.begins + at * 100_000_000
-    planner.switch_kind = HYBRID if at == longest else TRANSITION
+    planner.switch_kind = HYBRID if at == latest else TRANSITION
     pose_at(moving_on, at * SAMPLE, planner.switch)
     is_complete = moving_on.curve_end > at * SAMPLE or moving_on.rest_length == 0.0
     if not is_complete or planner.dragged or at >= moving_on.n:

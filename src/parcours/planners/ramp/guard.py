@@ -2,20 +2,39 @@
 
 `original` looks at the first control period of what the robot was told, counted from its begin although the obstacles
 are counted from now, and at nothing beyond it: its look-ahead shrinks to zero before each control cycle. `guarded`
-looks a constant time ahead on the motion that is really left, with robot and obstacles at the same instants.
+looks a constant time ahead on the motion that is really left, with robot and obstacles at the same instants. Besides,
+it lets the robot approach a standing obstacle only so fast that it rests before a contact if the obstacle sets out
+towards it (speed and separation monitoring, as in ISO/TS 15066).
 """
 
 from __future__ import annotations
 
 import numpy as np
 
+from parcours.elementary import sin_cos
 from parcours.kernels import Record, kernel
 from parcours.planners.ramp.messages import NO_COLLISION, SAMPLE
 from parcours.planners.ramp.parameters import GUARDED, ORIGINAL
+from parcours.planners.ramp.prediction import STANDS
 from parcours.planners.ramp.trajectory_evaluation import collision_time, earliest_collision, still_passes
 
 GUARD_PERIOD = 50_000_000
 """Time between two imminent-collision checks of the published planner [ns] (20 Hz)."""
+
+CREEP = 0.02
+"""Beside a standing obstacle the robot is never made slower than this [m/s], or it would never pass."""
+
+_SAFE_CLEARANCE = 0.4
+"""Farther obstacles do not matter [m]."""
+
+_TURNS_TOWARDS = 0.15
+"""Sine of the angle by which the robot may turn towards an obstacle between two looks."""
+
+_VEERS = 0.04
+"""How far an obstacle that sets out may leave its heading until the robot rests [m]."""
+
+_UNTIL_OBEYED = 0.1
+"""A limit counts for the robot's place so much later [s]: until the next look and the next command."""
 
 _AHEAD = 20
 """How many samples beyond its window the guarded schedule looks while it is at it."""
@@ -85,3 +104,68 @@ def is_imminent(planner: Record, now: int, parameters: Record) -> bool:
     period = (planner.t_next - planner.t_control) * 1e-9
     elapsed = (now - planner.t_control) * 1e-9
     return bool(planner.moving_on_t < period or planner.moving_on_t - elapsed < period)
+
+
+@kernel
+def take_report(planner: Record, pose: Record, stamp: int, lag: int) -> None:
+    """Take note of the robot's POSE at `stamp` [ns]; what has yet to come is as late as the robot is."""
+    planner.latest = pose
+    planner.t_latest = stamp
+    more = lag - planner.lag
+    planner.lag = lag
+    if more == 0 or planner.halted:
+        return
+    planner.moving_on.begins += more
+    planner.moving_on.lag += more
+    planner.t_next += more
+    for i in range(planner.n):
+        planner.members[i].trajectory.begins += more
+    if planner.scene > 0:
+        planner.scene += 1
+        planner.changed = 0.0
+
+
+@kernel
+def _safe_speed(clearance: float, obstacle_speed: float, reaction: float, a: float) -> float:
+    """Return the speed [m/s] from which the robot stops in time before an obstacle that comes towards it from now on.
+
+    After the reaction both have closed (v + v_obstacle) * reaction; while the robot brakes, v^2 / 2a by itself and
+    v_obstacle * v / a by the obstacle: the sum must not exceed the clearance [m].
+    """
+    half = obstacle_speed / a + reaction
+    left = clearance - obstacle_speed * reaction
+    return float(a * (np.sqrt(half * half + 2.0 * left / a) - half)) if left > 0.0 else 0.0
+
+
+@kernel
+def speed_limit(planner: Record, obstacles: Record, parameters: Record) -> float:
+    """Return how fast the robot may drive on [m/s]; inf where no obstacle matters.
+
+    An obstacle that stands may set out: it matters if the robot heads towards it and is where it may drive, ahead of it
+    and not aside. One that moves may stop: it matters if the robot would drive into the place where it is.
+
+    Args:
+        planner: PLANNER with the robot's latest state.
+        obstacles: array of OBSTACLE_STATE as just sensed.
+        parameters: PARAMETERS.
+    """
+    limit = np.inf
+    robot = planner.latest
+    a, reaction = parameters.a_max, parameters.reaction
+    s, c = sin_cos(robot.heading)
+    for k in range(len(obstacles)):
+        pose = obstacles[k].pose
+        x, y = pose.x - robot.x, pose.y - robot.y
+        distance = np.sqrt(x * x + y * y)
+        reach = parameters.robot_radius + obstacles[k].radius
+        nearer = distance - reach - max(robot.v, 0.0) * _UNTIL_OBEYED
+        if nearer > _SAFE_CLEARANCE or x * c + y * s < -_TURNS_TOWARDS * distance:
+            continue
+        if abs(pose.v) >= STANDS:
+            if abs(x * s - y * c) < reach:
+                limit = min(limit, _safe_speed(nearer, 0.0, reaction, a))
+            continue
+        facing_s, facing_c = sin_cos(pose.heading)
+        if x * facing_c + y * facing_s < 0.0 and abs(x * facing_s - y * facing_c) < reach + _VEERS:
+            limit = min(limit, max(_safe_speed(nearer, parameters.obstacle_speed, reaction, a), CREEP))
+    return limit

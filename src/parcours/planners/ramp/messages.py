@@ -92,6 +92,7 @@ TRAJECTORY = np.dtype(
         ("first_heading", "f8"),  # heading needed towards the next knot [rad]
         ("smooth", "i8"),  # 1 if it can be joined without stopping to rotate
         ("begins", "i8"),  # when it would begin [ns]
+        ("lag", "i8"),  # the lag that this takes into account [ns]
         ("feasible", "i8"),
         ("fitness", "f8"),
         ("t_collision", "f8"),  # first predicted collision, from its begin [s]; NO_COLLISION
@@ -107,8 +108,8 @@ TRAJECTORY = np.dtype(
 NO_COLLISION = 9999.0
 """The collision time of a trajectory that meets nobody [s]."""
 
-MEMBER = np.dtype([("id", "i8"), ("path", PATH), ("trajectory", TRAJECTORY)])
-"""A member of the population."""
+MEMBER = np.dtype([("id", "i8"), ("path", PATH), ("trajectory", TRAJECTORY), ("switches", "i8")])
+"""A member of the population; `switches` is 1 while it is not known when it can be joined (working memory)."""
 
 OBSTACLE_STATE = np.dtype([("pose", POSE), ("radius", "f8")])
 """An obstacle as it was sensed (Obstacle); `pose.v` is its speed along its heading."""
@@ -163,10 +164,14 @@ class Obstacles(NamedTuple):
 
 
 class Report(NamedTuple):
-    """The robot's state at `stamp` [ns]; `pose` is a POSE (the message of /update)."""
+    """The robot's state at `stamp` [ns] (the message of /update).
+
+    `pose` is a POSE; `lag` is by how much the motion is behind its plan because its speed was limited [ns], in all.
+    """
 
     stamp: int
     pose: Record
+    lag: int = 0
 
 
 class TrajectoryRequest(NamedTuple):

@@ -45,6 +45,8 @@ class Parameters:
     plan_margin: float = 0.0  # clearance a feasible trajectory keeps [m]; original 0 [S], guarded: see `guarded()`
     guard_margin: float = 0.0  # clearance below which the guard halts the robot [m]
     guard_horizon: float = 1.0  # look-ahead of the guard, guarded schedule only [s]; ours
+    obstacle_speed: float = 0.5  # at which a standing obstacle may set out, guarded schedule only [m/s]; Table VII
+    reaction: float = 0.06  # from then until the robot brakes [s]; sensing period and guard, ours
 
     def record(self) -> Record:
         """Return the parameters as a record of dtype PARAMETERS, which kernels read.

@@ -15,7 +15,15 @@ import numpy as np
 
 from parcours.kernels import Record
 from parcours.planners.ramp.control_cycle import adapt, commit, entry_kind, is_at_rest
-from parcours.planners.ramp.guard import GUARD_PERIOD, evaluate_moving_on, is_imminent, note_moving_on, window
+from parcours.planners.ramp.guard import (
+    GUARD_PERIOD,
+    evaluate_moving_on,
+    is_imminent,
+    note_moving_on,
+    speed_limit,
+    take_report,
+    window,
+)
 from parcours.planners.ramp.messages import (
     PATH,
     POSE,
@@ -34,7 +42,7 @@ from parcours.planners.ramp.messages import (
     many,
     one,
 )
-from parcours.planners.ramp.parameters import GUARDED, ORIGINAL, Parameters
+from parcours.planners.ramp.parameters import ORIGINAL, Parameters
 from parcours.planners.ramp.planner_state import PLANNER, begin_population
 from parcours.planners.ramp.planning_cycle import (
     choose_modification,
@@ -50,6 +58,9 @@ from parcours.streams import start
 
 PLANNER_STREAM = np.uint64(1)
 """Purpose of the random stream of this component."""
+
+_GUARDED = "guarded"
+"""The channel of an obstacle list that waits behind a control cycle, and that the guard has seen already."""
 
 Message = TrajectoryResponse | EvaluationResponse | ModificationResponse
 
@@ -69,6 +80,7 @@ class Planner:
 
     def __init__(self, parameters: Parameters, seed: int, case: int, begin: Record, goal: tuple[float, float]) -> None:
         self._parameters = parameters.record()
+        self._is_original = bool(self._parameters.schedule == ORIGINAL)
         self._origin = (np.uint64(seed), np.uint64(case), PLANNER_STREAM)
         self._begin, self._goal = begin.copy(), goal
         self._period = int(1e9 / parameters.planning_rate)
@@ -90,6 +102,8 @@ class Planner:
         self._next_planning = 0
         self._next_guard = GUARD_PERIOD
         self._t_halted = -1
+        self._limit = np.inf
+        self._reported = False
         self._obstacles = Obstacles(0, many(POSE, 0))
         self._to_predict: list[int] = []
         self._to_try: list[Record] = []
@@ -98,13 +112,10 @@ class Planner:
         self._asked_members: list[int] = []
 
     def next_wake(self) -> int | None:
-        """The next planning cycle, control cycle or check; never while a conversation is open."""
+        """The next planning cycle or check; control cycles wait for one. Never while a conversation is open."""
         if self._conversation is not None:
             return None
-        times = [self._next_planning, int(self._planner.t_next)]
-        if self._parameters.schedule == ORIGINAL:
-            times.append(self._next_guard)
-        return min(times)
+        return min(self._next_planning, self._next_guard) if self._is_original else self._next_planning
 
     def wake(self, now: int) -> Iterator[Step]:
         """Run what is due: a control cycle first, then the published check, then a planning cycle."""
@@ -112,7 +123,7 @@ class Planner:
             return
         if self._planner.t_next <= now:
             yield from self.control(now)
-        elif self._parameters.schedule == ORIGINAL and self._next_guard <= now:
+        elif self._is_original and self._next_guard <= now:
             self._next_guard += GUARD_PERIOD
             self._planner.halted = 1 if is_imminent(self._planner, now, self._parameters) else 0
             yield Step("", (("imminent_collision", bool(self._planner.halted)),))
@@ -134,14 +145,26 @@ class Planner:
             yield from self._take(channel, message, now)
 
     def _take(self, channel: str, message: object, now: int) -> Iterator[Step]:
-        planner = self._planner
         if isinstance(message, Report):
-            planner.latest, planner.t_latest = message.pose, message.stamp
-            rests_unseen = planner.halted and self._t_halted >= planner.t_control and is_at_rest(planner)
-            if self._parameters.schedule == GUARDED and rests_unseen:
-                planner.t_next = min(int(planner.t_next), self._next_planning)
+            take_report(self._planner, message.pose, message.stamp, message.lag)
+            self._reported = True
+            self._hasten_if_at_rest()
         elif isinstance(message, Obstacles):
-            yield from self._begin_sensing(message, now)
+            if not self._is_original and channel != _GUARDED:
+                yield from self._guard(message, now)
+                if self._planner.t_next < message.stamp:  # it was due before these obstacles came
+                    self._waiting.appendleft((_GUARDED, message))
+                    yield from self.control(now)
+                    return
+            yield from self._begin_sensing(message)
+
+    def _hasten_if_at_rest(self) -> None:
+        """Let the next control cycle come at once if the robot has come to rest, halted, since the last one."""
+        planner = self._planner
+        if self._is_original or not planner.halted or self._t_halted < planner.t_control:
+            return
+        if is_at_rest(planner):
+            planner.t_next = min(int(planner.t_next), self._next_planning)
 
     def _go_on(self, message: Message, now: int) -> Iterator[Step]:
         cycle = message.tag.cycle
@@ -191,21 +214,27 @@ class Planner:
 
     # Sensing cycle, p15 .. p19. p16 and p18 are answers with more left to ask; the last ones lead to p17 and p19.
 
-    def _begin_sensing(self, obstacles: Obstacles, now: int) -> Iterator[Step]:
+    def _begin_sensing(self, obstacles: Obstacles) -> Iterator[Step]:
         self._obstacles = obstacles
-        if (
-            self._parameters.schedule == GUARDED
-            and not self._planner.halted
-            and self._sees_imminent_collision(obstacles, now)
-        ):
-            yield Step("", (("imminent_collision", True),))
         self._to_predict = list(range(len(obstacles.states)))
         self._predictions = many(PREDICTION, len(obstacles.states))
         tag = self._open("sensing")
         yield Step("p15", self._prediction_request(tag))
 
+    def _guard(self, obstacles: Obstacles, now: int) -> Iterator[Step]:
+        """Run the guard as the task of its own that it is, before anything else: limit the speed, and perhaps halt."""
+        limit = float(speed_limit(self._planner, obstacles.states, self._parameters))
+        if limit != self._limit:
+            self._limit = limit
+            yield Step("", (("speed_limit", limit),))
+        if not self._planner.halted and self._sees_imminent_collision(obstacles, now):
+            yield Step("", (("imminent_collision", True),))
+        if self._reported:
+            self._reported = False
+            self._hasten_if_at_rest()
+
     def _sees_imminent_collision(self, obstacles: Obstacles, now: int) -> bool:
-        """Run the guard as the task of its own that it is: on fresh predictions, before anything else."""
+        """Look at the motion under way with fresh predictions."""
         planner = self._planner
         fresh = many(PREDICTION, len(obstacles.states))
         for k in range(len(fresh)):

@@ -38,6 +38,7 @@ PLANNER = np.dtype(
         ("switch_kind", "i8"),  # HYBRID if the switch is the anchor, else TRANSITION
         ("latest", POSE),  # the robot's state as last reported
         ("t_latest", "i8"),  # when it was [ns]
+        ("lag", "i8"),  # by how much the robot was then behind its plan, for limited speed [ns], in all
         ("drift_x", "f8"),  # measured minus planned position since the last control cycle [m]
         ("drift_y", "f8"),
         ("dragged", "i8"),  # 1 if the last commitment was moved onto the robot noticeably
@@ -80,7 +81,7 @@ def begin_population(planner: Record, pose: Record, parameters: Record) -> None:
     planner.anchor = pose
     planner.switch = pose
     planner.switch_kind = HYBRID
-    planner.t_control = planner.t_next = planner.t_latest = 0
+    planner.t_control = planner.t_next = planner.t_latest = planner.lag = 0
     planner.moving_on.n = 0
     planner.moving_on_hit, planner.moving_on_t = 0, NO_COLLISION
     for i in range(planner.n):

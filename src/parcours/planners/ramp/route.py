@@ -174,7 +174,10 @@ def _lay(path: Record, pose: Record, kind: int, stop_first: bool, parameters: Re
         x, y = x + leg * c, y + leg * s
         s, c = sin_cos(heading + turn)
         x, y = x + leg * c, y + leg * s
-    heading = atan2(path.y[k] - y, path.x[k] - x)
+    if x != pose.x or y != pose.y:
+        heading = atan2(path.y[k] - y, path.x[k] - x)
+    else:
+        heading = route.first_heading
     corners = 2 if kind == TRANSITION else 1
     first = True
     while True:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from parcours.kernels import Record, kernel
 from parcours.planners.ramp.messages import MAX_KNOTS, SAMPLE, copy_path
+from parcours.planners.ramp.parameters import ORIGINAL
 from parcours.planners.ramp.path_modification import insert_knot
 from parcours.planners.ramp.route import TRANSITION, can_switch
 from parcours.planners.ramp.trajectory import pose_at
@@ -46,24 +47,55 @@ def generate_from_switch(planner: Record, path: Record, kind: int, trajectory: R
 
 
 @kernel
-def earliest_switch(planner: Record, followed: int, parameters: Record) -> int:
-    """Return the sample of moving_on at which the next control cycle comes; the longest period if nothing can switch.
+def may_leave_at(planner: Record, k: int, parameters: Record) -> bool:
+    """Set planner.switch to sample k of moving_on; return whether another trajectory may begin there.
+
+    A way begins without turning. The guarded schedule leaves the present one only where the robot turns so slowly that
+    it can cease to within a sample; the published one leaves it anywhere.
+    """
+    pose_at(planner.moving_on, k * SAMPLE, planner.switch)
+    return bool(parameters.schedule == ORIGINAL or abs(planner.switch.w) <= parameters.alpha_max * SAMPLE)
+
+
+@kernel
+def first_possible(planner: Record) -> int:
+    """Return the earliest sample of moving_on at which another trajectory may begin."""
+    elapsed = int((planner.t_control - planner.moving_on.begins) * 1e-9 / SAMPLE + 0.999)
+    return elapsed + int(EARLIEST / SAMPLE + 0.5)
+
+
+@kernel
+def latest_switch(planner: Record, parameters: Record) -> int:
+    """Return the last sample of moving_on within the longest period at which another trajectory may begin."""
+    longest = int(parameters.control_period / SAMPLE + 0.5)
+    for k in range(longest, first_possible(planner) - 1, -1):
+        if may_leave_at(planner, k, parameters):
+            return k
+    return longest
+
+
+@kernel
+def earliest_switch(planner: Record, followed: int, latest: int, parameters: Record) -> int:
+    """Return the sample of moving_on at which the next control cycle comes; the latest if nothing can switch earlier.
 
     Args:
         planner: PLANNER with anchor and moving_on set.
         followed: the index of the member that moving_on comes from, which needs no switch.
+        latest: the sample at which the anchor is.
         parameters: PARAMETERS.
     """
-    longest = int(parameters.control_period / SAMPLE + 0.5)
-    elapsed = int((planner.t_control - planner.moving_on.begins) * 1e-9 / SAMPLE + 0.999)
-    earliest = longest
+    earliest = latest
     for i in range(planner.n):
-        if i == followed:
+        planner.members[i].switches = 1 if i != followed else 0
+    for k in range(latest - 1, first_possible(planner) - 1, -1):
+        if not may_leave_at(planner, k, parameters):
             continue
-        for k in range(longest - 1, elapsed + int(EARLIEST / SAMPLE + 0.5) - 1, -1):
-            pose_at(planner.moving_on, k * SAMPLE, planner.switch)
-            switch_path(planner.members[i].path, planner.switch, TRANSITION, planner.work_path)
+        for i in range(planner.n):
+            member = planner.members[i]
+            if member.switches == 0:
+                continue
+            switch_path(member.path, planner.switch, TRANSITION, planner.work_path)
             if can_switch(planner.work_path, planner.switch, parameters, planner.route):
-                earliest = min(earliest, k)
-                break
+                member.switches = 0
+                earliest = k
     return earliest

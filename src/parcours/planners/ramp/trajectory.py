@@ -227,7 +227,7 @@ def copy_trajectory(target: Record, source: Record, first: int) -> None:
     target.rest_length, target.rest_turn = source.rest_length, source.rest_turn
     target.first_heading = source.first_heading
     target.smooth = source.smooth
-    target.begins = source.begins + first * 100_000_000
+    target.begins, target.lag = source.begins + first * 100_000_000, source.lag
     target.feasible, target.fitness = source.feasible, source.fitness
     target.t_collision = source.t_collision
     target.scene, target.room, target.changed = source.scene, source.room, source.changed

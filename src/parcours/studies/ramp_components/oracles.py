@@ -16,6 +16,7 @@ from parcours.planners.ramp.messages import (
     TrajectoryResponse,
 )
 from parcours.planners.ramp.population import SAME_PATH
+from parcours.planners.ramp.trajectory import samples
 from parcours.run.gated import Execution
 from parcours.verdict.judgement import Judgement, Verdict
 
@@ -74,11 +75,16 @@ def state_is_sent(execution: Execution) -> Judgement:
     return _judge(holds, f"{len(states)} motion states were sent, all of finite numbers")
 
 
+def _same_motion(one: Record, other: Record) -> bool:
+    """Return whether two arrays of POSE, shape (n,), are of the same trajectory."""
+    return len(one) == len(other) and all(np.array_equal(one[name], other[name]) for name in ("x", "y", "heading"))
+
+
 def control_follows(execution: Execution) -> Judgement:
     """ITP5: control <- trajectory."""
     followed = [c.trajectory for c in execution.instances.values() if isinstance(c, Control) and c.trajectory.n > 0]
     sent: list[Record] = _sent(execution, "best_trajectory")
-    holds = any(t.n == m.n and np.array_equal(t.x[: t.n], m.x[: m.n]) for t in followed for m in sent)
+    holds = any(_same_motion(samples(t), samples(m)) for t in followed for m in sent)
     return _judge(holds, f"{len(sent)} best trajectories were sent, {len(followed)} controls follow one")
 
 

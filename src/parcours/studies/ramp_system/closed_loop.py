@@ -17,7 +17,7 @@ from parcours.arena.world import NEVER, advance, begin
 from parcours.kernels import Record, kernel
 from parcours.planners.ramp.control import COMMAND_PERIOD, REPORT_PERIOD, command, follow, signal
 from parcours.planners.ramp.control_cycle import control_cycle, is_at_rest
-from parcours.planners.ramp.guard import GUARD_PERIOD, evaluate_moving_on, is_imminent
+from parcours.planners.ramp.guard import GUARD_PERIOD, evaluate_moving_on, is_imminent, speed_limit, take_report
 from parcours.planners.ramp.latency import draw
 from parcours.planners.ramp.parameters import GUARDED, ORIGINAL
 from parcours.planners.ramp.planner_state import begin_population
@@ -51,10 +51,9 @@ def _sense(obstacles: Record, seen: Record) -> None:
 
 
 @kernel
-def _report(work: Record) -> None:
-    """Fill the robot's report."""
-    robot, report = work.world.robot, work.report
-    report.x, report.y, report.heading, report.v, report.w = robot.x, robot.y, robot.heading, robot.v, robot.w
+def _measure(robot: Record, pose: Record) -> None:
+    """Set the POSE to where the ROBOT is and how it moves."""
+    pose.x, pose.y, pose.heading, pose.v, pose.w = robot.x, robot.y, robot.heading, robot.v, robot.w
 
 
 @kernel
@@ -106,8 +105,7 @@ def _callback(
         return False
     if work.report_time == first:
         work.report_time = FAR
-        planner.latest = work.report
-        planner.t_latest = first
+        take_report(planner, work.report, first, work.report_lag)
         if (
             parameters.schedule == GUARDED
             and planner.halted
@@ -146,22 +144,24 @@ def _guard(
     parameters: Record,
     latencies: Record,
 ) -> None:
-    """Run the guard as a task of its own on the obstacles just seen; it can only halt."""
+    """Run the guard as a task of its own on the obstacles just seen; it can only halt, or limit the speed."""
     planner = work.planner
+    acts = now + draw(work.clock, latencies.guard, latencies.guard_spread) + latencies.transport
+    take_report(planner, work.report, work.t_report, work.report_lag)
+    work.limit_value = speed_limit(planner, seen, parameters)
+    work.limit_due = acts
     if planner.halted:
         return
     changed = planner.changed + changes_of(planner, predictions, seen, now)
     for k in range(len(seen)):
         predict(seen[k], now, guarded[k])
     planner.knows_obstacles = 1
-    planner.latest = work.report
-    planner.t_latest = work.t_report
     compensate(planner, parameters)
     evaluate_moving_on(planner, guarded, now, changed, parameters)
     if is_imminent(planner, now, parameters):
         planner.halted = 1
         work.t_halted = now
-        _send_halt(work, now + draw(work.clock, latencies.guard, latencies.guard_spread) + latencies.transport)
+        _send_halt(work, acts)
 
 
 @kernel
@@ -214,8 +214,8 @@ def _execute(work: Record, now: int, parameters: Record, facts: Record) -> None:
     """Let control command the robot."""
     control, robot = work.control, work.world.robot
     was_paused = control.paused
-    _report(work)
-    command(control, work.report, now, parameters)
+    _measure(robot, work.measured)
+    command(control, work.measured, now, parameters)
     robot.command_v, robot.command_w = control.command_v, control.command_w
     counts = facts.transitions
     counts[_P47] += 1
@@ -311,13 +311,15 @@ def run_case(
     world.goal_x, world.goal_y, world.goal_tolerance = setting.goal_x, setting.goal_y, setting.goal_tolerance
     begin(world, obstacles)
     planner.goal_x, planner.goal_y = setting.goal_x, setting.goal_y
-    _report(work)
+    _measure(robot, work.report)
+    work.report_lag = work.t_report = 0
     work.start = work.report
     begin_population(planner, work.start, parameters)
     planner.followed = planner.members[0].id
     evaluate_population(planner, predictions[:0], parameters)
     control.has = control.halt = control.paused = 0
-    control.t_halt = control.begins = 0
+    control.t_halt = control.begins = control.lag = 0
+    control.limit = np.inf
     control.trajectory.duration = 0.0
 
     for k in range(len(facts.transitions)):
@@ -331,7 +333,7 @@ def run_case(
 
     work.obstacle_time = work.report_time = FAR
     work.guard_time = GUARD_PERIOD if parameters.schedule == ORIGINAL else FAR
-    work.best_due = work.halt_due = FAR
+    work.best_due = work.halt_due = work.limit_due = FAR
     work.halt_value = 0
     work.t_halted = NEVER
     work.in_callbacks = 1
@@ -344,7 +346,7 @@ def run_case(
     while True:
         now = min(
             min(min(next_sensing, next_report), min(next_command, work.wakes)),
-            min(work.best_due, work.halt_due),
+            min(min(work.best_due, work.halt_due), work.limit_due),
         )
         if not frozen and (now >= setting.limit or world.t_goal != NEVER):
             advance(world, obstacles, min(now, setting.limit))
@@ -361,7 +363,8 @@ def run_case(
             break
         if now == next_report:
             next_report += REPORT_PERIOD
-            _report(work)
+            _measure(robot, work.report)
+            work.report_lag = control.lag
             work.report_time = work.t_report = now
             facts.transitions[_P48] += 1
             facts.transitions[_P49] += 1
@@ -387,6 +390,9 @@ def run_case(
             signal(control, work.halt_value == 1, now, parameters)
             if control.paused:
                 robot.command_v = robot.command_w = 0.0
+        if now == work.limit_due:
+            work.limit_due = FAR
+            control.limit = work.limit_value
         if now == next_command:
             next_command += COMMAND_PERIOD
             _execute(work, now, parameters, facts)

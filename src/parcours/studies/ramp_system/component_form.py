@@ -97,6 +97,7 @@ def system_links() -> tuple[Link, ...]:
     return (
         *inner,
         Link("imminent_collision", "Planner", "Control", 8),
+        Link("speed_limit", "Planner", "Control", 8),
         Link("pose", "World", "Control", 8),
         Link("cmd_vel", "Control", "World", 8),
     )

@@ -31,7 +31,9 @@ WORKSPACE = np.dtype(
         ("planner", PLANNER),
         ("control", CONTROL),
         ("start", POSE),
-        ("report", POSE),
+        ("report", POSE),  # the last report to the planner
+        ("report_lag", "i8"),  # the lag reported with it [ns]
+        ("measured", POSE),  # what control measures
         ("one", PATH),
         ("two", PATH),
         ("modifier", "u8", (1,)),
@@ -46,6 +48,8 @@ WORKSPACE = np.dtype(
         ("best_due", "i8"),  # when the best trajectory reaches control [ns]
         ("halt_due", "i8"),  # when the imminent-collision flag does [ns]
         ("halt_value", "i8"),
+        ("limit_due", "i8"),  # when the speed limit does [ns]
+        ("limit_value", "f8"),  # [m/s]
         ("halted_before", "i8"),  # the flag at the last command
         ("executing", "i8"),  # 1 while control follows a trajectory
         ("t_moving", "i8"),  # last time the robot moved [ns]
