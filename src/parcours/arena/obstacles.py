@@ -49,11 +49,17 @@ def place_at(obstacle: Record, now: int) -> tuple[float, float]:
 
 
 @kernel
+def motion_at(obstacle: Record, now: int) -> tuple[float, float, float]:
+    """Return how the obstacle moves at `now` [ns], as (heading [rad], speed [m/s], yaw rate [rad/s])."""
+    elapsed = max(min(now, obstacle.stop) - obstacle.start, 0) * 1e-9
+    heading = obstacle.heading0 + obstacle.turn * elapsed
+    if obstacle.start <= now < obstacle.stop:
+        return heading, obstacle.speed, obstacle.turn
+    return heading, 0.0, 0.0
+
+
+@kernel
 def move(obstacle: Record, now: int) -> None:
     """Put the obstacle where it is at `now` [ns]."""
-    moves = obstacle.start <= now < obstacle.stop
-    obstacle.v = obstacle.speed if moves else 0.0
-    obstacle.w = obstacle.turn if moves else 0.0
-    elapsed = max(min(now, obstacle.stop) - obstacle.start, 0) * 1e-9
-    obstacle.heading = obstacle.heading0 + obstacle.turn * elapsed
+    obstacle.heading, obstacle.v, obstacle.w = motion_at(obstacle, now)
     obstacle.x, obstacle.y = place_at(obstacle, now)

@@ -15,6 +15,8 @@ from parcours.errors import BadRequest
 from parcours.kernels import Record, kernel
 from parcours.streams import Stream, lognormal
 
+_FIXED = ("transport", "added_sensing", "added_planning", "added_stop")
+
 _NORMAL_95 = 1.6448536269514722
 
 
@@ -48,6 +50,16 @@ class Latencies:
     sensing: Duration = Duration(0.012, 0.061)  # one sensing callback [S]
     guard: Duration = Duration(0.002, 0.005)  # one check of the guard as a task of its own; assumed
     transport: float = 0.001  # one message between processes [s]; assumed
+    added_sensing: float = 0.0  # an obstacle message is so much older when it arrives [s]
+    added_planning: float = 0.0  # a planning or control cycle takes so much longer [s]
+    added_stop: float = 0.0  # a halt, or a limit of speed, reaches control so much later [s]
+
+    def __post_init__(self) -> None:
+        for name in _FIXED:
+            value = getattr(self, name)
+            if not 0.0 <= value < 1e6:
+                rule = f"a delay needs 0 <= seconds < 1e6, but {name} is {value}"
+                raise BadRequest("latency", rule, slug="latency-range")
 
     def record(self) -> Record:
         """Return the latencies as a record of dtype LATENCIES."""
@@ -55,7 +67,8 @@ class Latencies:
         for name in ("planning", "control", "sensing", "guard"):
             duration: Duration = getattr(self, name)
             record[name], record[name + "_spread"] = duration.median, duration.spread
-        record.transport = round(self.transport * 1e9)
+        for name in _FIXED:
+            record[name] = round(getattr(self, name) * 1e9)
         return record
 
 
@@ -76,6 +89,9 @@ LATENCIES = np.dtype(
         ("guard", "f8"),
         ("guard_spread", "f8"),
         ("transport", "i8"),  # [ns]
+        ("added_sensing", "i8"),  # [ns]
+        ("added_planning", "i8"),  # [ns]
+        ("added_stop", "i8"),  # [ns]
     ]
 )
 """The layout of `Latencies.record()`."""

@@ -13,7 +13,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from parcours.kernels import Record
+from parcours.kernels import Record, kernel
 from parcours.planners.ramp.control_cycle import adapt, commit, entry_kind, is_at_rest
 from parcours.planners.ramp.guard import (
     GUARD_PERIOD,
@@ -25,6 +25,7 @@ from parcours.planners.ramp.guard import (
     window,
 )
 from parcours.planners.ramp.messages import (
+    MAX_POPULATION,
     PATH,
     POSE,
     PREDICTION,
@@ -95,6 +96,11 @@ class Planner:
         planner.followed = planner.members[0].id
         evaluate_population(planner, many(PREDICTION, 0), self._parameters)
         self._planner = planner
+        # Views of its parts, since to reach them takes longer than most kernels run.
+        self._members = [planner.members[i] for i in range(MAX_POPULATION)]
+        self._candidate, self._switch = planner.candidate, planner.switch
+        self._candidate_trajectory, self._candidate_path = planner.candidate.trajectory, planner.candidate.path
+        self._moving_on, self._request, self._latest = planner.moving_on, planner.request, planner.latest
         self._predictions = many(PREDICTION, 0)
         self._serial = 0
         self._conversation: Tag | None = None
@@ -110,6 +116,11 @@ class Planner:
         self._asked_population = False
         self._best = 0
         self._asked_members: list[int] = []
+
+    @property
+    def state(self) -> Record:
+        """Its PLANNER."""
+        return self._planner
 
     def next_wake(self) -> int | None:
         """The next planning cycle or check; control cycles wait for one. Never while a conversation is open."""
@@ -189,28 +200,25 @@ class Planner:
             trajectories,
             self._predictions,
             drift,
-            float(planner.latest.heading),
+            float(self._latest.heading),
             bool(planner.halted),
         )
         return "evaluation_request", request
 
     def _evaluation_of_moving_on(self, now: int) -> tuple[str, object]:
         moving_on = many(TRAJECTORY, 1)
-        copy_trajectory(moving_on[0], self._planner.moving_on, 0)
+        copy_trajectory(moving_on[0], self._moving_on, 0)
         channel, request = self._evaluation(moving_on)
         assert isinstance(request, EvaluationRequest)
         return channel, request._replace(window=window(self._planner, now, self._parameters))
 
     def _population(self) -> Record:
-        planner = self._planner
-        trajectories = many(TRAJECTORY, int(planner.n))
-        for i in range(planner.n):
-            copy_trajectory(trajectories[i], planner.members[i].trajectory, 0)
+        trajectories = many(TRAJECTORY, int(self._planner.n))
+        _copy_members(self._planner, trajectories)
         return trajectories
 
     def _note_population(self, response: EvaluationResponse) -> None:
-        for i in range(self._planner.n):
-            _note(self._planner.members[i].trajectory, response, i)
+        _note_members(self._planner, response.feasible, response.fitness, response.t_collision)
 
     # Sensing cycle, p15 .. p19. p16 and p18 are answers with more left to ask; the last ones lead to p17 and p19.
 
@@ -274,7 +282,7 @@ class Planner:
             else:
                 self._note_population(message)
                 self._asked_population = False
-                if planner.moving_on.n > 0:
+                if self._moving_on.n > 0:
                     yield Step("p18", (self._evaluation_of_moving_on(now),))
                     return
             self._conversation = None
@@ -287,7 +295,7 @@ class Planner:
         self._next_planning += self._period
         compensate(self._planner, self._parameters)
         choose_modification(self._planner)
-        request = ModificationRequest(self._open("planning"), self._planner.request.copy())
+        request = ModificationRequest(self._open("planning"), self._request.copy())
         yield Step("p11", (("modification_request", request),))
 
     def _plan_on(self, message: Message) -> Iterator[Step]:
@@ -295,27 +303,27 @@ class Planner:
         if isinstance(message, ModificationResponse):
             self._to_try = [message.paths[k] for k in range(len(message.paths))]
         elif isinstance(message, TrajectoryResponse):
-            copy_trajectory(planner.candidate.trajectory, message.trajectories[0], 0)
-            take_up(planner, planner.candidate.trajectory, planner.switch_kind)
+            copy_trajectory(self._candidate_trajectory, message.trajectories[0], 0)
+            take_up(planner, self._candidate_trajectory, planner.switch_kind)
             trajectories = many(TRAJECTORY, 1)
-            copy_trajectory(trajectories[0], planner.candidate.trajectory, 0)
+            copy_trajectory(trajectories[0], self._candidate_trajectory, 0)
             yield Step("", (self._evaluation(trajectories),))
             return
         else:
-            _note(planner.candidate.trajectory, message, 0)
+            _note(self._candidate_trajectory, message, 0)
             offer_candidate(planner, self._parameters)
         if not self._to_try:
             self._conversation = None
             return
         set_candidate(planner, self._to_try.pop(0))
-        request = self._way_request(message.tag, [(planner.candidate.path, int(planner.switch_kind))])
+        request = self._way_request(message.tag, [(self._candidate_path, int(planner.switch_kind))])
         yield Step("", (("trajectory_request", request),))
 
     def _way_request(self, tag: Tag, ways: list[tuple[Record, int]]) -> TrajectoryRequest:
         paths, starts, kinds = many(PATH, len(ways)), many(POSE, len(ways)), np.zeros(len(ways), np.int64)
         for k, (path, kind) in enumerate(ways):
-            switch_path(path, self._planner.switch, kind, paths[k])
-            starts[k], kinds[k] = self._planner.switch, kind
+            switch_path(path, self._switch, kind, paths[k])
+            starts[k], kinds[k] = self._switch, kind
         return TrajectoryRequest(tag, paths, starts, kinds)
 
     # Control cycle: p12 and p13, then the adaptation of the population.
@@ -324,7 +332,7 @@ class Planner:
         """Run a control cycle at `now` [ns], as far as it needs no answer."""
         self._best = commit(self._planner, now, self._parameters)
         best = one(TRAJECTORY)
-        copy_trajectory(best, self._planner.moving_on, 0)
+        copy_trajectory(best, self._moving_on, 0)
         self._open("control")
         self._asked_members = []
         yield Step("p12", (("best_trajectory", best),))
@@ -335,7 +343,7 @@ class Planner:
         planner = self._planner
         if isinstance(message, TrajectoryResponse):
             for k, i in enumerate(self._asked_members):
-                member = planner.members[i]
+                member = self._members[i]
                 copy_trajectory(member.trajectory, message.trajectories[k], 0)
                 take_up(planner, member.trajectory, entry_kind(planner, i, self._best))
                 member.trajectory.id = member.id
@@ -359,7 +367,7 @@ class Planner:
             sends.append(("imminent_collision", bool(planner.halted)))
         self._asked_members = [i for i in range(planner.n) if anew and i != kept]
         if self._asked_members:
-            ways = [(planner.members[i].path, entry_kind(planner, i, self._best)) for i in self._asked_members]
+            ways = [(self._members[i].path, entry_kind(planner, i, self._best)) for i in self._asked_members]
             sends.append(("trajectory_request", self._way_request(tag, ways)))
         else:
             self._asked_population = True
@@ -369,6 +377,21 @@ class Planner:
 
 def _note(trajectory: Record, response: EvaluationResponse, k: int) -> None:
     """Write the k-th evaluation of the response into the trajectory."""
-    trajectory.feasible = response.feasible[k]
-    trajectory.fitness = response.fitness[k]
-    trajectory.t_collision = response.t_collision[k]
+    trajectory["feasible"] = response.feasible[k]
+    trajectory["fitness"] = response.fitness[k]
+    trajectory["t_collision"] = response.t_collision[k]
+
+
+@kernel
+def _copy_members(planner: Record, trajectories: Record) -> None:
+    """Copy the population's trajectories."""
+    for i in range(planner.n):
+        copy_trajectory(trajectories[i], planner.members[i].trajectory, 0)
+
+
+@kernel
+def _note_members(planner: Record, feasible: Record, fitness: Record, t_collision: Record) -> None:
+    """Write the evaluations into the population's trajectories."""
+    for i in range(planner.n):
+        trajectory = planner.members[i].trajectory
+        trajectory.feasible, trajectory.fitness, trajectory.t_collision = feasible[i], fitness[i], t_collision[i]

@@ -193,6 +193,9 @@ class Exchange:
                 fruitless += 1
                 if fruitless > _LIVELOCK:
                     self._spins(seat.name)
+            elif cost == 0 and self._is_next(seat):
+                self._watch(self._clock.now())
+                self._finish(seat)
             else:
                 self._push(self._clock.now() + cost, _END, seat.index, lambda: self._end(seat))
 
@@ -237,15 +240,29 @@ class Exchange:
         cost = self._execution(seat.name, step.transition, self._streams[f"component {seat.name}"])
         return _not_negative(cost, f"execution time of {step.transition}")
 
+    def _is_next(self, seat: Seat) -> bool:
+        """Whether a transition of the component's that ends now is what happens next anyway."""
+        return not self._heap or self._heap[0][:3] > (self._clock.now(), _END, seat.index)
+
     def _end(self, seat: Seat) -> None:
+        self._finish(seat)
+        self._work(seat)
+
+    def _finish(self, seat: Seat) -> None:
+        """Record the transition in progress, and let its messages leave."""
         step, seat.step = seat.step, None
         assert step is not None
         if step.transition:
             self._record("take", seat, transition=step.transition)
-        seat.outbox.extend(step.sends)
-        self._flush(seat)
+        if step.sends:
+            seat.outbox.extend(step.sends)
+            self._drain(seat)
 
     def _flush(self, seat: Seat) -> None:
+        self._drain(seat)
+        self._work(seat)
+
+    def _drain(self, seat: Seat) -> None:
         while seat.outbox and not seat.waits:
             channel, payload = seat.outbox.popleft()
             lane = self._lanes.get(channel)
@@ -254,7 +271,6 @@ class Exchange:
                 own = ", ".join(c for c, other in self._lanes.items() if other.link.sender == seat.name)
                 raise HostFailure(f"component {seat.name!r}", rule, f"its channels: {own}", slug="not-its-channel")
             self._send(seat, lane, payload)
-        self._work(seat)
 
     def _stands_in(self, seat: Seat, lane: Lane) -> bool:
         return seat is self._environment and lane.link.sender not in self._seats

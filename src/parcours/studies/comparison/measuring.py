@@ -14,7 +14,6 @@ from parcours.run.store import Campaign
 from parcours.studies.comparison.results import GOAL
 from parcours.studies.navigation.study import NavigationStudy
 from parcours.studies.ramp_system.study import SystemStudy
-from parcours.verdict.facts import TRACK
 from parcours.verdict.measures.one_case import measures_of
 from parcours.verdict.measures.table import MEASURES
 
@@ -55,12 +54,12 @@ class Measuring:
                 row[name] = np.nan
             if number in skipped:
                 continue
-            facts, track, *apart = self.study.track(number)
+            facts, track, places = self.study.track(number)
             if facts[0]["error"]:
                 continue
             found = measures_of(
-                judged_track(track),
-                apart[0] if apart else _places(track),
+                track,
+                places,
                 radii,
                 robot_radius=cases.robot_radius,
                 goal=GOAL,
@@ -93,19 +92,3 @@ def measures_digest() -> str:
     for path in sorted(Path(next(iter(room.__path__))).glob("*.py")):
         digest.update(path.name.encode() + b"\0" + path.read_bytes() + b"\0")
     return digest.hexdigest()[:16]
-
-
-def judged_track(track: NDArray[np.void]) -> NDArray[np.void]:
-    """Return a study's track in the judge's layout, array of TRACK; what the study does not keep is NaN or 0."""
-    plain = np.zeros(len(track), TRACK)
-    for name in TRACK.names or ():
-        if name in (track.dtype.names or ()):
-            plain[name] = track[name]
-        elif TRACK[name].kind == "f":
-            plain[name] = np.nan
-    return plain
-
-
-def _places(track: NDArray[np.void]) -> NDArray[np.float64]:
-    """Return the obstacles' places that a track keeps in its own fields, shape (n, n_obstacles, 2) [m]."""
-    return np.stack([track["obstacle_x"], track["obstacle_y"]], axis=2)

@@ -187,14 +187,15 @@ def replay(campaign: SystemResults, number: int, words: str = "") -> Replay:
         BadResults: the re-simulation differs from the facts that the campaign kept.
     """
     study = campaign.study
-    facts, track = study.track(number)
+    facts, track, places = study.track(number)
     kept = campaign.facts[campaign.facts["number"] == number]
     if [row[list(BASE.names or ())].tolist() for row in kept] != [facts[0][list(BASE.names or ())].tolist()]:
         raise BadResults(
             study.cases.id(number), "a replay must give the facts that were kept, but gives others",
             "they were made by another version of Parcours, or changed; run the campaign anew", slug="replay-differs",
         )  # fmt: skip
-    shown = track[track["time"] <= int(facts[0]["t_end"]) + 3_000_000_000]
+    n_shown = int(np.searchsorted(track["time"], int(facts[0]["t_end"]) + 3_000_000_000, "right"))
+    shown, places = track[:n_shown], places[:n_shown]
     schedule = study.parameters.schedule
     title = f"{words}: {schedule}" if words else f"{study.cases.id(number)}, {schedule}"
     return Replay(
@@ -205,8 +206,8 @@ def replay(campaign: SystemResults, number: int, words: str = "") -> Replay:
         y=shown["y"],
         heading=shown["heading"],
         halted=shown["halted"] == 1,
-        obstacle_x=shown["obstacle_x"],
-        obstacle_y=shown["obstacle_y"],
+        obstacle_x=places[:, :, 0],
+        obstacle_y=places[:, :, 1],
         robot_radius=study.parameters.robot_radius,
         obstacle_radii=(study.cases.obstacle_radius,) * 3,
         arena=(study.parameters.arena, study.parameters.arena),

@@ -11,8 +11,9 @@ control, command.
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
-from parcours.arena.obstacles import place_at
+from parcours.arena.obstacles import motion_at, place_at
 from parcours.arena.world import NEVER, advance, begin
 from parcours.kernels import Record, kernel
 from parcours.planners.ramp.control import COMMAND_PERIOD, REPORT_PERIOD, command, follow, signal
@@ -26,11 +27,14 @@ from parcours.planners.ramp.prediction import predict
 from parcours.planners.ramp.sensing_cycle import changes_of, evaluate_population, sensing_cycle
 from parcours.streams import start
 from parcours.studies.ramp_system.facts import TRANSITIONS
+from parcours.studies.ramp_system.mailbox import FAR, clear, post, take
+from parcours.verdict.measures.kernel import measure
+from parcours.verdict.measures.one_case import SAFE_DISTANCE
+
+Floats = NDArray[np.float64]
 
 SENSING_PERIOD = 50_000_000
 """Time between two obstacle messages [ns] (20 Hz)."""
-
-FAR = 1 << 62
 
 _INDEX = {name: i for i, name in enumerate(TRANSITIONS)}
 _P11, _P12, _P13, _, _P15, _P16, _P17, _P18, _P19 = (_INDEX[f"p1{k}"] for k in range(1, 10))
@@ -41,12 +45,12 @@ _P47, _P48, _P49, _P51, _P61 = (_INDEX[n] for n in ("p47", "p48", "p49", "p51", 
 
 
 @kernel
-def _sense(obstacles: Record, seen: Record) -> None:
-    """Fill the obstacle message: where every obstacle is and how it moves."""
+def _sense(obstacles: Record, stamp: int, seen: Record) -> None:
+    """Fill the obstacle message: where every obstacle was at `stamp` [ns] and how it moved."""
     for k in range(len(obstacles)):
         pose = seen[k].pose
-        pose.x, pose.y, pose.heading = obstacles[k].x, obstacles[k].y, obstacles[k].heading
-        pose.v, pose.w = obstacles[k].v, obstacles[k].w
+        pose.x, pose.y = place_at(obstacles[k], stamp)
+        pose.heading, pose.v, pose.w = motion_at(obstacles[k], stamp)
         seen[k].radius = obstacles[k].radius
 
 
@@ -66,8 +70,7 @@ def _count_service(counts: Record, first: int, times: int) -> None:
 @kernel
 def _send_halt(work: Record, due: int) -> None:
     """Send the imminent-collision flag to control."""
-    work.halt_due = due
-    work.halt_value = work.planner.halted
+    post(work.halts, due, float(work.planner.halted))
 
 
 @kernel
@@ -83,8 +86,8 @@ def _control(work: Record, predictions: Record, now: int, parameters: Record, la
     facts.n_control_cycles += 1
     work.best_due = now + latencies.transport
     if was_halted != planner.halted or (parameters.schedule == ORIGINAL and not planner.halted):
-        _send_halt(work, now + latencies.transport)
-    work.wakes = now + draw(work.clock, latencies.control, latencies.control_spread)
+        _send_halt(work, now + latencies.transport + latencies.added_stop)
+    work.wakes = now + draw(work.clock, latencies.control, latencies.control_spread) + latencies.added_planning
 
 
 @kernel
@@ -115,7 +118,7 @@ def _callback(
             planner.t_next = min(planner.t_next, work.spin)
     elif work.obstacle_time == first:
         work.obstacle_time = FAR
-        evaluated = sensing_cycle(planner, seen, first, now, predictions, parameters)
+        evaluated = sensing_cycle(planner, seen, work.obstacle_stamp, now, predictions, parameters)
         n = len(seen)
         facts.transitions[_P15] += 1
         facts.transitions[_P16] += n - 1
@@ -130,7 +133,7 @@ def _callback(
     else:
         work.guard_time = max(first + GUARD_PERIOD, now - now % GUARD_PERIOD + GUARD_PERIOD)
         planner.halted = 1 if is_imminent(planner, now, parameters) else 0
-        _send_halt(work, now + latencies.transport)
+        _send_halt(work, now + latencies.transport + latencies.added_stop)
     return True
 
 
@@ -147,14 +150,14 @@ def _guard(
     """Run the guard as a task of its own on the obstacles just seen; it can only halt, or limit the speed."""
     planner = work.planner
     acts = now + draw(work.clock, latencies.guard, latencies.guard_spread) + latencies.transport
+    acts += latencies.added_stop
     take_report(planner, work.report, work.t_report, work.report_lag)
-    work.limit_value = speed_limit(planner, seen, parameters)
-    work.limit_due = acts
+    post(work.limits, acts, speed_limit(planner, seen, parameters))
     if planner.halted:
         return
-    changed = planner.changed + changes_of(planner, predictions, seen, now)
+    changed = planner.changed + changes_of(planner, predictions, seen, work.obstacle_stamp)
     for k in range(len(seen)):
-        predict(seen[k], now, guarded[k])
+        predict(seen[k], work.obstacle_stamp, guarded[k])
     planner.knows_obstacles = 1
     compensate(planner, parameters)
     evaluate_moving_on(planner, guarded, now, changed, parameters)
@@ -184,7 +187,7 @@ def _think(
         _count_service(facts.transitions, _P51, 1)
         _count_service(facts.transitions, _P21, n)
         _count_service(facts.transitions, _P31, n)
-        busy = draw(work.clock, latencies.planning, latencies.planning_spread)
+        busy = draw(work.clock, latencies.planning, latencies.planning_spread) + latencies.added_planning
         period = int(1e9 / parameters.planning_rate)
         if busy > period:
             facts.n_late_cycles += 1
@@ -280,6 +283,8 @@ def run_case(
     guarded: Record,
     facts: Record,
     track: Record,
+    places: Floats,
+    radii: Floats,
 ) -> None:
     """Run one case from its number alone and fill its FACTS.
 
@@ -294,7 +299,9 @@ def run_case(
         predictions: array of PREDICTION, working memory; shape (n_obstacles,).
         guarded: array of PREDICTION, working memory of the guard; shape (n_obstacles,).
         facts: FACTS.
-        track: TRACK array that receives one entry a command until it is full; shape (n,), or (0,) for none.
+        track: array of TRACK that receives one entry a command until it is full; shape (n,).
+        places: receives where the obstacles were at these entries [m]; shape (n, n_obstacles, 2).
+        radii: receives the obstacles' radii [m]; shape (n_obstacles,).
     """
     world, planner, control = work.world, work.planner, work.control
     robot = world.robot
@@ -333,8 +340,9 @@ def run_case(
 
     work.obstacle_time = work.report_time = FAR
     work.guard_time = GUARD_PERIOD if parameters.schedule == ORIGINAL else FAR
-    work.best_due = work.halt_due = work.limit_due = FAR
-    work.halt_value = 0
+    work.best_due = FAR
+    clear(work.halts)
+    clear(work.limits)
     work.t_halted = NEVER
     work.in_callbacks = 1
     work.spin = 0
@@ -342,11 +350,13 @@ def run_case(
     work.wakes = 0
     next_report, next_sensing, next_command = REPORT_PERIOD, SENSING_PERIOD, 0
     frozen = False
-    n_track = 0
+    n_track = n_judged = 0
+    for k in range(len(obstacles)):
+        radii[k] = obstacles[k].radius
     while True:
         now = min(
             min(min(next_sensing, next_report), min(next_command, work.wakes)),
-            min(min(work.best_due, work.halt_due), work.limit_due),
+            min(work.best_due, min(work.halts.next, work.limits.next)),
         )
         if not frozen and (now >= setting.limit or world.t_goal != NEVER):
             advance(world, obstacles, min(now, setting.limit))
@@ -370,8 +380,9 @@ def run_case(
             facts.transitions[_P49] += 1
         if now == next_sensing:
             next_sensing += SENSING_PERIOD
-            _sense(obstacles, seen)
+            _sense(obstacles, now - latencies.added_sensing, seen)
             work.obstacle_time = now
+            work.obstacle_stamp = now - latencies.added_sensing
             for k in range(1, 4):
                 facts.transitions[_P61 + k] += 1
             if parameters.schedule == GUARDED:
@@ -385,14 +396,12 @@ def run_case(
             work.executing = 1
             follow(control, planner.moving_on, now, parameters)
             facts.transitions[_P42] += 1
-        if now == work.halt_due:
-            work.halt_due = FAR
-            signal(control, work.halt_value == 1, now, parameters)
+        while now == work.halts.next:
+            signal(control, take(work.halts) == 1.0, now, parameters)
             if control.paused:
                 robot.command_v = robot.command_w = 0.0
-        if now == work.limit_due:
-            work.limit_due = FAR
-            control.limit = work.limit_value
+        while now == work.limits.next:
+            control.limit = take(work.limits)
         if now == next_command:
             next_command += COMMAND_PERIOD
             _execute(work, now, parameters, facts)
@@ -402,9 +411,22 @@ def run_case(
             if n_track < len(track):
                 entry = track[n_track]
                 entry.time = now
-                entry.x, entry.y, entry.heading, entry.v = robot.x, robot.y, robot.heading, robot.v
+                entry.x, entry.y, entry.heading, entry.v, entry.w = robot.x, robot.y, robot.heading, robot.v, robot.w
                 entry.halted = control.halt
-                for k in range(min(len(obstacles), len(entry.obstacle_x))):
-                    entry.obstacle_x[k], entry.obstacle_y[k] = obstacles[k].x, obstacles[k].y
+                for k in range(len(obstacles)):
+                    places[n_track, k, 0], places[n_track, k, 1] = obstacles[k].x, obstacles[k].y
                 n_track += 1
+                n_judged += 0 if frozen else 1
     facts.n_track = n_track
+    measure(
+        track[:n_judged],
+        places[:n_judged],
+        radii,
+        robot.radius,
+        setting.goal_x,
+        setting.goal_y,
+        setting.goal_tolerance,
+        facts.t_goal,
+        SAFE_DISTANCE,
+        facts.measures,
+    )

@@ -6,9 +6,13 @@ messages passed and which transitions were taken when, at a thousandth of the sp
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import cast
 
 import numpy as np
+from numpy.typing import NDArray
 
 from parcours.arena.world import WORLD, advance, begin
 from parcours.kernels import Record
@@ -24,7 +28,18 @@ from parcours.run.port import Link, links
 from parcours.run.trace import Trace
 from parcours.studies.ramp_components.model import component_model
 from parcours.studies.ramp_system.closed_loop import SENSING_PERIOD
+from parcours.studies.ramp_system.closed_loop import _freeze as freeze
+from parcours.studies.ramp_system.closed_loop import _measure as measure
+from parcours.studies.ramp_system.closed_loop import _sense as sense
+from parcours.studies.ramp_system.closed_loop import _watch as watch
+from parcours.studies.ramp_system.facts import FACTS, TRANSITIONS
 from parcours.studies.ramp_system.study import SystemStudy
+from parcours.studies.ramp_system.workspace import WORKSPACE
+from parcours.verdict.facts import NEVER, TRACK
+
+
+_STRETCH = 500_000_000
+"""So long [ns] the host runs on before it is asked whether the case has ended."""
 
 
 class World:
@@ -33,12 +48,14 @@ class World:
     Args:
         world: WORLD with robot and goal set.
         obstacles: array of OBSTACLE.
+        before: called with the time [ns] before the world goes on to it.
     """
 
     name = "World"
 
-    def __init__(self, world: Record, obstacles: Record) -> None:
+    def __init__(self, world: Record, obstacles: Record, before: Callable[[int], None]) -> None:
         self._origin = world.copy(), obstacles.copy()
+        self._before = before
         self.reset()
 
     def reset(self) -> None:
@@ -51,8 +68,8 @@ class World:
         )  # fmt: skip
         self.obstacles = obstacles.copy()
         begin(self.world, self.obstacles)
+        self._robot = self.world.robot
         self._next_report, self._next_sensing, self._next_command = REPORT_PERIOD, SENSING_PERIOD, 0
-        self.track: list[tuple[int, float, float, float]] = []
 
     def next_wake(self) -> int | None:
         """The next time anybody wants to know the robot's pose or the obstacles."""
@@ -60,23 +77,19 @@ class World:
 
     def wake(self, now: int) -> Iterator[Step]:
         """Send the pose to Control, and the obstacles to Sensing when their message is due."""
+        self._before(now)
         advance(self.world, self.obstacles, now)
-        robot = self.world.robot
         pose = one(POSE)
-        pose.x, pose.y, pose.heading, pose.v, pose.w = robot.x, robot.y, robot.heading, robot.v, robot.w
+        measure(self._robot, pose)
         sends: list[tuple[str, object]] = [("pose", Report(now, pose))]
         if self._next_report <= now:
             self._next_report += REPORT_PERIOD
         if self._next_command <= now:
             self._next_command += COMMAND_PERIOD
-            self.track.append((now, float(robot.x), float(robot.y), float(robot.heading)))
         if self._next_sensing <= now:
             self._next_sensing += SENSING_PERIOD
             states = many(OBSTACLE_STATE, len(self.obstacles))
-            for k in range(len(states)):
-                seen, body = states[k].pose, self.obstacles[k]
-                seen.x, seen.y, seen.heading = body["x"], body["y"], body["heading"]
-                seen.v, seen.w, states[k].radius = body["v"], body["w"], body["radius"]
+            sense(self.obstacles, states)
             sends.append(("odometry", Obstacles(now, states)))
         yield Step("", tuple(sends))
 
@@ -84,7 +97,7 @@ class World:
         """Take a command (forward speed [m/s], yaw rate [rad/s])."""
         if channel == "cmd_vel" and isinstance(message, tuple):
             advance(self.world, self.obstacles, now)
-            self.world.robot.command_v, self.world.robot.command_w = message
+            self._robot["command_v"], self._robot["command_w"] = message
             yield Step("")
 
 
@@ -103,8 +116,116 @@ def system_links() -> tuple[Link, ...]:
     )
 
 
-def run_components(study: SystemStudy, number: int, seconds: float) -> tuple[World, Trace]:
-    """Run one case of the study for that long [s] and return the world with the robot's track, and the trace.
+class Witness:
+    """A component that takes part in nothing, and keeps the facts of the case: after every command, and at its end.
+
+    Args:
+        setting: SETTING.
+    """
+
+    name = "Witness"
+
+    def __init__(self, setting: Record, world: World, planner: Planner, control: Control) -> None:
+        self._world, self._planner, self._control = world, planner, control
+        self._limit, self._extension = int(setting.limit), int(setting.extension)
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget everything seen."""
+        self._work = one(WORKSPACE)
+        self._seen_control, self._seen_world = self._work.control, self._work.world
+        self._facts = one(FACTS)
+        self._facts.t_goal_after = NEVER
+        self._frozen = False
+        self._next = 0
+        self._entries: list[tuple[float, ...]] = []
+        self.ended: int | None = None
+        """The time [ns] from which nothing counts any more."""
+
+    def next_wake(self) -> int | None:
+        """The next command: what is due at the same time has been done before."""
+        return self._next
+
+    def handle(self, channel: str | None, message: object, now: int) -> Iterator[Step]:
+        """Do nothing."""
+        return iter(())
+
+    def wake(self, now: int) -> Iterator[Step]:
+        """Look at robot and controller."""
+        self._next += COMMAND_PERIOD
+        if self.ended is not None:
+            return
+        work, facts, body = self._work, self._facts, self._world
+        robot, halted = body.world["robot"], self._control._state["halt"]
+        self._seen_control["halt"], self._seen_world["robot"] = halted, robot
+        watch(work, now, facts)
+        if self._frozen and work["t_moving"] > facts["t_end"] + 1_000_000_000:
+            facts["moved_after"] = 1
+        x, y = body.obstacles["x"].tolist(), body.obstacles["y"].tolist()
+        places = [value for place in zip(x, y, strict=True) for value in place]
+        pose = (robot[name] for name in ("x", "y", "heading", "v", "w"))
+        self._entries.append((now, *pose, halted, *places))
+        yield from ()
+
+    def before(self, now: int) -> None:
+        """See whether the case ends before the world goes on to the time `now` [ns], or has been watched on enough."""
+        body = self._world
+        if self.ended is not None:
+            return
+        if not self._frozen and (now >= self._limit or body.world["t_goal"] != NEVER):
+            advance(body.world, body.obstacles, min(now, self._limit))
+            work = self._work
+            work.world, work.planner, work.control = body.world, self._planner.state, self._control._state
+            freeze(work, body.obstacles, int(body.world.now), self._facts)
+            self._frozen = True
+            if body.world["t_goal"] != NEVER:
+                self.ended = now
+        if now >= self._limit + self._extension:
+            self.ended = now
+        if self.ended is None and self._frozen:
+            advance(body.world, body.obstacles, now)
+            if body.world["t_goal"] != NEVER:
+                self._facts.t_goal_after, self._facts.moved_after = body.world.t_goal, 1
+                self.ended = now
+
+    def facts(self, number: int, trace: Trace) -> NDArray[np.void]:
+        """Return the facts of the case, array of FACTS of shape (1,), once it has ended."""
+        facts = np.zeros(1, FACTS)
+        facts[0] = self._facts
+        taken = Counter(
+            event.transition for event in trace.events if event.kind == "take" and event.time < cast(int, self.ended)
+        )
+        facts["number"], facts["n_track"] = number, len(self._entries)
+        facts["n_planning_cycles"], facts["n_control_cycles"] = taken["p11"], taken["p12"]
+        facts["transitions"] = [taken[name] for name in TRANSITIONS]
+        return facts
+
+    def track(self) -> tuple[NDArray[np.void], NDArray[np.float64]]:
+        """Return the robot's track, array of TRACK of shape (n,), and the obstacles' places, (n, n_obstacles, 2)."""
+        track = np.array([entry[: len(TRACK)] for entry in self._entries], TRACK)
+        places = np.array([entry[len(TRACK) :] for entry in self._entries])
+        return track, places.reshape(len(track), -1, 2)
+
+
+@dataclass(frozen=True, slots=True)
+class ComponentRun:
+    """What a case leaves behind that ran component by component.
+
+    Attributes:
+        facts: array of FACTS, shape (1,); None if the case was not run to its end.
+        track: array of TRACK, shape (n,), one entry a command.
+        places: of the obstacles at the same times [m], shape (n, n_obstacles, 2).
+        trace: every message and transition.
+    """
+
+    facts: NDArray[np.void] | None
+    track: NDArray[np.void]
+    places: NDArray[np.float64]
+    trace: Trace
+
+
+def run_components(study: SystemStudy, number: int, seconds: float | None = None) -> ComponentRun:
+    """Run one case of the study to its end, or for that long [s] if given.
 
     The study's latencies are not applied: every message arrives at once and no work takes time.
     """
@@ -120,22 +241,31 @@ def run_components(study: SystemStudy, number: int, seconds: float) -> tuple[Wor
         parameters.robot_radius,
     )
     world.goal_x, world.goal_y, world.goal_tolerance = setting.goal_x, setting.goal_y, setting.goal_tolerance
-    body = World(world, study.cases.obstacles(np.array([number]))[0])
+    body = World(world, study.cases.obstacles(np.array([number]))[0], lambda now: witness.before(now))
     start = one(POSE)
     start.heading, start.v = setting.robot_heading, setting.robot_speed
     goal = float(setting.goal_x), float(setting.goal_y)
     seed = study.cases.seed
+    planner, control = Planner(parameters, seed, number, start, goal), Control(parameters)
+    witness = Witness(setting, body, planner, control)
     components = (
         body,
         Sensing(),
         TrajectoryGenerator(parameters),
         TrajectoryEvaluation(parameters),
         PathModification(parameters, seed, number),
-        Planner(parameters, seed, number, start, goal),
-        Control(parameters),
+        planner,
+        control,
+        witness,
     )
     host = SimulatedHost(components, system_links())
-    host.run(round(seconds * 1e9))
+    if seconds is not None:
+        host.run(round(seconds * 1e9))
+    else:
+        until = 0
+        while witness.ended is None:
+            until += _STRETCH
+            host.run(until - 1)
     trace = host.trace(study.cases.id(number))
     host.close()
-    return body, trace
+    return ComponentRun(None if seconds is not None else witness.facts(number, trace), *witness.track(), trace)

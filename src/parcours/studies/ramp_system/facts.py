@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from parcours.verdict.facts import FACTS as BASE
+from parcours.verdict.measures.table import MEASURES
 
 TRANSITIONS = (
     *(f"p1{k}" for k in range(1, 10)),
@@ -16,19 +17,6 @@ TRANSITIONS = (
 )
 """The transitions of the component model (Table II), in the order of FACTS.transitions."""
 
-FACTS = np.dtype([*BASE.descr, ("n_track", "i8"), ("transitions", "i8", (len(TRANSITIONS),))])
-"""Facts of one case: the judge's, the entries of its track, and how often each transition of the model was taken."""
-
-TRACK = np.dtype(
-    [
-        ("time", "i8"),  # [ns]
-        ("x", "f8"),  # robot [m]
-        ("y", "f8"),
-        ("heading", "f8"),  # [rad]
-        ("v", "f8"),  # [m/s]
-        ("halted", "i8"),
-        ("obstacle_x", "f8", (3,)),  # [m]
-        ("obstacle_y", "f8", (3,)),
-    ]
-)
-"""One entry a command period, for replays."""
+FACTS = np.dtype([*BASE.descr, ("n_track", "i8"), ("transitions", "i8", (len(TRANSITIONS),)), ("measures", MEASURES)])
+"""Facts of one case: the judge's, the entries of its track, how often each transition of the model was taken, and the
+measures of its way up to the end."""

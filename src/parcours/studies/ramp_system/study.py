@@ -19,9 +19,13 @@ from parcours.planners.ramp.messages import OBSTACLE_STATE, PREDICTION, one
 from parcours.planners.ramp.parameters import Parameters, guarded, original
 from parcours.run.store import Campaign
 from parcours.studies.ramp_system.cases import Protocol, SystemCases
-from parcours.studies.ramp_system.closed_loop import run_case
-from parcours.studies.ramp_system.facts import FACTS, TRACK
+from parcours.studies.ramp_system.closed_loop import Floats, run_case
+from parcours.studies.ramp_system.facts import FACTS
 from parcours.studies.ramp_system.workspace import SETTING, WORKSPACE
+from parcours.verdict.facts import TRACK, TRACK_PERIOD
+
+Track = tuple[NDArray[np.void], NDArray[np.void], Floats]
+"""Of one case: facts, array of FACTS of shape (1,); track, array of TRACK, shape (n,); places, shape (n, k, 2) [m]."""
 
 PUBLISHED_CASES = 905
 """As many cases as the paper ran."""
@@ -59,25 +63,27 @@ class SystemStudy:
 
     def run(self, numbers: NDArray[np.int64]) -> NDArray[np.void]:
         """Return the facts of the cases, array of FACTS of shape (n,); independent of what else is run."""
+        return self._run(numbers)[0]
+
+    def track(self, number: int) -> Track:
+        """Return facts, track and the obstacles' places of one case run anew, for a replay."""
+        facts, track, places = self._run(np.array([number]))
+        n = int(facts[0]["n_track"])
+        return facts, track[:n], places[:n]
+
+    def _run(self, numbers: NDArray[np.int64]) -> Track:
+        """Return the facts of the cases, and the working memory in which the last one has left its track."""
         facts = np.zeros(len(numbers), FACTS)
-        self._run(numbers, facts, np.zeros(0, TRACK))
-        return facts
-
-    def track(self, number: int) -> tuple[NDArray[np.void], NDArray[np.void]]:
-        """Return (facts of shape (1,), track of shape (n,)) of one case run anew, for a replay."""
-        facts = np.zeros(1, FACTS)
-        length = int((1.0 + self.time_limit + self.watched_on) / 0.05) + 2
-        track = np.zeros(length, TRACK)
-        self._run(np.array([number]), facts, track)
-        return facts, track[: int(facts[0]["n_track"])]
-
-    def _run(self, numbers: NDArray[np.int64], facts: NDArray[np.void], track: NDArray[np.void]) -> None:
         obstacles = self.cases.obstacles(numbers)
         n = obstacles.shape[1]
+        length = int((1.0 + self.time_limit + self.watched_on) * 1e9 / TRACK_PERIOD) + 2
+        track, places = np.zeros(length, TRACK), np.zeros((length, n, 2))
         _run_cases(
             numbers, obstacles, self.setting(), self.parameters.record(), self.latencies.record(), one(WORKSPACE),
-            np.zeros(n, OBSTACLE_STATE), np.zeros(n, PREDICTION), np.zeros(n, PREDICTION), facts, track,
+            np.zeros(n, OBSTACLE_STATE), np.zeros(n, PREDICTION), np.zeros(n, PREDICTION), facts, track, places,
+            np.zeros(n),
         )  # fmt: skip
+        return facts, track, places
 
     def setting(self) -> Record:
         """Return the SETTING of the paper: start (0, 0) heading 45 degrees at 0.249 m/s, goal (2, 2)."""
@@ -90,8 +96,8 @@ class SystemStudy:
         setting.goal_tolerance = 0.2
         return setting
 
-    def campaign(self, n_cases: int, shard_size: int = 64) -> Campaign:
-        """Return the campaign of cases 0 .. n_cases - 1."""
+    def campaign(self, n_cases: int, shard_size: int | None = None) -> Campaign:
+        """Return the campaign of cases 0 .. n_cases - 1; by default in about eight shards, of 64 to 1024 cases each."""
         return Campaign(
             study="ramp_system",
             schedule=self.parameters.schedule,
@@ -108,7 +114,7 @@ class SystemStudy:
                 "time_limit": self.time_limit,
                 "watched_on": self.watched_on,
             },
-            shard_size=shard_size,
+            shard_size=shard_size or min(max(n_cases // 8, 64), 1024),
         )
 
 
@@ -127,7 +133,7 @@ def code_digest() -> str:
 @kernel
 def _run_cases(
     numbers: Record, obstacles: Record, setting: Record, parameters: Record, latencies: Record, work: Record,
-    seen: Record, predictions: Record, guarded: Record, facts: Record, track: Record,
+    seen: Record, predictions: Record, guarded: Record, facts: Record, track: Record, places: Floats, radii: Floats,
 ) -> None:  # fmt: skip
     """Run the cases one after the other; shapes as in `run_case`, with the cases as leading axis."""
     for k in range(len(numbers)):
@@ -143,6 +149,8 @@ def _run_cases(
             guarded,
             facts[k],
             track,
+            places,
+            radii,
         )
 
 

@@ -8,6 +8,7 @@ from parcours.arena.world import WORLD
 from parcours.planners.ramp.control import CONTROL
 from parcours.planners.ramp.messages import PATH, POSE
 from parcours.planners.ramp.planner_state import PLANNER
+from parcours.studies.ramp_system.mailbox import MAILBOX
 
 SETTING = np.dtype(
     [
@@ -39,6 +40,7 @@ WORKSPACE = np.dtype(
         ("modifier", "u8", (1,)),
         ("clock", "u8", (1,)),
         ("obstacle_time", "i8"),  # when the pending obstacle message came [ns]; FAR if none is pending
+        ("obstacle_stamp", "i8"),  # when it was sensed [ns]
         ("report_time", "i8"),  # when the pending report came [ns]; FAR
         ("t_report", "i8"),  # when the last report was made [ns]
         ("guard_time", "i8"),
@@ -46,10 +48,8 @@ WORKSPACE = np.dtype(
         ("wakes", "i8"),  # when the thread is free again [ns]
         ("in_callbacks", "i8"),
         ("best_due", "i8"),  # when the best trajectory reaches control [ns]
-        ("halt_due", "i8"),  # when the imminent-collision flag does [ns]
-        ("halt_value", "i8"),
-        ("limit_due", "i8"),  # when the speed limit does [ns]
-        ("limit_value", "f8"),  # [m/s]
+        ("halts", MAILBOX),  # imminent-collision flags on their way to it
+        ("limits", MAILBOX),  # speed limits [m/s]
         ("halted_before", "i8"),  # the flag at the last command
         ("executing", "i8"),  # 1 while control follows a trajectory
         ("t_moving", "i8"),  # last time the robot moved [ns]
