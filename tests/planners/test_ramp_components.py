@@ -32,7 +32,7 @@ COMPONENTS = ("Planner", "TrajectoryGenerator", "TrajectoryEvaluation", "PathMod
 @functools.cache
 def trace_of(schedule: str, number: int) -> Trace:
     study: SystemStudy = dataclasses.replace(system_study(schedule, seed=3), latencies=none())
-    return run_components(study, number, SECONDS)[1]
+    return run_components(study, number, SECONDS).trace
 
 
 def taken(trace: Trace, component: str) -> tuple[str, ...]:
@@ -126,5 +126,5 @@ def test_the_planner_asks_once_an_obstacle_and_sends_the_best_trajectory_once_a_
 def test_the_same_run_has_the_same_trace() -> None:
     study = dataclasses.replace(system_study("guarded", seed=3), latencies=none())
     first, second = (run_components(study, 8, 4.0) for _ in range(2))
-    assert first[1] == second[1]
-    assert np.array_equal(first[0].track, second[0].track)
+    assert first.trace == second.trace
+    assert np.array_equal(first.track, second.track)

@@ -86,13 +86,16 @@ _STYLE: Any = {
 
 
 @contextmanager
-def canvas(height: float, rows: int = 1, *, same_heights: bool = False) -> Iterator[tuple[Canvas, list[Axes]]]:
-    """Yield an empty chart of `rows` panels above each other with a common horizontal axis, in our style.
+def canvas(
+    height: float, rows: int = 1, *, columns: int = 1, same_heights: bool = False
+) -> Iterator[tuple[Canvas, list[Axes]]]:
+    """Yield an empty chart of panels, row by row, with a common horizontal axis, in our style.
 
     Args:
         height: of the whole [in].
-        rows: number of panels.
-        same_heights: whether the panels have one vertical scale.
+        rows: panels above each other.
+        columns: panels beside each other.
+        same_heights: whether the panels have one vertical scale; with several columns, those of a row always have.
     """
     import matplotlib
     from matplotlib.backends.backend_svg import FigureCanvasSVG
@@ -104,8 +107,9 @@ def canvas(height: float, rows: int = 1, *, same_heights: bool = False) -> Itera
         matplotlib.rcParams.update(_STYLE)
         figure = Canvas(figsize=(WIDTH, height), layout="constrained")
         FigureCanvasSVG(figure)
-        panels = figure.subplots(rows, 1, sharex=True, sharey=same_heights, squeeze=False)
-        yield figure, list(panels[:, 0])
+        shared = same_heights if columns == 1 else "row"
+        panels = figure.subplots(rows, columns, sharex=True, sharey=shared, squeeze=False)
+        yield figure, list(panels.ravel())
 
 
 def svg_of(figure: Canvas) -> str:

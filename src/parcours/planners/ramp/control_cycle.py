@@ -37,7 +37,7 @@ def commit(planner: Record, now: int, parameters: Record) -> int:
         planner.n_switches += 1
         planner.followed = member.id
     copy_trajectory(planner.moving_on, member.trajectory, 0)
-    planner.moving_on_until = 0
+    planner.moving_on.scene = 0  # its room was found for the margin of plans
     planner.moving_on.lag = planner.lag
     shift(planner.moving_on, planner.drift_x, planner.drift_y)
     planner.dragged = 1 if max(abs(planner.drift_x), abs(planner.drift_y)) > DRAGGED else 0

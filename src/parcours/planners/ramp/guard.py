@@ -16,7 +16,7 @@ from parcours.kernels import Record, kernel
 from parcours.planners.ramp.messages import NO_COLLISION, SAMPLE
 from parcours.planners.ramp.parameters import GUARDED, ORIGINAL
 from parcours.planners.ramp.prediction import STANDS
-from parcours.planners.ramp.trajectory_evaluation import collision_time, earliest_collision, still_passes
+from parcours.planners.ramp.trajectory_evaluation import collision_time, earliest_collision, passes_up_to, remember
 
 GUARD_PERIOD = 50_000_000
 """Time between two imminent-collision checks of the published planner [ns] (20 Hz)."""
@@ -53,6 +53,16 @@ def window(planner: Record, now: int, parameters: Record) -> tuple[int, int, int
 
 
 @kernel
+def is_known_to_pass(planner: Record, now: int, changed: float, parameters: Record) -> bool:
+    """Return whether the guarded schedule's last look tells that the motion under way meets nobody."""
+    if parameters.schedule == ORIGINAL:
+        return False
+    _, _, last, _, _ = window(planner, now, parameters)
+    up_to = passes_up_to(planner.moving_on, planner.scene, changed, planner.drift_x, planner.drift_y)
+    return bool(last <= up_to)
+
+
+@kernel
 def evaluate_moving_on(planner: Record, predictions: Record, now: int, changed: float, parameters: Record) -> None:
     """Set moving_on_hit and moving_on_t: whether and when the motion under way meets a predicted obstacle.
 
@@ -65,22 +75,16 @@ def evaluate_moving_on(planner: Record, predictions: Record, now: int, changed: 
         changed: by how much these predictions have changed in this scene [m]; inf if that is unknown.
         parameters: PARAMETERS.
     """
-    if planner.moving_on.n == 0 or len(predictions) == 0:
+    if planner.moving_on.n == 0 or len(predictions) == 0 or is_known_to_pass(planner, now, changed, parameters):
         note_moving_on(planner, NO_COLLISION)
         return
     moving_on, drift_x, drift_y = planner.moving_on, planner.drift_x, planner.drift_y
     begins, first, last, margin, may_leave = window(planner, now, parameters)
     if parameters.schedule == GUARDED and changed < np.inf:
-        if last <= planner.moving_on_until and still_passes(moving_on, planner.scene, changed, drift_x, drift_y):
-            note_moving_on(planner, NO_COLLISION)
-            return
-        until = last + _AHEAD
-        hit, room = earliest_collision(
-            moving_on, begins, first, until, predictions, drift_x, drift_y, margin, may_leave, parameters
+        hit, room, clear = earliest_collision(
+            moving_on, begins, first, last + _AHEAD, predictions, drift_x, drift_y, margin, may_leave, parameters
         )
-        moving_on.scene = planner.scene if hit == until else 0
-        moving_on.room, moving_on.changed, moving_on.drift_x, moving_on.drift_y = room, changed, drift_x, drift_y
-        planner.moving_on_until = until
+        remember(moving_on, planner.scene, changed, drift_x, drift_y, room, clear)
         note_moving_on(planner, hit * SAMPLE if hit < last else NO_COLLISION)
         return
     t = collision_time(moving_on, begins, first, last, predictions, drift_x, drift_y, margin, may_leave, parameters)

@@ -30,7 +30,6 @@ PLANNER = np.dtype(
         ("moving_on", TRAJECTORY),  # what the robot was told to do at the last control cycle
         ("moving_on_hit", "i8"),  # 1 if its guarded part met an obstacle when it was last evaluated
         ("moving_on_t", "f8"),  # when it would [s]
-        ("moving_on_until", "i8"),  # the sample up to which moving_on.room was found
         ("t_control", "i8"),  # last control cycle [ns]
         ("t_next", "i8"),  # next control cycle [ns]
         ("anchor", POSE),  # the state expected after the longest period, where paths begin
@@ -74,7 +73,7 @@ def begin_population(planner: Record, pose: Record, parameters: Record) -> None:
     planner.halted = planner.rested = planner.knows_obstacles = planner.n_switches = 0
     planner.drift_x = planner.drift_y = 0.0
     planner.dragged = 0
-    planner.scene = planner.moving_on_until = 0
+    planner.scene = 0
     planner.changed = 0.0
     planner.near_direction, planner.near_distance = 0.0, NO_COLLISION
     planner.latest = pose

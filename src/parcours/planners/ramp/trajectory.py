@@ -231,6 +231,7 @@ def copy_trajectory(target: Record, source: Record, first: int) -> None:
     target.feasible, target.fitness = source.feasible, source.fitness
     target.t_collision = source.t_collision
     target.scene, target.room, target.changed = source.scene, source.room, source.changed
+    target.clear = max(source.clear - first, 0)
     target.drift_x, target.drift_y = source.drift_x, source.drift_y
 
 

@@ -98,10 +98,10 @@ def _collision_with_standing(
     drift_y: float,
     reach: float,
     v_max: float,
-) -> tuple[int, float]:
+) -> tuple[int, float, int]:
     """Return what `first_collision` does for an obstacle that stands, and a robot that begins out of its reach."""
     x, y = prediction.x[0] - drift_x, prediction.y[0] - drift_y
-    room = np.inf
+    room, clear = np.inf, last
     for i in range(trajectory.n_legs):
         leg = trajectory.legs[i]
         is_last = i == trajectory.n_legs - 1
@@ -115,8 +115,10 @@ def _collision_with_standing(
         near_x, near_y = gap_x - share * leg.dx, gap_y - share * leg.dy
         near = near_x * near_x + near_y * near_y
         least = reach + leg.stray + _UNSEEN
-        room = min(room, np.sqrt(near) - least)
-        if near < least * least:
+        if near >= least * least:
+            if clear == last:
+                room = min(room, np.sqrt(near) - least)
+        else:
             outside = gap_x * gap_x + gap_y * gap_y - least * least
             share = 0.0
             if outside > 0.0:  # nothing is near before the two come so near in uniform motion
@@ -126,9 +128,10 @@ def _collision_with_standing(
             from_ = max(first, int(begins / SAMPLE))
             to = last if is_last else min(last, int((leg.end - trajectory.skipped) / SAMPLE) + 1)
             hit = _first_hit(trajectory, from_, to, prediction, 0.0, drift_x, drift_y, reach, False, v_max * SAMPLE)
+            clear = min(clear, int((leg.begin - trajectory.skipped) / SAMPLE) - 1)
             if hit < to:
-                return hit, 0.0
-    return last, max(room, 0.0)
+                return hit, room, clear
+    return last, room, clear
 
 
 @kernel
@@ -144,14 +147,14 @@ def _collision_with_moving(
     drift_y: float,
     reach: float,
     v_max: float,
-) -> tuple[int, float]:
+) -> tuple[int, float, int]:
     """Return what `first_collision` does for an obstacle that moves, and a robot that begins out of its reach."""
     closing = (v_max + abs(prediction.speed)) * SAMPLE
     time, until = first * SAMPLE, last * SAMPLE
     sets_out, stands = -shift * SAMPLE, (prediction.n - 1 - shift) * SAMPLE
     ox0, oy0 = predicted_place(prediction, first + shift)
     i = 0
-    room = np.inf
+    room, clear = np.inf, last
     unseen = _UNSEEN + 0.25 * abs(prediction.speed) * SAMPLE  # the obstacle sets out and stops at once
     inexact = 2.0  # the first leg may be entered in its midst
     while time < until:
@@ -183,8 +186,10 @@ def _collision_with_moving(
         near_x, near_y = x + share * step_x, y + share * step_y
         least = reach + stray
         near = near_x * near_x + near_y * near_y
-        room = min(room, np.sqrt(near) - least)
-        if near < least * least:
+        if near >= least * least:
+            if clear == last:
+                room = min(room, np.sqrt(near) - least)
+        else:
             outside = x * x + y * y - least * least
             begins = time
             if outside > 0.0:  # nothing is near before the two come so near in uniform motion
@@ -192,10 +197,11 @@ def _collision_with_moving(
                 begins += 0.999 * share * (end - time)
             from_, to = max(first, int(begins / SAMPLE)), min(last, int(end / SAMPLE) + 1)
             hit = _first_hit(trajectory, from_, to, prediction, shift, drift_x, drift_y, reach, False, closing)
+            clear = min(clear, int(time / SAMPLE) - 1)
             if hit < to:
-                return hit, 0.0
+                return hit, room, clear
         time, x0, y0, ox0, oy0 = end, x1, y1, ox1, oy1
-    return last, max(room, 0.0)
+    return last, room, clear
 
 
 @kernel
@@ -212,10 +218,11 @@ def first_collision(
     reach: float,
     may_leave: bool,
     v_max: float,
-) -> tuple[int, float]:
+) -> tuple[int, float, int]:
     """Return the first sample at which robot and obstacle are predicted to be within `reach`, or `last` if at none.
 
-    Beside it stands the room left: by how much the two may at least come nearer before anything is found [m].
+    Beside it stand the room left: by how much the two may at least come nearer before anything is found [m]; and up to
+    which sample that holds.
 
     The legs of the trajectory are gone through first, with both bodies in uniform motion: only where these come
     nearer than reach and all that was left out could matter, are samples looked at.
@@ -239,9 +246,10 @@ def first_collision(
     x, y = x - x0 - drift_x, y - y0 - drift_y
     if x * x + y * y < reach * reach:
         if not may_leave:
-            return first, 0.0
+            return first, 0.0, first
         closing = (v_max + abs(prediction.speed)) * SAMPLE
-        return _first_hit(trajectory, first, last, prediction, shift, drift_x, drift_y, reach, True, closing), 0.0
+        hit = _first_hit(trajectory, first, last, prediction, shift, drift_x, drift_y, reach, True, closing)
+        return hit, 0.0, first
     if prediction.n == 1:
         return _collision_with_standing(trajectory, first, last, prediction, drift_x, drift_y, reach, v_max)
     return _collision_with_moving(trajectory, first, last, x0, y0, prediction, shift, drift_x, drift_y, reach, v_max)
@@ -259,14 +267,14 @@ def earliest_collision(
     margin: float,
     may_leave: bool,
     parameters: Record,
-) -> tuple[int, float]:
-    """Return the first sample at which any obstacle is met, `last` if none is, and the room [m]."""
-    least_room = np.inf
+) -> tuple[int, float, int]:
+    """Return the first sample at which any obstacle is met, `last` if none is; the room [m], and up to which sample."""
+    least_room, least_clear = np.inf, last
     x0, y0 = place_at(trajectory, first * SAMPLE)
     for k in range(len(predictions)):
         prediction = predictions[k]
         reach = parameters.robot_radius + prediction.radius + margin
-        last, room = first_collision(
+        last, room, clear = first_collision(
             trajectory,
             begins,
             first,
@@ -280,8 +288,8 @@ def earliest_collision(
             may_leave,
             parameters.v_max,
         )
-        least_room = min(least_room, room)
-    return last, least_room
+        least_room, least_clear = min(least_room, room), min(least_clear, clear)
+    return last, least_room, least_clear
 
 
 @kernel
@@ -298,7 +306,7 @@ def collision_time(
     parameters: Record,
 ) -> float:
     """Return when the trajectory first meets any obstacle, from its begin on [s]; NO_COLLISION if it meets none."""
-    earliest, _ = earliest_collision(
+    earliest, _, _ = earliest_collision(
         trajectory,
         begins,
         first,
@@ -314,12 +322,22 @@ def collision_time(
 
 
 @kernel
-def still_passes(trajectory: Record, scene: int, changed: float, drift_x: float, drift_y: float) -> bool:
-    """Return whether the room that was left the last time makes it sure that the trajectory meets nobody."""
+def passes_up_to(trajectory: Record, scene: int, changed: float, drift_x: float, drift_y: float) -> int:
+    """Return up to which sample the room that was left at the last look makes it sure that nobody is met."""
     if scene == 0 or trajectory.scene != scene:
-        return False
+        return 0
     dx, dy = drift_x - trajectory.drift_x, drift_y - trajectory.drift_y
-    return bool(np.sqrt(dx * dx + dy * dy) + changed - trajectory.changed < trajectory.room)
+    moved = np.sqrt(dx * dx + dy * dy) + changed - trajectory.changed
+    return int(trajectory.clear) if moved < trajectory.room else 0
+
+
+@kernel
+def remember(
+    trajectory: Record, scene: int, changed: float, drift_x: float, drift_y: float, room: float, clear: int
+) -> None:
+    """Keep what a look at all samples from the first on has found, for `passes_up_to`."""
+    trajectory.scene, trajectory.changed, trajectory.drift_x, trajectory.drift_y = scene, changed, drift_x, drift_y
+    trajectory.room, trajectory.clear = room, max(clear, 0)
 
 
 @kernel
@@ -332,23 +350,24 @@ def _first_meeting(
     drift_y: float,
     parameters: Record,
 ) -> float:
-    """Return when the trajectory first meets any obstacle [s]; looks only if the last look does not tell already."""
-    if still_passes(trajectory, scene, changed, drift_x, drift_y):
+    """Return when the trajectory first meets any obstacle [s]; looks only at what the last look leaves open."""
+    first = passes_up_to(trajectory, scene, changed, drift_x, drift_y)
+    if first >= trajectory.n:
         return NO_COLLISION
-    earliest, trajectory.room = earliest_collision(
+    earliest, room, clear = earliest_collision(
         trajectory,
         trajectory.begins,
-        0,
+        first,
         trajectory.n,
         predictions,
         drift_x,
         drift_y,
         parameters.plan_margin,
-        parameters.schedule == GUARDED,
+        parameters.schedule == GUARDED and first == 0,
         parameters,
     )
-    trajectory.scene = scene if earliest == trajectory.n else 0
-    trajectory.changed, trajectory.drift_x, trajectory.drift_y = changed, drift_x, drift_y
+    if first == 0:
+        remember(trajectory, scene, changed, drift_x, drift_y, room, clear)
     return earliest * SAMPLE if earliest < trajectory.n else NO_COLLISION
 
 

@@ -45,6 +45,7 @@ class Exchange:
         passages: Mapping[str, Passage] | None = None,
         execution: Execution = at_once,
         rng: np.random.Generator | None = None,
+        recording: bool = True,
     ) -> None:
         tester = Answering(environment) if not hasattr(environment, "next_wake") else cast(Component, environment)
         self._clock = clock
@@ -55,6 +56,7 @@ class Exchange:
         self._execution = execution
         self._streams = Streams(rng or np.random.default_rng(0))
         self._open = True
+        self._recording = recording
         if tester.name != ENVIRONMENT or len(self._seats) != len(components) + 1:
             names = ", ".join(part.name for part in (*components, tester))
             rule = f"component names differ, and the tester's is {ENVIRONMENT!r}, but given were: {names}"
@@ -165,6 +167,8 @@ class Exchange:
 
     def _record(self, kind: Kind, seat: Seat | None = None, message: Message | None = None,
                 transition: str = "", text: str = "") -> None:  # fmt: skip
+        if not self._recording:
+            return
         channel, number, payload = (message.channel, message.number, message.payload) if message else ("", -1, None)
         name = seat.name if seat else ENVIRONMENT if message else ""
         self._events.append(TraceEvent(self._clock.now(), kind, name, transition, channel, number, text, payload))
@@ -237,6 +241,8 @@ class Exchange:
             return 0
         for _channel, _payload in step.sends:
             pass  # a step that is none is found here, while its component can be blamed
+        if self._execution is at_once:
+            return 0
         cost = self._execution(seat.name, step.transition, self._streams[f"component {seat.name}"])
         return _not_negative(cost, f"execution time of {step.transition}")
 
@@ -289,8 +295,9 @@ class Exchange:
 
     def _dispatch(self, lane: Lane, message: Message) -> None:
         channel = lane.link.channel
-        passage, rng, delay = self._passages.get(channel), self._streams[f"channel {channel}"], 0
+        passage, delay = self._passages.get(channel), 0
         if passage is not None:
+            rng = self._streams[f"channel {channel}"]
             # Both numbers are drawn for every message: a changed drop rate does not shift the latencies.
             lost = rng.random() < passage.drop
             delay = _not_negative(passage.latency(rng), f"latency of {channel}")
@@ -311,7 +318,7 @@ class Exchange:
 
     def _arrive(self, lane: Lane, message: Message) -> None:
         seat = self._receiver(lane) or self._environment
-        waiting = [other for other in seat.inbox if other.channel == message.channel]
+        waiting = [other for other in seat.inbox if other.channel == message.channel] if seat.inbox else []
         if lane.link.kind is LinkKind.TOPIC and seat is not self._environment and len(waiting) >= lane.link.capacity:
             seat.inbox.remove(waiting[0])
             lane.open -= 1

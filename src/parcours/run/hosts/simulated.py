@@ -24,6 +24,7 @@ class SimulatedHost(Exchange):
         passages: channel -> latency, drop rate, reordering; a channel that is not named delivers at once.
         execution: how long a component works on a transition [ns].
         rng: the one source of all that is drawn; without it the streams start from seed 0.
+        recording: whether what happens is written into the trace; without it the trace stays empty.
 
     Raises:
         HostFailure: two components share a name, or a passage names no link.
@@ -40,6 +41,7 @@ class SimulatedHost(Exchange):
         passages: Mapping[str, Passage] | None = None,
         execution: Execution = at_once,
         rng: np.random.Generator | None = None,
+        recording: bool = True,
     ) -> None:
         super().__init__(
             components,
@@ -49,4 +51,5 @@ class SimulatedHost(Exchange):
             passages=passages,
             execution=execution,
             rng=rng,
+            recording=recording,
         )

@@ -10,6 +10,7 @@ from parcours.studies.paper.component_chapters import (
     paths_chapter,
     results_chapter,
 )
+from parcours.studies.paper.delays_chapter import delays_chapter
 from parcours.studies.paper.outcomes_chapter import outcomes_chapter
 from parcours.studies.paper.replays_chapter import replays_chapter
 from parcours.studies.paper.results import PaperResults
@@ -49,6 +50,7 @@ def compose(results: PaperResults) -> Page:
         outcomes_chapter(results),
         vectors_chapter(results),
         time_left_chapter(results),
+        delays_chapter(results.delays),
         inputs_chapter(results),
         models_chapter(),
         paths_chapter(),

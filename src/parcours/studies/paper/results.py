@@ -21,10 +21,14 @@ from parcours.studies.ramp_components.study import (
 )
 from parcours.studies.ramp_system.campaigns import SystemResults
 from parcours.studies.ramp_system.cases import PROTOCOLS, Protocol
+from parcours.studies.ramp_system.delays import DelayResults, DelayStudy
 from parcours.studies.ramp_system.study import PUBLISHED_CASES, SCHEDULES, system_study
 
 Progress = Callable[[str, int, int], None]
 """Told (what, done, in all)."""
+
+DELAYED_CASES = 180
+"""How many cases are run with each added delay, unless fewer are asked for."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,6 +41,7 @@ class PaperResults:
         sample: ids of the 60 of them that Table VIII counts.
         timing: the 60 timing cases.
         system: (protocol, schedule) -> campaign.
+        delays: the first cases, with delays added to RAMP's work.
     """
 
     seed: int
@@ -44,6 +49,7 @@ class PaperResults:
     sample: tuple[str, ...]
     timing: tuple[Timing, ...]
     system: dict[tuple[Protocol, str], SystemResults]
+    delays: DelayResults
 
 
 class Interrupted(Exception):
@@ -73,6 +79,8 @@ def run_paper(
     counts = {"table-vii": cases, "published": min(cases, PUBLISHED_CASES)}
     for (protocol, schedule), study in studies.items():  # refuse what cannot be resumed before anything is computed
         create(folder / f"{protocol}-{schedule}", study.campaign(counts[protocol]))
+    late = DelayStudy(seed, min(cases, DELAYED_CASES))
+    create(folder / "delays", late.campaign())
     plan = component_plan(seed)
     functional: list[Functional] = []
     for case in plan.cases():
@@ -96,4 +104,11 @@ def run_paper(
         if outcome.interrupted:
             raise Interrupted(str(outcome))
         system[protocol, schedule] = SystemResults(study, outcome.store.load(), counts[protocol])
-    return PaperResults(seed, tuple(functional), tuple(case.id for case in sample), tuple(timing), system)
+    outcome = run_campaign(
+        late, late.campaign(), folder / "delays", workers=workers,
+        progress=lambda done, total: progress("system cases, added delays", done, total),
+    )  # fmt: skip
+    if outcome.interrupted:
+        raise Interrupted(str(outcome))
+    delays = DelayResults(late, outcome.store.load())
+    return PaperResults(seed, tuple(functional), tuple(case.id for case in sample), tuple(timing), system, delays)

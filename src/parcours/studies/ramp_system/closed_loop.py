@@ -18,7 +18,14 @@ from parcours.arena.world import NEVER, advance, begin
 from parcours.kernels import Record, kernel
 from parcours.planners.ramp.control import COMMAND_PERIOD, REPORT_PERIOD, command, follow, signal
 from parcours.planners.ramp.control_cycle import control_cycle, is_at_rest
-from parcours.planners.ramp.guard import GUARD_PERIOD, evaluate_moving_on, is_imminent, speed_limit, take_report
+from parcours.planners.ramp.guard import (
+    GUARD_PERIOD,
+    evaluate_moving_on,
+    is_imminent,
+    is_known_to_pass,
+    speed_limit,
+    take_report,
+)
 from parcours.planners.ramp.latency import draw
 from parcours.planners.ramp.parameters import GUARDED, ORIGINAL
 from parcours.planners.ramp.planner_state import begin_population
@@ -149,19 +156,26 @@ def _guard(
 ) -> None:
     """Run the guard as a task of its own on the obstacles just seen; it can only halt, or limit the speed."""
     planner = work.planner
-    acts = now + draw(work.clock, latencies.guard, latencies.guard_spread) + latencies.transport
-    acts += latencies.added_stop
     take_report(planner, work.report, work.t_report, work.report_lag)
-    post(work.limits, acts, speed_limit(planner, seen, parameters))
-    if planner.halted:
+    limit = speed_limit(planner, seen, parameters)
+    changes, halts = limit != work.limit, False
+    work.limit = limit
+    if not planner.halted:
+        stamp = work.obstacle_stamp
+        changed = planner.changed + changes_of(planner, predictions, seen, stamp)
+        planner.knows_obstacles = 1
+        compensate(planner, parameters)
+        if not is_known_to_pass(planner, now, changed, parameters):
+            for k in range(len(seen)):
+                predict(seen[k], stamp, guarded[k])
+        evaluate_moving_on(planner, guarded, now, changed, parameters)
+        halts = is_imminent(planner, now, parameters)
+    if not changes and not halts:
         return
-    changed = planner.changed + changes_of(planner, predictions, seen, work.obstacle_stamp)
-    for k in range(len(seen)):
-        predict(seen[k], work.obstacle_stamp, guarded[k])
-    planner.knows_obstacles = 1
-    compensate(planner, parameters)
-    evaluate_moving_on(planner, guarded, now, changed, parameters)
-    if is_imminent(planner, now, parameters):
+    acts = now + draw(work.clock, latencies.guard, latencies.guard_spread) + latencies.transport + latencies.added_stop
+    if changes:
+        post(work.limits, acts, limit)
+    if halts:
         planner.halted = 1
         work.t_halted = now
         _send_halt(work, acts)
@@ -343,6 +357,7 @@ def run_case(
     work.best_due = FAR
     clear(work.halts)
     clear(work.limits)
+    work.limit = np.inf
     work.t_halted = NEVER
     work.in_callbacks = 1
     work.spin = 0

@@ -37,7 +37,6 @@ from parcours.studies.ramp_system.study import SystemStudy
 from parcours.studies.ramp_system.workspace import WORKSPACE
 from parcours.verdict.facts import NEVER, TRACK
 
-
 _STRETCH = 500_000_000
 """So long [ns] the host runs on before it is asked whether the case has ended."""
 
@@ -89,7 +88,7 @@ class World:
         if self._next_sensing <= now:
             self._next_sensing += SENSING_PERIOD
             states = many(OBSTACLE_STATE, len(self.obstacles))
-            sense(self.obstacles, states)
+            sense(self.obstacles, now, states)
             sends.append(("odometry", Obstacles(now, states)))
         yield Step("", tuple(sends))
 
@@ -224,10 +223,13 @@ class ComponentRun:
     trace: Trace
 
 
-def run_components(study: SystemStudy, number: int, seconds: float | None = None) -> ComponentRun:
+def run_components(
+    study: SystemStudy, number: int, seconds: float | None = None, *, recording: bool = True
+) -> ComponentRun:
     """Run one case of the study to its end, or for that long [s] if given.
 
-    The study's latencies are not applied: every message arrives at once and no work takes time.
+    The study's latencies are not applied: every message arrives at once and no work takes time. Without `recording` the
+    trace stays empty, and what the facts count of cycles and transitions stays 0; that is faster by a fifth.
     """
     setting = study.setting()
     world = np.zeros(1, WORLD).view(np.recarray)[0]
@@ -258,7 +260,7 @@ def run_components(study: SystemStudy, number: int, seconds: float | None = None
         control,
         witness,
     )
-    host = SimulatedHost(components, system_links())
+    host = SimulatedHost(components, system_links(), recording=recording)
     if seconds is not None:
         host.run(round(seconds * 1e9))
     else:

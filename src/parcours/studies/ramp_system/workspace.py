@@ -50,6 +50,7 @@ WORKSPACE = np.dtype(
         ("best_due", "i8"),  # when the best trajectory reaches control [ns]
         ("halts", MAILBOX),  # imminent-collision flags on their way to it
         ("limits", MAILBOX),  # speed limits [m/s]
+        ("limit", "f8"),  # the one sent last [m/s]
         ("halted_before", "i8"),  # the flag at the last command
         ("executing", "i8"),  # 1 while control follows a trajectory
         ("t_moving", "i8"),  # last time the robot moved [ns]
