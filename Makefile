@@ -32,7 +32,9 @@ fuzz: $(VENV)/.developer
 	$(BIN)/python tests/fuzz/test_fuzz_readers.py --seconds 60
 
 bench: $(VENV)/.developer
-	for part in criteria solving space walking arrays system; do $(BIN)/python bench/bench_$$part.py || exit 1; done
+	for part in criteria.py solving.py "space.py --largest 5" "walking.py --steps 200000" arrays.py \
+		start.py planners.py growth.py system.py; do \
+		echo "== $$part"; $(BIN)/python bench/bench_$$part || exit 1; done
 
 clean:
 	rm -rf $(VENV) out build dist .mypy_cache .ruff_cache .hypothesis .import_linter_cache

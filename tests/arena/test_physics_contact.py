@@ -121,6 +121,34 @@ def test_head_on_at_three_quarters_of_a_metre_a_second_every_phase_of_the_tick_f
         assert one.n_shared_contacts == 1
 
 
+def test_a_robot_that_backs_off_and_comes_again_touches_when_its_way_says_so() -> None:
+    # Between two looks the world skips what cannot matter yet: from 1 cm off and back to a quarter of a metre.
+    one, others = world(0.25), discs((REACH + 0.26, 0.0, 0.0, 0.0, 0.0))
+    one.robot.a_max = 1e9
+    begin(one, others)
+    way = [0.0]
+    for command_v, ticks in ((0.25, 100), (-0.25, 100), (0.25, 150)):
+        one.robot.command_v = command_v
+        for _ in range(ticks):
+            advance(one, others, int(one.now) + TICK)
+            way.append(float(one.robot.x))
+    k = int(np.argmax(np.array(way) >= 0.26))
+    assert k > 200
+    touches = (k - 1 + (0.26 - way[k - 1]) / (way[k] - way[k - 1])) * TICK
+    assert one.t_contact == pytest.approx(touches, abs=20)
+    assert one.min_clearance == pytest.approx(0.26 - max(way), abs=ROUNDING)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.1, 0.35, 0.5, 0.99])
+def test_a_disc_that_stops_within_a_tick_stands_where_it_stopped(share: float) -> None:
+    one, others = world(0.0), discs((1.0, 0.0, math.pi, 0.5, 0.0))
+    others.stop = 1 * SECOND + round(share * TICK)
+    run(one, others, 3.0)
+    gap = 1.0 - 0.5 * (1.0 + share * TICK / SECOND) - REACH
+    assert one.min_clearance == pytest.approx(gap, abs=ROUNDING)
+    assert others[0].x - REACH == pytest.approx(gap, abs=ROUNDING)
+
+
 @pytest.mark.parametrize("beside", [1e-9, 1e-6, 1e-3, 0.1])
 def test_head_on_a_pass_at_more_than_reach_is_no_contact_at_any_phase_of_the_tick(beside: float) -> None:
     for offset in np.linspace(0.0, 0.0075, 33):

@@ -23,10 +23,10 @@ SECOND = 1_000_000_000
 TICK = 0.01
 V_MAX, W_MAX, A_MAX, ALPHA_MAX = 0.25, math.pi / 2, 1.0, 2 * math.pi / 3
 
-PER_TICK = 1e-7
+PER_TICK = 3e-8
 """How far one tick at constant speeds may stray [m]: what the body promises."""
 
-PER_TICK_SPEEDING = 3e-7
+PER_TICK_SPEEDING = 2.1e-7
 """... while speeds change: (a w / 12 + v alpha / 12) dt^3 and the above, rounded up."""
 
 

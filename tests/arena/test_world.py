@@ -167,12 +167,13 @@ def test_a_robot_at_rest_is_never_to_blame() -> None:
     assert one.t_contact == pytest.approx((1.0 + (1.0 - REACH) / 0.3) * SECOND, abs=1e3)
 
 
-def test_each_obstacle_keeps_its_own_least_clearance() -> None:
-    one, others = world(v=0.25), obstacles((1.0, 0.5, 0, 0, 0, 0, 0), (3.0, 1.0, 0, 0, 0, 0, 0))
-    run(one, others, 6.0)
-    assert others["min_clearance"][0] == pytest.approx(0.5 - REACH, abs=1e-9)
-    assert others["min_clearance"][1] == pytest.approx(math.hypot(1.5, 1.0) - REACH, abs=1e-9)
-    assert one.min_clearance == others["min_clearance"].min()
+def test_the_least_clearance_is_that_of_the_obstacle_that_came_nearest_and_when_it_did() -> None:
+    rows = [(1.0, 0.5, 0, 0, 0, 0, 0), (3.0, 1.0, 0, 0, 0, 0, 0)]
+    for order in (rows, rows[::-1]):
+        one = run(world(v=0.25), obstacles(*order), 6.0)
+        assert one.min_clearance == pytest.approx(0.5 - REACH, abs=1e-9)
+        assert one.t_min_clearance == pytest.approx(1.0 / 0.25 * SECOND, abs=TICK)
+    assert run(world(v=0.25), obstacles(rows[1]), 6.0).min_clearance == pytest.approx(math.hypot(1.5, 1.0) - REACH)
 
 
 def test_the_goal_is_latched_when_first_within_tolerance_though_the_robot_passes_on() -> None:

@@ -55,7 +55,14 @@ def test_a_comparison_says_all_as_json_and_as_a_page(compared: tuple[Path, Resul
     (why,) = planners[f"{mine}:breaks"]["errors"]
     assert why["cases"] == planners[f"{mine}:breaks"]["outcomes"]["error"]["count"] == 18
     assert "KeyError: 'door' (mine.py:7)" in why["reason"]
-    assert planners[f"{mine}:stand"]["measures"]["path_length"]["n"] == 2
+    assert planners[f"{mine}:stand"]["measures"]["mean_clearance"]["n"] == 18
+    assert planners[f"{mine}:breaks"]["measures"]["mean_clearance"]["n"] == 0
+    scored = {(s["benchmark"], s["mode"], s["score"]): s for s in document["benchmarks"]}
+    stood = f"{mine}:stand"
+    assert scored["arena", "corrected", "goal reached"]["cases"] == 18
+    assert scored["arena", "corrected", "goal reached"]["means"][stood] == 0.0
+    assert scored["arena", "arena-evaluation", "goal reached"]["cases"] == 2
+    assert scored["arena", "arena-evaluation", "goal reached"]["means"][stood] == 1.0  # the published defect
     assert planners[f"{mine}:stand"]["decision_us"]["n"] > 100
     assert len(document["tests_against_first"]) == 3
     page = (folder / "page.html").read_text()
@@ -116,3 +123,27 @@ def test_the_checks_are_listed_with_what_they_demand() -> None:
     listed = json.loads(call("planner", "check", "orca", "--list", "--json").stdout)
     assert listed["is_quiet"] == "It prints nothing."
     assert "It prints nothing." in call("planner", "check", "orca", "--list").stdout
+
+
+def test_the_tables_come_as_markdown_ready_for_a_document(compared: tuple[Path, Result], mine: Path) -> None:
+    folder, _ = compared
+    words = ("compare", f"{mine}:stand", f"{mine}:breaks", "--cases", 18, "--measured", 0, "--timed", 0)
+    text = call(*words, "--out", folder, "--markdown").stdout
+    assert text.startswith("Seed 1, protocol table-vii, 18 cases, the same for all.")
+    line = next(line for line in text.splitlines() if line.startswith("| stuck in imminent collision, of the solvable"))
+    assert line.replace("\xa0", " ").count("0.0 % [0.0, 17.6]") == 2
+    with pytest.raises(BadRequest, match=r"\[compare-both\]"):
+        call(*words, "--out", folder, "--markdown", "--json")
+
+
+def test_added_delays_are_kept_with_the_campaign_and_only_for_ramp(tmp_path: Path) -> None:
+    words = ("run", "ramp_system", "--cases", 3, "--workers", 1, "--added-sensing", 0.25, "--out", tmp_path / "late")
+    summary = json.loads(call(*words, "--json").stdout)
+    (late,) = summary.values()
+    assert late["measures"]["min_clearance"]["n"] == 3 and 0.0 < late["measures"]["survivability"]["median"] < 1.0
+    kept = json.loads((tmp_path / "late" / "campaign.json").read_text())
+    assert kept["parameters"]["latencies"]["added_sensing"] == 0.25
+    told = call("report", tmp_path / "late").stdout
+    assert "time in imminent collision" in told and "least time to collision" in told
+    with pytest.raises(BadRequest, match=r"--added-stop: it belongs to ramp_system.*\[option-study\]"):
+        call("run", "navigation", "--planner", "orca", "--added-stop", 0.1, "--out", tmp_path / "x")

@@ -36,6 +36,7 @@ class Loop:
     def __init__(self, parameters: Parameters, trajectory: Record, aside: float = 0.0, turned: float = 0.0) -> None:
         self.parameters, self.now = parameters.record(), 0
         self.control, self.pose = one(CONTROL), one(POSE)
+        self.control.limit = np.inf
         self.robot = np.zeros(1, ROBOT).view(np.recarray)[0]
         begin = samples(trajectory)[0]
         robot, heading = self.robot, float(begin.heading)
@@ -77,6 +78,7 @@ def test_tracking_stays_with_the_plan_to_a_few_millimetres(knots: tuple[tuple[fl
     assert max(loop.gaps) < 0.015
     assert loop.gaps[-1] < 0.006
     assert loop.robot.v == 0.0
+    assert math.hypot(loop.robot.x - knots[-1][0], loop.robot.y - knots[-1][1]) < 0.03
 
 
 @pytest.mark.parametrize("aside", [-0.04, 0.04])

@@ -86,11 +86,11 @@ class Search:
 
 def found(
     trajectory: Record, begins: int, first: int, last: int, prediction: Record, drift: Point, reach: float, leave: bool
-) -> tuple[int, float]:
-    """Return what the kernel finds, and the room."""
+) -> tuple[int, float, int]:
+    """Return what the kernel finds, the room, and up to which sample that holds."""
     place = place_at(trajectory, first * SAMPLE)
-    hit, room = first_collision(trajectory, begins, first, last, *place, prediction, *drift, reach, leave, V_MAX)
-    return int(hit), float(room)
+    hit, room, clear = first_collision(trajectory, begins, first, last, *place, prediction, *drift, reach, leave, V_MAX)
+    return int(hit), float(room), int(clear)
 
 
 def test_the_first_collision_is_the_one_a_plain_search_finds_over_random_motions(ways: list[Way]) -> None:
@@ -105,7 +105,7 @@ def test_the_first_collision_is_the_one_a_plain_search_finds_over_random_motions
         begins, first, last = int(rng.integers(4 * 10**9)), int(rng.integers(0, 5)), int(way.trajectory.n)
         last = last if k % 3 else first + 11
         drift = (float(rng.uniform(-0.05, 0.05)), float(rng.uniform(-0.05, 0.05)))
-        hit, _ = found(way.trajectory, begins, first, last, prediction, drift, reach, leave)
+        hit, _, _ = found(way.trajectory, begins, first, last, prediction, drift, reach, leave)
         assert hit == Search(way.trajectory, begins, first, last, prediction, drift).hit(reach, leave), k
         hits.append(hit < last)
     assert 0.2 < np.mean(hits) < 0.8
@@ -136,10 +136,12 @@ def test_nothing_the_search_skips_could_have_been_a_collision(
     if reach < 0.0:  # the bodies only just touch, or miss, by 10^reach: at the nearest they come, or begin
         reach = search.least + (10.0**reach if above else -(10.0**reach))
         assume(0.01 < reach < 2.0)
-    hit, room = found(trajectory, begins, first, last, prediction, (dx, dy), reach, leave)
+    hit, room, clear = found(trajectory, begins, first, last, prediction, (dx, dy), reach, leave)
     assert hit == search.hit(reach, leave)
-    if hit == last and search.distances[0] >= reach:
-        assert 0.0 <= room <= max(search.least - reach, 0.0)
+    assert clear <= hit
+    if clear > first:  # so far the two could come nearer by `room`, and nothing would be found
+        way = search.nearest[: clear - first - (clear == last)]
+        assert 0.0 <= room <= min(float(search.distances[0]), float(way.min(initial=np.inf))) - reach + 1e-12
 
 
 def crossing(samples: int = 60) -> Record:
@@ -156,7 +158,7 @@ def crossing(samples: int = 60) -> Record:
 def test_head_on_at_three_quarters_of_a_metre_a_second_is_seen_at_the_sample_it_happens() -> None:
     prediction = prediction_of(1.5, 0.0, math.pi, 0.5, 0.0)
     touched = (1.5 - 0.225) / 0.75
-    hit, _ = found(crossing(), 0, 0, 60, prediction, (0.0, 0.0), 0.225, False)
+    hit, _, _ = found(crossing(), 0, 0, 60, prediction, (0.0, 0.0), 0.225, False)
     assert hit == math.ceil(touched / SAMPLE)
 
 

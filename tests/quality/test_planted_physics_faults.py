@@ -33,6 +33,8 @@ SWEPT = "test_a_robot_touches_a_standing_disc_if_and_only_if_its_swept_area_does
 HEAD_ON = "test_head_on_at_three_quarters_of_a_metre_a_second_every_phase_of_the_tick_finds_the_contact"
 LINES = "test_on_straight_lines_contact_is_found_if_and_only_if_the_lines_come_within_reach"
 ARCS = "test_on_arcs_contact_is_found_if_and_only_if_the_arcs_come_within_reach"
+AGAIN = "test_a_robot_that_backs_off_and_comes_again_touches_when_its_way_says_so"
+STOPS = "test_a_disc_that_stops_within_a_tick_stands_where_it_stopped"
 OBSTACLE = "test_an_obstacle_is_where_integration_of_its_speed_and_yaw_rate_leads"
 ONE_TICK = "test_one_tick_of_changing_speeds_is_the_integral_of_their_ramps"
 OBEYED = "test_a_new_command_is_obeyed_as_the_limits_allow_in_continuous_time"
@@ -60,7 +62,9 @@ FAULTS = [
     ("arena.world", "least_distance(x0, y0, x1, y1)", "np.hypot(x1, y1)", CONTACT, LINES),
     ("arena.world", "if clearance > 0.0:", "if np.hypot(x1, y1) > reach:", CONTACT, HEAD_ON),
     ("arena.world", "obstacle.x - x, obstacle.y - y", "obstacle.x - robot.x, obstacle.y - robot.y", CONTACT, LINES),
-    ("arena.world", "move(obstacle, world.now)", "move(obstacle, world.now - TICK)", CONTACT, ARCS),
+    ("arena.world", "_bring(obstacle, world.now)", "_bring(obstacle, world.now - TICK)", CONTACT, ARCS),
+    ("arena.world", "stood and (now < obstacle.start or before", "(now < obstacle.start or now", CONTACT, STOPS),
+    ("arena.world", "now + TICK * int(", "now + 2 * TICK * int(", CONTACT, AGAIN),
     ("arena.obstacles", "- arc_radius * (c1 - c0)", "+ arc_radius * (c1 - c0)", MOTION, OBSTACLE),
     ("arena.obstacles", "_STRAIGHT = 1e-9", "_STRAIGHT = 1e-4", MOTION, OBSTACLE),
     ("arena.robot", "0.5 * mean_w * dt", "mean_w * dt", MOTION, ONE_TICK),
@@ -71,6 +75,9 @@ FAULTS = [
 
 GRAZING = 0.225 - 1e-6
 """How far aside the obstacle of the head-on test passes [m]."""
+
+MIDST = 0.35
+"""The share of a tick after which the disc of the stopping test stops."""
 
 
 @pytest.fixture(autouse=True)
@@ -118,6 +125,8 @@ def perform(module: str, stands: str, planted: str, tests: str, test: str) -> No
     arguments: list[object] = []
     if test == HEAD_ON:
         arguments = [GRAZING]
+    elif test == STOPS:
+        arguments = [MIDST]
     elif test == INTEGRALS:
         shared = replanted(TESTS / "planners/conftest.py", sound, faulty)
         rng = np.random.default_rng(1)

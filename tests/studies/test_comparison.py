@@ -24,12 +24,13 @@ from parcours.studies.comparison.results import (
     DecisionTimes,
     Results,
     pair_tests,
-    time_to_goal,
     weighted_by_time,
     weighted_by_way,
 )
 from parcours.studies.comparison.tables import DIFFERENT_ANSWERS, OUTCOME_WORDS, beats, outcome_table, question_table
+from parcours.studies.distribution import time_to_goal
 from parcours.verdict.facts import FACTS, NEVER
+from parcours.verdict.measures import MEASURES
 from parcours.verdict.navigation import Outcome
 
 N = 40
@@ -156,7 +157,7 @@ def test_unequal_machines_are_told_on_page_and_document_and_only_where_there_are
 
 def test_scores_weigh_success_by_length_and_by_time(compared: Results) -> None:
     best = compared.contenders[1]
-    way = weighted_by_way(compared, best)
+    way = weighted_by_way(best)
     assert way[0] == pytest.approx((np.hypot(2.0, 2.0) - 0.2) / 3.0) and way[-1] == 0.0
     soon = weighted_by_time(compared, best)
     assert soon is not None and soon[0] == pytest.approx(10.0 / 12.0) and np.isnan(soon[-1])
@@ -175,13 +176,16 @@ def test_the_document_is_json_and_complete(compared: Results) -> None:
     timed = dataclasses.replace(
         compared.contenders[1],
         decisions=DecisionTimes(10.0, 20.0, 30.0, 400),
-        measures={"path_length": np.full(5, np.nan)},
+        measures=np.full(N, np.nan).astype([(name, "f8") for name in MEASURES.names or ()]),
     )
     document = comparison_document(dataclasses.replace(compared, contenders=(compared.contenders[0], timed)))
     again = json.loads(json.dumps(document, allow_nan=False))
     best = again["planners"]["best"]
     assert best["decision_us"] == {"median": 10.0, "p99": 20.0, "max": 30.0, "n": 400}
-    assert best["measures"]["path_length"] == {"n": 0, "q05": None, "q25": None, "q50": None, "q75": None, "q95": None}
+    assert best["measures"]["mean_jerk"] == {
+        "unit": "m/s^3", "n": 0, "mean": None, "median": None, "p05": None, "p95": None,
+    }  # fmt: skip
+    assert best["measures"]["path_length"]["median"] == 3.0
     assert sum(rate["count"] for rate in best["outcomes"].values()) == N
     assert sum(rate["n"] for rate in best["reached_by_start_vector"].values()) == N
     assert {test["question"] for test in again["tests_against_first"]} == {"reached", "contact", "time"}

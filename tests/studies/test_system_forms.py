@@ -24,8 +24,8 @@ from parcours.studies.ramp_system.study import SCHEDULES, SystemStudy, system_st
 from parcours.verdict.facts import NEVER
 from parcours.verdict.navigation import Outcome, explain, outcomes
 
-SECONDS = 6.0
-"""So much of each of the hundred cases is compared."""
+SHORT = 3.0
+"""So long [s] lasts a test, after the static second, in each of the two hundred cases."""
 
 
 @functools.cache
@@ -38,53 +38,62 @@ def facts(schedule: str) -> NDArray[np.void]:
     return study(schedule)(0, 90)
 
 
-OWN = ("n_track", "measures")
-"""What a study adds to the facts of a run beside what happened in it."""
+@functools.cache
+def timeless(schedule: str, time_limit: float) -> SystemStudy:
+    """Return the study without latencies; no case is watched beyond its end."""
+    return dataclasses.replace(study(schedule), latencies=none(), time_limit=time_limit, watched_on=0.0)
 
 
-def assert_same_way(ran: ComponentRun, track: NDArray[np.void]) -> None:
-    """Compare the robot's way, and when imminent collision was signalled, to the bit."""
-    for name in ("time", "x", "y", "heading", "v", "halted"):
+def assert_same(timeless: SystemStudy, number: int) -> ComponentRun:
+    """Run a case in both forms and compare what they leave behind: to the bit, and by the verdict."""
+    ran, (facts, track, places) = run_components(timeless, number), timeless.track(number)
+    assert ran.facts is not None
+    for name in track.dtype.names or ():  # where it was, how fast, and when imminent collision was signalled
         assert np.array_equal(ran.track[name], track[name]), name
+    assert ran.track.tobytes() == track.tobytes()
+    assert ran.places.tobytes() == places.tobytes()
+    for name in facts.dtype.names or ():
+        assert ran.facts[name].tobytes() == facts[name].tobytes(), name
+    assert np.array_equal(outcomes(ran.facts), outcomes(facts))
+    assert explain(ran.facts[0]) == explain(facts[0])
+    return ran
 
 
 @pytest.mark.parametrize("block", range(0, 100, 10))
 @pytest.mark.parametrize("schedule", SCHEDULES)
-def test_components_on_the_simulated_host_drive_and_halt_to_the_same_bits_as_the_compiled_loop(
+def test_components_on_the_simulated_host_leave_the_same_bits_and_verdict_as_the_compiled_loop(
     schedule: str, block: int
 ) -> None:
-    timeless = dataclasses.replace(study(schedule), latencies=none(), watched_on=0.0)
     for number in range(block, block + 10):
-        ran = run_components(timeless, number, SECONDS, recording=False)
-        _, track = timeless.track(number)
-        assert len(ran.track) > 50
-        assert_same_way(ran, track[: len(ran.track)])
+        assert len(assert_same(timeless(schedule, SHORT), number).track) > 50
 
 
-@pytest.mark.parametrize("number", range(100, 110))
+@pytest.mark.parametrize("number", range(100, 105))
 @pytest.mark.parametrize("schedule", SCHEDULES)
-def test_components_run_to_the_end_leave_the_facts_and_earn_the_verdict_of_the_compiled_loop(
+def test_so_they_do_over_whole_cases_that_are_watched_on_and_the_trace_tells_what_was_counted(
     schedule: str, number: int
 ) -> None:
-    timeless = dataclasses.replace(study(schedule), latencies=none())
-    ran, (facts, track) = run_components(timeless, number), timeless.track(number)
+    whole = dataclasses.replace(study(schedule), latencies=none())
+    ran = assert_same(whole, number)
     assert ran.facts is not None
-    assert_same_way(ran, track)
-    for name in facts.dtype.names or ():
-        assert name in OWN or np.array_equal(ran.facts[name], facts[name]), name
-    assert np.array_equal(outcomes(ran.facts), outcomes(facts))
-    assert explain(ran.facts[0]) == explain(facts[0])
     taken = Counter(transitions(ran.trace))
-    assert all(taken[name] >= n for name, n in zip(TRANSITIONS, facts["transitions"][0], strict=True))
+    assert all(taken[name] >= n for name, n in zip(TRANSITIONS, ran.facts["transitions"][0], strict=True))
+    assert taken["p11"] > 100
 
 
-def test_the_cases_in_which_both_forms_are_compared_halt_collide_and_reach_the_goal() -> None:
+@pytest.mark.parametrize("schedule", SCHEDULES)
+def test_the_cases_in_which_both_forms_are_compared_halt_switch_collide_and_reach_the_goal(schedule: str) -> None:
+    short, whole = timeless(schedule, SHORT)(0, 100), timeless(schedule, 20.0)(100, 5)
+    assert (short["n_halts"] > 0).sum() >= 5
+    assert (short["n_switches"] > 0).sum() >= 20
+    assert {Outcome.REACHED} < set(outcomes(np.concatenate([short, whole])).tolist())
+
+
+def test_without_a_trace_the_components_drive_the_same_way() -> None:
     for schedule in SCHEDULES:
-        timeless = dataclasses.replace(study(schedule), latencies=none())
-        assert (timeless(0, 100)["n_halts"] > 0).any()
-        found = set(outcomes(timeless(100, 10)).tolist())
-        assert Outcome.REACHED in found
-        assert len(found) > 1
+        ran = run_components(timeless(schedule, SHORT), 7, recording=False)
+        assert not ran.trace.events
+        assert ran.track.tobytes() == timeless(schedule, SHORT).track(7)[1].tobytes()
 
 
 @pytest.mark.parametrize("schedule", SCHEDULES)
@@ -100,10 +109,9 @@ def test_the_facts_of_a_case_depend_on_its_number_only_not_on_its_company(schedu
 def test_a_replay_of_a_case_has_the_facts_of_the_campaign_and_ends_where_they_say() -> None:
     for schedule in SCHEDULES:
         for number in (1, 40):
-            again, track = study(schedule).track(number)
+            again, track, _ = study(schedule).track(number)
             for name in facts(schedule).dtype.names or ():
-                if name != "n_track":
-                    assert np.array_equal(again[name][0], facts(schedule)[name][number]), name
+                assert again[name][0].tobytes() == facts(schedule)[name][number].tobytes(), name
             near = track[np.searchsorted(track["time"], again["t_end"][0]) - 1]
             assert np.hypot(near["x"] - again["x"][0], near["y"] - again["y"][0]) < 0.25 * 0.06
 

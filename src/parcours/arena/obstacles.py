@@ -39,6 +39,8 @@ _STRAIGHT = 1e-9
 def place_at(obstacle: Record, now: int) -> tuple[float, float]:
     """Return where the obstacle's centre is at `now` [ns], as (x, y) [m]."""
     elapsed = max(min(now, obstacle.stop) - obstacle.start, 0) * 1e-9
+    if elapsed == 0.0:
+        return obstacle.x0, obstacle.y0
     s0, c0 = sin_cos(obstacle.heading0)
     if abs(obstacle.turn) < _STRAIGHT:
         way = obstacle.speed * elapsed

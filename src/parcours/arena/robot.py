@@ -1,7 +1,8 @@
 """The robot's body: commanded speeds -> motion of a unicycle within its speed and acceleration limits.
 
-Speeds ramp towards the command at the limiting acceleration. Over one tick the body follows the chord of its arc,
-whose error at 0.01 s, 0.25 m/s and pi/2 rad/s is below 1e-7 m.
+Speeds ramp towards the command at the limiting acceleration. Over one tick the body follows a chord: at 0.01 s,
+0.25 m/s, pi/2 rad/s, 1 m/s2 and 2/3 pi rad/s2 it strays by less than 3e-8 m at constant speeds and 2.1e-7 m while they
+change.
 """
 
 from __future__ import annotations

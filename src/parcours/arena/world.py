@@ -119,6 +119,8 @@ def _meet(world: Record, obstacle: Record, x0: float, y0: float, x1: float, y1: 
 def advance(world: Record, obstacles: Record, until: int) -> None:
     """Advance the world tick by tick to the last tick at or before `until` [ns]."""
     robot = world.robot
+    if world.now + TICK > until:
+        return
     while world.now + TICK <= until:
         x, y = robot.x, robot.y
         drive(robot, TICK * 1e-9)

@@ -27,7 +27,7 @@ from parcours.cli.options import as_json, print_json, seed, workers
     type=click.IntRange(0),
     default=200,
     show_default=True,
-    help="So many of the first cases are run again and measured along their way.",
+    help="So many of the first cases are run again, to be scored as the code of published benchmarks does.",
 )
 @click.option(
     "--timed",
@@ -46,10 +46,11 @@ from parcours.cli.options import as_json, print_json, seed, workers
     help="Folder for the campaigns; resumed if it holds some.",
 )
 @click.option("--html", type=click.Path(path_type=Path), help="Write one self-contained page.")
+@click.option("--markdown", is_flag=True, help="Print the tables of results as Markdown, and nothing else.")
 @as_json
 def command(
     planners: tuple[str, ...], cases: int, protocol: str, command_delay: float, measured: int, timed: int, seed: int,
-    workers: int, out: Path, html: Path | None, as_json: bool,
+    workers: int, out: Path, html: Path | None, markdown: bool, as_json: bool,
 ) -> None:  # fmt: skip
     """Run PLANNERS on the same cases, and test each against the first.
 
@@ -59,13 +60,19 @@ def command(
     Example: parcours compare ramp-guarded orca dwa mppi --cases 10000 --html out/compare.html
     """
     from parcours.cli.progress import progress, say_if_cold
+    from parcours.errors import BadRequest
     from parcours.report.page import to_html
     from parcours.report.terminal import print_page
     from parcours.report.writing import write_text
     from parcours.studies.comparison.document import comparison_document
     from parcours.studies.comparison.page import compare_page
+    from parcours.studies.comparison.paper_rule import to_markdown_page
     from parcours.studies.comparison.running import Interrupted, run_comparison
 
+    if markdown and as_json:
+        raise BadRequest(
+            "compare", "either --json or --markdown can be printed, but both are asked for", slug="compare-both"
+        )
     say_if_cold()
     try:
         with progress() as show:
@@ -82,5 +89,7 @@ def command(
         click.echo(f"wrote {html}", err=True)
     if as_json:
         print_json(comparison_document(results))
+    elif markdown:
+        click.echo(to_markdown_page(results))
     else:
         print_page(page)

@@ -17,6 +17,12 @@ from parcours.cli.options import seed, workers
     show_default=True,
     help="System cases per schedule.",
 )
+@click.option(
+    "--delayed",
+    type=click.IntRange(1, 1_000_000),
+    show_default="300, or --cases if fewer",
+    help="Cases a point of the curves over added delays.",
+)
 @seed
 @workers
 @click.option(
@@ -26,7 +32,7 @@ from parcours.cli.options import seed, workers
     show_default=True,
     help="Folder to write.",
 )
-def command(cases: int, seed: int, workers: int, out: Path) -> None:
+def command(cases: int, delayed: int | None, seed: int, workers: int, out: Path) -> None:
     """Model, paths, abstract cases, data, 120 component tests and the system campaigns, judged and drawn.
 
     Example: parcours demo --cases 905 --seed 1 --out out/demo
@@ -46,7 +52,7 @@ def command(cases: int, seed: int, workers: int, out: Path) -> None:
     say_if_cold()
     try:
         with progress() as report:
-            results = run_paper(out, cases=cases, seed=seed, workers=workers, progress=report)
+            results = run_paper(out, cases=cases, seed=seed, workers=workers, delayed=delayed, progress=report)
     except Interrupted as stopped:
         click.echo(str(stopped), err=True)
         raise click.exceptions.Exit(130) from None

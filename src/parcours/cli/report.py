@@ -62,7 +62,7 @@ def summarise(
     from parcours.report.terminal import print_table
     from parcours.studies.navigation.campaigns import error_table, summary
     from parcours.studies.ramp_components.results import component_table
-    from parcours.studies.ramp_system.campaigns import outcome_table
+    from parcours.studies.ramp_system.campaigns import measure_table, outcome_table
 
     components = components or {}
     if as_json:
@@ -73,6 +73,7 @@ def summarise(
         print_table(component_table(found, f"Component cases, {name}"))
     if results:
         print_table(outcome_table(results))
+        print_table(measure_table(results))
     errors = error_table(results)
     if errors is not None:
         print_table(errors)

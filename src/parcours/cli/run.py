@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 
 import click
@@ -20,6 +21,11 @@ from parcours.cli.options import as_json, seed, workers
     default=None,
     help="How many cases; by default the paper's.",
 )
+@click.option(
+    "--added-sensing", type=float, default=0.0, show_default=True, help="ramp_system: obstacles seen later [s]"
+)
+@click.option("--added-planning", type=float, default=0.0, show_default=True, help="ramp_system: cycles longer [s]")
+@click.option("--added-stop", type=float, default=0.0, show_default=True, help="ramp_system: halts later [s]")
 @click.option("--robot-radius", type=float, default=0.125, show_default=True, help="[m]")
 @click.option("--obstacle-radius", type=float, default=0.1, show_default=True, help="[m]")
 @click.option("--period", type=float, default=0.05, show_default=True, help="navigation: between observations [s]")
@@ -43,13 +49,16 @@ from parcours.cli.options import as_json, seed, workers
 )
 @as_json
 def command(
-    study: str, schedule: str, planner: str, protocol: str, cases: int | None, robot_radius: float,
-    obstacle_radius: float, period: float, command_delay: float, time_limit: float, watched_on: float,
-    call_timeout: float, seed: int, workers: int, out: Path, as_json: bool,
+    study: str, schedule: str, planner: str, protocol: str, cases: int | None, added_sensing: float,
+    added_planning: float, added_stop: float, robot_radius: float, obstacle_radius: float, period: float,
+    command_delay: float, time_limit: float, watched_on: float, call_timeout: float, seed: int, workers: int,
+    out: Path, as_json: bool,
 ) -> None:  # fmt: skip
     """Execute a study. Ctrl-C keeps the system cases that were finished; the same command goes on from there.
 
     Example: parcours run ramp_system --schedule guarded --cases 905 --out out/guarded
+
+    Example: parcours run ramp_system --schedule guarded --added-sensing 0.25 --out out/late
 
     Example: parcours run navigation --planner orca --cases 905 --out out/orca
     """
@@ -61,6 +70,7 @@ def command(
     if study == "ramp_components":
         _components(seed, cases, out, as_json)
         return
+    from parcours.planners.ramp.latency import Latencies
     from parcours.run.campaign import run_campaign
     from parcours.studies.navigation.scenario import Scenario
     from parcours.studies.navigation.study import NavigationStudy, study_of
@@ -79,9 +89,11 @@ def command(
         campaign_study = study_of(label, system_cases, scenario)
     else:
         label = schedule
-        campaign_study = system_study(
+        plain = system_study(
             schedule, seed=seed, protocol=protocol, radius=robot_radius, obstacle_radius=obstacle_radius  # type: ignore[arg-type]
         )  # fmt: skip
+        added = Latencies(added_sensing=added_sensing, added_planning=added_planning, added_stop=added_stop)
+        campaign_study = dataclasses.replace(plain, latencies=added)
     with progress() as report:
         outcome = run_campaign(
             campaign_study,
@@ -112,7 +124,7 @@ def _require_planner(planner: str) -> str:
 _SYSTEM = ("protocol", "robot_radius", "obstacle_radius", "workers")
 _OPTIONS = {
     "ramp_components": (),
-    "ramp_system": (*_SYSTEM, "schedule"),
+    "ramp_system": (*_SYSTEM, "schedule", "added_sensing", "added_planning", "added_stop"),
     "navigation": (*_SYSTEM, "planner", "period", "command_delay", "time_limit", "watched_on", "call_timeout"),
 }
 """Study -> the options that not all studies have and it has."""

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping, Sequence
+from textwrap import fill
 
 from parcours.report.drawing import INK, MARKERS, PAPER, SERIES, bad_data, canvas, percent, require_data, svg_of
 from parcours.report.pieces import Figure
@@ -14,6 +15,9 @@ from parcours.report.rates import Interval
 
 Curves = Mapping[str, Sequence[Interval]]
 """Name of a series -> one rate a setting."""
+
+_LABEL = 20
+"""Characters that fit beside a panel in one line."""
 
 
 def curves(
@@ -52,14 +56,15 @@ def curves(
                         markeredgecolor=PAPER, markeredgewidth=0.6, label=name, clip_on=False, zorder=3,
                     )  # fmt: skip
                 panel.yaxis.set_major_formatter(percent)
-                panel.set_ylim(bottom=0.0)
                 panel.set_xlim(at[0], at[-1])
                 if k == 0:
                     panel.set_title(dial, color=INK)
                 if j == 0:
-                    panel.set_ylabel(counted, color=INK)
+                    panel.set_ylabel(fill(counted, _LABEL), color=INK)
                 if k == len(panels) - 1:
                     panel.set_xlabel(axis)
+            # once the whole row is drawn: its panels share this scale, and it would stay as it is now
+            axes[k * len(dials)].set_ylim(bottom=0.0)
         figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper left", ncols=len(series))
         svg = svg_of(figure)
     told = (

@@ -11,7 +11,7 @@ import re
 import warnings
 from collections.abc import Iterator, Mapping, Sequence, Sized
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from parcours.errors import BadRequest
 
@@ -107,7 +107,7 @@ def canvas(
         matplotlib.rcParams.update(_STYLE)
         figure = Canvas(figsize=(WIDTH, height), layout="constrained")
         FigureCanvasSVG(figure)
-        shared = same_heights if columns == 1 else "row"
+        shared: Literal["row"] | bool = same_heights if columns == 1 else "row"
         panels = figure.subplots(rows, columns, sharex=True, sharey=shared, squeeze=False)
         yield figure, list(panels.ravel())
 

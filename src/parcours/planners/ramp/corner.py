@@ -17,6 +17,9 @@ from parcours.kernels import Record, kernel
 from parcours.planners.ramp.messages import SAMPLE
 
 
+_STEEPEST = math.sqrt(0.2)
+
+
 @kernel
 def corner_rate(turn: float, parameters: Record) -> float:
     """Return the greatest constant speed on a corner per metre of leg [1/s] within the yaw limits; 0 for a hairpin.
@@ -31,11 +34,13 @@ def corner_rate(turn: float, parameters: Record) -> float:
     if s <= 1e-9:
         return np.inf
     # Curvature begins at once: within one sample the yaw rate may change by alpha_max * SAMPLE, an eighth of which is
-    # left for the climb within that sample. In between it climbs from the ends to the middle over about 0.9 of a leg,
-    # at no more than 2.25 times its mean rate.
+    # left for the climb within that sample. In between curvature changes with the way by 3 s^2 c^2 x / (d^2 r^6),
+    # most where x^2 = 1/5, or at the ends of a corner too flat to have such a place.
     rate = min(parameters.w_max * c * c / s, 0.875 * parameters.alpha_max * SAMPLE / (s * c))
-    climb = s / (c * c) - s * c
-    return float(min(rate, np.sqrt(0.4 * parameters.alpha_max / climb))) if climb > 0.0 else float(rate)
+    steepest = min(s / c, _STEEPEST)
+    r_square = c * c * (1.0 + steepest * steepest)
+    climb = 3.0 * s * s * c * c * steepest / (r_square * r_square * r_square)
+    return float(min(rate, np.sqrt(parameters.alpha_max / climb)))
 
 
 @kernel
@@ -126,8 +131,7 @@ def slope_at(way: float) -> float:
 @kernel
 def place_on_corner(piece: Record, way: float) -> tuple[float, float, float]:
     """Return (x [m], y [m], slope against the corner's middle) after `way` [m] along the CURVE of a PIECE."""
-    s, c = piece.half_s, piece.half_c
-    slope = slope_at((way - 0.5 * piece.length) * 2.0 * s / (piece.leg * c * c))
-    u = min(max(0.5 + 0.5 * slope * c / s, 0.0), 1.0)
+    slope = slope_at((way - 0.5 * piece.length) * piece.per_way)
+    u = min(max(0.5 + slope * piece.per_slope, 0.0), 1.0)
     before, after = piece.leg * u * (2.0 - u), piece.leg * u * u
     return piece.x + before * piece.c + after * piece.to_c, piece.y + before * piece.s + after * piece.to_s, slope

@@ -156,14 +156,18 @@ def speed_limit(planner: Record, obstacles: Record, parameters: Record) -> float
     limit = np.inf
     robot = planner.latest
     a, reaction = parameters.a_max, parameters.reaction
-    s, c = sin_cos(robot.heading)
+    s = c = 0.0
     for k in range(len(obstacles)):
         pose = obstacles[k].pose
         x, y = pose.x - robot.x, pose.y - robot.y
         distance = np.sqrt(x * x + y * y)
         reach = parameters.robot_radius + obstacles[k].radius
         nearer = distance - reach - max(robot.v, 0.0) * _UNTIL_OBEYED
-        if nearer > _SAFE_CLEARANCE or x * c + y * s < -_TURNS_TOWARDS * distance:
+        if nearer > _SAFE_CLEARANCE:
+            continue
+        if s == 0.0 and c == 0.0:
+            s, c = sin_cos(robot.heading)
+        if x * c + y * s < -_TURNS_TOWARDS * distance:
             continue
         if abs(pose.v) >= STANDS:
             if abs(x * s - y * c) < reach:

@@ -48,6 +48,8 @@ PIECE = np.dtype(
         ("to_c", "f8"),
         ("half_s", "f8"),  # sine and cosine of half the angle
         ("half_c", "f8"),
+        ("per_way", "f8"),  # 2 half_s / (leg half_c^2): from way to what `slope_at` takes [1/m]
+        ("per_slope", "f8"),  # half_c / (2 half_s): from slope to the curve's parameter
         ("v0", "f8"),  # speed at its begin [m/s], or [rad/s] for a turn
         ("peak", "f8"),  # its greatest speed
         ("rate", "f8"),  # the limit by which it speeds up and slows down [m/s2], or [rad/s2]

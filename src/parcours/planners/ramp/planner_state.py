@@ -102,6 +102,6 @@ def begin_population(planner: Record, pose: Record, parameters: Record) -> None:
                 path.n += 1
         member.id = planner.next_id
         planner.next_id += 1
-        generate(path, pose, HYBRID, parameters, planner.route, member.trajectory)
+        generate(path, pose, planner.switch_kind, parameters, planner.route, member.trajectory)
         member.trajectory.begins = 0
         member.trajectory.id = member.id

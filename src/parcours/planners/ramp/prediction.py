@@ -60,11 +60,13 @@ def change_of(prediction: Record, obstacle: Record, stamp: int) -> float:
     elapsed = (stamp - prediction.stamp) * 1e-9
     s0, c0 = sin_cos(prediction.heading)
     x, y = prediction.x[0] + speed * elapsed * c0, prediction.y[0] + speed * elapsed * s0
+    turned = pose.heading - prediction.heading
     if abs(pose.w) >= STRAIGHT:
+        turned -= pose.w * elapsed
         s1, c1 = sin_cos(prediction.heading + pose.w * elapsed)
         x = prediction.x[0] + speed / pose.w * (s1 - s0)
         y = prediction.y[0] - speed / pose.w * (c1 - c0)
-    turned = abs(wrap(pose.heading - prediction.heading - pose.w * elapsed))
+    turned = abs(wrap(turned))
     moved = 1.5 * max(abs(pose.x - x), abs(pose.y - y))
     way = abs(speed) * SAMPLE * HORIZON
     sampled = abs(pose.w) * SAMPLE * abs(speed) * SAMPLE  # chords between samples against the arc, twice, and more

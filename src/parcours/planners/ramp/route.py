@@ -25,6 +25,10 @@ ROUTE = np.dtype(
         ("x", "f8", (MAX_PIECES,)),  # where the piece begins [m]
         ("y", "f8", (MAX_PIECES,)),
         ("heading", "f8", (MAX_PIECES,)),  # ... and its heading there [rad]
+        ("s", "f8", (MAX_PIECES,)),  # that angle's sine and cosine, but for turns
+        ("c", "f8", (MAX_PIECES,)),
+        ("to_s", "f8", (MAX_PIECES,)),  # those of the heading at the end of a curve
+        ("to_c", "f8", (MAX_PIECES,)),
         ("length", "f8", (MAX_PIECES,)),  # [m], or [rad] for a turn
         ("leg", "f8", (MAX_PIECES,)),  # of a curve [m]
         ("angle", "f8", (MAX_PIECES,)),  # turned by a curve or turn [rad]
@@ -64,9 +68,20 @@ def _add(route: Record, kind: int, x: float, y: float, heading: float, length: f
 
 
 @kernel
-def _add_curve(route: Record, x: float, y: float, heading: float, leg: float, turn: float, cap: float) -> int:
-    """Append a rounded corner that begins at (x, y) and return its index."""
+def _add_line(route: Record, x: float, y: float, heading: float, s: float, c: float, length: float, cap: float) -> int:
+    """Append a straight in the direction (c, s), which is that of the heading, and return its index."""
+    i = _add(route, LINE, x, y, heading, length, cap)
+    route.s[i], route.c[i] = s, c
+    return int(i)
+
+
+@kernel
+def _add_curve(
+    route: Record, x: float, y: float, heading: float, s: float, c: float, leg: float, turn: float, cap: float
+) -> int:
+    """Append a rounded corner that begins at (x, y) in the direction (c, s) and return its index; set no end."""
     i = _add(route, CURVE, x, y, heading, corner_length(leg, turn), cap)
+    route.s[i], route.c[i] = s, c
     route.leg[i], route.angle[i] = leg, turn
     return int(i)
 
@@ -144,55 +159,61 @@ def _lay(path: Record, pose: Record, kind: int, stop_first: bool, parameters: Re
     while k < last and (path.x[k] - x) ** 2 + (path.y[k] - y) ** 2 < NEAR * NEAR:
         k += 1
     route.first_heading = heading
-    if k > last or ((path.x[k] - x) ** 2 + (path.y[k] - y) ** 2 < NEAR * NEAR):
-        _add(route, LINE, x, y, heading, 0.0, parameters.v_max)
+    to_x, to_y = path.x[k] - x, path.y[k] - y
+    before = np.sqrt(to_x * to_x + to_y * to_y)
+    if k > last or before < NEAR:
+        s, c = sin_cos(heading)
+        _add_line(route, x, y, heading, s, c, 0.0, parameters.v_max)
         return bool(v < NEAR) and _speeds(route, v, parameters.a_max)
-    route.first_heading = atan2(path.y[k] - y, path.x[k] - x)
+    route.first_heading = atan2(to_y, to_x)
     turn = wrap(route.first_heading - heading)
     if v >= NEAR and (stop_first or abs(turn) > GENTLE):
         if not stop_first:
             return False
         way = 0.5 * v * v / parameters.a_max
         s, c = sin_cos(heading)
-        _add(route, LINE, x, y, heading, way, parameters.v_max)
+        _add_line(route, x, y, heading, s, c, way, parameters.v_max)
         x, y = x + way * c, y + way * s
-        turn = wrap(atan2(path.y[k] - y, path.x[k] - x) - heading)
+        to_x, to_y = path.x[k] - x, path.y[k] - y
+        before = np.sqrt(to_x * to_x + to_y * to_y)
+        turn = wrap(atan2(to_y, to_x) - heading)
         _add_turn(route, x, y, heading, turn)
+        heading = wrap(heading + turn)
         route.smooth = 0
-    elif v < NEAR:
+    elif v < NEAR or abs(turn) <= NEAR:
         if abs(turn) > NEAR:
             _add_turn(route, x, y, heading, turn)
-    elif abs(turn) > NEAR:
-        distance = np.sqrt((path.x[k] - x) ** 2 + (path.y[k] - y) ** 2)
-        leg = min(0.3, 0.4 * distance)
+        heading = route.first_heading
+    else:
+        leg = min(0.3, 0.4 * before)
         s, c = sin_cos(heading)
-        turn = wrap(atan2(path.y[k] - y - leg * s, path.x[k] - x - leg * c) - heading)
+        to_x, to_y = to_x - leg * c, to_y - leg * s
+        turn = wrap(atan2(to_y, to_x) - heading)
         speed = corner_speed(leg, turn, parameters)
         if speed < v or v < SLOW_CORNER * parameters.v_max:
             return False
-        _add_curve(route, x, y, heading, leg, turn, speed)
-        x, y = x + leg * c, y + leg * s
-        s, c = sin_cos(heading + turn)
-        x, y = x + leg * c, y + leg * s
-    if x != pose.x or y != pose.y:
-        heading = atan2(path.y[k] - y, path.x[k] - x)
-    else:
-        heading = route.first_heading
+        i = _add_curve(route, x, y, heading, s, c, leg, turn, speed)
+        left = np.sqrt(to_x * to_x + to_y * to_y)
+        route.to_s[i], route.to_c[i] = to_y / left, to_x / left
+        x, y = x + leg * (c + route.to_c[i]), y + leg * (s + route.to_s[i])
+        before = left - leg
+        heading = wrap(heading + turn)
+    s, c = sin_cos(heading) if before < NEAR else (to_y / before, to_x / before)
     corners = 2 if kind == TRANSITION else 1
     first = True
     while True:
+        # The way is at (x, y), `before` metres from knot k in the direction (c, s), which is that of the heading.
         px, py = path.x[k], path.y[k]
-        before = np.sqrt((px - x) ** 2 + (py - y) ** 2)
         following = k + 1
         while following <= last and (path.x[following] - px) ** 2 + (path.y[following] - py) ** 2 < NEAR * NEAR:
             following += 1
         if following > last:
-            i = _add(route, LINE, x, y, heading, before, parameters.v_max)
+            i = _add_line(route, x, y, heading, s, c, before, parameters.v_max)
             route.knot[i] = last
             break
         after_x, after_y = path.x[following] - px, path.y[following] - py
         after = np.sqrt(after_x * after_x + after_y * after_y)
-        turn = wrap(atan2(after_y, after_x) - heading)
+        turn = atan2(c * after_y - s * after_x, c * after_x + s * after_y)
         leg, speed = 0.0, 0.0
         if abs(turn) > NEAR and kind != HOLONOMIC:
             if corners > 0:
@@ -206,24 +227,21 @@ def _lay(path: Record, pose: Record, kind: int, stop_first: bool, parameters: Re
                 speed = corner_speed(leg, turn, parameters)
                 if speed < 0.2 * parameters.v_max:
                     leg = 0.0
-        i = _add(route, LINE, x, y, heading, before - leg, parameters.v_max)
+        i = _add_line(route, x, y, heading, s, c, before - leg, parameters.v_max)
         first = False
         if leg > 0.0:
-            s, c = sin_cos(heading)
-            i = _add_curve(route, px - leg * c, py - leg * s, heading, leg, turn, speed)
-            route.knot[i] = k
-            heading = wrap(heading + turn)
-            s, c = sin_cos(heading)
-            x, y = px + leg * c, py + leg * s
-        else:
-            route.knot[i] = k
-            if abs(turn) > NEAR:
-                if kind != HOLONOMIC:
-                    _estimate_rest(path, k, heading, route)
-                    break
-                _add_turn(route, px, py, heading, turn)
-            heading = wrap(heading + turn)
-            x, y = px, py
+            i = _add_curve(route, px - leg * c, py - leg * s, heading, s, c, leg, turn, speed)
+        route.knot[i] = k
+        if leg == 0.0 and abs(turn) > NEAR:
+            if kind != HOLONOMIC:
+                _estimate_rest(path, k, heading, route)
+                break
+            _add_turn(route, px, py, heading, turn)
+        heading = wrap(heading + turn)
+        s, c = after_y / after, after_x / after
+        if leg > 0.0:
+            route.to_s[i], route.to_c[i] = s, c
+        x, y, before = px + leg * c, py + leg * s, after - leg
         k = following
     return _speeds(route, v, parameters.a_max)
 
@@ -259,19 +277,17 @@ def plan_route(path: Record, pose: Record, kind: int, parameters: Record, route:
         parameters: PARAMETERS with the limits.
         route: ROUTE that is filled. `smooth` is 0 if the robot must stop and rotate before it can follow the way.
     """
-    if _lay(path, pose, kind, False, parameters, route):
-        return
-    if kind != HOLONOMIC and _lay(path, pose, HOLONOMIC, False, parameters, route):
-        if kind == TRANSITION:
-            route.smooth = 0
-        return
-    if _lay(path, pose, HYBRID, True, parameters, route):
-        return
-    if _lay(path, pose, HOLONOMIC, True, parameters, route):
-        return
+    for attempt in range(4):
+        tried = kind if attempt == 0 else (HYBRID if attempt == 2 else HOLONOMIC)
+        if _lay(path, pose, tried, attempt >= 2, parameters, route):
+            if attempt == 1 and kind == TRANSITION:
+                route.smooth = 0
+            return
     # Only standing at the goal, or so near that braking overshoots it, is left: brake and stay.
     route.n = 0
-    _add(route, LINE, pose.x, pose.y, pose.heading, 0.5 * pose.v * pose.v / parameters.a_max, parameters.v_max)
+    s, c = sin_cos(pose.heading)
+    way = 0.5 * pose.v * pose.v / parameters.a_max
+    _add_line(route, pose.x, pose.y, pose.heading, s, c, way, parameters.v_max)
     route.knot[0] = path.n - 1
     route.rest_length = route.rest_turn = 0.0
     _speeds(route, pose.v, parameters.a_max)

@@ -52,11 +52,13 @@ def time_route(route: Record, parameters: Record, trajectory: Record) -> None:
         peak, up, hold, down = trapezoid(route.length[i], v0, v1, cap, rate)
         clock += up + hold + down
         piece.kind, piece.x, piece.y, piece.heading = kind, route.x[i], route.y[i], route.heading[i]
-        piece.s, piece.c = sin_cos(route.heading[i])
-        if kind == CURVE:
-            piece.to_s, piece.to_c = sin_cos(route.heading[i] + route.angle[i])
-            piece.half_s, piece.half_c = sin_cos(0.5 * abs(route.angle[i]))
+        piece.s, piece.c = route.s[i], route.c[i]
         piece.length, piece.leg, piece.angle = route.length[i], route.leg[i], route.angle[i]
+        if kind == CURVE:
+            piece.to_s, piece.to_c = route.to_s[i], route.to_c[i]
+            piece.half_s, piece.half_c = sin_cos(0.5 * abs(route.angle[i]))
+            piece.per_way = 2.0 * piece.half_s / (piece.leg * piece.half_c * piece.half_c)
+            piece.per_slope = 0.5 * piece.half_c / piece.half_s
         piece.v0, piece.peak, piece.rate = v0, peak, rate
         piece.up, piece.hold, piece.down, piece.end = up, hold, down, clock
         _outline(piece, up + hold + down, trajectory)
@@ -143,10 +145,13 @@ def _n_samples(duration: float) -> int:
 
 
 @kernel
-def _piece_at(trajectory: Record, seconds: float) -> tuple[int, float]:
-    """Return which piece the trajectory is on, `seconds` after its begin (its ends beyond them), and for how long."""
+def _piece_at(trajectory: Record, seconds: float, i: int) -> tuple[int, float]:
+    """Return which piece the trajectory is on, `seconds` after its begin (its ends beyond them), and for how long.
+
+    It is looked for from piece i on, which must not begin later.
+    """
     time = min(max(seconds, 0.0), trajectory.duration) + trajectory.skipped
-    i, begun = 0, 0.0
+    begun = trajectory.pieces[i - 1].end if i > 0 else 0.0
     while i < trajectory.n_pieces - 1 and time >= trajectory.pieces[i].end:
         begun = trajectory.pieces[i].end
         i += 1
@@ -156,21 +161,28 @@ def _piece_at(trajectory: Record, seconds: float) -> tuple[int, float]:
 @kernel
 def place_at(trajectory: Record, seconds: float) -> tuple[float, float]:
     """Return where the trajectory is `seconds` after its begin, (x, y) [m]; its ends beyond them."""
-    i, time = _piece_at(trajectory, seconds)
+    x, y, _ = place_from(trajectory, seconds, 0)
+    return x, y
+
+
+@kernel
+def place_from(trajectory: Record, seconds: float, first: int) -> tuple[float, float, int]:
+    """Return what `place_at` does, and the piece that is; `first` is a piece that does not begin later."""
+    i, time = _piece_at(trajectory, seconds, first)
     piece = trajectory.pieces[i]
     if piece.kind == TURN:
-        return piece.x, piece.y
+        return piece.x, piece.y, i
     way, _ = along(time, piece.v0, piece.peak, piece.up, piece.hold, piece.down, piece.rate)
     if piece.kind == LINE:
-        return piece.x + way * piece.c, piece.y + way * piece.s
+        return piece.x + way * piece.c, piece.y + way * piece.s, i
     x, y, _ = place_on_corner(piece, way)
-    return x, y
+    return x, y, i
 
 
 @kernel
 def pose_at(trajectory: Record, seconds: float, pose: Record) -> None:
     """Set the POSE to where the trajectory is `seconds` after its begin (its ends, beyond them, at rest)."""
-    i, time = _piece_at(trajectory, seconds)
+    i, time = _piece_at(trajectory, seconds, 0)
     piece = trajectory.pieces[i]
     way, speed = along(time, piece.v0, piece.peak, piece.up, piece.hold, piece.down, piece.rate)
     if piece.kind == LINE:

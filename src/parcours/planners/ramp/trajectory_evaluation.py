@@ -18,7 +18,7 @@ from parcours.planners.ramp.messages import (
 from parcours.planners.ramp.parameters import GUARDED, Parameters
 from parcours.planners.ramp.prediction import predicted_place
 from parcours.planners.ramp.service import Service
-from parcours.planners.ramp.trajectory import place_at
+from parcours.planners.ramp.trajectory import place_at, place_from
 
 _UNSEEN = 0.003
 """What legs leave out at joints of the way between two samples [m]: up to 2.4 m/s2 over a sample."""
@@ -28,11 +28,16 @@ MODEST_TURN = 0.1
 
 
 @kernel
-def _gap(trajectory: Record, i: int, prediction: Record, shift: float, dx: float, dy: float) -> tuple[float, float]:
-    """Return the vector from the robot at sample i (its last beyond the end) to the obstacle at that instant [m]."""
-    x, y = place_at(trajectory, i * SAMPLE)
+def _gap(
+    trajectory: Record, i: int, piece: int, prediction: Record, shift: float, dx: float, dy: float
+) -> tuple[float, float, int]:
+    """Return the vector from the robot at sample i (its last beyond the end) to the obstacle at that instant [m].
+
+    Beside it stands the piece that the robot is on; `piece` is one that does not begin later.
+    """
+    x, y, piece = place_from(trajectory, i * SAMPLE, piece)
     at_x, at_y = predicted_place(prediction, i + shift)
-    return at_x - x - dx, at_y - y - dy
+    return at_x - x - dx, at_y - y - dy, piece
 
 
 @kernel
@@ -54,7 +59,7 @@ def _first_hit(
     between two samples is exact, so that nothing slips between them. `closing` is the most it closes in a sample [m].
     """
     i = first
-    x, y = _gap(trajectory, i, prediction, shift, dx, dy)
+    x, y, piece = _gap(trajectory, i, 0, prediction, shift, dx, dy)
     distance = np.sqrt(x * x + y * y)
     while i < last:
         if distance < reach and not leaving:
@@ -66,11 +71,11 @@ def _first_hit(
                 i += skip
                 if i >= last:
                     return last
-                x, y = _gap(trajectory, i, prediction, shift, dx, dy)
+                x, y, piece = _gap(trajectory, i, piece, prediction, shift, dx, dy)
                 distance = np.sqrt(x * x + y * y)
                 continue
         i += 1
-        x1, y1 = _gap(trajectory, i, prediction, shift, dx, dy)
+        x1, y1, piece = _gap(trajectory, i, piece, prediction, shift, dx, dy)
         following = np.sqrt(x1 * x1 + y1 * y1)
         if leaving:
             if following < distance - 1e-6:
@@ -119,14 +124,18 @@ def _collision_with_standing(
             if clear == last:
                 room = min(room, np.sqrt(near) - least)
         else:
+            # Nothing is near but while the two are so near in uniform motion.
             outside = gap_x * gap_x + gap_y * gap_y - least * least
-            share = 0.0
-            if outside > 0.0:  # nothing is near before the two come so near in uniform motion
-                root = np.sqrt(max(inwards * inwards * leg.per_square - outside, 0.0) * leg.per_square)
-                share = 0.999 * (inwards * leg.per_square - root)
-            begins = leg.begin - trajectory.skipped + share * (leg.end - leg.begin)
-            from_ = max(first, int(begins / SAMPLE))
-            to = last if is_last else min(last, int((leg.end - trajectory.skipped) / SAMPLE) + 1)
+            root = np.sqrt(max(inwards * inwards * leg.per_square - outside, 0.0) * leg.per_square)
+            begun, lasts = leg.begin - trajectory.skipped, leg.end - leg.begin
+            enters = 0.999 * (inwards * leg.per_square - root) if outside > 0.0 else 0.0
+            leaves = 1.001 * (inwards * leg.per_square + root)
+            from_ = max(first, int((begun + enters * lasts) / SAMPLE))
+            to = last
+            if leaves < 1.0:
+                to = min(last, int((begun + leaves * lasts) / SAMPLE) + 2)
+            elif not is_last:
+                to = min(last, int((begun + lasts) / SAMPLE) + 1)
             hit = _first_hit(trajectory, from_, to, prediction, 0.0, drift_x, drift_y, reach, False, v_max * SAMPLE)
             clear = min(clear, int((leg.begin - trajectory.skipped) / SAMPLE) - 1)
             if hit < to:
@@ -190,12 +199,13 @@ def _collision_with_moving(
             if clear == last:
                 room = min(room, np.sqrt(near) - least)
         else:
+            # Nothing is near but while the two are so near in uniform motion.
             outside = x * x + y * y - least * least
-            begins = time
-            if outside > 0.0:  # nothing is near before the two come so near in uniform motion
-                share = (inwards - np.sqrt(max(inwards * inwards - square * outside, 0.0))) / square
-                begins += 0.999 * share * (end - time)
-            from_, to = max(first, int(begins / SAMPLE)), min(last, int(end / SAMPLE) + 1)
+            root = np.sqrt(max(inwards * inwards - square * outside, 0.0))
+            enters = 0.999 * (inwards - root) / square if outside > 0.0 else 0.0
+            leaves = min(1.001 * (inwards + root) / square, 1.0) if square > 0.0 else 1.0
+            from_ = max(first, int((time + enters * (end - time)) / SAMPLE))
+            to = min(last, int((time + leaves * (end - time)) / SAMPLE) + 2)
             hit = _first_hit(trajectory, from_, to, prediction, shift, drift_x, drift_y, reach, False, closing)
             clear = min(clear, int(time / SAMPLE) - 1)
             if hit < to:

@@ -8,19 +8,20 @@ from collections.abc import Mapping
 import numpy as np
 
 from parcours import __version__
+from parcours.studies.comparison.benchmarking import benchmark_scores
 from parcours.studies.comparison.pairing import RateDifference
+from parcours.studies.comparison.paper_rule import RULES, stuck_of_solvable
 from parcours.studies.comparison.results import (
     QUESTIONS,
     Contender,
     PairTest,
     Results,
     pair_tests,
-    reached,
-    time_to_goal,
     weighted_by_time,
     weighted_by_way,
 )
 from parcours.studies.comparison.tables import beats, speaks_of_answers
+from parcours.studies.distribution import distribution_document, reached, time_to_goal
 from parcours.verdict.navigation import Outcome
 from parcours.verdict.statistics import Rate, quantiles, wilson
 
@@ -40,7 +41,19 @@ def comparison_document(results: Results) -> dict[str, object]:
         "command_delay_s": results.command_delay,
         "note": speaks_of_answers(results),
         "solvable": None if results.solvable is None else _rate(wilson(int(results.solvable.sum()), results.n_cases)),
+        "undecided": None if results.solvable is None else _undecided(results),
         "planners": {c.name: _planner(results, c) for c in results.contenders},
+        "benchmarks": [
+            {
+                "benchmark": s.benchmark,
+                "mode": s.mode,
+                "score": s.name,
+                "unit": s.unit,
+                "cases": s.cases,
+                "means": dict(zip((c.name for c in results.contenders), s.means, strict=True)),
+            }
+            for s in benchmark_scores(results)
+        ],
         "tests_against_first": [_test(test) for test in pair_tests(results.contenders)],
         "tests_of_all_pairs": [_test(test) for test in pair_tests(results.contenders, against_first=False)],
         "reached_where_other_did_not": beats(results).tolist(),
@@ -64,16 +77,15 @@ def _planner(results: Results, contender: Contender) -> dict[str, object]:
         "answers": contender.answers,
         "outcomes": {o.name.lower(): _rate(wilson(int((contender.outcomes == int(o)).sum()), n)) for o in Outcome},
         "questions": {words: _rate(wilson(int(ask(contender.facts).sum()), n)) for words, ask in QUESTIONS.items()},
+        "paper_rule": {words: _rate(wilson(int(ask(contender.facts).sum()), n)) for words, ask in RULES.items()},
+        "stuck_of_solvable": _bracket(stuck_of_solvable(results, contender)),
         "reached_of_solvable": None if can is None else _rate(wilson(int((good & can).sum()), int(can.sum()))),
         "time_to_goal_s": _quantiles(times),
         "time_to_goal_where_all_reach_s": _quantiles(times[both]),
         "min_clearance_m": _quantiles(gaps[np.isfinite(gaps)]),
-        "spl": float(weighted_by_way(results, contender).mean()),
+        "spl": float(weighted_by_way(contender).mean()),
         "sct": None if by_time is None or not np.isfinite(by_time).any() else float(np.nanmean(by_time)),
-        "measures": {
-            name: _quantiles(np.where(np.isfinite(values), values, np.nan))
-            for name, values in contender.measures.items()
-        },
+        "measures": distribution_document(results.measured(contender)),
         "reached_by_start_vector": {
             vector: _rate(wilson(int(good[vectors == vector].sum()), int((vectors == vector).sum())))
             for vector in sorted(set(results.vectors))
@@ -88,6 +100,17 @@ def _planner(results: Results, contender: Contender) -> dict[str, object]:
 def _quantiles(values: np.ndarray) -> dict[str, float | int]:
     named = {f"q{round(100 * share):02d}": value for share, value in zip(_AT, quantiles(values, _AT), strict=True)}
     return {"n": int((~np.isnan(values)).sum()), **named}
+
+
+def _undecided(results: Results) -> int:
+    """Return how many cases are neither known to be solvable nor known not to be."""
+    assert results.solvable is not None and results.unsolvable is not None
+    return int((~results.solvable & ~results.unsolvable).sum())
+
+
+def _bracket(rates: tuple[Rate, Rate] | None) -> dict[str, object] | None:
+    """Return a rate among the solvable cases, and among those that may be."""
+    return None if rates is None else {"solvable": _rate(rates[0]), "not_unsolvable": _rate(rates[1])}
 
 
 def _rate(rate: Rate) -> dict[str, float | int]:

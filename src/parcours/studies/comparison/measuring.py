@@ -1,29 +1,34 @@
-"""Cases run again with their tracks -> measures of the ways driven, as a campaign of its own."""
+"""Cases run again with their tracks -> what published benchmark code computes of them, as a campaign of its own.
+
+What is measured correctly is measured while a case runs; the defects of published code are only of interest beside it.
+"""
 
 from __future__ import annotations
 
 import hashlib
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
+import parcours.verdict.measures as room
 from parcours.run.pulse import LostCase
 from parcours.run.store import Campaign
-from parcours.studies.comparison.results import GOAL
+from parcours.studies.distribution import GOAL
 from parcours.studies.navigation.study import NavigationStudy
 from parcours.studies.ramp_system.study import SystemStudy
-from parcours.verdict.measures.one_case import measures_of
-from parcours.verdict.measures.table import MEASURES
+from parcours.verdict.measures.one_case import measures_as_published
+from parcours.verdict.measures.table import PUBLISHED
 
-MEASURED = np.dtype([("number", "i8"), *MEASURES.descr])
-"""Measures of one case; all NaN where the planner's own error ended it."""
+REPRODUCED = np.dtype([("number", "i8"), *PUBLISHED.descr])
+"""What published code computes of one case; all NaN where the planner's own error ended it."""
 
 
 @dataclass(frozen=True, slots=True)
-class Measuring:
-    """A study's cases, measured; callable as a campaign's `simulate`.
+class Reproducing:
+    """A study's cases, as published code measures them; callable as a campaign's `simulate`.
 
     Args:
         study: whose cases.
@@ -43,51 +48,43 @@ class Measuring:
         return replace(self, lost=lost)
 
     def __call__(self, first: int, count: int) -> NDArray[np.void]:
-        """Return the measures of cases first .. first + count - 1, array of MEASURED of shape (count,)."""
-        rows = np.zeros(count, MEASURED)
+        """Return what is computed of cases first .. first + count - 1, array of REPRODUCED of shape (count,)."""
+        rows = np.zeros(count, REPRODUCED)
+        names = list(PUBLISHED.names or ())
         skipped = {case.number for case in self.lost}
         cases = self.study.cases
-        radii = np.full(3, cases.obstacle_radius)
         for row, number in zip(rows, range(first, first + count), strict=True):
             row["number"] = number
-            for name in MEASURES.names or ():
+            for name in names:
                 row[name] = np.nan
             if number in skipped:
                 continue
             facts, track, places = self.study.track(number)
             if facts[0]["error"]:
                 continue
-            found = measures_of(
-                track,
-                places,
-                radii,
-                robot_radius=cases.robot_radius,
-                goal=GOAL,
-                until=int(facts[0]["t_end"]),
+            radii = np.full(places.shape[1], cases.obstacle_radius)
+            found = measures_as_published(
+                track, places, radii, robot_radius=cases.robot_radius, goal=GOAL, until=int(facts[0]["t_end"])
             )
-            for name in MEASURES.names or ():
+            for name in names:
                 row[name] = found[name]
         return rows
 
     def campaign(self, campaign: Campaign, n_cases: int) -> Campaign:
-        """Return the campaign that measures the first cases of a campaign."""
+        """Return the campaign that runs the first cases of a campaign again."""
         parameters = {**campaign.parameters, "measures": measures_digest()}
         return replace(
             campaign,
-            study=f"{campaign.study}/measures",
+            study=f"{campaign.study}/as-published",
             n_cases=n_cases,
-            dtype=MEASURED,
+            dtype=REPRODUCED,
             parameters=parameters,
-            shard_size=16,
+            shard_size=64,
         )
 
 
 def measures_digest() -> str:
     """Return a digest of the code that measures."""
-    from pathlib import Path
-
-    import parcours.verdict.measures as room
-
     digest = hashlib.sha256()
     for path in sorted(Path(next(iter(room.__path__))).glob("*.py")):
         digest.update(path.name.encode() + b"\0" + path.read_bytes() + b"\0")

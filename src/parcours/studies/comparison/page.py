@@ -6,14 +6,15 @@ from parcours import __version__
 from parcours.report.pieces import Figure, Finding, Findings, Page, Piece, Section, Text, Tone
 from parcours.report.rates import intervals, shares
 from parcours.report.standings import arrivals, dominance
-from parcours.studies.comparison.results import PairTest, Results, contact, pair_tests, reached, time_to_goal
+from parcours.studies.comparison.benchmarking import BENCHMARK_LEAD, benchmark_tables
+from parcours.studies.comparison.paper_rule import paper_table
+from parcours.studies.comparison.results import PairTest, Results, contact, pair_tests
 from parcours.studies.comparison.rivalry import tests_table
 from parcours.studies.comparison.tables import (
     beats,
     clearance_table,
     decision_table,
     error_table,
-    interval,
     measure_table,
     outcome_table,
     question_table,
@@ -22,6 +23,7 @@ from parcours.studies.comparison.tables import (
     time_table,
     vector_table,
 )
+from parcours.studies.distribution import reached, time_to_goal
 from parcours.verdict.navigation import Outcome
 from parcours.verdict.statistics import wilson
 
@@ -58,12 +60,14 @@ def compare_page(results: Results) -> Page:
         Section(
             "How the cases ended", "", (_stacked(results), outcome_table(results), question_table(results)), "outcomes"
         ),
+        Section("The paper's results", "", (paper_table(results),), "paper"),
         Section("Who beats whom", "", _rivalry(results, tests), "tests"),
         Section("Times and clearances", "", _times(results), "times"),
+        Section("The way driven", "", (measure_table(results),), "measures"),
         Section("Start vectors", "", (vector_table(results),), "vectors"),
     ]
-    if (measured := measure_table(results)) is not None:
-        sections.append(Section("The way driven", "", (measured,), "measures"))
+    if (scored := benchmark_tables(results)) is not None:
+        sections.append(Section("Scores of published benchmarks", BENCHMARK_LEAD, scored, "benchmarks"))
     if (errors := error_table(results)) is not None:
         sections.append(Section("Errors", "What planners did that ended a case.", (errors,), "errors"))
     sections.append(Section("Time to decide", "", (decision_table(results),), "decisions"))
@@ -143,12 +147,4 @@ def _clearance(results: Results) -> Figure:
         {c.name: c.facts["min_clearance"] for c in results.contenders},
         "least gap to an obstacle before the end [m]",
         "Negative: overlap, whoever closed the gap.",
-    )
-
-
-def headline(results: Results) -> str:
-    """Return one line a planner: who reached how often."""
-    return "\n".join(
-        f"{c.name}: reached {interval(wilson(int(reached(c.facts).sum()), results.n_cases))}"
-        for c in results.contenders
     )

@@ -5,13 +5,13 @@ from __future__ import annotations
 import itertools
 import re
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from parcours.arena.solvability import SOLVABLE, shortest_way
+from parcours.arena.solvability import SOLVABLE, UNSOLVABLE
 from parcours.errors import BadRequest
 from parcours.studies.comparison.pairing import (
     RateDifference,
@@ -20,16 +20,13 @@ from parcours.studies.comparison.pairing import (
     rate_difference,
     time_difference,
 )
+from parcours.studies.distribution import measured, reached, sct_of, spl_of, time_to_goal
 from parcours.verdict.facts import NEVER
-from parcours.verdict.measures.scores import sct, spl
-from parcours.verdict.navigation import GOAL_TOLERANCE, Outcome, outcomes
+from parcours.verdict.navigation import outcomes
 
 Facts = NDArray[np.void]
 Flags = NDArray[np.bool_]
 Floats = NDArray[np.float64]
-
-START, GOAL = (0.0, 0.0), (2.0, 2.0)
-"""Where the robot starts and is to go in a system case [m]."""
 
 AT_ONCE = "at once"
 """How a planner answers whose work takes no time in the simulated world."""
@@ -60,7 +57,10 @@ class Contender:
         answers: how long its work takes in the simulated world, in words.
         reasons: what the planner did wrong, in words, one for each case that ended in its own error, in their order.
         decisions: how long it took to decide; None where it was not measured.
-        measures: name of a measure -> its value in each measured case, NaN where it has none.
+        measures: array of MEASURES, one a case, NaN where the planner's own error ended it, shape (n_cases,); None if
+            nothing was measured.
+        published: what published benchmark code computes of the first cases, array of PUBLISHED, shape (n,), NaN
+            likewise; None if no case was run again for it.
     """
 
     name: str
@@ -68,7 +68,8 @@ class Contender:
     answers: str = AT_ONCE
     reasons: tuple[str, ...] = ()
     decisions: DecisionTimes | None = None
-    measures: Mapping[str, Floats] = field(default_factory=dict)
+    measures: Facts | None = None
+    published: Facts | None = None
 
     @property
     def outcomes(self) -> NDArray[np.int64]:
@@ -80,11 +81,6 @@ class Contender:
         n = int(erred(self.facts).sum())
         said = [*self.reasons, *["no reason was kept"] * (n - len(self.reasons))]
         return Counter(re.sub(r"\b\d+(\.\d+)? s\b", "... s", reason) for reason in said).most_common()
-
-
-def reached(facts: Facts) -> Flags:
-    """Return in which cases the goal was reached in time, and no obstacle touched by the moving robot."""
-    return np.asarray(outcomes(facts) == int(Outcome.REACHED))
 
 
 def contact(facts: Facts) -> Flags:
@@ -120,12 +116,6 @@ QUESTIONS: dict[str, Callable[[Facts], Flags]] = {
 
 TESTED: dict[str, Callable[[Facts], Flags]] = {"reached": reached, "contact": contact}
 """The questions that are tested between two planners."""
-
-
-def time_to_goal(facts: Facts) -> Floats:
-    """Return when the goal was reached [s] in cases that count as reached, else NaN; shape (n_cases,)."""
-    known = reached(facts) & (facts["t_goal"] != NEVER)
-    return np.where(known, facts["t_goal"] * 1e-9, np.nan)
 
 
 @dataclass(frozen=True, slots=True)
@@ -190,6 +180,7 @@ class Results:
         vectors: start vector of each case, in words, shape (n_cases,).
         command_delay: from an answer to the robot for planners that answer at once [s].
         oracle: what could have been reached by a robot that knows the future, array of SOLVABILITY, shape (n_cases,).
+        survival: how long a standing robot survives in each case, as a share, shape (n_cases,).
     """
 
     contenders: tuple[Contender, ...]
@@ -199,20 +190,31 @@ class Results:
     vectors: tuple[str, ...]
     command_delay: float = 0.0
     oracle: Facts | None = None
+    survival: Floats | None = None
 
     @property
     def solvable(self) -> Flags | None:
         """Cases that could have been solved, shape (n_cases,); None if no oracle was asked."""
         return None if self.oracle is None else np.asarray(self.oracle["answer"] == SOLVABLE)
 
+    @property
+    def unsolvable(self) -> Flags | None:
+        """Cases that nobody could have solved; what is neither solvable nor this is undecided."""
+        return None if self.oracle is None else np.asarray(self.oracle["answer"] == UNSOLVABLE)
 
-def weighted_by_way(results: Results, contender: Contender) -> Floats:
-    """Return SPL of each case: success times the shortest conceivable way over the way driven, shape (n_cases,).
+    @property
+    def earliest(self) -> Floats | None:
+        """When nobody could have arrived before [s], infinite where nobody could at all, shape (n_cases,)."""
+        return None if self.oracle is None else np.asarray(self.oracle["earliest_outer"])
 
-    Success is `reached`; the shortest way is the straight line to the goal's tolerance, which no way undercuts.
-    """
-    shortest = shortest_way(START, GOAL, GOAL_TOLERANCE)
-    return spl(reached(contender.facts), np.full(results.n_cases, shortest), contender.facts["travelled"])
+    def measured(self, contender: Contender) -> dict[str, Floats]:
+        """Return what was measured on a planner's cases, by the names of `distribution.SHOWN`."""
+        return measured(contender.facts, contender.measures, earliest=self.earliest, survival=self.survival)
+
+
+def weighted_by_way(contender: Contender) -> Floats:
+    """Return SPL of each case: success times the shortest conceivable way over the way driven, shape (n_cases,)."""
+    return spl_of(contender.facts)
 
 
 def weighted_by_time(results: Results, contender: Contender) -> Floats | None:
@@ -220,7 +222,4 @@ def weighted_by_time(results: Results, contender: Contender) -> Floats | None:
 
     NaN where nobody could have arrived; None if no oracle was asked.
     """
-    if results.oracle is None:
-        return None
-    earliest = np.where(np.isfinite(results.oracle["earliest_outer"]), results.oracle["earliest_outer"], np.nan)
-    return sct(reached(contender.facts), earliest, time_to_goal(contender.facts))
+    return None if results.earliest is None else sct_of(contender.facts, results.earliest)

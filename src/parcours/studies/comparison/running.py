@@ -9,21 +9,20 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from parcours.arena.solvability import solve
 from parcours.errors import BadRequest
 from parcours.run.campaign import Simulate, run_campaign
 from parcours.run.store import Campaign, create
 from parcours.studies.comparison.deciding import decision_times
-from parcours.studies.comparison.measuring import Measuring
-from parcours.studies.comparison.results import AT_ONCE, GOAL, START, Contender, DecisionTimes, Floats, Results
+from parcours.studies.comparison.measuring import Reproducing
+from parcours.studies.comparison.results import AT_ONCE, Contender, DecisionTimes, Results
+from parcours.studies.distribution import oracle, survived
 from parcours.studies.navigation.planners import RAMP
 from parcours.studies.navigation.scenario import Scenario
 from parcours.studies.navigation.study import NavigationStudy, study_of
 from parcours.studies.ramp_system.cases import Protocol, SystemCases
 from parcours.studies.ramp_system.study import TIME_LIMIT, WATCHED_ON, SystemStudy
 from parcours.verdict.facts import FACTS
-from parcours.verdict.measures.table import MEASURES
-from parcours.verdict.navigation import GOAL_TOLERANCE
+from parcours.verdict.measures.table import PUBLISHED
 
 Progress = Callable[[str, int, int], None]
 """Told (what, done, in all)."""
@@ -51,13 +50,14 @@ def run_comparison(
     Args:
         names: of planners, as `parcours.studies.navigation.planners` knows them; the first is the one the others are
             tested against.
-        folder: gets one campaign a planner, and one of measures.
+        folder: gets one campaign a planner, and one of its cases as published code measures them.
         n_cases: how many cases, at least 1.
         seed: of the cases.
         workers: processes.
         protocol: which family of cases.
         command_delay: from a planner's answer to the robot [s]; RAMP keeps its published durations.
-        measured: how many of the first cases are measured along their way; 0 for none.
+        measured: how many of the first cases are run again, to be measured as published benchmark code does; 0 for
+            none.
         timed: on how many of the first cases decisions are timed; 0 for none.
         progress: told how far each part is.
 
@@ -72,13 +72,14 @@ def run_comparison(
         plans[name] = study.campaign(n_cases), folder / folder_name(name)
         create(plans[name][1], plans[name][0])
     facts = {name: _run(study, *plans[name], workers, name, progress) for name, study in entries.items()}
-    measures = {}
+    published = {}
     sample = min(measured, n_cases)
     if sample:
         for name, study in entries.items():
-            measuring = Measuring(study)
-            campaign, place = measuring.campaign(plans[name][0], sample), folder / f"{folder_name(name)}.measures"
-            measures[name] = _run(measuring, campaign, place, workers, f"{name}, measures", progress)
+            again = Reproducing(study)
+            campaign, place = again.campaign(plans[name][0], sample), folder / f"{folder_name(name)}.as-published"
+            rows = _run(again, campaign, place, workers, f"{name}, as published", progress)
+            published[name] = _fields(rows, PUBLISHED)
     contenders = []
     for name, study in entries.items():
         decisions: DecisionTimes | None = None
@@ -88,13 +89,16 @@ def run_comparison(
             progress(f"{name}, time to decide", 1, 1)
         contenders.append(
             Contender(
-                name, base_facts(facts[name]), _answers(study, command_delay), _reasons(facts[name]), decisions,
-                _columns(measures[name]) if name in measures else {},
+                name, _fields(facts[name], FACTS), _answers(study, command_delay), _reasons(facts[name]), decisions,
+                facts[name]["measures"].copy(), published.get(name),
             )
         )  # fmt: skip
     cases = SystemCases(seed, protocol)
     vectors = tuple(str(cases.vector(number)) for number in range(n_cases))
-    return Results(tuple(contenders), protocol, seed, n_cases, vectors, command_delay, _oracle(cases, n_cases))
+    numbers = np.arange(n_cases)
+    known = oracle(cases, numbers, lambda done, total: progress("which cases are solvable", done, total))
+    survival = survived(cases, numbers)
+    return Results(tuple(contenders), protocol, seed, n_cases, vectors, command_delay, known, survival)
 
 
 def folder_name(planner: str) -> str:
@@ -106,11 +110,11 @@ def folder_name(planner: str) -> str:
     return re.sub(r"[^A-Za-z0-9.]+", "-", planner).strip("-.") or "planner"
 
 
-def base_facts(facts: NDArray[np.void]) -> NDArray[np.void]:
-    """Return the judge's part of a study's facts, array of FACTS, shape (n,)."""
-    plain = np.zeros(len(facts), FACTS)
-    for name in FACTS.names or ():
-        plain[name] = facts[name]
+def _fields(rows: NDArray[np.void], wanted: np.dtype[np.void]) -> NDArray[np.void]:
+    """Return some fields of the rows as an array of their own, shape (n,)."""
+    plain = np.zeros(len(rows), wanted)
+    for name in wanted.names or ():
+        plain[name] = rows[name]
     return plain
 
 
@@ -154,21 +158,3 @@ def _reasons(facts: NDArray[np.void]) -> tuple[str, ...]:
     if "reason" not in (facts.dtype.names or ()):
         return ()
     return tuple(bytes(reason).decode("utf-8", "replace") for reason in facts["reason"][facts["error"] != 0])
-
-
-def _columns(rows: NDArray[np.void]) -> dict[str, Floats]:
-    return {name: np.ascontiguousarray(rows[name]) for name in MEASURES.names or ()}
-
-
-def _oracle(cases: SystemCases, n_cases: int) -> NDArray[np.void]:
-    """Return what could be reached in the cases by a robot that knows the future, array of SOLVABILITY."""
-    parts = []
-    for first in range(0, n_cases, 4096):
-        obstacles = cases.obstacles(np.arange(first, min(first + 4096, n_cases)))
-        parts.append(
-            solve(
-                obstacles, start=START, goal=GOAL, tolerance=GOAL_TOLERANCE, limit=1.0 + TIME_LIMIT,
-                v_max=Scenario().limits.speed, robot_radius=cases.robot_radius,
-            )
-        )  # fmt: skip
-    return np.concatenate(parts)

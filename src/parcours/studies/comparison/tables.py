@@ -7,14 +7,11 @@ import numpy as np
 from parcours.report.pieces import Cell, Column, Marked, Table
 from parcours.studies.comparison.results import (
     QUESTIONS,
-    Contender,
     Results,
-    reached,
-    time_to_goal,
     weighted_by_time,
     weighted_by_way,
 )
-from parcours.verdict.measures.table import METRICS
+from parcours.studies.distribution import distribution_table, reached, time_to_goal
 from parcours.verdict.navigation import VERDICT_OF, Outcome
 from parcours.verdict.statistics import Rate, quantiles, wilson
 
@@ -28,12 +25,6 @@ OUTCOME_WORDS = {
     "ERROR": "the planner's own error",
 }
 """Outcomes, by name, as a reader of tables meets them."""
-
-SHOWN = (
-    "path_length", "mean_speed", "time_at_rest", "mean_clearance", "time_unsafe", "heading_change", "mean_curvature",
-    "smoothness", "mean_jerk", "squared_acceleration",
-)  # fmt: skip
-"""What a comparison shows of the measures; all are in its JSON."""
 
 DIFFERENT_ANSWERS = (
     "RAMP runs with the durations of work that were published with it; the others answer at once, which no real "
@@ -119,7 +110,7 @@ def clearance_table(results: Results) -> Table:
 
 def score_table(results: Results) -> Table:
     """Return SPL and SCT, means over all cases."""
-    rows: list[tuple[Cell, ...]] = [("SPL", *(float(weighted_by_way(results, c).mean()) for c in results.contenders))]
+    rows: list[tuple[Cell, ...]] = [("SPL", *(float(weighted_by_way(c).mean()) for c in results.contenders))]
     times = [weighted_by_time(results, c) for c in results.contenders]
     known = [values for values in times if values is not None]
     if known:
@@ -186,28 +177,13 @@ def decision_table(results: Results) -> Table:
     )
 
 
-def measure_table(results: Results) -> Table | None:
-    """Return the medians of what was measured along the robots' ways; None if nothing was."""
-    names = [name for name in SHOWN if any(name in c.measures for c in results.contenders)]
-    if not names:
-        return None
-    units = {metric.name: metric.unit for metric in METRICS}
-    sample = max(len(values) for c in results.contenders for values in c.measures.values())
-    rows: list[tuple[Cell, ...]] = [
-        (name.replace("_", " "), units[name], *(_middle(c, name) for c in results.contenders)) for name in names
-    ]
-    return Table(
-        f"Measures of the way driven, medians over the first {sample} cases",
-        (Column("measure"), Column("unit"), *(Column(c.name, ".4g", code=True) for c in results.contenders)),
-        tuple(rows),
+def measure_table(results: Results) -> Table:
+    """Return what was measured along the robots' ways, over all cases."""
+    return distribution_table(
+        "Measures over all cases",
+        {c.name: results.measured(c) for c in results.contenders},
+        "Measures of planners that reach more cases are of more, and harder, cases: compare rates first.",
     )
-
-
-def _middle(contender: Contender, name: str) -> float | None:
-    values = contender.measures.get(name)
-    if values is None or not np.isfinite(values).any():
-        return None
-    return float(np.median(values[np.isfinite(values)]))
 
 
 def beats(results: Results) -> np.ndarray:
@@ -222,14 +198,19 @@ def speaks_of_answers(results: Results) -> str:
 
 
 def interval(rate: Rate) -> str:
-    """Return a rate with its interval in percent, in one unbroken word.
+    """Return a rate with its interval in percent, in one unbroken word; from 10 000 cases on with two decimals.
 
     >>> interval(wilson(70, 905)).replace("\\xa0", " ")
     '7.7 % [6.2, 9.7]'
+    >>> interval(wilson(8, 10_000)).replace("\\xa0", " ")
+    '0.08 % [0.04, 0.16]'
     """
     if not rate.n:
         return "–"
-    return f"{100 * rate.share:.1f} % [{100 * rate.low:.1f}, {100 * rate.high:.1f}]".replace(" ", _UNBROKEN)
+    share, low, high = (
+        f"{100 * value:.{2 if rate.n >= 10_000 else 1}f}" for value in (rate.share, rate.low, rate.high)
+    )
+    return f"{share} % [{low}, {high}]".replace(" ", _UNBROKEN)
 
 
 _UNBROKEN = "\N{NO-BREAK SPACE}"

@@ -10,12 +10,14 @@ from numpy.typing import NDArray
 
 from parcours.verdict.facts import FACTS as BASE
 from parcours.verdict.facts import NEVER
+from parcours.verdict.measures.table import MEASURES
 
 REASON_LENGTH = 160
 """Bytes kept of a reason."""
 
-FACTS = np.dtype([*BASE.descr, ("n_track", "i8"), ("reason", f"S{REASON_LENGTH}")])
-"""Facts of one case: the judge's, the entries of its track, and the planner's own fault in words (UTF-8)."""
+FACTS = np.dtype([*BASE.descr, ("n_track", "i8"), ("reason", f"S{REASON_LENGTH}"), ("measures", MEASURES)])
+"""Facts of one case: the judge's, the entries of its track, the planner's own fault in words (UTF-8), and the measures
+of its way up to the end, all NaN where that fault ended the case."""
 
 _ADDRESS = re.compile(r"\b0x[0-9a-fA-F]{6,}")
 
@@ -71,4 +73,11 @@ def lost(number: int, fault: PlannerFault, reason: str, time: int) -> NDArray[np
             facts[name] = NEVER
     facts["number"], facts["t_end"], facts["error"] = number, time, fault
     facts["reason"] = reason_bytes(reason)
+    unmeasured(facts)
     return facts
+
+
+def unmeasured(facts: NDArray[np.void]) -> None:
+    """Leave no measure in the facts, array of FACTS of any shape."""
+    for name in MEASURES.names or ():
+        facts["measures"][name] = np.nan

@@ -15,12 +15,13 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from parcours.arena.obstacles import OBSTACLE
 from parcours.planners.protocol import Command, Observation, Task
 from parcours.run import pulse
 from parcours.streams import start
 from parcours.studies.navigation.answers import BadAnswer, read_answer
 from parcours.studies.navigation.deadline import FIRST_CASE, Deadline, Hung
-from parcours.studies.navigation.facts import FACTS, PlannerFault, lost, reason_bytes
+from parcours.studies.navigation.facts import FACTS, PlannerFault, lost, reason_bytes, unmeasured
 from parcours.studies.navigation.loop import (
     ARRIVED,
     GO_ON,
@@ -38,6 +39,8 @@ from parcours.studies.navigation.loop import (
 from parcours.studies.navigation.planners import Plugin
 from parcours.studies.navigation.scenario import Scenario
 from parcours.verdict.facts import NEVER, TRACK, TRACK_PERIOD
+from parcours.verdict.measures.kernel import measure
+from parcours.verdict.measures.one_case import SAFE_DISTANCE
 
 Floats = NDArray[np.float64]
 Orders = tuple[float, float, Floats | None]
@@ -96,6 +99,7 @@ class Host:
         self._orders: Orders = (scenario.start_speed, 0.0, None)
         self._pending: deque[tuple[int, Orders]] = deque()
         self._answered = False
+        self._radii = np.zeros(n_obstacles)
         self._compile()
 
     def _compile(self) -> None:
@@ -107,8 +111,9 @@ class Host:
         freeze(self._memory, np.zeros(1, FACTS)[0])
         moved_since(self._memory, 0)
         goal_time(self._memory)
+        self._measure(np.zeros(1, FACTS))
 
-    def run(self, numbers: Sequence[int], cases: Floats, seed: int, facts: NDArray[np.void], track: bool) -> None:
+    def run(self, numbers: Sequence[int], cases: Floats, seed: int, facts: NDArray[np.void]) -> None:
         """Run cases and fill their facts.
 
         Args:
@@ -116,13 +121,13 @@ class Host:
             cases: the obstacles' OBSTACLE records as float64 words, shape (n_cases, words).
             seed: of the campaign.
             facts: array of FACTS, zeros, shape (n_cases,).
-            track: whether to keep the last case's track for `track`.
         """
-        most_track = _most_track(self._scenario) if track else 0
+        most_track = _most_track(self._scenario)
         with Deadline(self._memory, self._scenario.call_timeout), contextlib.redirect_stdout(sys.stderr):
             try:
                 for k, number in enumerate(numbers):
                     begin_case(self._memory, number, self._allowed, cases[k], self._setting, most_track)
+                    self._radii = np.ascontiguousarray(cases[k].view(OBSTACLE)["radius"])
                     self._run_case(number, seed, facts[k : k + 1])
                     self._allowed = self._scenario.call_timeout
             finally:
@@ -135,6 +140,15 @@ class Host:
         for k, name in enumerate(TRACK.names or ()):
             track[name] = rows[:, k]
         return track, rows[:, len(TRACK.names or ()) :].reshape(len(rows), self._n, 2).copy()
+
+    def _measure(self, facts: NDArray[np.void]) -> None:
+        """Fill the measures of the way up to now, at the end of a case."""
+        track, places = self.track()
+        x, y = self._scenario.goal
+        measure(
+            track, places, self._radii, self._radius, x, y, self._scenario.goal_tolerance, int(facts["t_goal"][0]),
+            SAFE_DISTANCE, facts[0]["measures"],
+        )  # fmt: skip
 
     def _run_case(self, number: int, seed: int, facts: NDArray[np.void]) -> None:
         """Run the case that was begun, and fill its facts, shape (1,)."""
@@ -157,6 +171,7 @@ class Host:
             arrived = drive(view, self._steps)
             freeze(self._memory, facts[0])
             frozen = True
+            self._measure(facts)
             if self._steps_after and not arrived:
                 facts["t_goal_after"] = goal_time(self._memory) if drive(view, self._steps_after) else NEVER
                 later = int(facts["t_end"][0]) + 1_000_000_000
@@ -174,6 +189,9 @@ class Host:
         if not frozen:
             freeze(self._memory, facts[0])
         facts["error"], facts["reason"] = fault, reason_bytes(reason)
+        if fault:
+            unmeasured(facts)
+        facts["n_track"] = len(recorded(self._memory, self._n))
         facts["feasible"] = self._answered
         faulty = 1 if fault and was_reset else 0
         facts["n_planning_cycles"] = -(-facts["t_end"] // self._period) + faulty

@@ -94,16 +94,14 @@ class NavigationStudy:
                 facts[k : k + 1] = self._lost_facts(case)
                 left[k] = False
         ran = np.zeros(int(left.sum()), FACTS)
-        self._run(numbers[left], ran, track=False)
+        self._run(numbers[left], ran)
         facts[left] = ran
         return facts
 
     def track(self, number: int) -> Track:
         """Return facts, track and the obstacles' places of one case run anew, for a replay or for measures."""
         facts = np.zeros(1, FACTS)
-        host = self._run(np.array([number]), facts, track=True)
-        track, places = host.track()
-        facts["n_track"] = len(track)
+        track, places = self._run(np.array([number]), facts).track()
         return facts, track, places
 
     def tracks(self, numbers: NDArray[np.int64]) -> Iterator[Track]:
@@ -114,11 +112,11 @@ class NavigationStudy:
     def _host(self) -> Host:
         return _host(_Same(self.planner), self.digest, self.scenario, self.cases.robot_radius)
 
-    def _run(self, numbers: NDArray[np.int64], facts: NDArray[np.void], *, track: bool) -> Host:
+    def _run(self, numbers: NDArray[np.int64], facts: NDArray[np.void]) -> Host:
         host = self._host()
         if len(numbers):
             words = self._obstacles(numbers)
-            host.run(numbers.tolist(), words, self.cases.seed, facts, track)
+            host.run(numbers.tolist(), words, self.cases.seed, facts)
         return host
 
     def _obstacles(self, numbers: NDArray[np.int64]) -> NDArray[np.float64]:

@@ -106,10 +106,10 @@ def _reading(results: DelayResults) -> str:
         told = "; ".join(found) if found else "no rate changes by more than chance explains"
         lines.append(f"- **{schedule}**: {told}.")
     caution = (
-        f"What is not named here changed by no more than {results.study.n_cases} cases can show, which is not to say that "
-        "it does not matter. `guarded` keeps its parameters: its reaction time of 0.06 s, by which it chooses its speed "
-        "near obstacles, does not know of what is added. What it does without a delay is therefore no promise for a "
-        "slower machine; the curves say how much slower it may be."
+        f"What is not named here changed by no more than {results.study.n_cases} cases can show, which is not to say "
+        "that it does not matter. `guarded` keeps its parameters: its reaction time of 0.06 s, by which it chooses its "
+        "speed near obstacles, does not know of what is added. What it does without a delay is therefore no promise "
+        "for a slower machine; the curves say how much slower it may be."
     )
     return "\n\n".join((lines[0], "\n".join(lines[1:]), caution))
 

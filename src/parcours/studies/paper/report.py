@@ -18,6 +18,7 @@ from parcours.studies.paper.system_chapters import (
     coverage_chapter,
     headline,
     inputs_chapter,
+    measures_chapter,
     time_left_chapter,
     vectors_chapter,
 )
@@ -50,6 +51,7 @@ def compose(results: PaperResults) -> Page:
         outcomes_chapter(results),
         vectors_chapter(results),
         time_left_chapter(results),
+        measures_chapter(results),
         delays_chapter(results.delays),
         inputs_chapter(results),
         models_chapter(),

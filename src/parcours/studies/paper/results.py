@@ -27,7 +27,7 @@ from parcours.studies.ramp_system.study import PUBLISHED_CASES, SCHEDULES, syste
 Progress = Callable[[str, int, int], None]
 """Told (what, done, in all)."""
 
-DELAYED_CASES = 180
+DELAYED_CASES = 300
 """How many cases are run with each added delay, unless fewer are asked for."""
 
 
@@ -57,7 +57,13 @@ class Interrupted(Exception):
 
 
 def run_paper(
-    folder: Path, *, cases: int, seed: int, workers: int, progress: Progress = lambda what, done, total: None
+    folder: Path,
+    *,
+    cases: int,
+    seed: int,
+    workers: int,
+    delayed: int | None = None,
+    progress: Progress = lambda what, done, total: None,
 ) -> PaperResults:
     """Run the whole study and return its results.
 
@@ -66,6 +72,7 @@ def run_paper(
         cases: system cases per schedule; the published protocol runs its 905, or as many if fewer are asked for.
         seed: campaign seed.
         workers: processes for the campaigns.
+        delayed: cases a point of the curves over delays; DELAYED_CASES, or `cases` if that is fewer, if None.
         progress: called as the work goes on.
 
     Raises:
@@ -79,7 +86,7 @@ def run_paper(
     counts = {"table-vii": cases, "published": min(cases, PUBLISHED_CASES)}
     for (protocol, schedule), study in studies.items():  # refuse what cannot be resumed before anything is computed
         create(folder / f"{protocol}-{schedule}", study.campaign(counts[protocol]))
-    late = DelayStudy(seed, min(cases, DELAYED_CASES))
+    late = DelayStudy(seed, min(cases, DELAYED_CASES) if delayed is None else delayed)
     create(folder / "delays", late.campaign())
     plan = component_plan(seed)
     functional: list[Functional] = []

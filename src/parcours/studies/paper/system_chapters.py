@@ -24,10 +24,11 @@ from parcours.report.pieces import (
 from parcours.report.rates import intervals
 from parcours.studies.paper.results import PaperResults
 from parcours.studies.ramp_components.model import component_model
-from parcours.studies.ramp_system.campaigns import SystemResults
+from parcours.studies.ramp_system.campaigns import SystemResults, measure_table
 from parcours.studies.ramp_system.cases import obstacle_model, start_cases
 from parcours.studies.ramp_system.facts import TRANSITIONS
 from parcours.studies.ramp_system.published import PUBLISHED, TIME_LEFT_QUANTILES
+from parcours.studies.ramp_system.study import SCHEDULES
 from parcours.verdict.navigation import (
     Outcome,
     outcomes,
@@ -215,6 +216,13 @@ def time_left_chapter(results: PaperResults) -> Section:
     )  # fmt: skip
     lead = "How much was left to do for the robots that had not arrived when the test ended."
     return Section("System tests: remaining time", lead, (figure, true), "time-left")
+
+
+def measures_chapter(results: PaperResults) -> Section:
+    """Return how the robots drove: what was measured beside the verdicts, for both schedules on the same cases."""
+    campaigns = {schedule: results.system["table-vii", schedule] for schedule in SCHEDULES}
+    lead = "What was measured of each case beside its verdict; docs/metrics.md defines every measure."
+    return Section("System tests: measures", lead, (measure_table(campaigns),), "measures")
 
 
 def coverage_chapter(results: PaperResults) -> Section:

@@ -19,6 +19,7 @@ from parcours.report.junit import CaseResult
 from parcours.report.pieces import Cell, Column, Figure, Marked, Page, Piece, Replay, Section, Table
 from parcours.report.rates import shares
 from parcours.run.store import open_results
+from parcours.studies.distribution import distribution_document, distribution_table, measured, oracle, survived
 from parcours.studies.ramp_system.cases import Protocol, SystemCases
 from parcours.studies.ramp_system.facts import FACTS
 from parcours.studies.ramp_system.study import SystemStudy
@@ -151,6 +152,29 @@ def outcome_table(results: Mapping[str, Results]) -> Table:
     )
 
 
+def known_of(result: Results) -> dict[str, NDArray[np.float64]]:
+    """Return what was measured in a campaign, by the names of `distribution.SHOWN`.
+
+    The earliest conceivable arrival, which SCT needs, is asked for the first _ASKED cases only.
+    """
+    facts = result.facts
+    earliest = np.full(len(facts), np.nan)
+    earliest[:_ASKED] = oracle(result.cases, facts["number"][:_ASKED])["earliest_outer"]
+    return measured(
+        facts, facts["measures"], earliest=earliest, survival=survived(result.cases, facts["number"])
+    )  # fmt: skip
+
+
+_ASKED = 10_000
+
+
+def measure_table(results: Mapping[str, Results]) -> Table:
+    """Return what was measured in campaigns, side by side."""
+    many = any(len(r.facts) > _ASKED for r in results.values())
+    note = f"SCT over the first {_ASKED} cases." if many else ""
+    return distribution_table("Measures", {name: known_of(r) for name, r in results.items()}, note)
+
+
 def _finished(result: Results) -> Cell:
     n = len(result.facts)
     return n if n == result.planned else Marked(f"{n} of {result.planned}, unfinished", "poor")
@@ -177,6 +201,7 @@ def summary(result: Results) -> dict[str, object]:
         "imminent_collision": int(flags.halted_once.sum()),
         "stuck": int(flags.stuck.sum()),
         "outcomes": {o.name.lower(): codes[int(o)] for o in Outcome},
+        "measures": distribution_document(known_of(result)),
     }
 
 
@@ -228,7 +253,7 @@ def campaigns_page(results: Mapping[str, Results], first: Sequence[Piece] = ()) 
     """Return a page on campaigns: the pieces given first, their outcomes, and replays of two failed cases each."""
     pieces: list[Piece] = [*first]
     if results:
-        pieces += [outcome_table(results), _pie(results)]
+        pieces += [outcome_table(results), _pie(results), measure_table(results)]
     for result in results.values():
         codes = outcomes(result.facts)
         failed = np.flatnonzero([VERDICT_OF[Outcome(int(code))] is Verdict.FAIL for code in codes])

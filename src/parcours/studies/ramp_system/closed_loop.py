@@ -55,10 +55,14 @@ _P47, _P48, _P49, _P51, _P61 = (_INDEX[n] for n in ("p47", "p48", "p49", "p51", 
 def _sense(obstacles: Record, stamp: int, seen: Record) -> None:
     """Fill the obstacle message: where every obstacle was at `stamp` [ns] and how it moved."""
     for k in range(len(obstacles)):
-        pose = seen[k].pose
-        pose.x, pose.y = place_at(obstacles[k], stamp)
-        pose.heading, pose.v, pose.w = motion_at(obstacles[k], stamp)
-        seen[k].radius = obstacles[k].radius
+        pose, obstacle = seen[k].pose, obstacles[k]
+        if obstacle.now == stamp:  # the world has brought it there
+            pose.x, pose.y, pose.heading = obstacle.x, obstacle.y, obstacle.heading
+            pose.v, pose.w = obstacle.v, obstacle.w
+        else:
+            pose.x, pose.y = place_at(obstacle, stamp)
+            pose.heading, pose.v, pose.w = motion_at(obstacle, stamp)
+        seen[k].radius = obstacle.radius
 
 
 @kernel
@@ -361,7 +365,8 @@ def run_case(
     work.t_halted = NEVER
     work.in_callbacks = 1
     work.spin = 0
-    _control(work, predictions[:0], 0, parameters, latencies, facts)
+    work.wakes = 0
+    _control(work, predictions[:0], work.wakes, parameters, latencies, facts)
     work.wakes = 0
     next_report, next_sensing, next_command = REPORT_PERIOD, SENSING_PERIOD, 0
     frozen = False

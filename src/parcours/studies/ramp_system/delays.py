@@ -24,7 +24,7 @@ from parcours.verdict.statistics import Pairs, Rate, compare_pairs, wilson
 DELAYS = ("sensing", "planning", "stop")
 """What a delay can be added to."""
 
-SECONDS = (0.0, 0.05, 0.1, 0.2, 0.35, 0.5, 0.75, 1.0)
+SECONDS = (0.0, 0.1, 0.25, 0.5, 0.75, 1.0)
 """How much is added [s]; the first is none."""
 
 QUESTIONS = ("stuck", "contact", "reached")

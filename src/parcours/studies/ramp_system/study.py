@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import parcours
-from parcours.errors import require_known
+from parcours.errors import BadRequest, require_known
 from parcours.kernels import Record, kernel
 from parcours.planners.ramp.latency import Latencies
 from parcours.planners.ramp.messages import OBSTACLE_STATE, PREDICTION, one
@@ -36,6 +36,9 @@ TIME_LIMIT = 20.0
 WATCHED_ON = 40.0
 """An unfinished case is watched for this long beyond its end, for the true remaining time [s]; ours."""
 
+LONGEST = 3600.0
+"""Neither of them may be longer [s]."""
+
 SCHEDULES = ("original", "guarded")
 
 
@@ -49,6 +52,10 @@ class SystemStudy:
         latencies: how long its work takes.
         time_limit: length of a test after the static second [s].
         watched_on: how long an unfinished case is watched beyond its end [s].
+
+    Raises:
+        BadRequest: a time is out of its range, the robot does not fit into the arena, or cases and planner have robots
+            of different size.
     """
 
     cases: SystemCases
@@ -56,6 +63,18 @@ class SystemStudy:
     latencies: Latencies = dataclasses.field(default_factory=Latencies)
     time_limit: float = TIME_LIMIT
     watched_on: float = WATCHED_ON
+
+    def __post_init__(self) -> None:
+        for name, value in (("time_limit", self.time_limit), ("watched_on", self.watched_on)):
+            least = 0.0 if name == "watched_on" else 0.01
+            if not least <= value <= LONGEST:
+                _refuse(name, f"it must be from {least:g} to {LONGEST:g} s, but is {value} s")
+        radius, planned = self.cases.robot_radius, self.parameters.robot_radius
+        if radius != planned:
+            _refuse("robot_radius", f"cases and planner must agree, but have {radius} m and {planned} m")
+        if self.parameters.arena < 2.0 * radius:
+            rule = f"the robot must fit in, whose diameter is {2.0 * radius} m, but it is {self.parameters.arena} m"
+            _refuse("arena", rule)
 
     def __call__(self, first: int, count: int) -> NDArray[np.void]:
         """Return the facts of cases first .. first + count - 1, array of FACTS of shape (count,)."""
@@ -118,11 +137,15 @@ class SystemStudy:
         )
 
 
+def _refuse(name: str, rule: str) -> None:
+    raise BadRequest(f"system study, {name}", rule, slug="study-range")
+
+
 @functools.cache
 def code_digest() -> str:
-    """Return a digest of everything the bits of a case depend on: kernels, test data, models, the study itself."""
+    """Return a digest of all that the bits of a case depend on: kernels, test data, models, measures, the study."""
     package = Path(parcours.__file__).parent
-    rooms = ("arena", "data", "model", "paths", "abtc", "suite", "planners", "studies/ramp_system")
+    rooms = ("arena", "data", "model", "paths", "abtc", "suite", "planners", "verdict/measures", "studies/ramp_system")
     files = [path for room in rooms for path in (package / room).rglob("*") if path.suffix in (".py", ".yaml")]
     digest = hashlib.sha256()
     for path in sorted([*files, *package.glob("*.py")]):

@@ -1,0 +1,88 @@
+"""How long a user waits for the first result: with compiled kernels on disk, and from an empty cache.
+
+python bench/bench_start.py            best of 3 warm starts, one cold start, the paper's 905 cases
+python bench/bench_start.py --no-cold  without compiling anew
+
+Wall-clock time of whole commands of `parcours`, from typing return to the prompt: starting Python, loading kernels,
+drawing and running cases, writing results and printing their tables. Beside it stands the processor time, which tells
+on a busy machine how long it would take on an idle one. The cold start points PARCOURS_CACHE_DIR at an empty folder,
+and looks whether the user is told what takes so long.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+from parcours.studies.ramp_system.study import PUBLISHED_CASES, SCHEDULES
+
+PROGRAM = str(Path(sys.executable).with_name("parcours"))
+
+SYSTEM = tuple((f"ramp_system, {schedule}", ("ramp_system", "--schedule", schedule)) for schedule in SCHEDULES)
+PLANNERS = tuple((f"navigation, {name}", ("navigation", "--planner", name)) for name in ("orca", "dwa", "mppi"))
+
+
+def processor() -> float:
+    """Return the processor time of all finished child processes [s]."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
+
+
+def wait(arguments: tuple[str, ...], cases: int, cache: str | None = None) -> tuple[float, float, str]:
+    """Return how long `parcours run` took [s], its processor time [s], and what it wrote to standard error."""
+    environment = {**os.environ, "PARCOURS_CACHE_DIR": cache} if cache else dict(os.environ)
+    with tempfile.TemporaryDirectory() as folder:
+        command = [PROGRAM, "run", *arguments, "--cases", str(cases), "--out", f"{folder}/out"]
+        begun, used = time.perf_counter(), processor()
+        done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+        return time.perf_counter() - begun, processor() - used, done.stderr
+
+
+def best(arguments: tuple[str, ...], cases: int, tries: int) -> tuple[float, float]:
+    """Return wall-clock and processor time of the quickest of several runs [s]."""
+    return min(wait(arguments, cases)[:2] for _ in range(tries))
+
+
+def line(what: str, taken: float, used: float, bound: float | None, more: str = "") -> None:
+    """Print what took how long, against the bound that is hoped for [s]."""
+    share = f"   {taken / bound:>5.2f} of {bound:.0f} s" if bound is not None else ""
+    print(f"{what:<60} {taken:>7.2f} s, processor {used:>7.2f} s{share}{more}", flush=True)
+
+
+def main() -> None:
+    """Print a line for each start."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--tries", type=int, default=3, help="the best of so many warm starts counts")
+    parser.add_argument("--no-cold", action="store_true", help="leave out the cold start")
+    chosen = parser.parse_args()
+    if chosen.tries < 1:
+        parser.error(f"--tries must be at least 1, but is {chosen.tries}")
+    for what, arguments in (*SYSTEM, *PLANNERS):
+        wait(arguments, 1)  # compiles what is missing, untimed
+        line(f"warm, 1 case: {what}", *best(arguments, 1, chosen.tries), 2.0)
+    for what, arguments in SYSTEM:
+        times = best(arguments, PUBLISHED_CASES, chosen.tries)
+        line(f"warm, {PUBLISHED_CASES} cases, {os.cpu_count()} workers, in all: {what}", *times, None)
+    if chosen.no_cold:
+        return
+    total = total_used = 0.0
+    with tempfile.TemporaryDirectory() as cache:
+        for what, arguments in (*SYSTEM, *PLANNERS):
+            taken, used, said = wait(arguments, 1, cache)
+            told = next((f"; it says: {text!r}" for text in said.splitlines() if "compiling" in text), "")
+            total, total_used = total + taken, total_used + used
+            first = (what, arguments) == SYSTEM[0]
+            line(f"{'cold' if first else 'then'}, 1 case: {what}", taken, used, None, told)
+            if first and not told:
+                print("nobody is told that kernels are compiled")
+    line("cold, all of these", total, total_used, 60.0)
+
+
+if __name__ == "__main__":
+    main()
