@@ -74,15 +74,14 @@ def sin_cos(x: float) -> tuple[float, float]:
 
 
 @kernel
-def _atan_unit(x: float) -> float:
-    """Return atan x for 0 <= x <= 1."""
-    base = 0.0
-    if x > 0.6875:
-        base = 0.7853981633974483
-        x = (x - 1.0) / (x + 1.0)
-    elif x > 0.4375:
-        base = 0.4636476090008061
-        x = (2.0 * x - 1.0) / (2.0 + x)
+def _atan_share(y: float, x: float) -> float:
+    """Return atan y/x for 0 <= y <= x."""
+    if y > 0.6875 * x:
+        base, x = 0.7853981633974483, (y - x) / (y + x)
+    elif y > 0.4375 * x:
+        base, x = 0.4636476090008061, (2.0 * y - x) / (2.0 * x + y)
+    else:
+        base, x = 0.0, y / x
     z = x * x
     w = z * z
     odd = z * (
@@ -118,7 +117,7 @@ def atan2(y: float, x: float) -> float:
     ax, ay = abs(x), abs(y)
     if ax == 0.0 and ay == 0.0:
         return 0.0
-    angle = _atan_unit(ay / ax) if ay <= ax else 1.5707963267948966 - _atan_unit(ax / ay)
+    angle = _atan_share(ay, ax) if ay <= ax else 1.5707963267948966 - _atan_share(ax, ay)
     if x < 0.0:
         angle = PI - angle
     return -angle if y < 0.0 else angle

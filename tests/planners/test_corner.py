@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from parcours.kernels import Record
-from parcours.planners.ramp.corner import corner_length, corner_speed, place_on_corner, slope_at
+from parcours.planners.ramp.corner import corner_length, corner_speed, place_on_corner, shape_corner, slope_at
 from parcours.planners.ramp.messages import CURVE, PIECE, POSE, TRAJECTORY, one
 from parcours.planners.ramp.parameters import guarded
 from parcours.planners.ramp.trajectory import pose_at
@@ -49,7 +49,7 @@ def curve(leg: float, turn: float, heading: float = 0.0) -> Record:
     piece.length = corner_length(leg, turn)
     piece.s, piece.c = math.sin(heading), math.cos(heading)
     piece.to_s, piece.to_c = math.sin(heading + turn), math.cos(heading + turn)
-    piece.half_s, piece.half_c = math.sin(0.5 * abs(turn)), math.cos(0.5 * turn)
+    shape_corner(piece)
     return piece
 
 

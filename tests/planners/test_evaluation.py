@@ -148,7 +148,7 @@ def crossing(samples: int = 60) -> Record:
     """Return a trajectory straight along x at top speed."""
     route, trajectory = one(ROUTE), one(TRAJECTORY)
     route.n, route.kind[0], route.length[0], route.cap[0] = 1, LINE, 0.025 * (samples - 1), V_MAX
-    route.v_in[:2] = V_MAX
+    route.v_in[:2], route.c[0] = V_MAX, 1.0
     route.smooth = 1
     time_route(route, guarded().record(), trajectory)
     assert trajectory.n == samples

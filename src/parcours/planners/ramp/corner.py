@@ -16,7 +16,6 @@ from parcours.elementary import log, sin_cos
 from parcours.kernels import Record, kernel
 from parcours.planners.ramp.messages import SAMPLE
 
-
 _STEEPEST = math.sqrt(0.2)
 
 
@@ -37,10 +36,10 @@ def corner_rate(turn: float, parameters: Record) -> float:
     # left for the climb within that sample. In between curvature changes with the way by 3 s^2 c^2 x / (d^2 r^6),
     # most where x^2 = 1/5, or at the ends of a corner too flat to have such a place.
     rate = min(parameters.w_max * c * c / s, 0.875 * parameters.alpha_max * SAMPLE / (s * c))
-    steepest = min(s / c, _STEEPEST)
+    steepest = _STEEPEST if s > _STEEPEST * c else s / c
     r_square = c * c * (1.0 + steepest * steepest)
-    climb = 3.0 * s * s * c * c * steepest / (r_square * r_square * r_square)
-    return float(min(rate, np.sqrt(parameters.alpha_max / climb)))
+    climbs, may_climb = 3.0 * s * s * c * c * steepest, parameters.alpha_max * r_square * r_square * r_square
+    return float(rate if rate * rate * climbs <= may_climb else np.sqrt(may_climb / climbs))
 
 
 @kernel
@@ -126,6 +125,15 @@ def slope_at(way: float) -> float:
         a, b = d0 - (x1 - x0), (x1 - x0) - d1
         x = x0 + t * (x1 - x0 + (1.0 - t) * (a * (1.0 - t) + b * t))
     return float(x if way >= 0.0 else -x)
+
+
+@kernel
+def shape_corner(piece: Record) -> None:
+    """Set what `place_on_corner` needs of the CURVE of a PIECE, from its leg and angle."""
+    s, c = sin_cos(0.5 * abs(piece.angle))
+    piece.half_s, piece.half_c = s, c
+    piece.per_way = 2.0 * s / (piece.leg * c * c)
+    piece.per_slope = 0.5 * c / s
 
 
 @kernel

@@ -125,7 +125,9 @@ PREDICTION = np.dtype(
         ("n", "i8"),
         ("x", "f8", (HORIZON,)),
         ("y", "f8", (HORIZON,)),
-        ("heading", "f8"),  # at the first sample [rad]
+        ("heading", "f8"),  # at the first sample [rad], and that angle's sine and cosine where it moves
+        ("s", "f8"),
+        ("c", "f8"),
         ("speed", "f8"),  # along its heading [m/s]; 0 if it stands
         ("turn", "f8"),  # yaw rate [rad/s]
         ("straight", "f8"),  # for how long it may be taken to move uniformly [s]

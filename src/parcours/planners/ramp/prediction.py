@@ -58,7 +58,7 @@ def change_of(prediction: Record, obstacle: Record, stamp: int) -> float:
     if speed == 0.0:
         return float(max(abs(pose.x - prediction.x[0]), abs(pose.y - prediction.y[0])) * 1.5)
     elapsed = (stamp - prediction.stamp) * 1e-9
-    s0, c0 = sin_cos(prediction.heading)
+    s0, c0 = prediction.s, prediction.c
     x, y = prediction.x[0] + speed * elapsed * c0, prediction.y[0] + speed * elapsed * s0
     turned = pose.heading - prediction.heading
     if abs(pose.w) >= STRAIGHT:
@@ -85,6 +85,7 @@ def predict(obstacle: Record, stamp: int, prediction: Record) -> None:
         return
     prediction.speed = pose.v
     s, c = sin_cos(pose.heading)
+    prediction.s, prediction.c = s, c
     if abs(pose.w) < STRAIGHT:
         prediction.n = HORIZON
         for i in range(1, HORIZON):

@@ -139,7 +139,7 @@ def _round_corner(
         share = 0.1 + 0.05 * k if early else 0.85 - 0.05 * k
         leg = (1.0 - share) * shorter
         speed = min(parameters.v_max, leg * rate)
-        if speed >= best_speed and reachable(speed, before - leg, parameters.a_max) >= v:
+        if speed >= best_speed and speed * speed + 2.0 * parameters.a_max * (before - leg) >= v * v:
             best_leg, best_speed = leg, speed
             if speed >= 0.8 * parameters.v_max:
                 break
@@ -193,10 +193,11 @@ def _lay(path: Record, pose: Record, kind: int, stop_first: bool, parameters: Re
         if speed < v or v < SLOW_CORNER * parameters.v_max:
             return False
         i = _add_curve(route, x, y, heading, s, c, leg, turn, speed)
-        left = np.sqrt(to_x * to_x + to_y * to_y)
-        route.to_s[i], route.to_c[i] = to_y / left, to_x / left
+        after = np.sqrt(to_x * to_x + to_y * to_y)
+        route.to_s[i], route.to_c[i] = to_y / after, to_x / after
         x, y = x + leg * (c + route.to_c[i]), y + leg * (s + route.to_s[i])
-        before = left - leg
+        before = after - leg
+        to_x, to_y = before * route.to_c[i], before * route.to_s[i]
         heading = wrap(heading + turn)
     s, c = sin_cos(heading) if before < NEAR else (to_y / before, to_x / before)
     corners = 2 if kind == TRANSITION else 1

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from parcours.elementary import atan2, sin_cos, wrap
+from parcours.elementary import atan2, wrap
 from parcours.kernels import Record, kernel
-from parcours.planners.ramp.corner import place_on_corner
+from parcours.planners.ramp.corner import place_on_corner, shape_corner
 from parcours.planners.ramp.messages import (
     CURVE,
     LINE,
@@ -56,9 +56,7 @@ def time_route(route: Record, parameters: Record, trajectory: Record) -> None:
         piece.length, piece.leg, piece.angle = route.length[i], route.leg[i], route.angle[i]
         if kind == CURVE:
             piece.to_s, piece.to_c = route.to_s[i], route.to_c[i]
-            piece.half_s, piece.half_c = sin_cos(0.5 * abs(route.angle[i]))
-            piece.per_way = 2.0 * piece.half_s / (piece.leg * piece.half_c * piece.half_c)
-            piece.per_slope = 0.5 * piece.half_c / piece.half_s
+            shape_corner(piece)
         piece.v0, piece.peak, piece.rate = v0, peak, rate
         piece.up, piece.hold, piece.down, piece.end = up, hold, down, clock
         _outline(piece, up + hold + down, trajectory)

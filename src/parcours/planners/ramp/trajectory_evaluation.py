@@ -60,36 +60,34 @@ def _first_hit(
     """
     i = first
     x, y, piece = _gap(trajectory, i, 0, prediction, shift, dx, dy)
-    distance = np.sqrt(x * x + y * y)
+    square = x * x + y * y
+    near, far = reach * reach, (reach + closing) * (reach + closing)
     while i < last:
-        if distance < reach and not leaving:
+        if square < near and not leaving:
             return i
-        if distance >= reach:
+        if square >= near:
             leaving = False
-            skip = int((distance - reach) / closing)
-            if skip >= 1:
-                i += skip
+            if square >= far:
+                i += max(int((np.sqrt(square) - reach) / closing), 1)
                 if i >= last:
                     return last
                 x, y, piece = _gap(trajectory, i, piece, prediction, shift, dx, dy)
-                distance = np.sqrt(x * x + y * y)
+                square = x * x + y * y
                 continue
         i += 1
         x1, y1, piece = _gap(trajectory, i, piece, prediction, shift, dx, dy)
-        following = np.sqrt(x1 * x1 + y1 * y1)
+        following = x1 * x1 + y1 * y1
         if leaving:
-            if following < distance - 1e-6:
+            if np.sqrt(following) < np.sqrt(square) - 1e-6:
                 return i - 1
-        elif following < reach:
+        elif following < near:
             return i
         else:
             step_x, step_y = x1 - x, y1 - y
-            square = step_x * step_x + step_y * step_y
-            share = min(max(-(x * step_x + y * step_y) / square, 0.0), 1.0) if square > 0.0 else 0.0
-            nx, ny = x + share * step_x, y + share * step_y
-            if nx * nx + ny * ny < reach * reach:
+            inwards, length = -(x * step_x + y * step_y), step_x * step_x + step_y * step_y
+            if 0.0 < inwards < length and (square - near) * length < inwards * inwards:
                 return i
-        x, y, distance = x1, y1, following
+        x, y, square = x1, y1, following
     return last
 
 
@@ -121,8 +119,8 @@ def _collision_with_standing(
         near = near_x * near_x + near_y * near_y
         least = reach + leg.stray + _UNSEEN
         if near >= least * least:
-            if clear == last:
-                room = min(room, np.sqrt(near) - least)
+            if clear == last and near < (room + least) * (room + least):
+                room = np.sqrt(near) - least
         else:
             # Nothing is near but while the two are so near in uniform motion.
             outside = gap_x * gap_x + gap_y * gap_y - least * least
@@ -181,26 +179,31 @@ def _collision_with_moving(
             leg_ends = leg.end - trajectory.skipped
             end = min(end, leg_ends, trajectory.duration)
             stray += inexact * leg.stray
-            share = (end - time) / (leg_ends - time)
-            x1, y1 = x0 + share * (leg.x + leg.dx - x0), y0 + share * (leg.y + leg.dy - y0)
+            x1, y1 = leg.x + leg.dx, leg.y + leg.dy
             if end == leg_ends:
                 inexact = 1.0
+            else:
+                share = (end - time) / (leg_ends - time)
+                x1, y1 = x0 + share * (x1 - x0), y0 + share * (y1 - y0)
         stray += prediction.bend * (end - time) * (end - time)
         ox1, oy1 = predicted_place(prediction, end / SAMPLE + shift)
         x, y = ox0 - x0 - drift_x, oy0 - y0 - drift_y
         step_x, step_y = ox1 - x1 - drift_x - x, oy1 - y1 - drift_y - y
         square = step_x * step_x + step_y * step_y
         inwards = -(x * step_x + y * step_y)
-        share = min(max(inwards / square, 0.0), 1.0) if square > 0.0 else 0.0
-        near_x, near_y = x + share * step_x, y + share * step_y
+        gap = x * x + y * y
+        near = gap
+        if inwards >= square:
+            near = gap - 2.0 * inwards + square
+        elif inwards > 0.0:
+            near = gap - inwards * inwards / square
         least = reach + stray
-        near = near_x * near_x + near_y * near_y
         if near >= least * least:
-            if clear == last:
-                room = min(room, np.sqrt(near) - least)
+            if clear == last and near < (room + least) * (room + least):
+                room = np.sqrt(near) - least
         else:
             # Nothing is near but while the two are so near in uniform motion.
-            outside = x * x + y * y - least * least
+            outside = gap - least * least
             root = np.sqrt(max(inwards * inwards - square * outside, 0.0))
             enters = 0.999 * (inwards - root) / square if outside > 0.0 else 0.0
             leaves = min(1.001 * (inwards + root) / square, 1.0) if square > 0.0 else 1.0
