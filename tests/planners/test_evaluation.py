@@ -11,6 +11,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from parcours.kernels import Record
+from parcours.planners.ramp.collision import collision_time, first_collision
 from parcours.planners.ramp.messages import (
     LINE,
     NO_COLLISION,
@@ -25,7 +26,7 @@ from parcours.planners.ramp.parameters import Parameters, guarded, original
 from parcours.planners.ramp.prediction import predict
 from parcours.planners.ramp.route import ROUTE
 from parcours.planners.ramp.trajectory import copy_trajectory, place_at, samples, time_route
-from parcours.planners.ramp.trajectory_evaluation import collision_time, evaluate, first_collision
+from parcours.planners.ramp.trajectory_evaluation import evaluate
 
 if TYPE_CHECKING:
     from tests.planners.conftest import Way

@@ -33,7 +33,7 @@ from parcours.cli.options import seed, workers
     help="Folder to write.",
 )
 def command(cases: int, delayed: int | None, seed: int, workers: int, out: Path) -> None:
-    """Model, paths, abstract cases, data, 120 component tests and the system campaigns, judged and drawn.
+    """Model, paths, abstract cases, data, component and timing cases, system campaigns; judged and drawn.
 
     Example: parcours demo --cases 905 --seed 1 --out out/demo
     """

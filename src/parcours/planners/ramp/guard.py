@@ -13,10 +13,11 @@ import numpy as np
 
 from parcours.elementary import sin_cos
 from parcours.kernels import Record, kernel
+from parcours.planners.ramp.collision import collision_time, earliest_collision
 from parcours.planners.ramp.messages import NO_COLLISION, SAMPLE
 from parcours.planners.ramp.parameters import GUARDED, ORIGINAL
 from parcours.planners.ramp.prediction import STANDS
-from parcours.planners.ramp.trajectory_evaluation import collision_time, earliest_collision, passes_up_to, remember
+from parcours.planners.ramp.trajectory_evaluation import passes_up_to, remember
 
 GUARD_PERIOD = 50_000_000
 """Time between two imminent-collision checks of the published planner [ns] (20 Hz)."""

@@ -63,16 +63,27 @@ class Parameters:
     def __post_init__(self) -> None:
         for field in dataclasses.fields(self):
             value = getattr(self, field.name)
-            if isinstance(value, float) and not 0.0 < value < 1e9 and (value != 0.0 or field.name not in _MAY_BE_ZERO):
+            if field.name in ("schedule", "population", "sectors"):
+                continue
+            is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
+            least = 0.0 if field.name in _MAY_BE_ZERO else 1e-9
+            if not is_number or not least <= value < 1e9:
+                rule = "at least 0" if least == 0.0 else "above 0"
                 raise BadRequest(
                     f"RAMP parameter {field.name!r}",
-                    f"it must be a number above 0 and below 1e9, but is {value}",
+                    f"it must be a number {rule} and below 1e9, but is {value!r}",
                     slug="parameter-range",
                 )
-        if not 1 <= self.population <= 16:
+        if type(self.population) is not int or not 1 <= self.population <= 16:
             raise BadRequest(
                 "RAMP parameter 'population'",
-                f"it must be from 1 to 16, but is {self.population}",
+                f"it must be a whole number from 1 to 16, but is {self.population!r}",
+                slug="parameter-range",
+            )
+        if self.arena < 2.0 * self.robot_radius:
+            raise BadRequest(
+                "RAMP parameter 'arena'",
+                f"the robot must fit in, whose diameter is {2.0 * self.robot_radius} m, but it is {self.arena} m",
                 slug="parameter-range",
             )
         if self.schedule not in ("original", "guarded"):

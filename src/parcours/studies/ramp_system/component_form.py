@@ -27,12 +27,8 @@ from parcours.run.hosts.simulated import SimulatedHost
 from parcours.run.port import Link, links
 from parcours.run.trace import Trace
 from parcours.studies.ramp_components.model import component_model
-from parcours.studies.ramp_system.closed_loop import SENSING_PERIOD
-from parcours.studies.ramp_system.closed_loop import _freeze as freeze
-from parcours.studies.ramp_system.closed_loop import _measure as measure
-from parcours.studies.ramp_system.closed_loop import _sense as sense
-from parcours.studies.ramp_system.closed_loop import _watch as watch
 from parcours.studies.ramp_system.facts import FACTS, TRANSITIONS
+from parcours.studies.ramp_system.observing import SENSING_PERIOD, freeze, measure_robot, sense, watch
 from parcours.studies.ramp_system.study import SystemStudy
 from parcours.studies.ramp_system.workspace import WORKSPACE
 from parcours.verdict.facts import NEVER, TRACK
@@ -81,7 +77,7 @@ class World:
         self._before(now)
         advance(self.world, self.obstacles, now)
         pose = one(POSE)
-        measure(self._robot, pose)
+        measure_robot(self._robot, pose)
         sends: list[tuple[str, object]] = [("pose", Report(now, pose))]
         if self._next_report <= now:
             self._next_report += REPORT_PERIOD

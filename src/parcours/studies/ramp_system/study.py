@@ -54,8 +54,7 @@ class SystemStudy:
         watched_on: how long an unfinished case is watched beyond its end [s].
 
     Raises:
-        BadRequest: a time is out of its range, the robot does not fit into the arena, or cases and planner have robots
-            of different size.
+        BadRequest: a time is out of its range, or cases and planner have robots of different size.
     """
 
     cases: SystemCases
@@ -72,9 +71,6 @@ class SystemStudy:
         radius, planned = self.cases.robot_radius, self.parameters.robot_radius
         if radius != planned:
             _refuse("robot_radius", f"cases and planner must agree, but have {radius} m and {planned} m")
-        if self.parameters.arena < 2.0 * radius:
-            rule = f"the robot must fit in, whose diameter is {2.0 * radius} m, but it is {self.parameters.arena} m"
-            _refuse("arena", rule)
 
     def __call__(self, first: int, count: int) -> NDArray[np.void]:
         """Return the facts of cases first .. first + count - 1, array of FACTS of shape (count,)."""

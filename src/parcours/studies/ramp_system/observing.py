@@ -1,0 +1,79 @@
+"""World and controller -> what is sensed of them, and what the FACTS of a case say of them in the end."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from parcours.arena.obstacles import motion_at, place_at
+from parcours.kernels import Record, kernel
+from parcours.planners.ramp.control import COMMAND_PERIOD
+
+SENSING_PERIOD = 50_000_000
+"""Time between two obstacle messages [ns] (20 Hz)."""
+
+
+@kernel
+def sense(obstacles: Record, stamp: int, seen: Record) -> None:
+    """Fill the obstacle message: where every obstacle was at `stamp` [ns] and how it moved."""
+    for k in range(len(obstacles)):
+        pose, obstacle = seen[k].pose, obstacles[k]
+        if obstacle.now == stamp:  # the world has brought it there
+            pose.x, pose.y, pose.heading = obstacle.x, obstacle.y, obstacle.heading
+            pose.v, pose.w = obstacle.v, obstacle.w
+        else:
+            pose.x, pose.y = place_at(obstacle, stamp)
+            pose.heading, pose.v, pose.w = motion_at(obstacle, stamp)
+        seen[k].radius = obstacle.radius
+
+
+@kernel
+def measure_robot(robot: Record, pose: Record) -> None:
+    """Set the POSE to where the ROBOT is and how it moves."""
+    pose.x, pose.y, pose.heading, pose.v, pose.w = robot.x, robot.y, robot.heading, robot.v, robot.w
+
+
+@kernel
+def watch(work: Record, now: int, facts: Record) -> None:
+    """Keep what the robot and its controller do between two commands."""
+    control, robot = work.control, work.world.robot
+    if control.halt and not work.halted_before:
+        facts.n_halts += 1
+    work.halted_before = control.halt
+    if control.halt:
+        facts.halted_time += COMMAND_PERIOD
+    if robot.v * robot.v > 1e-4:
+        work.t_moving = now
+
+
+@kernel
+def _goal_gap(world: Record, obstacles: Record) -> float:
+    """Return the clearance [m] that a robot on the goal would have once all obstacles rest."""
+    gap = np.inf
+    for k in range(len(obstacles)):
+        x, y = place_at(obstacles[k], obstacles[k].stop)
+        distance = np.sqrt((x - world.goal_x) ** 2 + (y - world.goal_y) ** 2)
+        gap = min(gap, distance - obstacles[k].radius - world.robot.radius)
+    return gap
+
+
+@kernel
+def freeze(work: Record, obstacles: Record, now: int, facts: Record) -> None:
+    """Write down how the case stands at its end."""
+    world, planner, control = work.world, work.planner, work.control
+    robot = world.robot
+    facts.t_end = now
+    facts.x, facts.y, facts.heading = robot.x, robot.y, robot.heading
+    facts.to_goal = np.sqrt((world.goal_x - robot.x) ** 2 + (world.goal_y - robot.y) ** 2)
+    facts.t_goal = world.t_goal
+    facts.feasible = planner.moving_on.feasible
+    facts.time_left = planner.moving_on.duration
+    facts.halted = control.halt
+    facts.t_contact = world.t_contact
+    facts.t_robot_contact, facts.t_shared_contact = world.t_robot_contact, world.t_shared_contact
+    facts.n_robot_contacts, facts.n_shared_contacts = world.n_robot_contacts, world.n_shared_contacts
+    facts.n_obstacle_contacts = world.n_obstacle_contacts
+    facts.min_clearance, facts.t_min_clearance = world.min_clearance, world.t_min_clearance
+    facts.travelled = world.travelled
+    facts.n_switches = planner.n_switches
+    facts.t_last_moving = work.t_moving
+    facts.goal_gap = _goal_gap(world, obstacles)
