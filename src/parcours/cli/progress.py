@@ -31,4 +31,4 @@ def say_if_cold() -> None:
     from parcours.kernels import is_warm
 
     if not is_warm():
-        click.echo("compiling kernels for this machine, once: about half a minute", err=True)
+        click.echo("compiling kernels for this machine, once: about a minute", err=True)

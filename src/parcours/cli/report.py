@@ -61,7 +61,6 @@ def summarise(
     """Print the outcomes of campaigns and component studies."""
     from parcours.report.terminal import print_table
     from parcours.studies.navigation.campaigns import error_table, summary
-    from parcours.studies.ramp_components.results import component_table
     from parcours.studies.ramp_system.campaigns import measure_table, outcome_table
 
     components = components or {}
@@ -69,8 +68,11 @@ def summarise(
         judged = {name: [asdict(result) for result in found] for name, found in components.items()}
         print_json({**{name: summary(result) for name, result in results.items()}, **judged})
         return
-    for name, found in components.items():
-        print_table(component_table(found, f"Component cases, {name}"))
+    if components:
+        from parcours.studies.ramp_components.results import component_table
+
+        for name, found in components.items():
+            print_table(component_table(found, f"Component cases, {name}"))
     if results:
         print_table(outcome_table(results))
         print_table(measure_table(results))

@@ -4,10 +4,15 @@ from __future__ import annotations
 
 import dataclasses
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from parcours.cli.options import as_json, seed, workers
+
+if TYPE_CHECKING:
+    from parcours.studies.navigation.study import NavigationStudy
+    from parcours.studies.ramp_system.study import SystemStudy
 
 
 @click.command("run")
@@ -70,16 +75,16 @@ def command(
     if study == "ramp_components":
         _components(seed, cases, out, as_json)
         return
-    from parcours.planners.ramp.latency import Latencies
     from parcours.run.campaign import run_campaign
-    from parcours.studies.navigation.scenario import Scenario
-    from parcours.studies.navigation.study import NavigationStudy, study_of
-    from parcours.studies.ramp_system.cases import SystemCases
-    from parcours.studies.ramp_system.study import PUBLISHED_CASES, SystemStudy, system_study
+    from parcours.studies.ramp_system.study import PUBLISHED_CASES, system_study
 
     campaign_study: SystemStudy | NavigationStudy
     say_if_cold()
     if study == "navigation":
+        from parcours.studies.navigation.scenario import Scenario
+        from parcours.studies.navigation.study import study_of
+        from parcours.studies.ramp_system.cases import SystemCases
+
         label = _require_planner(planner)
         scenario = Scenario(
             period=period, command_delay=command_delay, time_limit=time_limit, watched_on=watched_on,
@@ -88,6 +93,8 @@ def command(
         system_cases = SystemCases(seed, protocol, robot_radius, obstacle_radius)  # type: ignore[arg-type]
         campaign_study = study_of(label, system_cases, scenario)
     else:
+        from parcours.planners.ramp.latency import Latencies
+
         label = schedule
         plain = system_study(
             schedule, seed=seed, protocol=protocol, radius=robot_radius, obstacle_radius=obstacle_radius  # type: ignore[arg-type]

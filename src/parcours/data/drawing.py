@@ -22,6 +22,9 @@ from parcours.errors import BadDomain, BadRequest
 TRIES = 100_000
 """How often a row is drawn before its constraints count as unmeetable within its blocks."""
 
+_SECOND = 16
+"""Draws of the second pass: few rows need more, and a pass of 16 draws takes hardly longer than a pass of one."""
+
 _MOST_DRAWS, _MOST_ROWS = 4096, 1 << 16  # draws of one row, and draws in all, that are looked at together
 
 
@@ -62,8 +65,8 @@ def draw(
     left = np.arange(len(cases))  # which rows still break a constraint
     done = 0
     while left.size and done < tries:
-        # Draws double from pass to pass, whichever rows are left: so a row never depends on its company.
-        n = min(max(done, 1), tries - done, _MOST_DRAWS)
+        # How many draws a pass looks at depends on the pass alone: so a row never depends on its company.
+        n = min(max(done, _SECOND) if done else 1, tries - done, _MOST_DRAWS)
         failed = []
         for part in np.array_split(left, max(1, len(left) * n // _MOST_ROWS)):
             drawn = _drawn(model, start[part], [limit[part] for limit in limits], done, n)

@@ -9,10 +9,10 @@ import contextlib
 import importlib
 import signal
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import cast
+from typing import Protocol, cast, runtime_checkable
 
 from parcours.errors import BadRequest, HostFailure, ParcoursError
 from parcours.run.atomic import sweep
@@ -25,6 +25,14 @@ Simulate = Callable[[int, int], Rows]
 
 Progress = Callable[[int, int], None]
 """Told (cases finished, cases in all) at the start and after every shard."""
+
+
+@runtime_checkable
+class Prepares(Protocol):
+    """A study's function that can load or compile its code before its first case: once, not once in every worker."""
+
+    def prepare(self) -> bool:
+        """Load or compile what every case needs; return whether all of it is ours, so that a fork may share it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,12 +105,7 @@ def run_campaign(
         return f"shard {shard} (cases {cases.start}..{cases.stop - 1})"
 
     try:
-        words = _pulse_words(function)
-        if not words and (workers == 1 or len(missing) <= 1):
-            done = (_here(task, shard, name) for shard in missing)
-        else:
-            done = run_tasks(task, missing, min(workers, len(missing)), name, pulse_words=words)
-        with _terminable(), contextlib.closing(done):
+        with _terminable(), contextlib.closing(_done(function, task, missing, workers, name)) as done:
             for shard in done:
                 finished += len(campaign.cases(shard))
                 report(finished, campaign.n_cases)
@@ -126,6 +129,22 @@ class _ComputeShard:
         cases = self.store.campaign.cases(shard)
         function = _without(function, lost)
         self.store.write(shard, function(cases.start, len(cases)))
+
+
+def _done(
+    function: Simulate, task: _ComputeShard, missing: tuple[int, ...], workers: int, name: Callable[[int], str]
+) -> Generator[int, None, None]:
+    """Yield each shard once it is computed: here if one process is enough, else in workers."""
+    words = _pulse_words(function)
+    if not missing or (not words and (workers == 1 or len(missing) == 1)):
+        yield from (_here(task, shard, name) for shard in missing)
+        return
+    runs: object = function
+    forks = isinstance(runs, Prepares) and runs.prepare()
+    with contextlib.closing(
+        run_tasks(task, missing, min(workers, len(missing)), name, pulse_words=words, forks=forks)
+    ) as done:
+        yield from done
 
 
 def _pulse_words(function: object) -> int:

@@ -15,6 +15,7 @@ from collections import Counter, deque
 from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
+from multiprocessing.context import BaseContext
 from multiprocessing.process import BaseProcess
 from pickle import PicklingError
 from typing import Any, Protocol
@@ -46,7 +47,13 @@ class _Worker:
 
 
 def run_tasks(
-    task: Task, numbers: Sequence[int], workers: int, name: Callable[[int], str], *, pulse_words: int = 0
+    task: Task,
+    numbers: Sequence[int],
+    workers: int,
+    name: Callable[[int], str],
+    *,
+    pulse_words: int = 0,
+    forks: bool = False,
 ) -> Generator[int, None, None]:
     """Yield each number once `task(number, lost)` has returned in some worker, in order of completion.
 
@@ -57,19 +64,23 @@ def run_tasks(
     What tasks print goes to standard error.
 
     Args:
-        task: picklable; runs in a process that was not forked, so it shares nothing with this one.
+        task: picklable, unless workers are forked.
         numbers: what to run, in the order in which to begin.
         workers: how many processes, at least 1.
         name: what to call a task in a message.
         pulse_words: size of the array that a worker shares (`parcours.run.pulse`), or 0 for none.
+        forks: whether workers are forked of this process where that is safe (`can_fork`), so that they begin with all
+            that it has loaded. Only for tasks that share no lock with a thread of this process; others get a process
+            that shares nothing with this one.
 
     Raises:
         HostFailure: a task raised, or its worker died twice.
         ParcoursError: whatever of ours a task raised.
         BadRequest: the task cannot be sent to another process.
     """
-    # A forked child would inherit the locks of compiled code's threads in whatever state they are.
-    context = multiprocessing.get_context("spawn")
+    # A forked child inherits the locks of strangers' threads in whatever state they are: hence spawned, unless told.
+    forks = forks and can_fork()
+    context: BaseContext = multiprocessing.get_context("fork" if forks else "spawn")
     pending, tries, deaths = deque(numbers), Counter[int](), Counter[int]()
     lost: dict[int, tuple[LostCase, ...]] = {}
     staff: list[_Worker] = []
@@ -78,7 +89,9 @@ def run_tasks(
     def hire() -> _Worker:
         ours, theirs = context.Pipe()
         block = context.RawArray("d", [NO_CASE] * pulse_words) if pulse_words else None
-        process = context.Process(target=_serve, args=(theirs, task, block), daemon=True)
+        # A forked worker holds the parent's ends too, and would not see them close when the parent is killed.
+        held = [ours, *(worker.line for worker in staff)] if forks else []
+        process = context.Process(target=_serve, args=(theirs, task, block, held), daemon=True)  # type: ignore[attr-defined]
         try:
             process.start()
         except (AttributeError, TypeError, ImportError, ValueError, PicklingError) as error:
@@ -145,6 +158,11 @@ def run_tasks(
             worker.process.join()
 
 
+def can_fork() -> bool:
+    """Return whether a process may be forked here: on Linux. Elsewhere libraries of the system forbid it."""
+    return sys.platform == "linux"
+
+
 def _lost_case(worker: _Worker) -> LostCase | None:
     """Return the case that a worker was on when it ended, and how it ended."""
     if worker.watch is None:
@@ -152,9 +170,12 @@ def _lost_case(worker: _Worker) -> LostCase | None:
     return worker.watch.lost("hung", "") if worker.hung else worker.watch.lost("died", _ending(worker.process.exitcode))
 
 
-def _serve(line: Connection, task: Task, block: Any) -> None:
+def _serve(line: Connection, task: Task, block: Any, held: Sequence[Connection]) -> None:
     """Do tasks until the line ends: also when the parent was killed, so that no worker is left behind."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's to handle
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)  # a forked worker has the parent's handler
+    for theirs in held:
+        theirs.close()
     with contextlib.suppress(OSError, ValueError):
         os.dup2(sys.stderr.fileno(), 1)  # standard output is the parent's, who may write JSON there
     sys.stdout = sys.stderr

@@ -16,6 +16,9 @@ from parcours.planners.ramp.trajectory import place_at, place_from
 _UNSEEN = 0.003
 """What legs leave out at joints of the way between two samples [m]: up to 2.4 m/s2 over a sample."""
 
+_AWAY = 0.15
+"""A robot leaves what it is too near to if the distance grows by at least this share of the way that they move."""
+
 
 @kernel
 def _gap(
@@ -68,7 +71,9 @@ def _first_hit(
         x1, y1, piece = _gap(trajectory, i, piece, prediction, shift, dx, dy)
         following = x1 * x1 + y1 * y1
         if leaving:
-            if np.sqrt(following) < np.sqrt(square) - 1e-6:
+            step_x, step_y = x1 - x, y1 - y
+            away = _AWAY * np.sqrt(step_x * step_x + step_y * step_y)
+            if np.sqrt(following) < np.sqrt(square) + away - 1e-6:
                 return i - 1
         elif following < near:
             return i
@@ -241,7 +246,7 @@ def first_collision(
         drift_x: what to add to the trajectory's positions [m].
         drift_y: ...
         reach: distance between centres that counts as collision [m].
-        may_leave: whether a robot that begins within reach may go as long as the distance does not shrink.
+        may_leave: whether a robot that begins within reach may go as long as it leaves.
         v_max: the robot's top speed [m/s].
     """
     shift = (begins - prediction.stamp) * 1e-9 / SAMPLE

@@ -76,6 +76,11 @@ class SystemStudy:
         """Return the facts of cases first .. first + count - 1, array of FACTS of shape (count,)."""
         return self.run(np.arange(first, first + count))
 
+    def prepare(self) -> bool:
+        """Load or compile the kernels, and derive the start vectors, that every case needs; all of it is ours."""
+        self._run(np.arange(0))
+        return True
+
     def run(self, numbers: NDArray[np.int64]) -> NDArray[np.void]:
         """Return the facts of the cases, array of FACTS of shape (n,); independent of what else is run."""
         return self._run(numbers)[0]
