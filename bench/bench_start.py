@@ -40,7 +40,9 @@ def wait(arguments: tuple[str, ...], cases: int, cache: str | None = None) -> tu
     with tempfile.TemporaryDirectory() as folder:
         command = [PROGRAM, "run", *arguments, "--cases", str(cases), "--out", f"{folder}/out"]
         begun, used = time.perf_counter(), processor()
-        done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+        done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+        if done.returncode:
+            sys.exit(f"{' '.join(command)} ended with exit code {done.returncode}:\n{done.stderr}")
         return time.perf_counter() - begun, processor() - used, done.stderr
 
 

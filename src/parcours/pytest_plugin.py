@@ -54,7 +54,7 @@ def pytest_report_header(config: pytest.Config) -> list[str]:
     from parcours.kernels import is_warm
 
     source = config.getoption("--parcours-suite") or config.getoption("--parcours-study")
-    cold = [] if is_warm() else ["parcours: compiling for this machine first, once: about half a minute"]
+    cold = [] if is_warm() else ["parcours: compiling for this machine first, once: about a minute"]
     schedule = config.getoption("--parcours-schedule") or "its own"
     return [f"parcours: {source}, seed {config.getoption('--parcours-seed')}, schedule {schedule}", *cold]
 

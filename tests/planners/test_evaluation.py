@@ -62,6 +62,7 @@ class Search:
         self.gaps = np.stack([x - poses.x[robot] - drift[0], y - poses.y[robot] - drift[1]], axis=1)
         self.distances = np.hypot(*self.gaps.T)
         before, steps = self.gaps[:-1], np.diff(self.gaps, axis=0)
+        self.moved = np.hypot(*steps.T)
         squares = (steps**2).sum(axis=1)
         shares = np.clip(-(before * steps).sum(axis=1) / np.where(squares > 0.0, squares, 1.0), 0.0, 1.0)
         self.nearest = np.hypot(*(before + shares[:, np.newaxis] * steps).T)
@@ -77,7 +78,7 @@ class Search:
             return self.first
         for k in range(1, len(distances)):
             if leaving:
-                if distances[k] < distances[k - 1] - 1e-6:
+                if distances[k] < distances[k - 1] + 0.15 * self.moved[k - 1] - 1e-6:
                     return self.first + k - 1
                 leaving = bool(distances[k] < reach)
             elif self.nearest[k - 1] < reach:
@@ -175,6 +176,12 @@ def test_a_robot_that_begins_too_near_may_leave_but_not_come_nearer() -> None:
     behind, ahead = prediction_of(-0.1, 0.0, 0.0, 0.0, 0.0), prediction_of(0.1, 0.0, 0.0, 0.0, 0.0)
     for prediction, may_leave, hit in ((behind, False, 0), (behind, True, 60), (ahead, False, 0), (ahead, True, 0)):
         assert found(crossing(), 0, 0, 60, prediction, (0.0, 0.0), 0.225, may_leave)[0] == hit
+
+
+def test_a_robot_that_begins_too_near_may_not_slip_past() -> None:
+    for angle, hit in ((1.4, 0), (1.6, 0), (1.8, 60)):  # 90 degrees is 1.57: then it goes along the obstacle's edge
+        beside = prediction_of(0.2 * math.cos(angle), 0.2 * math.sin(angle), 0.0, 0.0, 0.0)
+        assert found(crossing(), 0, 0, 60, beside, (0.0, 0.0), 0.225, True)[0] == hit
 
 
 def test_what_lies_outside_the_window_is_not_looked_at() -> None:

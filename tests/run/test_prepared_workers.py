@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import os
 import signal
 import subprocess
@@ -14,7 +15,7 @@ import pytest
 
 from parcours.run.campaign import run_campaign
 from parcours.run.pool import can_fork
-from parcours.run.store import Campaign, open_results
+from parcours.run.store import open_results
 from parcours.studies.ramp_system.study import system_study
 
 STUDY = """
@@ -76,8 +77,7 @@ def alive(session: int) -> bool:
 
 @pytest.mark.parametrize("ours", [True, False])
 def test_only_what_is_all_ours_is_prepared_for_the_workers_too(script: Path, tmp_path: Path, ours: bool) -> None:
-    import toy_prepared_study as toy
-
+    toy = importlib.import_module(script.stem)
     rows = run_campaign(toy.Study(ours), toy.CAMPAIGN, tmp_path / "c", workers=2).store.load()
     assert os.getpid() not in rows["ran_in"]
     assert toy.prepared_in == os.getpid()

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from statistics import NormalDist
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -65,10 +66,11 @@ def wilson(count: int, n: int, confidence: float = 0.95) -> Rate:
         raise BadRequest("confidence", f"it must lie between 0 and 1, but {confidence:g} given", slug="confidence")
     if n == 0:
         return Rate(0, 0, 0.0, 1.0, confidence)
-    from scipy.stats import binomtest
-
-    interval = binomtest(count, n).proportion_ci(confidence_level=confidence, method="wilson")
-    return Rate(count, n, float(interval.low), float(interval.high), confidence)
+    z = NormalDist().inv_cdf(0.5 + 0.5 * confidence)
+    middle, half = count + 0.5 * z * z, z * math.sqrt(count * (n - count) / n + 0.25 * z * z)
+    low = 0.0 if count == 0 else (middle - half) / (n + z * z)
+    high = 1.0 if count == n else (middle + half) / (n + z * z)
+    return Rate(count, n, low, high, confidence)
 
 
 @dataclass(frozen=True, slots=True)

@@ -117,8 +117,8 @@ def _among_solvable(results: Results) -> list[Cell] | None:
     for both in found:
         if both is None:
             return None
-        sure, likely = both
-        cells.append(interval(sure) if sure == likely else f"{interval(sure)} to {interval(likely)}")
+        sure, likely = (interval(rate) for rate in both)
+        cells.append(sure if sure == likely else f"{sure} to {likely}")
     return [f"{STUCK}, of the solvable cases", *cells]
 
 

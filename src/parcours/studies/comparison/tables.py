@@ -198,18 +198,19 @@ def speaks_of_answers(results: Results) -> str:
 
 
 def interval(rate: Rate) -> str:
-    """Return a rate with its interval in percent, in one unbroken word; from 10 000 cases on with two decimals.
+    """Return a rate with its interval in percent, in one unbroken word; with more decimals from 10 000 cases on.
 
     >>> interval(wilson(70, 905)).replace("\\xa0", " ")
     '7.7 % [6.2, 9.7]'
     >>> interval(wilson(8, 10_000)).replace("\\xa0", " ")
     '0.08 % [0.04, 0.16]'
+    >>> interval(wilson(0, 100_000)).replace("\\xa0", " ")
+    '0.000 % [0.000, 0.004]'
     """
     if not rate.n:
         return "–"
-    share, low, high = (
-        f"{100 * value:.{2 if rate.n >= 10_000 else 1}f}" for value in (rate.share, rate.low, rate.high)
-    )
+    decimals = max(len(str(rate.n)) - 3, 1)
+    share, low, high = (f"{100 * value:.{decimals}f}" for value in (rate.share, rate.low, rate.high))
     return f"{share} % [{low}, {high}]".replace(" ", _UNBROKEN)
 
 

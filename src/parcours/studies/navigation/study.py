@@ -19,7 +19,7 @@ from parcours.run.pulse import LostCase
 from parcours.run.store import Campaign
 from parcours.studies.navigation.facts import FACTS, PlannerFault, lost
 from parcours.studies.navigation.host import Host, host_words, hung
-from parcours.studies.navigation.planners import RAMP, PlannerLike, load_planner, source_digest
+from parcours.studies.navigation.planners import RAMP, SHIPPED, PlannerLike, load_planner, source_digest
 from parcours.studies.navigation.scenario import Scenario
 from parcours.studies.ramp_system.cases import SystemCases
 from parcours.studies.ramp_system.study import SystemStudy, code_digest
@@ -80,6 +80,15 @@ class NavigationStudy:
     def without(self, lost: tuple[LostCase, ...]) -> Self:
         """Return the study that gives the facts of these cases as errors and does not run them."""
         return dataclasses.replace(self, lost=lost)
+
+    def prepare(self) -> bool:
+        """Compile the kernels of a shipped planner by driving it a moment; return whether it is one."""
+        if self.planner not in SHIPPED:
+            return False
+        moment = dataclasses.replace(self.scenario, time_limit=2.0 * self.scenario.period, watched_on=0.0)
+        dataclasses.replace(self, scenario=moment).run(np.arange(1))
+        _host.cache_clear()  # a worker's host writes into the array that the worker shares
+        return True
 
     def __call__(self, first: int, count: int) -> NDArray[np.void]:
         """Return the facts of cases first .. first + count - 1, array of FACTS of shape (count,)."""
