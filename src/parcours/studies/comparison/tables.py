@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import numpy as np
 
 from parcours.report.pieces import Cell, Column, Marked, Table
@@ -209,7 +210,7 @@ def interval(rate: Rate) -> str:
     """
     if not rate.n:
         return "–"
-    decimals = max(len(str(rate.n)) - 3, 1)
+    decimals = max(round(math.log10(rate.n)) - 2, 1)
     share, low, high = (f"{100 * value:.{decimals}f}" for value in (rate.share, rate.low, rate.high))
     return f"{share} % [{low}, {high}]".replace(" ", _UNBROKEN)
 
