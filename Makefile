@@ -22,7 +22,7 @@ contracts: $(VENV)/.developer
 	$(BIN)/lint-imports
 
 tests: $(VENV)/.developer
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest --numprocesses=auto --maxprocesses=4 --dist=worksteal
 
 format: $(VENV)/.developer
 	$(BIN)/ruff format .

@@ -126,9 +126,10 @@ def test_a_campaign_killed_in_the_middle_resumes_to_the_bytes_of_an_uninterrupte
 def test_a_real_ctrl_c_ends_the_process_in_order_and_leaves_nothing_half_written(study: Path, tmp_path: Path) -> None:
     script = tmp_path / "go.py"
     script.write_text(
-        "import sys\nfrom pathlib import Path\nimport toy_campaign_study as toy\n"
+        "import signal, sys\nfrom pathlib import Path\nimport toy_campaign_study as toy\n"
         "from parcours.run.campaign import run_campaign\nfrom parcours.run.store import Campaign\n"
         "if __name__ == '__main__':\n"
+        "    signal.signal(signal.SIGINT, signal.default_int_handler)\n"  # a background shell ignores it
         "    c = Campaign('toy', 'original', 7, 950, toy.DTYPE, shard_size=10)\n"
         "    print(run_campaign('toy_campaign_study:slowly', c, Path(sys.argv[1]), workers=2))\n"
     )

@@ -19,7 +19,7 @@ from parcours.run.store import open_results
 from parcours.studies.ramp_system.study import system_study
 
 STUDY = """
-import os, sys, time
+import os, signal, sys, time
 from pathlib import Path
 import numpy as np
 from parcours.run.campaign import run_campaign
@@ -42,6 +42,7 @@ class Study:
         return np.array([(n, prepared_in, os.getpid()) for n in range(first, first + count)], DTYPE)
 
 if __name__ == "__main__":
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # a background shell ignores it
     print(run_campaign(Study(True, 0.2), CAMPAIGN, Path(sys.argv[1]), workers=2))
 """
 

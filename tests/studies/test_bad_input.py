@@ -39,7 +39,7 @@ def test_times_that_no_test_lasts_are_refused(value: float) -> None:
 
 def test_an_arena_smaller_than_the_robot_and_two_sizes_of_one_robot_are_refused() -> None:
     study = system_study("original", radius=0.3)
-    with pytest.raises(BadRequest, match=r"arena: .* diameter is 0.6 m, but it is 0.5 m \[study-range\]"):
+    with pytest.raises(BadRequest, match=r"'arena': .* diameter is 0.6 m, but it is 0.5 m \[parameter-range\]"):
         dataclasses.replace(study, parameters=dataclasses.replace(study.parameters, arena=0.5))
     with pytest.raises(BadRequest, match=r"robot_radius: .* 0.3 m and 0.125 m \[study-range\]"):
         dataclasses.replace(study, parameters=guarded())
@@ -49,6 +49,12 @@ def test_a_negative_delay_is_refused() -> None:
     for name in ("added_sensing", "added_planning", "added_stop"):
         with pytest.raises(BadRequest, match=r"-0.1.*\[latency-range\]"):
             Latencies(**{name: -0.1})  # type: ignore[arg-type]
+
+
+def test_a_delay_beyond_what_a_channel_keeps_in_order_is_refused() -> None:
+    for name, most in (("added_sensing", 5), ("added_planning", 5), ("added_stop", 5), ("transport", 0.2)):
+        with pytest.raises(BadRequest, match=rf"from 0 to {most} s, but {name} is 6.0 \[latency-range\]"):
+            Latencies(**{name: 6.0})  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("protocol", PROTOCOLS)

@@ -38,8 +38,8 @@ def check(planner: str, only: tuple[str, ...], listed: bool, patience: float, as
 
     from parcours.cli.progress import progress, say_if_cold
     from parcours.report.terminal import print_table
-    from parcours.studies.checking.battery import CHECKS, checks_table, run_battery, told_in_lines
-    from parcours.studies.checking.loading import load_subject
+    from parcours.studies.checking.apart import check_apart
+    from parcours.studies.checking.battery import CHECKS, checks_table, told_in_lines
 
     if listed:
         words = {name: (made.__doc__ or "").strip() for name, made in CHECKS.items()}
@@ -48,11 +48,10 @@ def check(planner: str, only: tuple[str, ...], listed: bool, patience: float, as
         else:
             print_table(checks_table())
         return
-    subject = load_subject(planner)
     say_if_cold()
     with progress() as show:
-        report = run_battery(
-            subject,
+        report = check_apart(
+            planner,
             only or None,
             patience=patience,
             progress=lambda name, done, total: show("checks", done, total),

@@ -10,6 +10,7 @@ import multiprocessing
 import os
 import signal
 import sys
+import time
 import traceback
 from collections import Counter, deque
 from collections.abc import Callable, Generator, Sequence
@@ -85,6 +86,7 @@ def run_tasks(
     lost: dict[int, tuple[LostCase, ...]] = {}
     staff: list[_Worker] = []
     failure: ParcoursError | None = None
+    looked = time.monotonic()
 
     def hire() -> _Worker:
         ours, theirs = context.Pipe()
@@ -117,10 +119,12 @@ def run_tasks(
             if not busy:
                 break
             ready = wait([worker.line for worker in busy], POLL if pulse_words else None)
-            for worker in busy:
-                if worker.watch is not None and worker.watch.has_hung() and worker.line not in ready:
-                    worker.hung = True
-                    worker.process.kill()
+            if (now := time.monotonic()) - looked >= POLL:  # neighbours that finish often end the wait early
+                looked = now
+                for worker in busy:
+                    if worker.watch is not None and worker.watch.has_hung() and worker.line not in ready:
+                        worker.hung = True
+                        worker.process.kill()
             for worker in [worker for worker in busy if worker.line in ready]:
                 number, worker.task = worker.task, -1
                 try:

@@ -84,7 +84,10 @@ class Watch:
         self._looks = 0
 
     def has_hung(self) -> bool:
-        """Return whether the worker has stayed at one place for half as long again as it may; called every POLL."""
+        """Return whether the worker has stayed at one place for half as long again as it may.
+
+        Each call counts as POLL: a caller lets at least so much time pass between two.
+        """
         now = (float(self._words[CASE]), float(self._words[TIME]))
         self._looks = self._looks + 1 if now == self._seen else 0
         self._seen = now

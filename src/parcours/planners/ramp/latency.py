@@ -6,16 +6,17 @@ version ([S]); transport between processes was not measured there and is assumed
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
 
+from parcours.elementary import log
 from parcours.errors import BadRequest
 from parcours.kernels import Record, kernel
 from parcours.streams import Stream, lognormal
 
-_FIXED = ("transport", "added_sensing", "added_planning", "added_stop")
+_LONGEST = {"transport": 0.2, "added_sensing": 5.0, "added_planning": 5.0, "added_stop": 5.0}
+"""The most that these may take [s]: a trajectory must arrive before the next one, a channel keeps 6 s of flags."""
 
 _NORMAL_95 = 1.6448536269514722
 
@@ -38,7 +39,7 @@ class Duration:
     @property
     def spread(self) -> float:
         """The standard deviation of the logarithm."""
-        return math.log(self.p95 / self.median) / _NORMAL_95 if self.median > 0.0 else 0.0
+        return log(self.p95 / self.median) / _NORMAL_95 if self.median > 0.0 else 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,10 +56,10 @@ class Latencies:
     added_stop: float = 0.0  # a halt, or a limit of speed, reaches control so much later [s]
 
     def __post_init__(self) -> None:
-        for name in _FIXED:
+        for name in _LONGEST:
             value = getattr(self, name)
-            if not 0.0 <= value < 1e6:
-                rule = f"a delay needs 0 <= seconds < 1e6, but {name} is {value}"
+            if not 0.0 <= value <= _LONGEST[name]:
+                rule = f"it must be from 0 to {_LONGEST[name]:g} s, but {name} is {value}"
                 raise BadRequest("latency", rule, slug="latency-range")
 
     def record(self) -> Record:
@@ -67,7 +68,7 @@ class Latencies:
         for name in ("planning", "control", "sensing", "guard"):
             duration: Duration = getattr(self, name)
             record[name], record[name + "_spread"] = duration.median, duration.spread
-        for name in _FIXED:
+        for name in _LONGEST:
             record[name] = round(getattr(self, name) * 1e9)
         return record
 

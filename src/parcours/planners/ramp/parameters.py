@@ -2,7 +2,8 @@
 
 `original` behaves as the published system does: one planner thread that blocks, and an imminent-collision check whose
 look-ahead shrinks and whose times are misaligned. `guarded` is the repair: the check is a task of its own with a
-constant, aligned look-ahead on the motion that is really left, and what is too near may be left again.
+constant, aligned look-ahead on the motion that is really left, and what is too near may be left again; it limits the
+speed near obstacles; and plans wait for a robot that looks elsewhere.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """A path and the state it starts from -> the pieces of a drivable way: straights, rounded corners, turns on the spot.
 
-This is the geometry and the speed limits of a trajectory without its samples; switching asks it often whether a way can
-be joined smoothly, and the trajectory generator samples it. The hybrid scheme is the published one: one rounded corner,
+This is the geometry and the speed limits of a trajectory without its times; switching asks it often whether a way can
+be joined smoothly, and the trajectory generator times it. The hybrid scheme is the published one: one rounded corner,
 then straights as long as no turn on the spot is needed; the rest of the path is only estimated.
 """
 

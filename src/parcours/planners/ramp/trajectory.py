@@ -211,8 +211,6 @@ def shift(trajectory: Record, dx: float, dy: float) -> None:
     for i in range(trajectory.n_legs):
         trajectory.legs[i].x += dx
         trajectory.legs[i].y += dy
-    trajectory.drift_x -= dx
-    trajectory.drift_y -= dy
 
 
 @kernel

@@ -87,7 +87,7 @@ def evaluate(
 ) -> None:
     """Set feasible, fitness and t_collision of the trajectory.
 
-    Feasible: no collision over all generated samples, and joined without a stop while the robot moves. The fitness is
+    Feasible: no collision at samples or between them, and joined without a stop while the robot moves. The fitness is
     1 / cost; the cost of a feasible trajectory is its time plus the share of a half turn to its first heading, the rest
     of the way at the estimated speeds. Infeasible ones come after all feasible ones, by time to collision.
 

@@ -13,15 +13,18 @@ from types import FrameType
 from parcours.errors import require_known
 from parcours.report.pieces import Cell, Column, Table
 from parcours.studies.checking import conduct, form, geometry, memory
-from parcours.studies.checking.finding import Finding, Level, error, warning
+from parcours.studies.checking.finding import Finding, Level, OutOfPatience, error, warning
 from parcours.studies.checking.subject import Malformed, Subject
 
 Check = Callable[[Subject], Iterator[Finding]]
 
 GATES: dict[str, Check] = {
-    check.__name__: check for check in (form.is_a_planner, form.answers_in_form, form.same_in_own_process)
+    check.__name__: check for check in (form.is_a_planner, form.same_in_own_process, form.answers_in_form)
 }
-"""Checks without which the others mean nothing: an error in one of them ends the battery."""
+"""Checks without which the others mean nothing: an error in one of them ends the battery.
+
+Before a planner is asked in this process, it is asked in one of its own, which it may take down.
+"""
 
 CHECKS: dict[str, Check] = GATES | {
     check.__name__: check
@@ -113,7 +116,7 @@ def _made(check: Check, subject: Subject, patience: float) -> list[Finding]:
     try:
         with _limited(patience), contextlib.redirect_stdout(sink), contextlib.redirect_stderr(sink):
             findings.extend(check(subject))
-    except _OutOfPatience:
+    except OutOfPatience:
         findings.append(
             warning(
                 "unfinished", f"given up after {patience:g} s", "make decisions faster, or look for an endless loop"
@@ -121,13 +124,11 @@ def _made(check: Check, subject: Subject, patience: float) -> list[Finding]:
         )
     except Malformed as wrong:
         findings.append(form.malformed(wrong, "while it drove"))
-    except Exception as raised:
+    except KeyboardInterrupt:
+        raise
+    except BaseException as raised:  # also SystemExit
         findings.append(error("planner-raises", form.told(raised), "make it answer, whatever it sees"))
     return findings
-
-
-class _OutOfPatience(BaseException):
-    """A check took too long; no Exception, so that a planner cannot catch it by mistake."""
 
 
 @contextlib.contextmanager
@@ -138,7 +139,7 @@ def _limited(seconds: float) -> Generator[None, None, None]:
         return
 
     def give_up(number: int, frame: FrameType | None) -> None:
-        raise _OutOfPatience
+        raise OutOfPatience
 
     before = signal.signal(signal.SIGALRM, give_up)
     signal.setitimer(signal.ITIMER_REAL, seconds)

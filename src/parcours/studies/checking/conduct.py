@@ -10,7 +10,7 @@ import numpy as np
 
 from parcours.planners.protocol import Observation, Task
 from parcours.studies.checking.driving import drive
-from parcours.studies.checking.finding import Finding, error, note, warning
+from parcours.studies.checking.finding import Finding, OutOfPatience, error, note, warning
 from parcours.studies.checking.form import malformed, told
 from parcours.studies.checking.scenes import PERIOD, crowd, observation, standard_task
 from parcours.studies.checking.subject import Malformed, Seat, Subject
@@ -56,7 +56,9 @@ def survives_odd_scenes(subject: Subject) -> Iterator[Finding]:
                 seat.speeds(seen)
         except Malformed as wrong:
             ill.setdefault(wrong.slug, (wrong, []))[1].append(name)
-        except Exception as problem:
+        except (KeyboardInterrupt, OutOfPatience):
+            raise
+        except BaseException as problem:  # also SystemExit
             raised.setdefault(told(problem), []).append(name)
     for what, names in raised.items():
         yield error(

@@ -6,6 +6,10 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 
+class OutOfPatience(BaseException):
+    """A check took too long; no Exception, so that a planner cannot catch it by mistake."""
+
+
 class Level(StrEnum):
     """How grave a finding is."""
 

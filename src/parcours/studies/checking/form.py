@@ -11,7 +11,7 @@ from multiprocessing.connection import Connection
 
 from parcours.errors import BadRequest
 from parcours.planners.protocol import Observation
-from parcours.studies.checking.finding import Finding, error, note, warning
+from parcours.studies.checking.finding import Finding, OutOfPatience, error, note, warning
 from parcours.studies.checking.scenes import copied, script, standard_task
 from parcours.studies.checking.subject import Malformed, Speeds, Subject, replayed, require_form
 
@@ -28,7 +28,9 @@ def is_a_planner(subject: Subject) -> Iterator[Finding]:
         slug = "planner-shape" if refused.slug == "planner-form" else "planner-raises"
         yield error(slug, refused.rule, remedy)
         return
-    except Exception as raised:
+    except (KeyboardInterrupt, OutOfPatience):
+        raise
+    except BaseException as raised:  # also SystemExit
         yield error("planner-raises", f"making it raised {told(raised)}", remedy)
         return
     observe, reset = getattr(planner, "observe", None), getattr(planner, "reset", None)
@@ -97,7 +99,6 @@ def same_in_own_process(subject: Subject) -> Iterator[Finding]:
         yield note("not-found-elsewhere", "it has no name that another process could find it by, so that was not tried")
         return
     task = standard_task()
-    here = replayed(subject, task, script(task))
     context = multiprocessing.get_context("spawn")
     ours, theirs = context.Pipe()
     process = context.Process(target=_answer_script, args=(theirs, subject.name), daemon=True)
@@ -123,7 +124,12 @@ def same_in_own_process(subject: Subject) -> Iterator[Finding]:
             f"no answers within {_PATIENCE:.0f} s",
             "look for waiting and endless loops in reset and observe",
         )
-    elif isinstance(there, str):
+        return
+    try:
+        here = replayed(subject, task, script(task))  # what it raises here too is not for want of a caller
+    except Malformed:
+        return  # told by the next check
+    if isinstance(there, str):
         yield error(
             "planner-raises", f"in a process of its own: {there}", "make it importable and independent of its caller"
         )
@@ -145,7 +151,7 @@ def _answer_script(line: Connection, name: str) -> None:
         with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
             task = standard_task()
             answers = replayed(load_subject(name), task, script(task))
-    except Exception as raised:
+    except BaseException as raised:  # also SystemExit, which would end the process without a word
         answers = told(raised)
     line.send(answers)
 

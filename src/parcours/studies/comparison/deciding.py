@@ -1,59 +1,130 @@
-"""A planner and a few of its own tracks -> how long its decisions take on this machine."""
+"""A planner and a few of its own tracks -> how long its decisions take on this machine, measured in another process."""
 
 from __future__ import annotations
 
 import contextlib
 import math
+import tempfile
 import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
 from parcours.arena.obstacles import move
+from parcours.errors import ParcoursError
 from parcours.planners.protocol import Observation, Task
+from parcours.run import pulse
+from parcours.run.pool import run_tasks
 from parcours.studies.comparison.results import DecisionTimes
+from parcours.studies.navigation.deadline import FIRST_CASE
 from parcours.studies.navigation.host import planner_seed
 from parcours.studies.navigation.planners import load_planner
 from parcours.studies.navigation.study import NavigationStudy
 from parcours.verdict.facts import TRACK_PERIOD
 
 
-def decision_times(study: NavigationStudy, n_cases: int, *, patience: float = 20.0) -> DecisionTimes | None:
-    """Return how long `observe` takes on what the planner saw in its first cases; None if it fails in all of them.
+def decision_times(
+    study: NavigationStudy, numbers: Sequence[int], *, patience: float = 20.0
+) -> tuple[DecisionTimes | None, str]:
+    """Return how long `observe` takes on what the planner saw, or None, and what went wrong meanwhile, or "".
 
-    Each case is run, and its observations are shown again to a planner that was reset. The first decision of all does
-    not count: it may compile.
+    Each case is run, and its observations are shown again to a planner that was reset, in a process of its own, which
+    is ended when a call takes much longer than the scenario allows. In each case the first decision is made twice, and
+    does not count the first time: it may compile.
 
     Args:
-        study: the planner on its cases.
-        n_cases: how many cases, at least 1.
-        patience: no further case begins after this time [s of wall clock].
+        study: the planner, which must have a name, on its cases.
+        numbers: of the cases: some that its own error does not end.
+        patience: neither a case nor, in it, a decision begins after this time [s of wall clock].
     """
-    taken: list[float] = []
-    begun = time.perf_counter()
-    plugin = load_planner(study.planner)
-    for number in range(n_cases):
-        facts, track, _ = study.track(number)
+    begun, failed = time.monotonic(), ""
+    with tempfile.TemporaryDirectory() as folder:
+        task = _TimeCase(study, Path(folder), patience)
+        forks = len(numbers) > 0 and study.prepare()
+        try:
+            with contextlib.closing(
+                run_tasks(task, numbers, 1, _name, pulse_words=study.pulse_words, forks=forks)
+            ) as done:
+                for _ in done:
+                    if time.monotonic() - begun > patience:
+                        break
+        except ParcoursError as failure:
+            failed = f"its decisions could not be timed: {failure.rule}"
+        taken = [np.load(file) for file in sorted(Path(folder).glob("*.npy"))]
+        told = [file.read_text() for file in sorted(Path(folder).glob("*.txt"))]
+    if told and not failed:
+        failed = f"in {len(told)} of {len(numbers)} cases its decisions could not be timed: there it {told[0]}"
+    times = np.concatenate(taken) if taken else np.zeros(0)
+    if not len(times):
+        return None, failed
+    return DecisionTimes(
+        float(np.median(times)), float(np.quantile(times, 0.99)), float(times.max()), len(times)
+    ), failed
+
+
+def _name(number: int) -> str:
+    return f"the timing of case {number}"
+
+
+@dataclass(frozen=True, slots=True)
+class _TimeCase:
+    """Times the decisions of one case, in a process that shares its words with its parent.
+
+    Attributes:
+        study: the planner on its cases.
+        folder: gets a file of the times [us], or one of words on what went wrong.
+        patience: no further decision is timed after this time [s of wall clock].
+    """
+
+    study: NavigationStudy
+    folder: Path
+    patience: float
+
+    def __call__(self, number: int, lost: tuple[pulse.LostCase, ...]) -> None:
+        """Time one case, unless it is lost."""
+        for case in lost:
+            said = "did not answer" if case.how == "hung" else f"died: its process {case.detail}"
+            (self.folder / f"{number}.txt").write_text(said)
+        if lost:
+            return
+        words = pulse.words(self.study.pulse_words)
+        _at(words, number, -1.0, FIRST_CASE * self.study.scenario.call_timeout)  # it is loaded here
+        plugin = load_planner(self.study.planner)
+        facts, track, _ = self.study.track(number)
         if facts[0]["error"]:
-            continue
-        seen = _observations(study, number, track)
-        if not seen:
-            continue
-        with contextlib.suppress(Exception):  # what it does wrong is told by its facts
-            if plugin.reset is not None:
-                plugin.reset(seen[0].task)
-            if not taken:
-                plugin.observe(seen[0])
+            said = facts[0]["reason"].decode("utf-8", "replace")
+            (self.folder / f"{number}.txt").write_text(f"failed: {said}")
+            return
+        taken: list[float] = []
+        limit = self.study.scenario.call_timeout
+        seen = _observations(self.study, number, track)
+        try:
+            for count in (1, len(seen)):
+                taken = []
+                _at(words, number, -1.0, limit)
                 if plugin.reset is not None:
                     plugin.reset(seen[0].task)
-            for observation in seen:
-                before = time.perf_counter()
-                plugin.observe(observation)
-                taken.append((time.perf_counter() - before) * 1e6)
-        if time.perf_counter() - begun > patience:
-            break
-    if not taken:
-        return None
-    return DecisionTimes(float(np.median(taken)), float(np.quantile(taken, 0.99)), max(taken), len(taken))
+                begun = time.perf_counter()
+                for observation in seen[:count]:
+                    _at(words, number, observation.time, FIRST_CASE * limit if count == 1 else limit)
+                    before = time.perf_counter()
+                    plugin.observe(observation)
+                    after = time.perf_counter()
+                    taken.append((after - before) * 1e6)
+                    if after - begun > self.patience:
+                        break
+        except BaseException as raised:  # also SystemExit
+            (self.folder / f"{number}.txt").write_text(f"raised {type(raised).__name__}")
+        finally:
+            words[pulse.CASE] = pulse.NO_CASE
+        np.save(self.folder / f"{number}.npy", np.array(taken))
+
+
+def _at(words: pulse.Words, number: int, now: float, limit: float) -> None:
+    """Tell the parent where this process is: the case, the time in it, and how long it may stay there [s]."""
+    words[pulse.TIME], words[pulse.LIMIT], words[pulse.CASE] = now * 1e9, limit, number
 
 
 def _observations(study: NavigationStudy, number: int, track: np.ndarray) -> list[Observation]:

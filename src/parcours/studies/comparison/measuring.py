@@ -5,15 +5,12 @@ What is measured correctly is measured while a case runs; the defects of publish
 
 from __future__ import annotations
 
-import hashlib
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-import parcours.verdict.measures as room
 from parcours.run.pulse import LostCase
 from parcours.run.store import Campaign
 from parcours.studies.distribution import GOAL
@@ -32,10 +29,12 @@ class Reproducing:
 
     Args:
         study: whose cases.
+        failed: cases that are not to be run, because the planner's own error ended them.
         lost: cases that are not to be run, because the planner hangs there or takes its process down.
     """
 
     study: NavigationStudy | SystemStudy
+    failed: frozenset[int] = frozenset()
     lost: tuple[LostCase, ...] = ()
 
     @property
@@ -51,7 +50,7 @@ class Reproducing:
         """Return what is computed of cases first .. first + count - 1, array of REPRODUCED of shape (count,)."""
         rows = np.zeros(count, REPRODUCED)
         names = list(PUBLISHED.names or ())
-        skipped = {case.number for case in self.lost}
+        skipped = self.failed | {case.number for case in self.lost}
         cases = self.study.cases
         for row, number in zip(rows, range(first, first + count), strict=True):
             row["number"] = number
@@ -72,20 +71,10 @@ class Reproducing:
 
     def campaign(self, campaign: Campaign, n_cases: int) -> Campaign:
         """Return the campaign that runs the first cases of a campaign again."""
-        parameters = {**campaign.parameters, "measures": measures_digest()}
         return replace(
             campaign,
             study=f"{campaign.study}/as-published",
             n_cases=n_cases,
             dtype=REPRODUCED,
-            parameters=parameters,
             shard_size=64,
         )
-
-
-def measures_digest() -> str:
-    """Return a digest of the code that measures."""
-    digest = hashlib.sha256()
-    for path in sorted(Path(next(iter(room.__path__))).glob("*.py")):
-        digest.update(path.name.encode() + b"\0" + path.read_bytes() + b"\0")
-    return digest.hexdigest()[:16]

@@ -61,6 +61,7 @@ class Contender:
             nothing was measured.
         published: what published benchmark code computes of the first cases, array of PUBLISHED, shape (n,), NaN
             likewise; None if no case was run again for it.
+        untimed: what went wrong while decisions were timed, in words; empty if nothing did.
     """
 
     name: str
@@ -70,6 +71,7 @@ class Contender:
     decisions: DecisionTimes | None = None
     measures: Facts | None = None
     published: Facts | None = None
+    untimed: str = ""
 
     @property
     def outcomes(self) -> NDArray[np.int64]:

@@ -14,7 +14,7 @@ from parcours.run.campaign import Simulate, run_campaign
 from parcours.run.store import Campaign, create
 from parcours.studies.comparison.deciding import decision_times
 from parcours.studies.comparison.measuring import Reproducing
-from parcours.studies.comparison.results import AT_ONCE, Contender, DecisionTimes, Results
+from parcours.studies.comparison.results import AT_ONCE, Contender, Results
 from parcours.studies.distribution import oracle, survived
 from parcours.studies.navigation.planners import RAMP
 from parcours.studies.navigation.scenario import Scenario
@@ -58,7 +58,7 @@ def run_comparison(
         command_delay: from a planner's answer to the robot [s]; RAMP keeps its published durations.
         measured: how many of the first cases are run again, to be measured as published benchmark code does; 0 for
             none.
-        timed: on how many of the first cases decisions are timed; 0 for none.
+        timed: on how many of the first cases without a planner's error its decisions are timed; 0 for none.
         progress: told how far each part is.
 
     Raises:
@@ -76,21 +76,21 @@ def run_comparison(
     sample = min(measured, n_cases)
     if sample:
         for name, study in entries.items():
-            again = Reproducing(study)
+            again = Reproducing(study, frozenset(_numbers(facts[name]["error"] != 0)))
             campaign, place = again.campaign(plans[name][0], sample), folder / f"{folder_name(name)}.as-published"
             rows = _run(again, campaign, place, workers, f"{name}, as published", progress)
             published[name] = _fields(rows, PUBLISHED)
     contenders = []
     for name, study in entries.items():
-        decisions: DecisionTimes | None = None
+        decisions, untimed = None, ""
         if timed and isinstance(study, NavigationStudy):
             progress(f"{name}, time to decide", 0, 1)
-            decisions = decision_times(study, min(timed, n_cases))
+            decisions, untimed = decision_times(study, _numbers(facts[name]["error"] == 0)[:timed])
             progress(f"{name}, time to decide", 1, 1)
         contenders.append(
             Contender(
                 name, _fields(facts[name], FACTS), _answers(study, command_delay), _reasons(facts[name]), decisions,
-                facts[name]["measures"].copy(), published.get(name),
+                facts[name]["measures"].copy(), published.get(name), untimed,
             )
         )  # fmt: skip
     cases = SystemCases(seed, protocol)
@@ -116,6 +116,11 @@ def _fields(rows: NDArray[np.void], wanted: np.dtype[np.void]) -> NDArray[np.voi
     for name in wanted.names or ():
         plain[name] = rows[name]
     return plain
+
+
+def _numbers(chosen: NDArray[np.bool_]) -> list[int]:
+    """Return the numbers of the chosen cases."""
+    return np.flatnonzero(chosen).tolist()
 
 
 def _entries(

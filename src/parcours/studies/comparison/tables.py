@@ -169,13 +169,14 @@ def decision_table(results: Results) -> Table:
         taken = c.decisions
         rows.append((c.name, *((taken.n, taken.median, taken.p99, taken.largest) if taken else (None,) * 4)))
     heads = [Column(q, ",.0f", unit="us") for q in ("median", "p99", "largest")]
+    untimed = "".join(f" {c.name}: {c.untimed}." for c in results.contenders if c.untimed)
     return Table(
         "Wall time of one decision",
         (Column("planner", code=True), Column("decisions", ",d"), *heads),
         tuple(rows),
         "Measured apart from the comparison, case after case in one process of this machine: wall time differs from "
         "run to run, so it is no part of the results. RAMP's compiled loop has no call to measure: its published "
-        "durations are simulated instead.",
+        f"durations are simulated instead.{untimed}",
     )
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parcours.planners.protocol import Command, Trajectory
-from parcours.studies.navigation.tracking import is_trajectory
+from parcours.studies.navigation.tracking import FARTHEST, SHORTEST_STEP, is_trajectory
 
 Floats = NDArray[np.float64]
 
@@ -81,9 +81,10 @@ def _points(given: object) -> Floats:
         raise BadAnswer("returned a Trajectory of points that make no array of shape (n, 4)") from error
     if not is_trajectory(points):
         for i, row in enumerate(points.tolist()):
-            if not all(math.isfinite(value) for value in row):
-                raise BadAnswer(f"returned a Trajectory whose point {i} is {_shown(tuple(row))}: it must be finite")
-        raise BadAnswer("returned a Trajectory whose times do not increase")
+            if not all(abs(value) <= FARTHEST for value in row):
+                rule = f"no number may exceed {FARTHEST:g}"
+                raise BadAnswer(f"returned a Trajectory whose point {i} is {_shown(tuple(row))}: {rule}")
+        raise BadAnswer(f"returned a Trajectory whose times do not increase by at least {SHORTEST_STEP:g} s")
     return points
 
 

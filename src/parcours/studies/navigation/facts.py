@@ -36,15 +36,6 @@ class PlannerFault(IntEnum):
     """It took its whole process down."""
 
 
-FAULT_WORDS = {
-    PlannerFault.RAISED: "the planner raised an exception",
-    PlannerFault.BAD_ANSWER: "it answered with something that is no command",
-    PlannerFault.HUNG: "it did not answer in time",
-    PlannerFault.DIED: "it took its process down",
-}
-"""Faults as a reader of tables meets them."""
-
-
 def reason_bytes(reason: str) -> bytes:
     """Return a reason as FACTS keeps it: one line, without memory addresses, cut to REASON_LENGTH bytes of UTF-8.
 

@@ -24,14 +24,21 @@ AT_REST = 0.01
 Floats = NDArray[np.float64]
 
 
+FARTHEST = 1e6
+"""No time, place or heading of a trajectory is above it [s, m, rad]: farther, speeds are no finite numbers any more."""
+
+SHORTEST_STEP = 1e-6
+"""Times of a trajectory are at least so far apart [s]."""
+
+
 @kernel
 def is_trajectory(points: Floats) -> bool:
-    """Return whether the rows (time, x, y, heading) are finite and their times increase; shape (n, 4)."""
+    """Return whether no number of the rows (time, x, y, heading) is above FARTHEST and times increase; shape (n, 4)."""
     for i in range(len(points)):
         for k in range(4):
-            if not np.isfinite(points[i, k]):
+            if not abs(points[i, k]) <= FARTHEST:
                 return False
-        if i > 0 and not points[i, 0] > points[i - 1, 0]:
+        if i > 0 and points[i, 0] < points[i - 1, 0] + SHORTEST_STEP:
             return False
     return len(points) > 0
 

@@ -109,7 +109,8 @@ def _reading(results: DelayResults) -> str:
         f"What is not named here changed by no more than {results.study.n_cases} cases can show, which is not to say "
         "that it does not matter. `guarded` keeps its parameters: its reaction time of 0.06 s, by which it chooses its "
         "speed near obstacles, does not know of what is added. What it does without a delay is therefore no promise "
-        "for a slower machine; the curves say how much slower it may be."
+        "for a slower machine; the curves say how much slower it may be. A late planning cycle blocks the planner "
+        "after what it decided, which takes effect at once: of planning the curves show too little, not too much."
     )
     return "\n\n".join((lines[0], "\n".join(lines[1:]), caution))
 

@@ -12,7 +12,7 @@ from typing import cast
 import numpy as np
 from numpy.typing import NDArray
 
-from parcours.errors import BadResults
+from parcours.errors import BadRequest, BadResults
 from parcours.planners.ramp.latency import Duration, Latencies
 from parcours.planners.ramp.parameters import Parameters
 from parcours.report.junit import CaseResult
@@ -114,7 +114,7 @@ def load_campaign(folder: Path) -> SystemResults:
             cases, Parameters(**given["planner"]), latencies,  # type: ignore[arg-type]
             float(cast(float, given["time_limit"])), float(cast(float, given["watched_on"])),
         )  # fmt: skip
-    except (KeyError, TypeError, ValueError) as error:
+    except (BadRequest, KeyError, TypeError, ValueError) as error:
         raise BadResults(
             str(folder), f"the manifest must hold the study's parameters, but: {error}", "run the campaign anew",
             slug="results-parameters",
