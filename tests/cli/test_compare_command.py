@@ -12,6 +12,7 @@ from parcours.cli import parcours
 from parcours.errors import BadRequest, BadResults
 
 MINE = """
+import os, sys
 def stand(observation):
     return 0.0, 0.0
 
@@ -19,6 +20,12 @@ def breaks(observation):
     if observation.time > 1.5:
         raise KeyError("door")
     return 0.2, 0.0
+
+def exits(observation):
+    sys.exit(0)
+
+def kills(observation):
+    os._exit(7)
 """
 
 
@@ -54,7 +61,7 @@ def test_a_comparison_says_all_as_json_and_as_a_page(compared: tuple[Path, Resul
     assert planners[f"{mine}:stand"]["questions"]["stopped for ever"]["count"] >= 15
     (why,) = planners[f"{mine}:breaks"]["errors"]
     assert why["cases"] == planners[f"{mine}:breaks"]["outcomes"]["error"]["count"] == 18
-    assert "KeyError: 'door' (mine.py:7)" in why["reason"]
+    assert "KeyError: 'door' (mine.py:8)" in why["reason"]
     assert planners[f"{mine}:stand"]["measures"]["mean_clearance"]["n"] == 18
     assert planners[f"{mine}:breaks"]["measures"]["mean_clearance"]["n"] == 0
     scored = {(s["benchmark"], s["mode"], s["score"]): s for s in document["benchmarks"]}
@@ -117,6 +124,14 @@ def test_a_check_tells_what_is_wrong_and_its_exit_code_says_whether_something_is
     assert json.loads(right.stdout) == {
         "planner": "straight-ahead", "passed": True, "findings": [], "made": ["reaches_a_free_goal"], "left": [],
     }  # fmt: skip
+
+
+@pytest.mark.parametrize(("name", "slug"), [("exits", "planner-raises"), ("kills", "process-dies")])
+def test_a_check_of_a_planner_that_ends_its_process_fails_with_a_finding(mine: Path, name: str, slug: str) -> None:
+    result = call("planner", "check", f"{mine}:{name}", "--json")
+    assert result.exit_code == 1
+    (finding,) = json.loads(result.stdout)["findings"]
+    assert (finding["slug"], finding["level"]) == (slug, "error")
 
 
 def test_the_checks_are_listed_with_what_they_demand() -> None:

@@ -111,8 +111,8 @@ def bad(answer: object) -> Callable[[Observation], Answer]:
         (Trajectory(np.zeros((0, 4))), "points of shape (0, 4)"),
         (Trajectory(np.zeros((3, 3))), "points of shape (3, 3)"),
         (Trajectory(np.zeros((2, 4))), "times do not increase"),
-        (Trajectory([(0.0, 0.0, 0.0, 0.0), (1.0, 1e154, 0.0, 0.0)]), "no number may exceed 1e+06"),
-        (Trajectory([(0.0, 0.0, 0.0, 0.0), (1e-9, 1.0, 0.0, 0.0)]), "times do not increase by at least 1e-06 s"),
+        (Trajectory([(0.0, 0.0, 0.0, 0.0), (1.0, 1e154, 0.0, 0.0)]), "no number may exceed 1e+06"),  # type: ignore[arg-type]
+        (Trajectory([(0.0, 0.0, 0.0, 0.0), (1e-9, 1.0, 0.0, 0.0)]), "times do not increase by at least 1e-06 s"),  # type: ignore[arg-type]
         (Trajectory(np.array([[0.0, 0.0, np.nan, 0.0]])), "point 0 is (0.0, 0.0, nan, 0.0)"),
         (Trajectory(np.array([["a"] * 4])), "points of shape (1, 4)"),
         (Trajectory([[1.0], [1.0, 2.0]]), "make no array"),  # type: ignore[arg-type]

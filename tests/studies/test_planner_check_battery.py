@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import time
 from collections.abc import Callable
 
@@ -12,6 +13,7 @@ import pytest
 from parcours.errors import BadRequest
 from parcours.planners.baselines import StraightAhead as Sound
 from parcours.planners.protocol import Command, Observation, Trajectory, X, Y
+from parcours.studies.checking.apart import check_apart
 from parcours.studies.checking.battery import CHECKS, run_battery, told_in_lines
 from parcours.studies.checking.finding import Level
 from parcours.studies.checking.loading import load_subject
@@ -48,9 +50,9 @@ def test_commands_and_trajectories_of_the_same_way_are_driven_alike() -> None:
 
 def test_an_error_at_a_gate_ends_the_battery_and_says_what_was_left() -> None:
     report = run_battery(Subject("", AnswersText))
-    assert report.made == ("is_a_planner", "answers_in_form")
+    assert report.made == ("is_a_planner", "same_in_own_process", "answers_in_form")
     assert "reaches_a_free_goal" in report.left and not report.passed
-    assert "not made since an earlier one failed: same_in_own_process" in told_in_lines(report)
+    assert "not made since an earlier one failed: is_quiet" in told_in_lines(report)
 
 
 def test_an_endless_loop_is_given_up_and_not_waited_for() -> None:
@@ -73,6 +75,26 @@ def test_what_a_planner_raises_is_placed_in_its_source() -> None:
     (finding,) = run_battery(Subject("", Raises), ["answers_in_form"]).findings
     assert finding.slug == "planner-raises"
     assert "ZeroDivisionError: no way (in observe, test_planner_check_battery.py:" in finding.seen
+
+
+@pytest.mark.parametrize("check", ["answers_in_form", "survives_odd_scenes", "reaches_a_free_goal"])
+def test_a_planner_that_exits_is_told_and_does_not_end_the_battery(check: str) -> None:
+    class Exits(Sound):
+        def observe(self, observation: Observation) -> object:  # type: ignore[override]
+            raise SystemExit(0)
+
+    (finding,) = run_battery(Subject("", Exits), [check]).findings
+    assert finding.level is Level.ERROR and "SystemExit: 0" in finding.seen
+
+
+def test_patience_ends_in_the_middle_of_odd_scenes_too() -> None:
+    class Hangs(Sound):
+        def observe(self, observation: Observation) -> object:  # type: ignore[override]
+            while True:
+                pass
+
+    (finding,) = run_battery(Subject("", Hangs), ["survives_odd_scenes"], patience=0.2).findings
+    assert finding.slug == "unfinished"
 
 
 def test_an_unknown_check_is_refused_with_the_known_ones() -> None:
@@ -98,6 +120,32 @@ class TestPlannersByName:
         assert [finding.slug for finding in found] == ["process-dies", "process-differs"]
         assert "exit code 3" in found[0].seen
 
+    def test_a_planner_that_always_dies_is_found_before_it_is_asked_here(self, write: Callable[[str], str]) -> None:
+        kills = write("import os\ndef f(o):\n    os._exit(7) if o.time > 0.2 else None\n    return 0.1, 0.0\n")
+        report = run_battery(load_subject(kills))
+        assert [finding.slug for finding in report.findings] == ["process-dies"]
+        assert "exit code 7" in report.findings[0].seen and "answers_in_form" in report.left
+
+    def test_an_answer_out_of_form_is_told_as_such_by_name_too(self, write: Callable[[str], str]) -> None:
+        (finding,) = run_battery(load_subject(write("def f(o):\n    return 'go'\n"))).findings
+        assert (finding.slug, finding.check) == ("answer-type", "answers_in_form")
+
+    @pytest.mark.parametrize(
+        ("source", "only", "slug", "seen"),
+        [
+            ("import os\ndef f(o):\n    os._exit(0)\n", ["is_quiet"], "process-dies", "in is_quiet: .* code 0"),
+            ("import os\nos._exit(5)\n", None, "process-dies", "while it was loaded: .* code 5"),
+            ("import itertools\nsum(itertools.repeat(0))\n", None, "process-hangs", "while it was loaded"),
+        ],
+    )
+    def test_whatever_takes_the_checking_process_down_is_an_error(
+        self, write: Callable[[str], str], source: str, only: list[str] | None, slug: str, seen: str
+    ) -> None:
+        report = check_apart(write(source), only, patience=1.0, grace=2.0 if slug == "process-hangs" else 60.0)
+        (finding,) = report.findings
+        assert finding.slug == slug and re.match(seen, finding.seen) and not report.passed
+        assert report.left == tuple(only or CHECKS)
+
     def test_a_constructor_that_raises_is_a_finding_and_a_missing_name_is_a_refusal(
         self, write: Callable[[str], str]
     ) -> None:
@@ -108,6 +156,8 @@ class TestPlannersByName:
         assert finding.slug == "planner-raises" and "no map" in finding.seen
         with pytest.raises(BadRequest, match=r"\[planner-missing\]"):
             load_subject("parcours.planners.orca:Orcs")
+        with pytest.raises(BadRequest, match=r"\[planner-missing\]"):
+            check_apart("parcours.planners.orca:Orcs")
 
 
 @pytest.fixture

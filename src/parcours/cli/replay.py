@@ -23,13 +23,14 @@ def command(folder: Path, number: int, html: Path) -> None:
     from parcours.studies.navigation.campaigns import load_results
 
     campaign = load_results(folder)
-    if number >= len(campaign.facts):
-        last = len(campaign.facts) - 1
-        raise BadRequest(
-            "replay",
-            f"the campaign has cases 0 .. {last}, but case {number} was asked for",
-            slug="case-number",
-        )
+    finished = campaign.facts["number"]
+    if number not in finished:
+        rule = f"the campaign has cases 0 .. {campaign.planned - 1}, but case {number} was asked for"
+        if number < campaign.planned:
+            rule = f"{len(finished) or 'no'} of {campaign.planned} cases are finished, and case {number} is not yet"
+        if not len(finished):
+            rule = f"no case is finished yet, but case {number} was asked for"
+        raise BadRequest("replay", rule, "run the campaign on, or name another case", slug="case-number")
     drawn = campaign.replay(number)
     section = Section("Replay", "Run again from the case number: the same bits as in the campaign.", (drawn,))
     write_text(

@@ -12,7 +12,7 @@ from parcours.cli.options import as_json, print_json
 
 if TYPE_CHECKING:
     from parcours.studies.ramp_components.results import ComponentResult
-    from parcours.studies.ramp_system.campaigns import Results
+    from parcours.studies.ramp_system.outcome_tables import Results
 
 
 @click.command("report")
@@ -61,7 +61,8 @@ def summarise(
     """Print the outcomes of campaigns and component studies."""
     from parcours.report.terminal import print_table
     from parcours.studies.navigation.campaigns import error_table, summary
-    from parcours.studies.ramp_system.campaigns import measure_table, outcome_table
+    from parcours.studies.ramp_system.campaigns import measure_table
+    from parcours.studies.ramp_system.outcome_tables import outcome_table
 
     components = components or {}
     if as_json:

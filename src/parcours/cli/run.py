@@ -79,6 +79,7 @@ def command(
     from parcours.studies.ramp_system.study import PUBLISHED_CASES, system_study
 
     campaign_study: SystemStudy | NavigationStudy
+    folder = out.absolute()  # a planner may change the current folder
     say_if_cold()
     if study == "navigation":
         from parcours.studies.navigation.scenario import Scenario
@@ -105,16 +106,17 @@ def command(
         outcome = run_campaign(
             campaign_study,
             campaign_study.campaign(PUBLISHED_CASES if cases is None else cases),
-            out,
+            folder,
             workers=workers,
             progress=lambda done, total: report(f"{study}, {label}", done, total),
         )
     click.echo(str(outcome), err=as_json)
     if outcome.interrupted:
         raise click.exceptions.Exit(130)
-    from parcours.cli.report import load, summarise
+    from parcours.cli.report import summarise
+    from parcours.studies.navigation.campaigns import load_results
 
-    summarise(load([out]), as_json)
+    summarise({str(out): load_results(folder)}, as_json)
 
 
 def _require_planner(planner: str) -> str:

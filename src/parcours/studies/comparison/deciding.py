@@ -59,9 +59,8 @@ def decision_times(
     times = np.concatenate(taken) if taken else np.zeros(0)
     if not len(times):
         return None, failed
-    return DecisionTimes(
-        float(np.median(times)), float(np.quantile(times, 0.99)), float(times.max()), len(times)
-    ), failed
+    median, p99 = (float(np.quantile(times, q)) for q in (0.5, 0.99))
+    return DecisionTimes(median, p99, float(times.max()), len(times)), failed
 
 
 def _name(number: int) -> str:
@@ -91,7 +90,7 @@ class _TimeCase:
             return
         words = pulse.words(self.study.pulse_words)
         _at(words, number, -1.0, FIRST_CASE * self.study.scenario.call_timeout)  # it is loaded here
-        plugin = load_planner(self.study.planner)
+        plugin = load_planner(self.study.located)
         facts, track, _ = self.study.track(number)
         if facts[0]["error"]:
             said = facts[0]["reason"].decode("utf-8", "replace")

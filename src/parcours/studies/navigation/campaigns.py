@@ -18,9 +18,10 @@ from parcours.run.store import Store, open_results
 from parcours.studies.navigation.facts import FACTS, PlannerFault
 from parcours.studies.navigation.scenario import Scenario
 from parcours.studies.navigation.study import NavigationStudy
-from parcours.studies.ramp_system.campaigns import Results, load_campaign
+from parcours.studies.ramp_system.campaigns import load_campaign
 from parcours.studies.ramp_system.campaigns import summary as common_summary
 from parcours.studies.ramp_system.cases import Protocol, SystemCases
+from parcours.studies.ramp_system.outcome_tables import Results
 from parcours.verdict.facts import FACTS as BASE
 from parcours.verdict.navigation import explain
 
@@ -38,6 +39,11 @@ class NavigationResults:
     source: str
     facts: NDArray[np.void]
     planned: int
+
+    @property
+    def signals(self) -> bool:
+        """Only RAMP signals what the paper's rule asks for."""
+        return False
 
     def study(self) -> NavigationStudy:
         """Return the study that can run any of the cases again.
@@ -135,7 +141,8 @@ def summary(result: Results) -> dict[str, object]:
     common = common_summary(result)
     if not isinstance(result, NavigationResults):
         return common
-    del common["schedule"]
+    for name in ("schedule", "feasible", "imminent_collision", "stuck"):  # RAMP alone gives the signals they need
+        del common[name]
     return {"planner": result.label, **common, "errors": dict(_reasons(result.facts).most_common())}
 
 

@@ -7,6 +7,7 @@ ends. What it is shown are copies; what it does with them changes nothing but it
 from __future__ import annotations
 
 import contextlib
+import os
 import sys
 import traceback
 from collections import deque
@@ -36,7 +37,7 @@ from parcours.studies.navigation.loop import (
     observed,
     recorded,
 )
-from parcours.studies.navigation.planners import Plugin
+from parcours.studies.navigation.planners import Plugin, end_if_forked, is_ctrl_c
 from parcours.studies.navigation.scenario import Scenario
 from parcours.verdict.facts import NEVER, TRACK, TRACK_PERIOD
 from parcours.verdict.measures.kernel import measure
@@ -99,6 +100,7 @@ class Host:
         self._orders: Orders = (scenario.start_speed, 0.0, None)
         self._pending: deque[tuple[int, Orders]] = deque()
         self._answered = False
+        self._pid = os.getpid()
         self._radii = np.zeros(n_obstacles)
         self._compile()
 
@@ -123,6 +125,7 @@ class Host:
             facts: array of FACTS, zeros, shape (n_cases,).
         """
         most_track = _most_track(self._scenario)
+        self._pid = os.getpid()
         with Deadline(self._memory, self._scenario.call_timeout), contextlib.redirect_stdout(sys.stderr):
             try:
                 for k, number in enumerate(numbers):
@@ -167,6 +170,7 @@ class Host:
         try:
             if plugin.reset is not None:
                 plugin.reset(task)
+                end_if_forked(self._pid)
             was_reset = True
             arrived = drive(view, self._steps)
             freeze(self._memory, facts[0])
@@ -176,15 +180,18 @@ class Host:
                 facts["t_goal_after"] = goal_time(self._memory) if drive(view, self._steps_after) else NEVER
                 later = int(facts["t_end"][0]) + 1_000_000_000
                 facts["moved_after"] = facts["t_goal_after"] != NEVER or moved_since(self._memory, later)
-        except KeyboardInterrupt:
-            raise
         except Hung:
+            end_if_forked(self._pid)
             self._memory[pulse.CASE] = pulse.NO_CASE
             facts[:] = hung(number, int(self._memory[pulse.TIME]), scenario.call_timeout)
             return
         except BadAnswer as error:
+            end_if_forked(self._pid)
             fault, reason = PlannerFault.BAD_ANSWER, f"bad answer: {error}"
         except BaseException as error:
+            end_if_forked(self._pid)
+            if is_ctrl_c(error):
+                raise
             fault, reason = PlannerFault.RAISED, f"raised: {_words(error, plugin.file)}"
         if not frozen:
             freeze(self._memory, facts[0])
@@ -202,12 +209,15 @@ class Host:
             self._plugin.observe, self._memory, self._robot, self._obstacles, view.task
         )  # fmt: skip
         v, w, points = self._orders
+        pid, process_id = self._pid, os.getpid
         for time, until in steps:
             view.time = time
             view.robot = robot
             view.obstacles = obstacles
             view.task = task
             answer = observe(view)
+            if process_id() != pid:
+                os._exit(0)  # a child that the planner forked: the case is its parent's
             if answer is not None:
                 kind = type(answer)
                 if (kind is Command or kind is tuple) and len(answer) == 2:  # type: ignore[arg-type]
@@ -232,6 +242,7 @@ class Host:
         for time, until in steps:
             view.time, view.robot, view.obstacles, view.task = time, self._robot, self._obstacles, task
             answer = self._plugin.observe(view)
+            end_if_forked(self._pid)
             if answer is not None:
                 self._pending.append((round(time * 1e9) + self._delay, read_answer(answer)))
                 self._answered = True

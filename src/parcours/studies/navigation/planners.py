@@ -8,6 +8,7 @@ import importlib
 import importlib.util
 import inspect
 import os
+import signal
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -72,6 +73,18 @@ def source_digest(planner: str) -> str:
         raise _unknown(planner, f"its file must be readable, but: {error.strerror}") from error
 
 
+def located(planner: PlannerLike) -> PlannerLike:
+    """Return a planner with the whole path of its file, if it is named by one; else the same planner.
+
+    >>> located("orca"), located("/somewhere/mine.py:Mine")
+    ('orca', '/somewhere/mine.py:Mine')
+    """
+    if not isinstance(planner, str) or planner in NAMES:
+        return planner
+    where, attribute = _parts(planner)
+    return f"{Path(where).absolute()}:{attribute}" if _is_file(where) else planner
+
+
 def load_planner(planner: PlannerLike) -> Plugin:
     """Return a planner that is ready to be asked. The current folder is importable.
 
@@ -88,8 +101,7 @@ def load_planner(planner: PlannerLike) -> Plugin:
     True
     """
     if isinstance(planner, str):
-        target = SHIPPED.get(planner, planner)
-        where, attribute = _parts(target)
+        where, attribute = _parts(SHIPPED.get(planner, planner))
         with contextlib.redirect_stdout(sys.stderr):
             return _ready(planner, _attribute(planner, _module(planner, where), attribute))
     name = getattr(planner, "__qualname__", type(planner).__qualname__)
@@ -141,7 +153,7 @@ def _module(planner: str, where: str) -> ModuleType:
     if not _is_file(where):
         _file_of(planner, where)
         return cast(ModuleType, _guarded(planner, "its module", lambda: importlib.import_module(where)))
-    path = Path(where)
+    path = Path(where).absolute()
     if not path.is_file():
         raise _unknown(planner, "its file must exist, but there is none")
     name = f"parcours_planner_{hashlib.sha256(path.read_bytes()).hexdigest()[:16]}"
@@ -209,12 +221,27 @@ def _require_one_argument(name: str, method: Callable[..., object], what: str) -
         return  # compiled code without a signature: the first call will tell
 
 
+def is_ctrl_c(error: BaseException) -> bool:
+    """Return whether it means that the user wants to stop: not where Ctrl-C is ignored, as it is in workers."""
+    return isinstance(error, KeyboardInterrupt) and signal.getsignal(signal.SIGINT) is not signal.SIG_IGN
+
+
+def end_if_forked(pid: int) -> None:
+    """End this process silently if it is not the one of that id, but a child that a planner forked."""
+    if os.getpid() != pid:
+        os._exit(0)
+
+
 def _guarded(planner: str, what: str, act: Callable[[], object]) -> object:
     """Do something of the planner's own; what it raises becomes one line."""
+    pid = os.getpid()
     try:
         return act()
-    except KeyboardInterrupt:
-        raise
     except BaseException as error:
+        end_if_forked(pid)
+        if is_ctrl_c(error):
+            raise
         rule = f"{what} must not raise, but raised {type(error).__name__}: {error}"
         raise BadRequest(f"planner {planner!r}", rule, "run it alone to see where", slug="planner-raised") from error
+    finally:
+        end_if_forked(pid)

@@ -19,7 +19,7 @@ from parcours.run.pulse import LostCase
 from parcours.run.store import Campaign
 from parcours.studies.navigation.facts import FACTS, PlannerFault, lost
 from parcours.studies.navigation.host import Host, host_words, hung
-from parcours.studies.navigation.planners import RAMP, SHIPPED, PlannerLike, load_planner, source_digest
+from parcours.studies.navigation.planners import RAMP, SHIPPED, PlannerLike, load_planner, located, source_digest
 from parcours.studies.navigation.scenario import Scenario
 from parcours.studies.ramp_system.cases import SystemCases
 from parcours.studies.ramp_system.study import SystemStudy, code_digest
@@ -40,6 +40,8 @@ class NavigationStudy:
         cases: the cases.
         scenario: robot, goal, clock, deadlines.
         lost: cases that are not to be run, because the planner hangs there or takes its process down.
+        located: the planner with the whole path of its file (`located`); found out when the study is made, so that
+            a planner that changes the current folder is found all the same.
 
     Raises:
         BadRequest: the planner is none, or the robot does not fit into the arena.
@@ -57,8 +59,11 @@ class NavigationStudy:
     cases: SystemCases
     scenario: Scenario = field(default_factory=Scenario)
     lost: tuple[LostCase, ...] = ()
+    located: PlannerLike = None
 
     def __post_init__(self) -> None:
+        if self.located is None:
+            object.__setattr__(self, "located", located(self.planner))
         self.scenario.require_room(self.cases.robot_radius)
         self._host()
 
@@ -70,7 +75,7 @@ class NavigationStudy:
     @property
     def digest(self) -> str:
         """A digest of the planner's own source file; empty for planners that ship with Parcours."""
-        return source_digest(self.planner) if isinstance(self.planner, str) else ""
+        return source_digest(self.located) if isinstance(self.located, str) else ""
 
     @property
     def pulse_words(self) -> int:
@@ -119,7 +124,7 @@ class NavigationStudy:
             yield self.track(number)
 
     def _host(self) -> Host:
-        return _host(_Same(self.planner), self.digest, self.scenario, self.cases.robot_radius)
+        return _host(_Same(self.located), self.digest, self.scenario, self.cases.robot_radius)
 
     def _run(self, numbers: NDArray[np.int64], facts: NDArray[np.void]) -> Host:
         host = self._host()
@@ -149,8 +154,8 @@ class NavigationStudy:
         reason = f"died: its process {case.detail} after the observation at {case.time * 1e-9:.2f} s"
         return lost(case.number, PlannerFault.DIED, reason, case.time)
 
-    def campaign(self, n_cases: int, shard_size: int = 64) -> Campaign:
-        """Return the campaign of cases 0 .. n_cases - 1.
+    def campaign(self, n_cases: int, shard_size: int | None = None) -> Campaign:
+        """Return the campaign of cases 0 .. n_cases - 1; by default in shards of 4 to 64 cases, about 16 if they can.
 
         Raises:
             BadRequest: the planner has no name under which workers could find it, or an obstacle of the first cases
@@ -176,7 +181,7 @@ class NavigationStudy:
                 "obstacle_radius": self.cases.obstacle_radius,
                 "scenario": dataclasses.asdict(self.scenario),
             },
-            shard_size=shard_size,
+            shard_size=shard_size or min(max(n_cases // 16, 4), 64),  # a slow planner loses little by Ctrl-C
         )
 
 

@@ -16,7 +16,7 @@ from parcours.report.pieces import (
 )
 from parcours.report.rates import shares
 from parcours.studies.paper.results import PaperResults
-from parcours.studies.ramp_system.campaigns import OUTCOME_WORDS
+from parcours.studies.ramp_system.outcome_tables import OUTCOME_WORDS
 from parcours.studies.ramp_system.published import TIME_LEFT_QUANTILES, total
 from parcours.verdict.judgement import Verdict
 from parcours.verdict.navigation import (

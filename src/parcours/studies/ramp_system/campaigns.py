@@ -6,7 +6,6 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol as TypingProtocol
 from typing import cast
 
 import numpy as np
@@ -16,54 +15,16 @@ from parcours.errors import BadRequest, BadResults
 from parcours.planners.ramp.latency import Duration, Latencies
 from parcours.planners.ramp.parameters import Parameters
 from parcours.report.junit import CaseResult
-from parcours.report.pieces import Cell, Column, Figure, Marked, Page, Piece, Replay, Section, Table
-from parcours.report.rates import shares
+from parcours.report.pieces import Page, Piece, Replay, Section, Table
 from parcours.run.store import open_results
 from parcours.studies.distribution import distribution_document, distribution_table, measured, oracle, survived
 from parcours.studies.ramp_system.cases import Protocol, SystemCases
 from parcours.studies.ramp_system.facts import FACTS
+from parcours.studies.ramp_system.outcome_tables import Results, outcome_figure, outcome_table
 from parcours.studies.ramp_system.study import SystemStudy
 from parcours.verdict.facts import FACTS as BASE
 from parcours.verdict.judgement import Verdict
-from parcours.verdict.navigation import VERDICT_OF, Outcome, Share, explain, outcomes, published
-from parcours.verdict.navigation import shares as slices_of
-from parcours.verdict.statistics import wilson
-
-OUTCOME_WORDS = {
-    Outcome.COLLIDED: "the moving robot touched an obstacle",
-    Outcome.REACHED: "goal reached in time",
-    Outcome.UNDER_WAY: "goal reached later",
-    Outcome.BLOCKED: "an obstacle rests on the goal",
-    Outcome.STUCK: "stopped for ever",
-    Outcome.ASTRAY: "never arrived",
-}
-"""Outcomes as a reader of tables meets them."""
-
-ERROR_WORDS = "the planner itself failed"
-"""Outcome.ERROR, which RAMP cannot have: shown only where there is one."""
-
-
-class Results(TypingProtocol):
-    """One campaign of any planner on system cases, as reports need it."""
-
-    @property
-    def label(self) -> str:
-        """What ran: a schedule of RAMP, or a planner's name."""
-
-    @property
-    def cases(self) -> SystemCases:
-        """The family of cases."""
-
-    @property
-    def facts(self) -> NDArray[np.void]:
-        """Facts of its finished cases, shape (n,)."""
-
-    @property
-    def planned(self) -> int:
-        """How many cases it plans."""
-
-    def replay(self, number: int) -> Replay:
-        """Return the replay of one case."""
+from parcours.verdict.navigation import VERDICT_OF, Outcome, explain, outcomes, published
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,6 +34,11 @@ class SystemResults:
     study: SystemStudy
     facts: NDArray[np.void]
     planned: int
+
+    @property
+    def signals(self) -> bool:
+        """RAMP signals all that the paper's rule asks for."""
+        return True
 
     @property
     def label(self) -> str:
@@ -129,29 +95,6 @@ def load_campaign(folder: Path) -> SystemResults:
     return SystemResults(study, facts, campaign.n_cases)
 
 
-def outcome_table(results: Mapping[str, Results]) -> Table:
-    """Return the outcomes of campaigns side by side."""
-    rows: list[tuple[Cell, ...]] = [("cases", *(_finished(r) for r in results.values()))]
-    for words, field in (("reached goal", "reached"), ("feasible at the end", "feasible"),
-                         ("imminent collision", "halted_once"), ("stuck in imminent collision", "stuck")):  # fmt: skip
-        rows.append((words, *(_share(getattr(published(r.facts), field)) for r in results.values())))
-    codes = [Counter(outcomes(r.facts).tolist()) for r in results.values()]
-    rows += [(words, *(count[int(o)] for count in codes)) for o, words in OUTCOME_WORDS.items()]
-    verdicts = [Verdict.PASS, Verdict.FAIL, Verdict.INCONCLUSIVE]
-    if any(count[int(Outcome.ERROR)] for count in codes):
-        rows.append((ERROR_WORDS, *(count[int(Outcome.ERROR)] for count in codes)))
-        verdicts.append(Verdict.ERROR)
-    for verdict in verdicts:
-        of = [o for o in Outcome if VERDICT_OF[o] is verdict]
-        rows.append((f"verdict {verdict}", *(sum(count[int(o)] for o in of) for count in codes)))
-    return Table(
-        "Outcomes",
-        (Column(""), *(Column(name) for name in results)),
-        tuple(rows),
-        "First the paper's results by its own rule, with Wilson 95 % intervals; then the sound outcomes, one a case.",
-    )
-
-
 def known_of(result: Results) -> dict[str, NDArray[np.float64]]:
     """Return what was measured in a campaign, by the names of `distribution.SHOWN`.
 
@@ -173,16 +116,6 @@ def measure_table(results: Mapping[str, Results]) -> Table:
     many = any(len(r.facts) > _ASKED for r in results.values())
     note = f"SCT over the first {_ASKED} cases." if many else ""
     return distribution_table("Measures", {name: known_of(r) for name, r in results.items()}, note)
-
-
-def _finished(result: Results) -> Cell:
-    n = len(result.facts)
-    return n if n == result.planned else Marked(f"{n} of {result.planned}, unfinished", "poor")
-
-
-def _share(flags: np.ndarray) -> str:
-    rate = wilson(int(flags.sum()), len(flags))
-    return f"{rate.share:.1%} [{rate.low:.1%}, {rate.high:.1%}]"
 
 
 def summary(result: Results) -> dict[str, object]:
@@ -241,19 +174,11 @@ def replay(campaign: SystemResults, number: int, words: str = "") -> Replay:
     )
 
 
-def _pie(results: Mapping[str, Results]) -> Figure:
-    return shares(
-        "How the tests ended", [str(share) for share in Share],
-        {name: [int(f.sum()) for f in slices_of(r.facts).values()] for name, r in results.items()},
-        ("good", "fair", "poor", "bad"),
-    )  # fmt: skip
-
-
 def campaigns_page(results: Mapping[str, Results], first: Sequence[Piece] = ()) -> Page:
     """Return a page on campaigns: the pieces given first, their outcomes, and replays of two failed cases each."""
     pieces: list[Piece] = [*first]
     if results:
-        pieces += [outcome_table(results), _pie(results), measure_table(results)]
+        pieces += [outcome_table(results), outcome_figure(results), measure_table(results)]
     for result in results.values():
         codes = outcomes(result.facts)
         failed = np.flatnonzero([VERDICT_OF[Outcome(int(code))] is Verdict.FAIL for code in codes])
