@@ -77,7 +77,7 @@ def command(
     try:
         with progress() as show:
             results = run_comparison(
-                planners, out, n_cases=cases, seed=seed, workers=workers, protocol=protocol,  # type: ignore[arg-type]
+                planners, out.absolute(), n_cases=cases, seed=seed, workers=workers, protocol=protocol,  # type: ignore[arg-type]
                 command_delay=command_delay, measured=measured, timed=timed, progress=show,
             )  # fmt: skip
     except Interrupted as stopped:
