@@ -66,7 +66,7 @@ def test_a_planner_that_hardly_thinks_shows_as_goals_missed() -> None:
 
 
 def test_a_guard_whose_word_comes_half_a_second_late_shows_as_contacts() -> None:
-    late = dataclasses.replace(Latencies(), guard=Duration(0.5, 0.6), transport=0.3)
+    late = dataclasses.replace(Latencies(), guard=Duration(0.5, 0.6), added_stop=0.3)
     rows = dataclasses.replace(system_study("guarded"), latencies=late)(0, CASES)
     assert share(rows, Outcome.COLLIDED) > 0.03
 

@@ -63,6 +63,14 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.fixture
+def listening_to_ctrl_c() -> Iterator[None]:
+    """Listen to Ctrl-C as a program does that a terminal starts, whatever a background shell left behind."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.fixture
 def ignoring_ctrl_c() -> Iterator[None]:
     before = signal.signal(signal.SIGINT, signal.SIG_IGN)
     yield
@@ -150,7 +158,7 @@ def test_a_keyboard_interrupt_of_its_own_costs_a_planner_the_case_in_a_worker(he
     assert facts["reason"][0].startswith(b"raised: KeyboardInterrupt (stray_planner.py:")
 
 
-def test_ctrl_c_in_the_process_that_listens_to_it_ends_the_run(here: Path) -> None:
+def test_ctrl_c_in_the_process_that_listens_to_it_ends_the_run(here: Path, listening_to_ctrl_c: None) -> None:
     study = NavigationStudy(f"{here}/stray_planner.py:Interrupts", CASES, SHORT)
     with pytest.raises(KeyboardInterrupt):
         study(0, 1)
