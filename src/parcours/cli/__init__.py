@@ -26,6 +26,7 @@ COMMANDS = {
     "compare": "Planners on the same cases, with paired tests.",
     "planner": "Check a planner of your own.",
     "replay": "One case of a campaign, run again and drawn.",
+    "compile": "Compile all kernels now, on all processors.",
     "demo": "The whole study of the paper, as one report.",
 }
 """Subcommand -> its line in the help; the module of the same name holds it."""

@@ -1,0 +1,26 @@
+"""`parcours compile`: compile all kernels now, so that no later command waits for it."""
+
+from __future__ import annotations
+
+import click
+
+from parcours.cli.options import workers
+
+
+@click.command("compile")
+@workers
+def command(workers: int) -> None:
+    """Compile all that Parcours compiles for this machine, once, on all processors; e.g. when an image is built.
+
+    Any command compiles what it needs and finds missing. PARCOURS_CACHE_DIR says where machine code is kept.
+
+    Example: parcours compile
+    """
+    from parcours.cli.progress import progress, say_if_cold
+    from parcours.kernels import kernel_cache
+    from parcours.studies.compiling import compile_all
+
+    say_if_cold()
+    with progress() as report:
+        compile_all(workers, lambda part, done, total: report("compiled", done, total))
+    click.echo(f"compiled kernels are in {kernel_cache()}")
