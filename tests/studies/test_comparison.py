@@ -28,7 +28,7 @@ from parcours.studies.comparison.results import (
     weighted_by_way,
 )
 from parcours.studies.comparison.tables import DIFFERENT_ANSWERS, OUTCOME_WORDS, beats, outcome_table, question_table
-from parcours.studies.distribution import time_to_goal
+from parcours.studies.ramp_system.distribution import time_to_goal
 from parcours.verdict.facts import FACTS, NEVER
 from parcours.verdict.measures import MEASURES
 from parcours.verdict.navigation import Outcome

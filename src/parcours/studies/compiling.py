@@ -38,8 +38,8 @@ def _planner(name: str) -> None:
 
 def _oracle() -> None:
     from parcours.arena.witness import witness
-    from parcours.studies.distribution import oracle, survived
     from parcours.studies.ramp_system.cases import SystemCases
+    from parcours.studies.ramp_system.distribution import oracle, survived
 
     cases, first = SystemCases(0), np.zeros(1, np.int64)
     oracle(cases, first)

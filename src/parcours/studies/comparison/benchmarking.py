@@ -10,8 +10,8 @@ from parcours.arena.solvability import shortest_way
 from parcours.report.pieces import Cell, Piece, Table
 from parcours.report.pieces import Column as Head
 from parcours.studies.comparison.results import Contender, Results
-from parcours.studies.distribution import GOAL, START
 from parcours.studies.navigation.scenario import Scenario
+from parcours.studies.ramp_system.distribution import GOAL, START
 from parcours.verdict.measures.benchmarks import BENCHMARKS
 from parcours.verdict.measures.benchmarks import score as score_of
 from parcours.verdict.measures.scores import Column, Runs

@@ -21,7 +21,7 @@ from parcours.studies.comparison.results import (
     weighted_by_way,
 )
 from parcours.studies.comparison.tables import beats, speaks_of_answers
-from parcours.studies.distribution import distribution_document, reached, time_to_goal
+from parcours.studies.ramp_system.distribution import distribution_document, reached, time_to_goal
 from parcours.verdict.navigation import Outcome
 from parcours.verdict.statistics import Rate, quantiles, wilson
 

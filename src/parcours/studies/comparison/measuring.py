@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from parcours.run.pulse import LostCase
 from parcours.run.store import Campaign
-from parcours.studies.distribution import GOAL
 from parcours.studies.navigation.study import NavigationStudy
+from parcours.studies.ramp_system.distribution import GOAL
 from parcours.studies.ramp_system.study import SystemStudy
 from parcours.verdict.measures.one_case import measures_as_published
 from parcours.verdict.measures.table import PUBLISHED

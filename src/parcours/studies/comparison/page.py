@@ -23,7 +23,7 @@ from parcours.studies.comparison.tables import (
     time_table,
     vector_table,
 )
-from parcours.studies.distribution import reached, time_to_goal
+from parcours.studies.ramp_system.distribution import reached, time_to_goal
 from parcours.verdict.navigation import Outcome
 from parcours.verdict.statistics import wilson
 

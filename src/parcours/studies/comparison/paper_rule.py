@@ -16,7 +16,7 @@ from parcours.studies.comparison.pairing import holm, time_difference
 from parcours.studies.comparison.results import Contender, Facts, Flags, Results, contact, struck
 from parcours.studies.comparison.rivalry import p_text
 from parcours.studies.comparison.tables import interval, measure_table, outcome_table
-from parcours.studies.distribution import time_to_goal
+from parcours.studies.ramp_system.distribution import time_to_goal
 from parcours.verdict.navigation import Outcome, outcomes, published
 from parcours.verdict.statistics import Rate, compare_pairs, quantiles, wilson
 

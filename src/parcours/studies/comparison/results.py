@@ -20,7 +20,7 @@ from parcours.studies.comparison.pairing import (
     rate_difference,
     time_difference,
 )
-from parcours.studies.distribution import measured, reached, sct_of, spl_of, time_to_goal
+from parcours.studies.ramp_system.distribution import measured, reached, sct_of, spl_of, time_to_goal
 from parcours.verdict.facts import NEVER
 from parcours.verdict.navigation import outcomes
 

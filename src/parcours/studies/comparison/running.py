@@ -15,11 +15,11 @@ from parcours.run.store import Campaign, create
 from parcours.studies.comparison.deciding import decision_times
 from parcours.studies.comparison.measuring import Reproducing
 from parcours.studies.comparison.results import AT_ONCE, Contender, Results
-from parcours.studies.distribution import oracle, survived
 from parcours.studies.navigation.planners import RAMP
 from parcours.studies.navigation.scenario import Scenario
 from parcours.studies.navigation.study import NavigationStudy, study_of
 from parcours.studies.ramp_system.cases import Protocol, SystemCases
+from parcours.studies.ramp_system.distribution import oracle, survived
 from parcours.studies.ramp_system.study import TIME_LIMIT, WATCHED_ON, SystemStudy
 from parcours.verdict.facts import FACTS
 from parcours.verdict.measures.table import PUBLISHED

@@ -13,7 +13,7 @@ from parcours.studies.comparison.results import (
     weighted_by_time,
     weighted_by_way,
 )
-from parcours.studies.distribution import distribution_table, reached, time_to_goal
+from parcours.studies.ramp_system.distribution import distribution_table, reached, time_to_goal
 from parcours.verdict.navigation import VERDICT_OF, Outcome
 from parcours.verdict.statistics import Rate, quantiles, wilson
 

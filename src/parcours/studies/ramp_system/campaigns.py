@@ -17,8 +17,14 @@ from parcours.planners.ramp.parameters import Parameters
 from parcours.report.junit import CaseResult
 from parcours.report.pieces import Page, Piece, Replay, Section, Table
 from parcours.run.store import open_results
-from parcours.studies.distribution import distribution_document, distribution_table, measured, oracle, survived
 from parcours.studies.ramp_system.cases import Protocol, SystemCases
+from parcours.studies.ramp_system.distribution import (
+    distribution_document,
+    distribution_table,
+    measured,
+    oracle,
+    survived,
+)
 from parcours.studies.ramp_system.facts import FACTS
 from parcours.studies.ramp_system.outcome_tables import Results, outcome_figure, outcome_table
 from parcours.studies.ramp_system.study import SystemStudy

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from parcours.arena.solvability import SOLVABILITY, shortest_way, solve
 from parcours.arena.survivability import survivability
+from parcours.planners.ramp.parameters import Parameters
 from parcours.report.pieces import Cell, Column, Table
-from parcours.studies.navigation.scenario import Scenario
 from parcours.studies.ramp_system.cases import SystemCases
 from parcours.studies.ramp_system.study import TIME_LIMIT
 from parcours.verdict.facts import NEVER
@@ -126,7 +126,7 @@ def oracle(
         part = slice(first, first + _AT_ONCE)
         found[part] = solve(
             cases.obstacles(numbers[part]), start=START, goal=GOAL, tolerance=GOAL_TOLERANCE,
-            limit=1.0 + TIME_LIMIT, v_max=Scenario().limits.speed, robot_radius=cases.robot_radius,
+            limit=1.0 + TIME_LIMIT, v_max=Parameters().v_max, robot_radius=cases.robot_radius,
         )  # fmt: skip
         told(min(first + _AT_ONCE, len(numbers)), len(numbers))
     return found
