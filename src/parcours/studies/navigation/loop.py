@@ -10,10 +10,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from parcours.arena.obstacles import OBSTACLE, place_at
+from parcours.arena.obstacles import OBSTACLE
 from parcours.arena.world import NEVER, TICK, WORLD, advance, begin
 from parcours.kernels import Record, kernel
 from parcours.studies.navigation.tracking import speeds
+from parcours.studies.ramp_system.observing import freeze_world
 from parcours.verdict.facts import TRACK_PERIOD
 
 Floats = NDArray[np.float64]
@@ -204,25 +205,8 @@ def freeze(memory: Floats, facts: Record) -> None:
     """Write down in a record of FACTS how the case stands."""
     host = memory[_HOST:_WORLD].view(HOST)[0]
     world = memory[_WORLD:_ROBOT].view(WORLD)[0]
-    obstacles = _obstacles(memory, host.n)
-    robot = world.robot
-    facts.t_end = world.now
-    facts.x, facts.y, facts.heading = robot.x, robot.y, robot.heading
-    facts.to_goal = np.sqrt((world.goal_x - robot.x) ** 2 + (world.goal_y - robot.y) ** 2)
-    facts.t_goal = world.t_goal
+    freeze_world(world, _obstacles(memory, host.n), facts)
     facts.t_last_moving = host.t_moving
-    facts.t_contact = world.t_contact
-    facts.t_robot_contact, facts.t_shared_contact = world.t_robot_contact, world.t_shared_contact
-    facts.n_robot_contacts, facts.n_shared_contacts = world.n_robot_contacts, world.n_shared_contacts
-    facts.n_obstacle_contacts = world.n_obstacle_contacts
-    facts.min_clearance, facts.t_min_clearance = world.min_clearance, world.t_min_clearance
-    facts.travelled = world.travelled
-    gap = np.inf
-    for k in range(len(obstacles)):
-        x, y = place_at(obstacles[k], obstacles[k].stop)
-        distance = np.sqrt((x - world.goal_x) ** 2 + (y - world.goal_y) ** 2)
-        gap = min(gap, distance - obstacles[k].radius - robot.radius)
-    facts.goal_gap = gap
 
 
 @kernel

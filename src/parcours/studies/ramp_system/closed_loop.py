@@ -148,7 +148,7 @@ def run_case(
         )
         if not frozen and (now >= setting.limit or world.t_goal != NEVER):
             advance(world, obstacles, min(now, setting.limit))
-            freeze(work, obstacles, world.now, facts)
+            freeze(work, obstacles, facts)
             frozen = True
             if world.t_goal != NEVER:
                 break

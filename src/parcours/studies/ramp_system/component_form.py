@@ -177,7 +177,7 @@ class Witness:
             advance(body.world, body.obstacles, min(now, self._limit))
             work = self._work
             work.world, work.planner, work.control = body.world, self._planner.state, self._control._state
-            freeze(work, body.obstacles, int(body.world.now), self._facts)
+            freeze(work, body.obstacles, self._facts)
             self._frozen = True
             if body.world["t_goal"] != NEVER:
                 self.ended = now

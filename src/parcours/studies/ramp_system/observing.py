@@ -57,23 +57,29 @@ def _goal_gap(world: Record, obstacles: Record) -> float:
 
 
 @kernel
-def freeze(work: Record, obstacles: Record, now: int, facts: Record) -> None:
-    """Write down how the case stands at its end."""
-    world, planner, control = work.world, work.planner, work.control
+def freeze_world(world: Record, obstacles: Record, facts: Record) -> None:
+    """Write down how the world stands at the end of a case, whatever planner drove the robot."""
     robot = world.robot
-    facts.t_end = now
+    facts.t_end = world.now
     facts.x, facts.y, facts.heading = robot.x, robot.y, robot.heading
     facts.to_goal = np.sqrt((world.goal_x - robot.x) ** 2 + (world.goal_y - robot.y) ** 2)
     facts.t_goal = world.t_goal
-    facts.feasible = planner.moving_on.feasible
-    facts.time_left = planner.moving_on.duration
-    facts.halted = control.halt
     facts.t_contact = world.t_contact
     facts.t_robot_contact, facts.t_shared_contact = world.t_robot_contact, world.t_shared_contact
     facts.n_robot_contacts, facts.n_shared_contacts = world.n_robot_contacts, world.n_shared_contacts
     facts.n_obstacle_contacts = world.n_obstacle_contacts
     facts.min_clearance, facts.t_min_clearance = world.min_clearance, world.t_min_clearance
     facts.travelled = world.travelled
+    facts.goal_gap = _goal_gap(world, obstacles)
+
+
+@kernel
+def freeze(work: Record, obstacles: Record, facts: Record) -> None:
+    """Write down how a case of RAMP stands at its end."""
+    planner = work.planner
+    freeze_world(work.world, obstacles, facts)
+    facts.feasible = planner.moving_on.feasible
+    facts.time_left = planner.moving_on.duration
+    facts.halted = work.control.halt
     facts.n_switches = planner.n_switches
     facts.t_last_moving = work.t_moving
-    facts.goal_gap = _goal_gap(world, obstacles)
