@@ -1,10 +1,11 @@
-# make demo: the whole study of the paper, one report.   make test: everything a reviewer would run.
+# make demo: the whole study of the paper, one report.   make test: everything a reviewer would run without ROS.
+# make test-ros1, make test-ros2: the same components and others' on real ROS.
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
 
-.PHONY: demo test format lint types contracts tests fuzz bench clean
+.PHONY: demo test test-ros1 test-ros2 format lint types contracts tests fuzz bench clean
 
 demo: $(VENV)/.runtime
 	$(BIN)/parcours demo --out out/demo
@@ -24,6 +25,12 @@ contracts: $(VENV)/.developer
 tests: $(VENV)/.developer
 	$(BIN)/python -m pytest --numprocesses=auto --maxprocesses=4 --dist=worksteal
 
+test-ros1: $(VENV)/.developer
+	.ci/ros1
+
+test-ros2: $(VENV)/.developer
+	.ci/ros2
+
 format: $(VENV)/.developer
 	$(BIN)/ruff format .
 	$(BIN)/ruff check --fix .
@@ -37,7 +44,7 @@ bench: $(VENV)/.developer
 		echo "== $$part"; $(BIN)/python bench/bench_$$part || exit 1; done
 
 clean:
-	rm -rf $(VENV) out build dist .mypy_cache .ruff_cache .hypothesis .import_linter_cache
+	rm -rf $(VENV) .venv-ros1 .venv-ros2 out build dist .mypy_cache .ruff_cache .hypothesis .import_linter_cache
 
 $(VENV)/.runtime: pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)

@@ -76,7 +76,7 @@ def test_all_67_component_cases_run_in_their_order_and_hold_each_message_until_i
         assert len(held(done.trace)) == len(gated)
         assert all(time > 0 for time in held(done.trace).values())
         for event in events:
-            part = done.instances[event.reference]
+            part = done.views[event.reference]
             assert isinstance(part, Obedient)
             if event.receives is not None:
                 source = event.receives.event

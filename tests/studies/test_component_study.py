@@ -27,8 +27,8 @@ from parcours.studies.ramp_components.study import (
     run_functional,
     run_timing,
 )
-from parcours.verdict.interaction import duration, within
 from parcours.verdict.judgement import Verdict
+from parcours.verdict.timing import duration, judge
 
 ROWS = 3
 
@@ -103,15 +103,10 @@ def test_a_case_run_twice_gives_the_same_trace() -> None:
 def test_durations_are_refused_on_simulated_time_and_measured_on_the_wall() -> None:
     with pytest.raises(BadRequest, match="simulated-duration"):
         duration(results()[0].execution.trace)
-    timed = list(run_timing(paper_sample(component_plan())[::12], repeats=2, warm_up=1))
-    assert len(timed) == 5
+    timed = list(run_timing(paper_sample(component_plan()), repeats=2, warm_up=1))
+    assert len(timed) == 60
     for timing in timed:
         assert len(timing.durations) == 2
         assert all(0 < taken < 5_000_000_000 for taken in timing.durations)
-        assert timing.judgement == within(timing.durations, timing.limit)
-
-
-def test_a_limit_is_kept_or_broken_by_the_durations_alone() -> None:
-    assert within([4_000_000] * 20, 0.005).verdict is Verdict.PASS
-    assert within([4_000_000] * 10 + [6_000_000] * 10, 0.005).verdict is Verdict.FAIL
-    assert within([4_000_000] * 99 + [90_000_000], 0.005).verdict is Verdict.PASS
+        assert timing.judgement == judge(timing.durations, timing.bound, timing.noise)
+        assert timing.judgement.verdict is not Verdict.PASS  # two repeats show nothing of 95 %

@@ -6,10 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from parcours.errors import BadRequest
-from parcours.run.trace import Trace, TraceEvent
 from parcours.verdict.facts import FACTS, NEVER
-from parcours.verdict.interaction import duration, within
 from parcours.verdict.navigation import VERDICT_OF, Outcome, Share, explain, outcomes, published, shares, true_time_left
 
 
@@ -76,20 +73,3 @@ def test_every_case_lies_in_exactly_one_slice_of_figure_5b() -> None:
 
 def test_every_outcome_has_a_verdict() -> None:
     assert set(VERDICT_OF) == set(Outcome)
-
-
-def test_durations_are_judged_on_wall_time_only() -> None:
-    events = (TraceEvent(1_000, "take", "A", "p1"), TraceEvent(5_000, "take", "A", "p2"))
-    assert duration(Trace("wall", events, "gated")) == 4_000
-    with pytest.raises(BadRequest, match="simulated-duration"):
-        duration(Trace("simulated", events, "gated"))
-    with pytest.raises(BadRequest, match="empty-trace"):
-        duration(Trace("wall", (), "gated"))
-
-
-def test_a_limit_is_kept_if_the_asked_share_of_repeats_keeps_it() -> None:
-    times = [1_000_000] * 99 + [50_000_000]
-    assert within(times, 0.005).passed
-    assert not within(times, 0.005, quantile=1.0).passed
-    with pytest.raises(BadRequest):
-        within([], 0.005)

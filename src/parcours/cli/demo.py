@@ -58,9 +58,9 @@ def command(cases: int, delayed: int | None, seed: int, workers: int, out: Path)
         raise click.exceptions.Exit(130) from None
     page = compose(results)
     system = {f"{protocol}-{schedule}": r for (protocol, schedule), r in results.system.items()}
-    components = component_results(results.functional, results.timing)
+    components = component_results("here", results.functional, results.timing)
     write_components(out, components)
-    verdicts = [*(result.junit() for result in components), *junit_results(system)]
+    verdicts = [*(result.junit() for result in components.results), *junit_results(system)]
     write_text(out / "junit.xml", to_junit("demo", verdicts))
     write_text(out / "report.html", to_html(page))
     print_page(page)

@@ -11,6 +11,7 @@ import click
 from parcours.cli.options import as_json, print_json
 
 if TYPE_CHECKING:
+    from parcours.report.pieces import Figure, Table
     from parcours.studies.ramp_components.results import ComponentResult
     from parcours.studies.ramp_system.outcome_tables import Results
 
@@ -28,22 +29,26 @@ def command(folders: tuple[Path, ...], html: Path | None, junit: Path | None, as
     from parcours.report.junit import to_junit
     from parcours.report.writing import write_text
     from parcours.studies.navigation.campaigns import error_table
-    from parcours.studies.ramp_components.results import FILE, component_table, read_components
+    from parcours.studies.ramp_components.results import FILE, component_table, read_components, timing_pieces
     from parcours.studies.ramp_system.campaigns import campaigns_page, junit_results
 
     components = {folder: read_components(folder) for folder in folders if (folder / FILE).exists()}
     results = load([folder for folder in folders if folder not in components])
-    summarise(results, as_json, {str(folder): list(found) for folder, found in components.items()})
+    summarise(results, as_json, {str(folder): list(found.results) for folder, found in components.items()})
     if html is not None:
         from parcours.report.page import to_html
 
-        tables = [component_table(found, f"Component cases, {folder}") for folder, found in components.items()]
+        tables: list[Table | Figure] = []
+        for folder, found in components.items():
+            where = f"{folder}, host: {found.host}"
+            tables.append(component_table(found.results, f"Component cases, {where}"))
+            tables += timing_pieces(found, where)
         errors = error_table(results)
         tables += [errors] if errors is not None else []
         write_text(html, to_html(campaigns_page(results, tables)))
         click.echo(f"wrote {html}", err=True)
     if junit is not None:
-        verdicts = [*(r.junit() for found in components.values() for r in found), *junit_results(results)]
+        verdicts = [*(r.junit() for found in components.values() for r in found.results), *junit_results(results)]
         write_text(junit, to_junit("parcours", verdicts))
         click.echo(f"wrote {junit}", err=True)
 

@@ -44,6 +44,9 @@ if TYPE_CHECKING:
     show_default=True,
     help="navigation: an answer that takes longer is an error [s of wall clock].",
 )
+@click.option("--host", default="simulated", show_default=True, help="simulated, processes, ros1 or ros2 (RAMP).")
+@click.option("--repeats", type=click.IntRange(1, 100_000), default=60, show_default=True, help="of a timing case")
+@click.option("--percent", type=float, default=95.0, show_default=True, help="of repeats that must keep a limit [%]")
 @seed
 @workers
 @click.option(
@@ -56,8 +59,8 @@ if TYPE_CHECKING:
 def command(
     study: str, schedule: str, planner: str, protocol: str, cases: int | None, added_sensing: float,
     added_planning: float, added_stop: float, robot_radius: float, obstacle_radius: float, period: float,
-    command_delay: float, time_limit: float, watched_on: float, call_timeout: float, seed: int, workers: int,
-    out: Path, as_json: bool,
+    command_delay: float, time_limit: float, watched_on: float, call_timeout: float, host: str, repeats: int,
+    percent: float, seed: int, workers: int, out: Path, as_json: bool,
 ) -> None:  # fmt: skip
     """Execute a study. Ctrl-C keeps the system cases that were finished; the same command goes on from there.
 
@@ -66,6 +69,8 @@ def command(
     Example: parcours run ramp_system --schedule guarded --added-sensing 0.25 --out out/late
 
     Example: parcours run navigation --planner orca --cases 905 --out out/orca
+
+    Example: parcours run ramp_components --host processes --out out/components
     """
     from parcours.cli.progress import progress, say_if_cold
     from parcours.studies import check_study
@@ -73,7 +78,14 @@ def command(
     check_study(study)
     _refuse_options_of_others(study)
     if study == "ramp_components":
-        _components(seed, cases, out, as_json)
+        from parcours.cli.live import run_component_cases
+
+        run_component_cases(host, seed, cases, repeats, percent, out, as_json)
+        return
+    if host != "simulated":
+        from parcours.cli.live import run_system_cases
+
+        run_system_cases(host, schedule, seed, protocol, 20 if cases is None else cases, time_limit, out, as_json)
         return
     from parcours.run.campaign import run_campaign
     from parcours.studies.ramp_system.study import PUBLISHED_CASES, system_study
@@ -132,8 +144,8 @@ def _require_planner(planner: str) -> str:
 
 _SYSTEM = ("protocol", "robot_radius", "obstacle_radius", "workers")
 _OPTIONS = {
-    "ramp_components": (),
-    "ramp_system": (*_SYSTEM, "schedule", "added_sensing", "added_planning", "added_stop"),
+    "ramp_components": ("host", "repeats", "percent"),
+    "ramp_system": (*_SYSTEM, "schedule", "host", "time_limit", "added_sensing", "added_planning", "added_stop"),
     "navigation": (*_SYSTEM, "planner", "period", "command_delay", "time_limit", "watched_on", "call_timeout"),
 }
 """Study -> the options that not all studies have and it has."""
@@ -153,42 +165,3 @@ def _refuse_options_of_others(study: str) -> None:
                 "leave it out",
                 slug="option-study",
             )
-
-
-def _components(seed: int, cases: int | None, out: Path, as_json: bool) -> None:
-    """Run the component study, functional and timing, and keep its results."""
-    from parcours.cli.options import print_json
-    from parcours.cli.progress import progress, say_if_cold
-    from parcours.report.terminal import print_table
-    from parcours.run.atomic import require_writable
-    from parcours.studies.ramp_components.results import (
-        component_table,
-        functional_result,
-        timing_result,
-        write_components,
-    )
-    from parcours.studies.ramp_components.study import component_plan, paper_sample, run_functional, run_timing
-
-    n_abstract = len(component_plan(seed, 1))
-    plan = component_plan(seed, 3 if cases is None else -(-cases // n_abstract))
-    require_writable(out)
-    say_if_cold()
-    results = []
-    wanted = len(plan) if cases is None else cases
-    with progress() as report:
-        for case in plan.cases(0, wanted):
-            results.append(functional_result(run_functional(case)))
-            report("functional cases", len(results), wanted)
-        sample = paper_sample(component_plan(seed))
-        for done, timed in enumerate(run_timing(sample), 1):
-            results.append(timing_result(timed))
-            report("timing cases", done, len(sample))
-    write_components(out, results)
-    if as_json:
-        print_json([{"id": r.id, "verdict": r.verdict, "why": r.why, "limit": r.limit} for r in results])
-        return
-    print_table(component_table(results, "Component cases"))
-    for result in results:
-        if result.verdict != "pass":
-            click.echo(f"{result.id}: {result.verdict}: {result.why}")
-    click.echo(f"results in {out}")

@@ -63,16 +63,20 @@ class SimulatedClock:
 
 
 class WallClock:
-    """The machine's monotonic clock, counted from construction or `restart`."""
+    """The machine's monotonic clock, counted from construction or `restart`.
+
+    Args:
+        zero: count from there instead [ns of the monotonic clock, which all processes of a machine read alike].
+    """
 
     name: ClockName = "wall"
 
-    def __init__(self) -> None:
-        self._zero = time.perf_counter_ns()
+    def __init__(self, zero: int | None = None) -> None:
+        self.zero = time.perf_counter_ns() if zero is None else zero
 
     def now(self) -> int:
         """The time [ns]."""
-        return time.perf_counter_ns() - self._zero
+        return time.perf_counter_ns() - self.zero
 
     def advance(self, until: int) -> int:
         """Sleep until shortly before `until` [ns], then watch the clock."""
@@ -88,4 +92,4 @@ class WallClock:
 
     def restart(self) -> None:
         """Begin again at zero."""
-        self._zero = time.perf_counter_ns()
+        self.zero = time.perf_counter_ns()

@@ -4,10 +4,10 @@ At most one transition of a component is in progress at a time; while it is, or 
 room on a link, what arrives is queued. A transition is recorded, and its messages leave, when its execution
 time is over.
 
-Simultaneous events happen in a total order: 1. transitions that end, so that a component due to be free is
-free; 2. messages that arrive, so that a message counts as in time at its very deadline; 3. wakes. Among
-equals: components in the order given, the environment last, channels in the order of the links; then in the
-order in which they were caused.
+Simultaneous events happen in a total order: 1. faults that strike components; 2. transitions that end, so that a
+component due to be free is free; 3. messages that arrive, so that a message counts as in time at its very
+deadline; 4. wakes. Among equals: components in the order given, the environment last, channels in the order of
+the links; then in the order in which they were caused.
 """
 
 from __future__ import annotations
@@ -20,12 +20,14 @@ import numpy as np
 
 from parcours.errors import BadRequest, HostFailure, one_of
 from parcours.run.clocks import Clock
+from parcours.run.faults import FaultPlan, FlatCodec
 from parcours.run.hosts.passage import Execution, Passage, Streams, at_once
 from parcours.run.hosts.seats import Answer, Answering, Lane, Message, Seat, silence
+from parcours.run.hosts.striking import Death, Striker
 from parcours.run.port import ENVIRONMENT, Component, Link, LinkKind, Step
 from parcours.run.trace import Kind, Noise, Trace, TraceEvent
 
-_END, _ARRIVE, _WAKE = range(3)
+_STRIKE, _END, _ARRIVE, _WAKE = range(-1, 3)
 _LIVELOCK = 100_000
 """So many events at one instant of simulated time are taken for an endless loop."""
 
@@ -46,6 +48,8 @@ class Exchange:
         execution: Execution = at_once,
         rng: np.random.Generator | None = None,
         recording: bool = True,
+        faults: FaultPlan | None = None,
+        codec: FlatCodec | None = None,
     ) -> None:
         tester = Answering(environment) if not hasattr(environment, "next_wake") else cast(Component, environment)
         self._clock = clock
@@ -65,6 +69,9 @@ class Exchange:
             if channel not in self._lanes:
                 remedy = one_of(channel, list(self._lanes))
                 raise HostFailure("passages", f"no link is called {channel!r}", remedy, slug="unknown-channel")
+        self._striker: Striker | None = None
+        if faults:
+            self._striker = Striker(faults, codec, self._seats, self._lanes, clock, self)
         self._clear()
 
     def _clear(self) -> None:
@@ -72,6 +79,11 @@ class Exchange:
         self._events: list[TraceEvent] = []
         self._caused = self._sent = self._instant = self._at_instant = 0
         self._acting = ""
+        self._foretell()
+
+    def _foretell(self) -> None:
+        if self._striker is not None:
+            self._striker.begin()
 
     def reset(self) -> None:
         """Return everything to where it began: no message, no event, random streams at their start."""
@@ -99,6 +111,16 @@ class Exchange:
     def note(self, text: str) -> None:
         """Write a remark of the tester's into the trace."""
         self._record("note", text=text)
+
+    @property
+    def deaths(self) -> tuple[Death, ...]:
+        """The components that have died since the beginning or the last reset; without faults none ever does."""
+        return tuple(self._striker.deaths) if self._striker is not None else ()
+
+    @property
+    def strikes(self) -> int:
+        """How many messages and components a fault has struck so far."""
+        return self._striker.strikes if self._striker is not None else 0
 
     def inject(self, channel: str, message: object, at: int | None = None) -> None:
         """Send `message` in the place of the environment, or of a component that is not on this host.
@@ -178,6 +200,8 @@ class Exchange:
 
         A wake that is due at this very instant begins only when its own event `rung`: messages come first.
         """
+        if seat.is_out:
+            return
         fruitless = 0
         self._acting = seat.name
         while seat.step is None and not seat.waits and not seat.outbox:
@@ -192,6 +216,7 @@ class Exchange:
                 raise
             except Exception as error:
                 self._broke(seat, error)
+                return
             if seat.step is None:
                 seat.work = None
                 fruitless += 1
@@ -201,7 +226,7 @@ class Exchange:
                 self._watch(self._clock.now())
                 self._finish(seat)
             else:
-                self._push(self._clock.now() + cost, _END, seat.index, lambda: self._end(seat))
+                self.ends(seat, self._clock.now() + cost)
 
     def _take_up(self, seat: Seat, rung: bool) -> bool:
         """Give an idle component the message or wake that has been due longest; say whether there was one."""
@@ -210,6 +235,7 @@ class Exchange:
             wake = seat.component.next_wake()
         except Exception as error:
             self._broke(seat, error)
+            return False
         first = seat.inbox[0] if seat.inbox else None
         is_due = wake is not None and (wake < now or (rung and wake == now))
         if is_due and (first is None or cast(int, wake) < first.arrived):
@@ -229,6 +255,7 @@ class Exchange:
             seat.work = iter(act(*arguments))
         except Exception as error:
             self._broke(seat, error)
+            return False
         return True
 
     def _ring(self, seat: Seat, wake: int) -> None:
@@ -241,18 +268,20 @@ class Exchange:
             return 0
         for _channel, _payload in step.sends:
             pass  # a step that is none is found here, while its component can be blamed
-        if self._execution is at_once:
-            return 0
-        cost = self._execution(seat.name, step.transition, self._streams[f"component {seat.name}"])
-        return _not_negative(cost, f"execution time of {step.transition}")
+        cost = 0
+        if self._execution is not at_once:
+            drawn = self._execution(seat.name, step.transition, self._streams[f"component {seat.name}"])
+            cost = _not_negative(drawn, f"execution time of {step.transition}")
+        return cost if self._striker is None else self._striker.cost(seat, cost)
 
     def _is_next(self, seat: Seat) -> bool:
         """Whether a transition of the component's that ends now is what happens next anyway."""
         return not self._heap or self._heap[0][:3] > (self._clock.now(), _END, seat.index)
 
-    def _end(self, seat: Seat) -> None:
-        self._finish(seat)
-        self._work(seat)
+    def _end(self, seat: Seat, turn: int) -> None:
+        if seat.turn == turn:
+            self._finish(seat)
+            self._work(seat)
 
     def _finish(self, seat: Seat) -> None:
         """Record the transition in progress, and let its messages leave."""
@@ -265,8 +294,9 @@ class Exchange:
             self._drain(seat)
 
     def _flush(self, seat: Seat) -> None:
-        self._drain(seat)
-        self._work(seat)
+        if not seat.is_out:
+            self._drain(seat)
+            self._work(seat)
 
     def _drain(self, seat: Seat) -> None:
         while seat.outbox and not seat.waits:
@@ -304,14 +334,22 @@ class Exchange:
             if lost:
                 self._record("drop", message.sender, message, text="lost")
                 return
-        lane.open += 1
+        copies: tuple[int, ...] = (0,)
+        overtaken = passage is not None and passage.reorder
+        if self._striker is not None:
+            fate = self._striker.meet(message)
+            copies, overtaken = fate.copies, overtaken or fate.reorder
+            if not copies:
+                return
         if lane.link.kind is LinkKind.RENDEZVOUS and message.sender is not None and self._receiver(lane) is not None:
             message.sender.waits = channel
-        arrival = self._clock.now() + delay
-        if passage is None or not passage.reorder:
-            arrival = max(arrival, lane.last_arrival)
-        lane.last_arrival = max(arrival, lane.last_arrival)
-        self._push(arrival, _ARRIVE, lane.index, lambda: self._arrive(lane, message))
+        arrival = self._clock.now() + delay + copies[0]
+        if not overtaken:
+            lane.last_arrival = arrival = max(arrival, lane.last_arrival)
+        for later in copies:
+            lane.open += 1
+            self._push(arrival + later - copies[0], _ARRIVE, lane.index, lambda one=message: self._arrive(lane, one))  # type: ignore[misc]
+            message = Message(channel, message.number, message.payload)  # a further copy keeps no sender waiting
 
     def _receiver(self, lane: Lane) -> Seat | None:
         return self._seats.get(lane.link.receiver)
@@ -323,6 +361,9 @@ class Exchange:
             seat.inbox.remove(waiting[0])
             lane.open -= 1
             self._record("drop", seat, waiting[0], text="overrun")
+        if seat.dead:
+            self.discard(seat, message, f"fault: {seat.name} has died")
+            return
         message.arrived = self._clock.now()
         seat.inbox.append(message)
         self._work(seat)
@@ -343,7 +384,36 @@ class Exchange:
             seat.waits = ""
             self._push(self._clock.now(), _END, seat.index, lambda: self._flush(seat))
 
-    def _broke(self, seat: Seat, error: Exception) -> NoReturn:
+    # What its faults need (`striking.Floor`).
+
+    def strike(self, time: int, seat: Seat, act: Callable[[], None]) -> None:
+        """Let `act` happen to the seat at `time` [ns], before all else that happens then."""
+        self._push(time, _STRIKE, seat.index, act)
+
+    def ends(self, seat: Seat, time: int) -> None:
+        """Let the transition in progress end at `time` [ns]."""
+        seat.turn, seat.ends = seat.turn + 1, time
+        self._push(time, _END, seat.index, lambda turn=seat.turn: self._end(seat, turn))  # type: ignore[misc]
+
+    def go_on(self, seat: Seat) -> None:
+        """Send what waits to be sent, and go on working; a wake that was due meanwhile comes first."""
+        self._drain(seat)
+        self._work(seat, rung=True)
+
+    def discard(self, seat: Seat, message: Message, text: str) -> None:
+        """Record that a message to the seat is lost, and give its place on the link free."""
+        self._record("drop", seat, message, text=text)
+        self._make_room(message)
+
+    def write(self, kind: Kind, seat: Seat | None = None, message: Message | None = None, text: str = "") -> None:
+        """Write into the trace."""
+        self._record(kind, seat, message, text=text)
+
+    def _broke(self, seat: Seat, error: Exception) -> None:
+        """Blame a component that raised; under a plan of faults it has died of it, as a process would."""
+        if self._striker is not None and seat is not self._environment:
+            self._striker.kill(seat, f"{type(error).__name__}: {error}")
+            return
         rule = f"must keep to the port's contract, but raised {type(error).__name__}: {error}"
         after = next((e.transition for e in reversed(self._events) if e.transition and e.component == seat.name), "")
         remedy = f"it happened at {self._clock.now()} ns" + (f", after {after}" if after else ", before any transition")

@@ -37,6 +37,19 @@ class Seat:
     waits: str = ""
     """The channel on which it waits for room; empty if it does not."""
     wake: int | None = None
+    turn: int = 0
+    """Counts the ends of transitions that were foretold: an end of an earlier turn does not happen."""
+    ends: int = 0
+    """When the transition in progress ends [ns], if there is one."""
+    left: int = 0
+    """How long it had yet to go when the component was frozen [ns]."""
+    dead: bool = False
+    frozen: bool = False
+
+    @property
+    def is_out(self) -> bool:
+        """Whether it can do nothing now, since a fault has befallen it."""
+        return self.dead or self.frozen
 
     @property
     def name(self) -> str:
@@ -49,6 +62,8 @@ class Seat:
         self.outbox.clear()
         self.work = self.step = self.wake = None
         self.waits = ""
+        self.turn += 1
+        self.dead = self.frozen = False
 
 
 @dataclass(slots=True)

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from parcours.run.clocks import SimulatedClock
+from parcours.run.faults import FaultPlan, FlatCodec
 from parcours.run.hosts.exchange import Exchange
 from parcours.run.hosts.passage import Execution, Passage, at_once
 from parcours.run.hosts.seats import Answer, silence
@@ -25,9 +26,12 @@ class SimulatedHost(Exchange):
         execution: how long a component works on a transition [ns].
         rng: the one source of all that is drawn; without it the streams start from seed 0.
         recording: whether what happens is written into the trace; without it the trace stays empty.
+        faults: what shall go wrong; under a plan, a component that raises has died and all others go on.
+        codec: the flat form of the messages, for faults that corrupt them.
 
     Raises:
         HostFailure: two components share a name, or a passage names no link.
+        BadRequest: a fault names what is not there, or corrupts without a codec.
     """
 
     label = "simulated"
@@ -42,6 +46,8 @@ class SimulatedHost(Exchange):
         execution: Execution = at_once,
         rng: np.random.Generator | None = None,
         recording: bool = True,
+        faults: FaultPlan | None = None,
+        codec: FlatCodec | None = None,
     ) -> None:
         super().__init__(
             components,
@@ -52,4 +58,6 @@ class SimulatedHost(Exchange):
             execution=execution,
             rng=rng,
             recording=recording,
+            faults=faults,
+            codec=codec,
         )

@@ -4,16 +4,14 @@ from __future__ import annotations
 
 from collections import Counter
 
-import numpy as np
-
 from parcours.abtc import case_counts, combinations, interaction_paths, notation, rendezvous_pairs
 from parcours.model import Channel, Machine, to_svg
 from parcours.paths import internal_paths, measure
-from parcours.report.distributions import durations
 from parcours.report.pieces import Cell, Code, Column, Figure, Marked, Piece, Section, Table, Text
 from parcours.studies.paper.results import PaperResults
 from parcours.studies.ramp_components.model import component_model
-from parcours.studies.ramp_components.study import CASES_OF_PAPER, LIMITS, interaction_cases, interaction_of
+from parcours.studies.ramp_components.results import component_results, timing_pieces
+from parcours.studies.ramp_components.study import CASES_OF_PAPER, interaction_cases, interaction_of
 from parcours.verdict.judgement import Verdict
 
 EXPECTED = {
@@ -175,29 +173,8 @@ def results_chapter(results: PaperResults) -> Section:
         "belong to five parameters, which is our reading.",
     )  # fmt: skip
     failed = [run for run in results.functional if not run.judgement.passed]
-    times = {
-        itp: np.concatenate([np.array(t.durations) * 1e-9 for t in results.timing if interaction_of(t.case) == itp])
-        for itp in CASES_OF_PAPER
-    }
-    rows = []
-    for itp, n in CASES_OF_PAPER.items():
-        timed = [t for t in results.timing if interaction_of(t.case) == itp]
-        passed = Counter(t.judgement.verdict for t in timed)
-        median, p95, worst = (float(np.quantile(times[itp], q)) * 1e3 for q in (0.5, 0.95, 1.0))
-        low, high = (limit * 1e3 for limit in LIMITS[itp])
-        rows.append((itp, n, f"{low:.0f}..{high:.0f}", median, p95, worst, _passed(passed)))
-    timing = Table(
-        "Table VIII, performance",
-        (Column("path", code=True), Column("cases"), Column("injected limits", unit="ms"),
-         Column("median", ".3f", unit="ms"),
-         Column("p95", ".3f", unit="ms"), Column("max", ".3f", unit="ms"), Column("passed")),
-        tuple(rows),
-        "Durations on the wall clock of this machine, in one process, of whole abstract cases with the tester's own "
-        "work included; 20 repeats after 3 of warm-up. A case passes if 95 % of its repeats stay within its limit. "
-        "They are measured anew in every run, so they are not part of the results that repeat bit for bit.",
-    )  # fmt: skip
-    figure = durations("Fig. 5a: duration of component interactions", times, LIMITS)
-    pieces: list[Piece] = [functional, timing, figure]
+    measured = component_results("here", (), results.timing)
+    pieces: list[Piece] = [functional, *timing_pieces(measured, "in one process, the tester's own work included")]
     if failed:
         pieces.append(Text("\n\n".join(f"{run.case.id}: {run.judgement.why}" for run in failed[:10])))
     lead = "What the executed component cases showed, beside the paper's Table VIII."

@@ -95,9 +95,8 @@ def run_paper(
         progress("component cases", len(functional), len(plan))
     sample = paper_sample(plan)
     timing: list[Timing] = []
-    for timed in run_timing(sample):
+    for timed in run_timing(sample, progress=lambda done: progress("timing cases", done, len(sample))):
         timing.append(timed)
-        progress("timing cases", len(timing), len(sample))
     system: dict[tuple[Protocol, str], SystemResults] = {}
     for (protocol, schedule), study in studies.items():
         what = f"system cases, {schedule}" + (", published protocol" if protocol == "published" else "")

@@ -7,7 +7,6 @@ from collections.abc import Callable
 import numpy as np
 
 from parcours.kernels import Record
-from parcours.planners.ramp.control import Control
 from parcours.planners.ramp.messages import (
     EvaluationResponse,
     ModificationRequest,
@@ -82,7 +81,7 @@ def _same_motion(one: Record, other: Record) -> bool:
 
 def control_follows(execution: Execution) -> Judgement:
     """ITP5: control <- trajectory."""
-    followed = [c.trajectory for c in execution.instances.values() if isinstance(c, Control) and c.trajectory.n > 0]
+    followed = [shown for shown in execution.views.values() if isinstance(shown, np.void) and shown["n"] > 0]
     sent: list[Record] = _sent(execution, "best_trajectory")
     holds = any(_same_motion(samples(t), samples(m)) for t in followed for m in sent)
     return _judge(holds, f"{len(sent)} best trajectories were sent, {len(followed)} controls follow one")

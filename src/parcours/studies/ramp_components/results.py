@@ -4,63 +4,79 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
-from parcours.errors import BadResults
+from parcours.errors import BadResults, ParcoursError
 from parcours.report.junit import CaseResult
-from parcours.report.pieces import Column, Table
+from parcours.report.pieces import Column, Figure, Table
+from parcours.report.timings import Timed, timing_figure, timing_table
 from parcours.report.writing import write_text
+from parcours.run.noise import Noise
 from parcours.studies.ramp_components.study import CASES_OF_PAPER, Functional, Timing, interaction_of
-from parcours.verdict.judgement import Verdict
+from parcours.verdict.judgement import Judgement, Verdict
+from parcours.verdict.timing import NEVER, parse_bound
 
 FILE = "components.json"
-_FORMAT = "components/1"
+_FORMAT = "components/2"
 
 
 @dataclass(frozen=True, slots=True)
 class ComponentResult:
-    """One judged case; `limit` [s] and `durations` [ns] are those of a timing case, else None and empty."""
+    """One judged case; `bound` (in words) and `durations` [ns] are those of a timing case, else empty."""
 
     id: str
     interaction: str
     verdict: str
     why: str
-    limit: float | None = None
+    bound: str = ""
     durations: tuple[int, ...] = ()
 
     def junit(self) -> CaseResult:
-        """Return it as JUnit knows it: a timing case lasts as long as its longest repeat."""
-        kind = "functional" if self.limit is None else "timing"
-        return CaseResult(f"{kind}/{self.id}", Verdict(self.verdict), max(self.durations, default=0) * 1e-9, self.why)
+        """Return it as JUnit knows it: a timing case lasts as long as its longest repeat that ended."""
+        kind = "timing" if self.bound else "functional"
+        longest = max((one for one in self.durations if one != NEVER), default=0)
+        return CaseResult(f"{kind}/{self.id}", Verdict(self.verdict), longest * 1e-9, self.why)
 
 
-def functional_result(run: Functional) -> ComponentResult:
-    """Return what is kept of a functional case."""
-    return ComponentResult(run.case.id, interaction_of(run.case), str(run.judgement.verdict), run.judgement.why)
+@dataclass(frozen=True, slots=True)
+class ComponentResults:
+    """Everything that one run of the component study showed.
+
+    Attributes:
+        host: where the components were.
+        results: functional cases, then timing cases.
+        noise: of the machine, between the repeats of each interaction path's timing cases.
+    """
+
+    host: str
+    results: tuple[ComponentResult, ...]
+    noise: Mapping[str, Noise] = field(default_factory=dict)
 
 
-def timing_result(run: Timing) -> ComponentResult:
-    """Return what is kept of a timing case."""
-    judged = run.judgement
-    return ComponentResult(
-        run.case.id, interaction_of(run.case), str(judged.verdict), judged.why, run.limit, run.durations
-    )
+def component_results(host: str, functional: Sequence[Functional], timing: Sequence[Timing]) -> ComponentResults:
+    """Return the judged component cases of a run."""
+    results = [_result(run.case.id, interaction_of(run.case), run.judgement) for run in functional]
+    for timed in timing:
+        itp = interaction_of(timed.case)
+        results.append(_result(timed.case.id, itp, timed.judgement, str(timed.bound), timed.durations))
+    return ComponentResults(host, tuple(results), {interaction_of(timed.case): timed.noise for timed in timing})
 
 
-def component_results(functional: Sequence[Functional], timing: Sequence[Timing]) -> list[ComponentResult]:
-    """Return the judged component cases, functional and timing."""
-    return [*map(functional_result, functional), *map(timing_result, timing)]
+def _result(id: str, itp: str, judged: Judgement, bound: str = "", durations: tuple[int, ...] = ()) -> ComponentResult:
+    return ComponentResult(id, itp, str(judged.verdict), judged.why, bound, durations)
 
 
-def write_components(folder: Path, results: Sequence[ComponentResult]) -> None:
+def write_components(folder: Path, given: ComponentResults) -> None:
     """Write the results into the folder. Raises BadRequest if it cannot be written to."""
-    document = {"parcours": _FORMAT, "results": [asdict(result) for result in results]}
-    write_text(folder / FILE, json.dumps(document, indent=1, allow_nan=False) + "\n")
+    noise = {itp: {"of": one.of, "times": one.times} for itp, one in given.noise.items()}
+    results = [asdict(result) for result in given.results]
+    document = {"parcours": _FORMAT, "host": given.host, "noise": noise, "results": results}
+    write_text(folder / FILE, json.dumps(document, allow_nan=False) + "\n")
 
 
-def read_components(folder: Path) -> tuple[ComponentResult, ...]:
+def read_components(folder: Path) -> ComponentResults:
     """Return the results that lie in the folder.
 
     Raises:
@@ -71,10 +87,12 @@ def read_components(folder: Path) -> tuple[ComponentResult, ...]:
         document = json.loads(path.read_bytes())
         if document["parcours"] != _FORMAT:
             raise ValueError(f"its format is {document['parcours']!r}, not {_FORMAT!r}")
-        return tuple(
+        results = tuple(
             ComponentResult(**{**entry, "durations": tuple(entry["durations"])}) for entry in document["results"]
         )
-    except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
+        noise = {str(itp): Noise(tuple(one["times"]), str(one["of"])) for itp, one in document["noise"].items()}
+        return ComponentResults(str(document["host"]), results, noise)
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError, ParcoursError) as error:
         raise BadResults(
             str(path),
             f"component results must be readable, but: {error}",
@@ -85,7 +103,7 @@ def read_components(folder: Path) -> tuple[ComponentResult, ...]:
 
 def component_table(results: Sequence[ComponentResult], title: str) -> Table:
     """Return how many cases of each interaction path passed."""
-    kinds = [r for r in results if r.limit is None], [r for r in results if r.limit is not None]
+    kinds = [r for r in results if not r.bound], [r for r in results if r.bound]
     rows = []
     for itp in CASES_OF_PAPER:
         row: list[str] = [itp]
@@ -94,3 +112,34 @@ def component_table(results: Sequence[ComponentResult], title: str) -> Table:
             row.append(f"{counts['pass']} of {sum(counts.values())}")
         rows.append(tuple(row))
     return Table(title, (Column("path"), Column("functional cases passed"), Column("timing cases passed")), tuple(rows))
+
+
+def timed(given: ComponentResults) -> list[Timed]:
+    """Return the timing cases as the report draws them."""
+    return [
+        Timed(one.interaction, one.durations, parse_bound(one.bound), Judgement(Verdict(one.verdict), one.why))
+        for one in given.results
+        if one.bound
+    ]
+
+
+def timing_pieces(given: ComponentResults, where: str) -> tuple[Table | Figure, ...]:
+    """Return Fig. 5a and the table beside it; nothing if no case was timed.
+
+    Args:
+        given: the results.
+        where: the components were, in words.
+    """
+    cases = timed(given)
+    if not cases:
+        return ()
+    note = (
+        f"Durations on the wall clock of this machine, {where}, from the first to the last event of an abstract case; "
+        "warm-up left out. A verdict that noise could have made is refused. Durations are measured anew in every run, "
+        "so they are not part of the results that repeat bit for bit."
+    )
+    noise = max(given.noise.values(), key=lambda one: one.p99)
+    return (
+        timing_table("Table VIII, performance", cases, note),
+        timing_figure("Fig. 5a: duration of component interactions", cases, noise),
+    )

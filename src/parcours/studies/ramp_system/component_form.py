@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from parcours.arena.world import WORLD, advance, begin
 from parcours.kernels import Record
+from parcours.planners.ramp import wire
 from parcours.planners.ramp.control import COMMAND_PERIOD, REPORT_PERIOD, Control
 from parcours.planners.ramp.messages import OBSTACLE_STATE, POSE, Obstacles, Report, Step, many, one
 from parcours.planners.ramp.path_modification import PathModification
@@ -23,7 +24,9 @@ from parcours.planners.ramp.planner import Planner
 from parcours.planners.ramp.sensing import Sensing
 from parcours.planners.ramp.trajectory_evaluation import TrajectoryEvaluation
 from parcours.planners.ramp.trajectory_generator import TrajectoryGenerator
+from parcours.run.faults import FaultPlan
 from parcours.run.hosts.simulated import SimulatedHost
+from parcours.run.hosts.striking import Death
 from parcours.run.port import Link, links
 from parcours.run.trace import Trace
 from parcours.studies.ramp_components.model import component_model
@@ -227,40 +230,60 @@ class ComponentRun:
         track: array of TRACK, shape (n,), one entry a command.
         places: of the obstacles at the same times [m], shape (n, n_obstacles, 2).
         trace: every message and transition.
+        deaths: the components that died of a fault.
+        strikes: how many messages and components a fault struck.
     """
 
     facts: NDArray[np.void] | None
     track: NDArray[np.void]
     places: NDArray[np.float64]
     trace: Trace
+    deaths: tuple[Death, ...] = ()
+    strikes: int = 0
+
+
+def begin_world(study: SystemStudy) -> Record:
+    """Return a fresh WORLD with the study's robot at its start."""
+    setting, parameters = study.setting(), study.parameters
+    world = np.zeros(1, WORLD).view(np.recarray)[0]
+    robot = world.robot
+    robot.heading, robot.v, robot.command_v = setting.robot_heading, setting.robot_speed, setting.robot_speed
+    robot.v_max, robot.w_max = parameters.v_max, parameters.w_max
+    robot.a_max, robot.alpha_max, robot.radius = parameters.a_max, parameters.alpha_max, parameters.robot_radius
+    world.goal_x, world.goal_y, world.goal_tolerance = setting.goal_x, setting.goal_y, setting.goal_tolerance
+    return world
+
+
+def start_pose(study: SystemStudy) -> Record:
+    """Return the POSE in which the study's robot begins, as its planner knows it."""
+    setting, start = study.setting(), one(POSE)
+    start.heading, start.v = setting.robot_heading, setting.robot_speed
+    return start
 
 
 def run_components(
-    study: SystemStudy, number: int, seconds: float | None = None, *, recording: bool = True
+    study: SystemStudy,
+    number: int,
+    seconds: float | None = None,
+    *,
+    recording: bool = True,
+    faults: FaultPlan | None = None,
 ) -> ComponentRun:
     """Run one case of the study to its end, or for that long [s] if given.
 
     The study's latencies are not applied: every message arrives at once and no work takes time. Without `recording` the
-    trace stays empty, and what the facts count of cycles and transitions stays 0; that is faster by a tenth.
+    trace stays empty, and what the facts count of cycles and transitions stays 0; that is faster by a tenth. Under a
+    plan of `faults`, a component that raises has died, and the case goes on.
+
+    Raises:
+        BadRequest: a fault names what RAMP does not have.
+        HostFailure: a component raised, without a plan of faults, or went on for ever.
     """
-    setting = study.setting()
-    world = np.zeros(1, WORLD).view(np.recarray)[0]
-    robot = world.robot
-    robot.heading, robot.v, robot.command_v = setting.robot_heading, setting.robot_speed, setting.robot_speed
-    parameters = study.parameters
-    robot.v_max, robot.w_max = parameters.v_max, parameters.w_max
-    robot.a_max, robot.alpha_max, robot.radius = (
-        parameters.a_max,
-        parameters.alpha_max,
-        parameters.robot_radius,
-    )
-    world.goal_x, world.goal_y, world.goal_tolerance = setting.goal_x, setting.goal_y, setting.goal_tolerance
-    body = World(world, study.cases.obstacles(np.array([number]))[0], lambda now: witness.before(now))
-    start = one(POSE)
-    start.heading, start.v = setting.robot_heading, setting.robot_speed
+    setting, parameters = study.setting(), study.parameters
+    body = World(begin_world(study), study.cases.obstacles(np.array([number]))[0], lambda now: witness.before(now))
     goal = float(setting.goal_x), float(setting.goal_y)
     seed = study.cases.seed
-    planner, control = Planner(parameters, seed, number, start, goal), Control(parameters)
+    planner, control = Planner(parameters, seed, number, start_pose(study), goal), Control(parameters)
     witness = Witness(setting, body, planner, control)
     components = (
         body,
@@ -272,7 +295,7 @@ def run_components(
         control,
         witness,
     )
-    host = SimulatedHost(components, system_links(), recording=recording)
+    host = SimulatedHost(components, system_links(), recording=recording, faults=faults, codec=wire)
     if seconds is not None:
         host.run(round(seconds * 1e9))
     else:
@@ -281,5 +304,8 @@ def run_components(
             until += _STRETCH
             host.run(until - 1)
     trace = host.trace(study.cases.id(number))
+    deaths, strikes = host.deaths, host.strikes
     host.close()
-    return ComponentRun(None if seconds is not None else witness.facts(number, trace), *witness.track(), trace)
+    return ComponentRun(
+        None if seconds is not None else witness.facts(number, trace), *witness.track(), trace, deaths, strikes
+    )

@@ -1,0 +1,82 @@
+"""`parcours run` on a host of choice: component cases anywhere, system cases in real time."""
+
+from __future__ import annotations
+
+import contextlib
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from parcours.studies.ramp_components.study import Execute
+
+_COMPONENTS = "parcours.studies.ramp_components"
+_SYSTEM = "parcours.studies.ramp_system"
+
+
+def run_component_cases(
+    host: str, seed: int, cases: int | None, repeats: int, percent: float, out: Path, as_json: bool
+) -> None:
+    """Run the component study, functional and timing, and keep its results."""
+    from parcours.cli.options import print_json
+    from parcours.cli.progress import progress, say_if_cold
+    from parcours.report.terminal import print_table
+    from parcours.report.timings import timing_table
+    from parcours.run.atomic import require_writable
+    from parcours.studies.ramp_components.results import component_results, component_table, timed, write_components
+    from parcours.studies.ramp_components.study import component_plan, paper_sample, run_functional, run_timing
+
+    n_abstract = len(component_plan(seed, 1))
+    plan = component_plan(seed, 3 if cases is None else -(-cases // n_abstract))
+    require_writable(out)
+    say_if_cold()
+    functional, wanted = [], len(plan) if cases is None else cases
+    with progress() as report, _executors(host) as (in_order, in_time):
+        for case in plan.cases(0, wanted):
+            functional.append(run_functional(case, in_order))
+            report(f"functional cases, {host}", len(functional), wanted)
+        sample = paper_sample(component_plan(seed))
+        timing = list(
+            run_timing(sample, in_time, repeats=repeats, percent=percent,
+                       progress=lambda done: report(f"timing cases, {host}", done, len(sample)))
+        )  # fmt: skip
+    results = component_results("here" if host == "simulated" else host, functional, timing)
+    write_components(out, results)
+    if as_json:
+        print_json([{"id": r.id, "verdict": r.verdict, "why": r.why, "bound": r.bound} for r in results.results])
+        return
+    print_table(component_table(results.results, f"Component cases, {host}"))
+    print_table(timing_table(f"Timing cases, {host}", timed(results)))
+    for result in results.results:
+        if result.verdict != "pass":
+            click.echo(f"{result.id}: {result.verdict}: {result.why}")
+    click.echo(f"results in {out}")
+
+
+@contextlib.contextmanager
+def _executors(host: str) -> Iterator[tuple[Execute, Execute]]:
+    """Yield what executes functional cases, in their very order, and timing cases, in real time."""
+    from parcours.run.clocks import WallClock
+    from parcours.run.port import links
+    from parcours.studies.hosting import started
+    from parcours.studies.ramp_components.model import component_model
+    from parcours.studies.ramp_components.study import here, on
+
+    if host == "simulated":
+        yield here(), here(WallClock)
+        return
+    model = component_model()
+    names = [component.name for component in model.components]
+    resident, warm = f"{_COMPONENTS}.resident:ComponentResident", f"{_COMPONENTS}.warm"
+    with started(host, links(model), names, resident, [warm]) as fabric:
+        yield on(fabric), on(fabric, strict=False)
+
+
+def run_system_cases(
+    host: str, schedule: str, seed: int, protocol: str, cases: int, time_limit: float, out: Path, as_json: bool
+) -> None:
+    """Run system cases in real time and keep their verdicts, each as soon as it is known."""
+    raise NotImplementedError

@@ -1,0 +1,195 @@
+"""A binding to what is wrong with it: names that the model does not have, ends that do not fit, formulas of nothing."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Iterator, Sequence
+
+from parcours.model.finding import Finding, advice
+from parcours.run.binding.formulas import Formula
+from parcours.run.binding.places import path_text
+from parcours.run.binding.routes import separation_findings
+from parcours.run.binding.structure import Binding, BoundChannel
+from parcours.run.binding.worlds import EACH_NAMES, WORLD_NAMES
+
+_ITP = re.compile(r"ITP[0-9]{1,4}", re.ASCII)
+_MASTER = re.compile(r"https?://[A-Za-z0-9._\-\[\]:]+:[0-9]{1,5}/?", re.ASCII)
+
+
+def findings(binding: Binding) -> list[Finding]:
+    """Return everything that is wrong with a binding whose form is right; an empty list if nothing is.
+
+    What only a running system can tell, such as the fields of its message types, is not looked at
+    (`compiling`, `graph`).
+    """
+    check = _Check(binding)
+    check.nodes()
+    check.channels()
+    check.services()
+    check.events()
+    check.timing()
+    check.system()
+    if not check.found:
+        check.found += separation_findings(binding)
+    return check.found
+
+
+class _Check:
+    def __init__(self, binding: Binding) -> None:
+        self.binding, self.model = binding, binding.model
+        self.found: list[Finding] = []
+        self.modelled = {channel.name: channel for channel in self.model.channels}
+        self.bound = {channel.name: channel for channel in binding.channels}
+        self.classes = {message.name: message for message in self.model.messages}
+        self.given = {*(name for name, _ in binding.constants), *binding.data, *WORLD_NAMES}
+
+    def add(self, line: int, slug: str, rule: str, remedy: str = "") -> None:
+        self.found.append(Finding(self.binding.source, line, "error", slug, rule, remedy))
+
+    def warn(self, line: int, slug: str, rule: str, remedy: str) -> None:
+        self.found.append(Finding(self.binding.source, line, "warning", slug, rule, remedy))
+
+    def known(self, name: str, known: Sequence[str], what: str, line: int) -> bool:
+        if name in known:
+            return True
+        self.add(
+            line, "binding-unknown", f"{what} must be known, but {name[:60]!r} is not", advice(name, known, self.found)
+        )
+        return False
+
+    def nodes(self) -> None:
+        components = [component.name for component in self.model.components]
+        counts = Counter(name for node in self.binding.nodes for name in node.components)
+        for node in self.binding.nodes:
+            for component in node.components:
+                self.known(component, components, f"a component of node {node.name!r}", node.line)
+                if counts[component] > 1:
+                    rule = f"a component must run in one node, but {component!r} runs in {counts[component]}"
+                    self.add(node.line, "duplicate", rule, "take it out of all but one")
+        if self.binding.master and not _MASTER.fullmatch(self.binding.master):
+            rule = f"'master' must be an address with a port, but is {self.binding.master[:60]!r}"
+            self.add(0, "binding-master", rule, "e.g. http://127.0.0.1:11311")
+
+    def channels(self) -> None:
+        for name, count in Counter(channel.name for channel in self.binding.channels).items():
+            if count > 1:
+                rule = f"a name must be unique, but {name!r} stands under two of channels, observe and provide"
+                self.add(self.bound[name].line, "duplicate", rule, "rename one")
+        for channel in self.binding.channels:
+            if channel.role != "model":
+                self.injection(channel, channel.role == "provide")
+            elif self.known(channel.name, list(self.modelled), "a channel of the model", channel.line):
+                self.fields(channel)
+                self.injection(channel, self.is_ours(channel.name))
+        first: dict[str, BoundChannel] = {}
+        for channel in self.binding.channels:
+            other = first.setdefault(channel.address, channel)
+            if (other.type, other.part == "topic") != (channel.type, channel.part == "topic"):
+                rule = f"{channel.address} must have one type, but is bound as {other.type} and as {channel.type}"
+                remedy = f"line {other.line} binds it first"
+                self.add(channel.line, "binding-address", rule, remedy)
+
+    def fields(self, channel: BoundChannel) -> None:
+        message = self.modelled[channel.name].message
+        known = [field.name for field in self.classes[message].fields]
+        for name, formula in channel.fields:
+            self.known(name, known, f"a field of {message!r}, which channel {channel.name!r} carries,", formula.line)
+
+    def injection(self, channel: BoundChannel, is_needed: bool) -> None:
+        if channel.inject is None:
+            if is_needed:
+                rule = f"the tester sends on {channel.name!r}, but no 'inject' says what: all will be 0 or empty"
+                self.warn(channel.line, "binding-inject", rule, "add inject: {base: {...}, set: {...}}")
+            return
+        system = self.binding.system
+        each = system is not None and channel.name in system.each
+        for place, formula in channel.inject.set:
+            names = self.given | set(EACH_NAMES) if each or place.is_each else self.given
+            self.spoken(formula, sorted(names), f"{str(place)!r} of {channel.name!r}")
+            if place.steps.count("*") > 1:
+                rule = f"a place that is set has one [*] at most, but {place} has {place.steps.count('*')}"
+                self.add(formula.line, "binding-place", rule)
+
+    def spoken(self, formula: Formula, known: Sequence[str], what: str) -> None:
+        for place in formula.places:
+            self.known(str(place), known, f"a name in {what}", formula.line)
+
+    def services(self) -> None:
+        parts: dict[tuple[str, str, str], list[BoundChannel]] = {}
+        for channel in self.binding.channels:
+            modelled = self.modelled.get(channel.name)
+            if channel.part == "topic" or modelled is None:
+                continue
+            ends = (modelled.sender, modelled.receiver)
+            client, server = ends if channel.part == "request" else ends[::-1]
+            parts.setdefault((channel.address, client, server), []).append(channel)
+        first: dict[str, str] = {}
+        for (address, client, server), channels in parts.items():
+            if first.setdefault(address, server) != server:
+                rule = f"service {address} must have one server, but is bound as of {first[address]} and of {server}"
+                self.add(channels[0].line, "binding-service", rule, "is 'part' of one of them wrong?")
+            words = [channel.part for channel in channels]
+            if words.count("request") != 1 or words.count("response") > 1:
+                rule = f"service {address} from {client} to {server} must have one request and at most one response"
+                said = f"{rule}, but has {words.count('request')} and {words.count('response')}"
+                self.add(channels[0].line, "binding-service", said, "bind both directions of the service in the model")
+
+    def events(self) -> None:
+        transitions = [transition.id for component in self.model.components for transition in component.transitions()]
+        for event in self.binding.events:
+            self.known(event.transition, transitions, "a transition of the model", event.line)
+            self.known(event.on, list(self.bound), f"the channel of event {event.transition!r}", event.line)
+            if event.when is not None:
+                self.prefixed(event.when, f"'when' of {event.transition!r}")
+        inputs = [f"{c.name}.{v.name}" for c in self.model.components for v in c.variables if v.role == "input"]
+        for name, formula in self.binding.inputs:
+            self.known(name, inputs, "an input variable of the model", formula.line)
+            self.prefixed(formula, f"input {name!r}")
+
+    def prefixed(self, formula: Formula, what: str) -> None:
+        """Places outside a channel's own section name their channel first."""
+        constants = {name for name, _ in self.binding.constants}
+        for place in formula.places:
+            if path_text(place.steps) not in constants:
+                self.known(
+                    str(place.steps[0]),
+                    list(self.bound),
+                    f"the channel that a name in {what} starts with",
+                    formula.line,
+                )
+
+    def timing(self) -> None:
+        interactions = [name for name, _ in self.model.interactions]
+        for bound in self.binding.timing:
+            if bound.begin or bound.end:
+                for name in (bound.begin, bound.end):
+                    self.known(name, list(self.bound), f"a channel of timing {bound.name!r}", bound.line)
+            elif not _ITP.fullmatch(bound.name):
+                self.known(bound.name, interactions, "an interaction of the model", bound.line)
+
+    def system(self) -> None:
+        system = self.binding.system
+        if system is None:
+            return
+        for name in self.sent(system.sense, system.once):
+            known = self.known(name, list(self.bound), "a channel that the tester sends on", system.line)
+            if known and not self.is_ours(name):
+                rule = f"the tester must be the sender of {name!r}, but a node is, or it is only observed"
+                self.add(system.line, "binding-sense", rule, "take it out of 'sense' and 'once'")
+        for name in system.each:
+            self.known(name, [sensed for sensed, _ in system.sense], "a channel of 'each'", system.line)
+        spoken = [(system.command.linear, "'linear'"), (system.command.angular, "'angular'")]
+        for formula, what in spoken + ([(system.alarm[1], "'imminent_collision'")] if system.alarm else []):
+            self.prefixed(formula, what)
+
+    def is_ours(self, name: str) -> bool:
+        """Whether the tester makes the messages of a bound channel: no node runs its sender."""
+        modelled = self.modelled.get(name)
+        if modelled is None:
+            return self.bound[name].role == "provide"
+        return self.binding.process_of(modelled.sender) is None
+
+    def sent(self, sense: tuple[tuple[str, float], ...], once: tuple[str, ...]) -> Iterator[str]:
+        yield from (name for name, _ in sense)
+        yield from once

@@ -1,0 +1,139 @@
+"""The class of a ROS message, of either generation, to the types of its fields.
+
+ROS 1 classes have `__slots__` and `_slot_types`, ROS 2 classes `get_fields_and_field_types()`. Nothing of ROS is
+imported: who has it gives a function from the name of a type to its class.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+from parcours.model.expression import BOOL, INT, REAL, TEXT, Type
+
+_SLOT = re.compile(
+    r"(?:sequence<(?P<item>[A-Za-z0-9_/<>]+)(?:, ?[0-9]+)?>|(?P<name>[A-Za-z0-9_/]+)(?:<[0-9]+>)?)"
+    r"(?P<array>\[(?P<length>[0-9]*)\])?",
+    re.ASCII,
+)
+_INTEGERS = {
+    **{f"int{bits}": (-(2 ** (bits - 1)), 2 ** (bits - 1) - 1) for bits in (8, 16, 32, 64)},
+    **{f"uint{bits}": (0, 2**bits - 1) for bits in (8, 16, 32, 64)},
+    "byte": (-128, 127),
+    "char": (0, 255),
+    "octet": (0, 255),
+}
+_REALS = frozenset(("float32", "float64", "float", "double"))
+_BOOLS = frozenset(("bool", "boolean"))
+_TEXTS = frozenset(("string", "wstring"))
+TIMES = frozenset(("time", "duration", "builtin_interfaces/Time", "builtin_interfaces/Duration"))
+"""The types of times: seconds and nanoseconds, under names that differ between the generations."""
+
+_TIME_SLOTS = {"secs": "int32", "nsecs": "int32"}
+
+
+@dataclass(frozen=True, slots=True)
+class Slot:
+    """The type of a field: that of one item, and how many: 1 for no list (`length` None), else fixed, or 0 for any."""
+
+    item: str
+    length: int | None = None
+
+    @property
+    def type(self) -> Type:
+        """The type in the guard language; that of a message is its name."""
+        rank = 0 if self.length is None else 1
+        for known, type_ in ((_INTEGERS, INT), (_REALS, REAL), (_BOOLS, BOOL), (_TEXTS, TEXT)):
+            if self.item in known:
+                return Type(type_.name, rank=rank)
+        return Type(self.item, rank=rank)
+
+    @property
+    def is_message(self) -> bool:
+        """Whether one item is itself a message."""
+        return "/" in self.item or self.item in TIMES
+
+    def __str__(self) -> str:
+        return self.item if self.length is None else f"{self.item}[{self.length or ''}]"
+
+
+def slot_of(text: str) -> Slot:
+    """Return the type that a message class gives as a text, in the words of either generation.
+
+    >>> slot_of("float64[9]"), slot_of("sequence<geometry_msgs/Point>"), slot_of("string<10>")
+    (Slot(item='float64', length=9), Slot(item='geometry_msgs/Point', length=0), Slot(item='string', length=None))
+    """
+    match = _SLOT.fullmatch(text)
+    if match is None:
+        return Slot(text)
+    if match["item"]:
+        return Slot(slot_of(match["item"]).item, 0)
+    return Slot(match["name"], int(match["length"] or 0) if match["array"] else None)
+
+
+def limits(item: str) -> tuple[int, int] | None:
+    """Return the least and greatest value of an integer type, or None if it is none.
+
+    >>> limits("uint8"), limits("float64")
+    ((0, 255), None)
+    """
+    return _INTEGERS.get(item)
+
+
+class MessageTypes:
+    """What is known of message classes, looked up once each.
+
+    Args:
+        find: from a type such as `geometry_msgs/Twist` to its class, or None if there is none. Halves of a service are
+            asked for as `nav_msgs/GetPlanRequest` and `nav_msgs/GetPlanResponse`.
+    """
+
+    def __init__(self, find: Callable[[str], type | None]) -> None:
+        self._find = find
+        self._classes: dict[str, type | None] = {}
+        self._fields: dict[str, Mapping[str, Slot]] = {}
+
+    def class_of(self, name: str) -> type | None:
+        """Return the class of a type, or None."""
+        if name not in self._classes:
+            self._classes[name] = self._find(name)
+        return self._classes[name]
+
+    def fields(self, name: str) -> Mapping[str, Slot] | None:
+        """Return the fields of a message type in order, or None if the type is not known."""
+        if name not in self._fields:
+            kind = self.class_of(name)
+            if kind is None and name not in TIMES:
+                return None
+            texts = fields_of_class(kind) if kind is not None else _TIME_SLOTS
+            slots = {field: slot_of(text) for field, text in texts.items()}
+            self._fields[name] = MappingProxyType(slots)
+        return self._fields[name]
+
+    def create(self, name: str) -> object:
+        """Return a new message of a known type with all fields 0 or empty. Raises KeyError for an unknown one."""
+        kind = self.class_of(name)
+        if kind is None:
+            raise KeyError(name)
+        made: object = kind()
+        return made
+
+
+def fields_of_class(kind: type) -> dict[str, str]:
+    """Return the fields of a message class with the texts of their types, in order.
+
+    >>> class Twist:
+    ...     __slots__ = ["linear"]
+    ...     _slot_types = ["geometry_msgs/Vector3"]
+    >>> fields_of_class(Twist)
+    {'linear': 'geometry_msgs/Vector3'}
+    """
+    listed = getattr(kind, "get_fields_and_field_types", None)
+    if listed is not None:
+        return dict(listed())
+    names, texts = getattr(kind, "__slots__", ()), getattr(kind, "_slot_types", None)
+    if texts is None:
+        return dict(_TIME_SLOTS) if {"secs", "nsecs"} <= set(dir(kind)) else {}
+    return dict(zip(names, texts, strict=True))

@@ -1,0 +1,179 @@
+"""A binding to routes: under which names the tester hears senders and speaks to receivers, and how nodes are remapped.
+
+Every relayed channel is parted in two: its sender is moved to a name of its own, `/parcours/out/<node>/...`, and the
+tester passes on what it hears there to the address itself, where the receiver listens. Where the tester sends one topic
+to several nodes, they are moved, too, to `/parcours/in/<node>/...`, so that each may be kept waiting on its own.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Collection
+from dataclasses import dataclass
+from typing import Literal
+
+from parcours.model.finding import Finding
+from parcours.model.structure import ENVIRONMENT
+from parcours.run.binding.structure import Binding, BoundChannel, Part, Process
+
+Access = Literal["relay", "observe", "inject", "collect"]
+"""relay: between two nodes, by way of the tester. observe: between nodes, overheard. inject: from the tester to a node.
+collect: from a node to the tester."""
+
+OUT, INTO = "/parcours/out", "/parcours/in"
+
+
+@dataclass(frozen=True, slots=True)
+class Route:
+    """How messages of one channel pass: the tester hears them at `out` and says them at `into`.
+
+    Of a service, the tester serves requests at `out` and calls `into`; the response goes the same way back. `sender`
+    and `receiver` are names of nodes, empty for the tester; an empty `out` or `into` is not used.
+    """
+
+    channel: str
+    part: Part
+    type: str
+    access: Access
+    sender: str
+    receiver: str
+    out: str
+    into: str
+
+
+def routes(binding: Binding, absent: Collection[str] = ()) -> tuple[Route, ...]:
+    """Return one route for each bound channel, in the order of the binding.
+
+    Args:
+        binding: whose channels.
+        absent: nodes that are not run: the tester stands in for their components.
+    """
+    return _Routing(binding, absent).routes
+
+
+def remappings(binding: Binding, absent: Collection[str] = ()) -> dict[str, tuple[tuple[str, str], ...]]:
+    """Return, for each node that is run and remapped, the (address, name instead) that it is given, sorted."""
+    return _Routing(binding, absent).remappings()
+
+
+def arguments(binding: Binding, process: str, absent: Collection[str] = ()) -> tuple[str, ...]:
+    """Return what is appended to the command of a process, in the form of the binding's transport."""
+    pairs = remappings(binding, absent).get(process, ())
+    if binding.transport == "ros1":
+        return tuple(f"{address}:={name}" for address, name in pairs)
+    remaps = tuple(part for address, name in pairs for part in ("-r", f"{address}:={name}"))
+    return ("--ros-args", *remaps) if remaps else ()
+
+
+def separation_findings(binding: Binding) -> list[Finding]:
+    """Return which channels cannot be relayed, since the names of their ends cannot be parted."""
+    return _Routing(binding, ()).findings()
+
+
+class _Routing:
+    def __init__(self, binding: Binding, absent: Collection[str]) -> None:
+        self.binding = binding
+        self.runs = {c: node for node in binding.nodes if node.name not in absent for c in node.components}
+        self.ends = {channel.name: (channel.sender, channel.receiver) for channel in binding.model.channels}
+        self.shared = self.with_several_receivers()
+        self.routes = tuple(self.route(channel) for channel in binding.channels)
+
+    def nodes(self, channel: BoundChannel) -> tuple[Process | None, Process | None]:
+        if channel.role != "model":
+            return None, None
+        sender, receiver = self.ends.get(channel.name, (ENVIRONMENT, ENVIRONMENT))
+        return self.runs.get(sender), self.runs.get(receiver)
+
+    def access(self, channel: BoundChannel) -> Access:
+        sender, receiver = self.nodes(channel)
+        if channel.role != "model":
+            return "observe" if channel.role == "observe" else "inject"
+        if sender is None:
+            return "inject"
+        if channel.observe:
+            return "observe"
+        return "collect" if receiver is None else "relay"
+
+    def route(self, channel: BoundChannel) -> Route:
+        access = self.access(channel)
+        sender, receiver = self.nodes(channel)
+        # A service has one pair of names for both halves: its client is moved, its server keeps the address.
+        client, server = (receiver, sender) if channel.part == "response" else (sender, receiver)
+        out = channel.out or (self.moved_out(client, channel) if self.is_parted(channel) else channel.address)
+        into = channel.into or (self.moved_in(server, channel) if channel.address in self.shared else channel.address)
+        if channel.part == "topic":
+            out, into = ("" if access == "inject" else out), ("" if access in ("observe", "collect") else into)
+        else:
+            out, into = ("" if client is None else out), ("" if server is None else into)
+        ends = (sender.name if sender else "", receiver.name if receiver else "")
+        return Route(channel.name, channel.part, channel.type, access, *ends, out, into)
+
+    def moved_out(self, node: Process | None, channel: BoundChannel) -> str:
+        return f"{OUT}/{node.name}{channel.address}" if node is not None and node.remap else channel.address
+
+    def moved_in(self, node: Process | None, channel: BoundChannel) -> str:
+        return f"{INTO}/{node.name}{channel.address}" if node is not None and node.remap else channel.address
+
+    def is_parted(self, channel: BoundChannel) -> bool:
+        """Whether the sender of a channel is moved: for this channel, or for another one of the same topic."""
+        sender, _ = self.nodes(channel)
+        if channel.part != "topic" or self.access(channel) == "relay":
+            return self.access(channel) == "relay"
+        return sender is not None and any(
+            other.address == channel.address and self.access(other) == "relay" and self.nodes(other)[0] == sender
+            for other in self.binding.channels
+        )
+
+    def with_several_receivers(self) -> set[str]:
+        """Topics that the tester sends to several nodes: these listen under names of their own."""
+        receivers: dict[str, set[str]] = {}
+        for channel in self.binding.channels:
+            _, receiver = self.nodes(channel)
+            if channel.part == "topic" and receiver is not None and self.access(channel) in ("relay", "inject"):
+                receivers.setdefault(channel.address, set()).add(receiver.name)
+        return {address for address, names in receivers.items() if len(names) > 1}
+
+    def remappings(self) -> dict[str, tuple[tuple[str, str], ...]]:
+        found: dict[str, set[tuple[str, str]]] = {}
+        for channel, route in zip(self.binding.channels, self.routes, strict=True):
+            sender, receiver = self.nodes(channel)
+            if channel.part == "response":
+                sender, receiver = receiver, sender
+            for node, name in ((sender, route.out), (receiver, route.into)):
+                if node is not None and node.remap and name and name != channel.address:
+                    found.setdefault(node.name, set()).add((channel.address, name))
+        return {name: tuple(sorted(pairs)) for name, pairs in found.items()}
+
+    def findings(self) -> list[Finding]:
+        found = []
+        for channel, route in zip(self.binding.channels, self.routes, strict=True):
+            what = f"channel {channel.name!r}"
+            _, receiver = self.nodes(channel)
+            if channel.observe and channel.part != "topic":
+                rule = f"{what} is of a service, which cannot be overheard, but says 'observe: true'"
+                found.append(self.at(channel, "binding-service", rule, "delete it"))
+            if receiver is not None and route.into == channel.address and channel.address in self.shared:
+                rule = f"{what} shares {channel.address} with others, but its receiver is not remapped and has no 'in'"
+                remedy = f"start node {receiver.name!r} with {channel.address} remapped and give that name as 'in'"
+                found.append(self.at(channel, "binding-separation", rule, remedy))
+            if route.access != "relay":
+                continue
+            if route.sender == route.receiver:
+                rule = f"{what} must link two nodes to be relayed, but both its ends are in node {route.sender!r}"
+                found.append(self.at(channel, "binding-inner", rule, "say 'observe: true', or do not bind it"))
+            elif route.out == route.into:
+                rule = (
+                    f"{what} must reach the tester first, but its sender is not remapped and no 'out' or 'in' is given"
+                )
+                remedy = f"start it with {channel.address} remapped and give that name as 'out', or say 'observe: true'"
+                found.append(self.at(channel, "binding-separation", rule, remedy))
+        for name, pairs in self.remappings().items():
+            for address, count in Counter(address for address, _ in pairs).items():
+                if count > 1:
+                    where = next(c for c in self.binding.channels if c.address == address)
+                    rule = f"node {name!r} must send or receive on {address}, but the channels make it do both"
+                    found.append(self.at(where, "binding-loop", rule, "say 'observe: true' for all but one of them"))
+        return found
+
+    def at(self, channel: BoundChannel, slug: str, rule: str, remedy: str) -> Finding:
+        return Finding(self.binding.source, channel.line, "error", slug, rule, remedy)

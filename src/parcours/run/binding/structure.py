@@ -1,0 +1,228 @@
+"""What a binding says: which processes, topics and services of a foreign system stand for which parts of a model."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal, TypeAlias
+
+from parcours.model.documents import Node as Tree
+from parcours.model.structure import Cefsm
+from parcours.run.binding.formulas import Formula
+from parcours.run.binding.places import Place
+
+Transport = Literal["ros1", "ros2"]
+Part = Literal["topic", "request", "response"]
+"""What a channel is on the wire: a topic, or one half of a service."""
+
+Value: TypeAlias = "bool | int | float | str | tuple[Value, ...] | tuple[tuple[str, Value], ...]"
+"""A plain value: a scalar, a list, or a mapping as pairs."""
+
+Constant: TypeAlias = "bool | int | float | str"
+
+
+@dataclass(frozen=True, slots=True)
+class Ready:
+    """What must be seen before a node counts as started, and for how long it is waited for [s].
+
+    `bound` is everything that the binding says the node sends or serves. `name` is a global name; `value` what a
+    parameter must be, or the seconds of `after`.
+    """
+
+    kind: Literal["bound", "topic", "service", "node", "parameter", "message", "after"]
+    name: str = ""
+    value: Constant = True
+    timeout: float = 4.0
+    line: int = field(default=0, compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class Process:
+    """An operating-system process (an entry of `nodes`) that runs one or more components of the model.
+
+    An empty `command` is a node that the user starts. `ros_node` is the name under which the graph knows it. `remap`
+    tells whether it obeys remapping arguments that are appended to its command. It is asked to stop, and ended after
+    `stop` [s].
+    """
+
+    name: str
+    components: tuple[str, ...]
+    command: tuple[str, ...] = ()
+    env: tuple[tuple[str, str], ...] = ()
+    cwd: Path = Path()
+    remap: bool = True
+    ros_node: str = ""
+    ready: tuple[Ready, ...] = ()
+    restart: Literal["when-dead", "every-case"] = "when-dead"
+    stop: float = 2.0
+    line: int = field(default=0, compare=False)
+
+    @property
+    def is_ours(self) -> bool:
+        """Whether the tester starts it."""
+        return bool(self.command)
+
+
+@dataclass(frozen=True, slots=True)
+class Injection:
+    """How a message of the tester is made: a base (plain data, as a tree with lines), then places set to formulas."""
+
+    base: Tree | None = None
+    set: tuple[tuple[Place, Formula], ...] = ()
+    line: int = field(default=0, compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class BoundChannel:
+    """A channel of the model, or a topic beside it, on the wire.
+
+    Args:
+        name: the channel of the model; of `observe` and `provide`, a name of the user's choice.
+        address: the global name of the topic or service.
+        type: e.g. `geometry_msgs/Twist`.
+        part: a topic, or which half of the service.
+        role: `model`, or beside it: `observe` is listened to only, `provide` is published by the tester only.
+        fields: (field of the model's message, formula over the places of the ROS message).
+        queue: how many messages wait at either end.
+        latch: whether the last message is given to those who come later.
+        out: under what name a sender that is not remapped sends; empty for the address itself.
+        into: under what name its receiver listens; empty for the address itself.
+        observe: listened to, not relayed: nothing can be held, delayed or dropped.
+        quiescence: after how long without a message it counts as silent [s].
+        timeout: how long a service may take [s].
+        inject: how the tester makes its messages.
+    """
+
+    name: str
+    address: str
+    type: str
+    part: Part = "topic"
+    role: Literal["model", "observe", "provide"] = "model"
+    fields: tuple[tuple[str, Formula], ...] = ()
+    queue: int = 1
+    latch: bool = False
+    out: str = ""
+    into: str = ""
+    observe: bool = False
+    quiescence: float = 0.5
+    timeout: float = 2.0
+    inject: Injection | None = None
+    line: int = field(default=0, compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """How the taking of a transition is recognised: a message on `on` for which `when` holds.
+
+    `edge` is `every` such message, or only the first after one for which it did not hold (`rise`).
+    """
+
+    transition: str
+    on: str
+    when: Formula | None = None
+    edge: Literal["every", "rise"] = "every"
+    line: int = field(default=0, compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class Bound:
+    """Limits on how long something takes, as texts; from a message on one channel to the next on another.
+
+    `begin` and `end` are empty where `name` is an interaction of the model.
+    """
+
+    name: str
+    texts: tuple[str, ...]
+    begin: str = ""
+    end: str = ""
+    line: int = field(default=0, compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class Action:
+    """Something to do before or after a case: set or await a parameter, call a service, publish a message."""
+
+    kind: Literal["set", "wait", "call", "publish"]
+    name: str
+    type: str = ""
+    value: Value = True
+    formula: Formula | None = None
+    inject: Injection | None = None
+    timeout: float = 4.0
+    line: int = field(default=0, compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """Which message drives the simulated robot: speed [m/s], yaw rate [rad/s]; it counts for `hold` [s]."""
+
+    on: str
+    linear: Formula
+    angular: Formula
+    hold: float
+    line: int = field(default=0, compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class System:
+    """A system test: the tester simulates the world, tells of it on `sense`, and obeys `command`.
+
+    Args:
+        sense: (channel, period [s]) of what is published all the time.
+        once: channels published once when a case begins, such as the goal.
+        each: channels of which the i-th tells of the i-th obstacle only; they stand in `sense`, too.
+        command: what drives the robot.
+        alarm: (channel, condition) that tells of an imminent collision.
+        robot: (quantity, value): radius [m], v_max [m/s], w_max [rad/s], a_max [m/s2], alpha_max [rad/s2].
+        tolerance: how near the goal counts as reached [m].
+        duration: how long a case lasts at most [s].
+    """
+
+    sense: tuple[tuple[str, float], ...]
+    command: Command
+    once: tuple[str, ...] = ()
+    each: tuple[str, ...] = ()
+    alarm: tuple[str, Formula] | None = None
+    robot: tuple[tuple[str, float], ...] = ()
+    tolerance: float = 0.2
+    duration: float = 20.0
+    line: int = field(default=0, compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class Binding:
+    """A checked binding and the model that it binds. Paths are absolute or relative to the working directory."""
+
+    name: str
+    model: Cefsm
+    transport: Transport
+    nodes: tuple[Process, ...]
+    channels: tuple[BoundChannel, ...]
+    events: tuple[Event, ...] = ()
+    inputs: tuple[tuple[str, Formula], ...] = ()
+    """(input variable as `Component.variable`, formula over the last message of each channel)."""
+    timing: tuple[Bound, ...] = ()
+    warm_up: int = 10
+    system: System | None = None
+    constants: tuple[tuple[str, Constant], ...] = ()
+    data: tuple[str, ...] = ()
+    """The names of the test inputs that formulas may use."""
+    parameters: tuple[tuple[str, Value], ...] = ()
+    before_case: tuple[Action, ...] = ()
+    after_case: tuple[Action, ...] = ()
+    interfaces: tuple[Path, ...] = ()
+    python_paths: tuple[Path, ...] = ()
+    master: str = ""
+    source: str = field(default="", compare=False)
+    doc: str = ""
+
+    def channel(self, name: str) -> BoundChannel:
+        """Return the bound channel called `name`. Raises KeyError if there is none."""
+        for channel in self.channels:
+            if channel.name == name:
+                return channel
+        raise KeyError(name)
+
+    def process_of(self, component: str) -> Process | None:
+        """Return the process that runs a component, or None if none does: the tester stands in for it."""
+        return next((node for node in self.nodes if component in node.components), None)

@@ -1,0 +1,29 @@
+"""Faults on purpose: a seeded plan -> what befalls each message of a channel, and each component, on every host."""
+
+from parcours.run.faults.corruption import HOWS, FlatCodec, How, corrupted, corrupted_bytes
+from parcours.run.faults.fates import UNTOUCHED, Fate, Fates
+from parcours.run.faults.plan import NO_FAULTS, ChannelFault, ComponentFault, Fault, FaultPlan
+from parcours.run.faults.signals import Signal, signals
+from parcours.run.faults.text import parse_fault, parse_plan, plan_from_json, read_plan
+
+__all__ = [
+    "HOWS",
+    "NO_FAULTS",
+    "UNTOUCHED",
+    "ChannelFault",
+    "ComponentFault",
+    "Fate",
+    "Fates",
+    "Fault",
+    "FaultPlan",
+    "FlatCodec",
+    "How",
+    "Signal",
+    "corrupted",
+    "corrupted_bytes",
+    "parse_fault",
+    "parse_plan",
+    "plan_from_json",
+    "read_plan",
+    "signals",
+]

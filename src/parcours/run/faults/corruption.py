@@ -1,0 +1,165 @@
+"""The content of a message and a seed -> the content changed, in a way that the seed decides.
+
+Messages are changed in their flat form, a tuple of typed fields (float, int, bool, arrays of numbers), so that what
+arrives is still of the right types; a length that is wrong is for the receiver to refuse.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import struct
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, Literal, Protocol, get_args
+
+import numpy as np
+
+How = Literal["any", "sign", "bit", "scale", "nan", "length"]
+"""sign: a number is negated, a flag inverted. bit: one bit of a number is flipped; of whole numbers one of the lower
+16, so that it fits every type. scale: a number is 10 to 1000 times as great. nan: a number becomes NaN or infinite.
+length: an array has one entry more or less. any: one of those that the message allows."""
+
+HOWS: tuple[How, ...] = get_args(How)
+
+Words = Iterator[int]
+
+
+class FlatCodec(Protocol):
+    """The flat form of a system's messages: a module or an object with these two functions, inverse to each other."""
+
+    def flatten(self, channel: str, payload: Any) -> tuple[object, ...]:
+        """Return the message as typed fields."""
+
+    def restore(self, channel: str, values: tuple[Any, ...]) -> object:
+        """Return the message of these fields. Raises what it likes if they make none."""
+
+
+def corrupted(values: Sequence[object], seed: int, how: How = "any") -> tuple[tuple[object, ...], str]:
+    """Return the fields with one of them changed, and in words what was changed.
+
+    Args:
+        values: floats, ints, bools, strings, and lists, tuples or numpy arrays of numbers; none of them is altered.
+        seed: decides all that is open.
+        how: in which way. If no field can be changed so, the message stays as it is.
+
+    >>> corrupted((1.0, [2.0, 3.0], True), 8, "sign")
+    ((1.0, [2.0, 3.0], False), 'field 2 inverted')
+    >>> corrupted(("text",), 5)
+    (('text',), 'nothing that can be changed')
+    """
+    words = _words(seed)
+    ways = [way for way in HOWS[1:] if how in ("any", way)]
+    open_to = [(way, [i for i, value in enumerate(values) if _allows(value, way)]) for way in ways]
+    open_to = [(way, fields) for way, fields in open_to if fields]
+    if not open_to:
+        return tuple(values), "nothing that can be changed"
+    way, fields = open_to[next(words) % len(open_to)]
+    i = fields[next(words) % len(fields)]
+    changed, said = _changed(values[i], way, words)
+    return (*values[:i], changed, *values[i + 1 :]), f"field {i}{said}"
+
+
+def corrupted_bytes(data: bytes, seed: int, how: How = "any") -> bytes:
+    """Return the bytes with one bit flipped, or one byte more or less.
+
+    Args:
+        data: a message as it is sent.
+        seed: decides all that is open.
+        how: `length` changes the length, `any` one or the other, all else flips a bit.
+
+    >>> corrupted_bytes(b"abc", 1, "bit"), corrupted_bytes(b"", 1, "bit")
+    (b'abk', b'')
+    """
+    words = _words(seed)
+    if how == "length" or (how == "any" and next(words) % 2):
+        return data[:-1] if data and next(words) % 2 else data + bytes([next(words) % 256])
+    if not data:
+        return data
+    place = next(words) % (8 * len(data))
+    spoilt = bytearray(data)
+    spoilt[place // 8] ^= 1 << (place % 8)
+    return bytes(spoilt)
+
+
+def _words(seed: int) -> Words:
+    k = 0
+    while True:
+        yield int.from_bytes(hashlib.blake2b(b"%d %d" % (seed, k), digest_size=8).digest(), "little")
+        k += 1
+
+
+def _is_array(value: object) -> bool:
+    if isinstance(value, np.ndarray):
+        return value.dtype.kind in "fiub" and value.ndim > 0
+    return isinstance(value, list | tuple) and all(isinstance(one, bool | int | float) for one in value)
+
+
+def _allows(value: object, way: How) -> bool:
+    """Return whether a field can be changed in this way."""
+    if _is_array(value):
+        if way == "length":
+            return True
+        assert isinstance(value, np.ndarray | list | tuple)
+        return len(value) > 0 and _allows(_first(value), way)
+    if isinstance(value, bool | np.bool_):
+        return way in ("sign", "bit")
+    if isinstance(value, int | np.integer):
+        return way in ("sign", "bit", "scale")
+    return isinstance(value, float | np.floating) and way in ("sign", "bit", "scale", "nan")
+
+
+def _first(value: Any) -> Any:
+    return value.flat[0] if isinstance(value, np.ndarray) else value[0]
+
+
+def _changed(value: Any, way: How, words: Words) -> tuple[object, str]:
+    if not _is_array(value):
+        return _WAYS[way](value, words)
+    if way == "length":
+        shorter = len(value) > 0 and next(words) % 2 == 0
+        if isinstance(value, np.ndarray):
+            tail = value[-1:] if len(value) else np.zeros((1, *value.shape[1:]), value.dtype)
+            return (value[:-1].copy(), ", one less") if shorter else (np.concatenate([value, tail]), ", one more")
+        extra = value[-1:] if len(value) else type(value)([0.0])
+        return (value[:-1], ", one less") if shorter else (value + extra, ", one more")
+    place = next(words) % (value.size if isinstance(value, np.ndarray) else len(value))
+    if isinstance(value, np.ndarray):
+        array = value.copy()
+        spoilt, said = _WAYS[way](array.flat[place].item(), words)
+        info = np.iinfo(array.dtype) if array.dtype.kind in "iu" else None
+        array.flat[place] = spoilt if info is None else min(max(int(spoilt), int(info.min)), int(info.max))
+        return array, f"[{place}]{said}"
+    spoilt, said = _WAYS[way](value[place], words)
+    return type(value)([*value[:place], spoilt, *value[place + 1 :]]), f"[{place}]{said}"
+
+
+def _sign(value: Any, words: Words) -> tuple[Any, str]:
+    return (not value, " inverted") if isinstance(value, bool | np.bool_) else (-value, " negated")
+
+
+def _bit(value: Any, words: Words) -> tuple[Any, str]:
+    if isinstance(value, bool | np.bool_):
+        return not value, " inverted"
+    if isinstance(value, int | np.integer):
+        place = next(words) % 16
+        return int(value) ^ (1 << place), f", bit {place} flipped"
+    place = next(words) % 64
+    (bits,) = struct.unpack("<Q", struct.pack("<d", float(value)))
+    return struct.unpack("<d", struct.pack("<Q", bits ^ (1 << place)))[0], f", bit {place} flipped"
+
+
+def _scale(value: Any, words: Words) -> tuple[Any, str]:
+    factor = (10, 100, 1000)[next(words) % 3]
+    return value * factor, f" times {factor}"
+
+
+def _nan(value: Any, words: Words) -> tuple[Any, str]:
+    drawn = (float("nan"), float("inf"), float("-inf"))[next(words) % 3]
+    return drawn, f" made {drawn}"
+
+
+_WAYS: dict[str, Callable[[Any, Words], tuple[Any, str]]] = {
+    "sign": _sign,
+    "bit": _bit,
+    "scale": _scale,
+    "nan": _nan,
+}

@@ -1,0 +1,190 @@
+"""A line and a component -> a process that lives: it acts by its own timers, or takes the turns it is granted.
+
+This is the same component that runs in simulated time; only its clock and its messages are real.
+"""
+
+from __future__ import annotations
+
+import gc
+from collections import deque
+from collections.abc import Iterator
+
+from parcours.run.clocks import WallClock
+from parcours.run.hosts import frames
+from parcours.run.hosts.frames import (
+    Broke,
+    Command,
+    Deliver,
+    Dropped,
+    Grant,
+    Idle,
+    Look,
+    Quit,
+    Ready,
+    Received,
+    Rest,
+    Run,
+    Shown,
+    Took,
+    Turn,
+    Turned,
+    Wire,
+)
+from parcours.run.hosts.resident import Line, Node, Resident
+from parcours.run.instance import Begin, Instance, Outcome
+from parcours.run.port import Component, LinkKind, Send, Step
+
+
+def live(node: Node, resident: Resident, line: Line) -> None:
+    """Serve the tester until it says Quit, or is no more."""
+    gc.freeze()
+    gc.disable()  # a collection in the middle of a turn would be taken for the component's own slowness
+    _Life(node, resident, line).serve()
+
+
+class _Life:
+    def __init__(self, node: Node, resident: Resident, line: Line) -> None:
+        self._node, self._resident, self._line = node, resident, line
+        self._capacity = {one.channel: one.capacity for one in node.links
+                          if one.kind is LinkKind.TOPIC and one.receiver == node.component}  # fmt: skip
+        self._forget()
+
+    def _forget(self) -> None:
+        self._clock = WallClock()
+        self._instances: dict[int, Instance] = {}
+        self._component: Component | None = None
+        self._inbox: deque[Deliver] = deque()
+        self._delivered: dict[int, Wire] = {}
+        self._is_idle = True
+        self._n_taken = 0
+        gc.collect()
+
+    def serve(self) -> None:
+        self._line.report(Ready())
+        while True:
+            said = self._line.poll(self._due())
+            if isinstance(said, Quit):
+                return
+            while said is not None:
+                if isinstance(said, Quit):
+                    return
+                self._obey(said)
+                said = self._line.poll(0) if self._component is not None else None
+            self._live_on()
+
+    def _obey(self, said: Command) -> None:
+        match said:
+            case Deliver(number, message) if self._component is None:
+                self._delivered[number] = message
+            case Deliver():
+                self._queue(said)
+            case frames.Begin(case, references, zero):
+                self._forget()
+                self._instances = {one: Instance(self._resident.instance(case)) for one in references}
+                self._clock = WallClock(zero)
+                self._line.report(Ready())
+            case Grant(reference, turns):
+                self._take(reference, turns)
+            case Look(reference):
+                shown = self._resident.view(self._instances[reference].component)
+                self._line.report(Shown(reference, None if shown is None else self._wire(shown)))
+            case Run(case, zero):
+                self._forget()
+                self._component = self._resident.instance(case)
+                self._clock = WallClock(zero)
+                self._is_idle = False
+            case Rest():
+                self._forget()
+                self._line.report(Ready())
+
+    # Driven: turns are granted.
+
+    def _take(self, reference: int, turns: tuple[Turn, ...]) -> None:
+        instance = self._instances[reference]
+        for turn in turns:
+            outcome = self._turn(instance, turn)
+            asides = tuple((time, self._wire(send)) for time, send in outcome.asides)
+            sends = tuple(map(self._wire, outcome.sends))
+            self._line.report(
+                Turned(reference, outcome.manner, outcome.time, outcome.transition, sends, outcome.received, asides,
+                       outcome.text)
+            )  # fmt: skip
+            if outcome.manner != "taken" or outcome.transition != turn.transition:
+                return
+
+    def _turn(self, instance: Instance, turn: Turn) -> Outcome:
+        component, clock = instance.component, self._clock
+        try:
+            for message in turn.settle:
+                instance.settle(self._handing(component, message), clock)
+            if turn.awaits >= 0:
+                hand = self._handing(component, self._delivered.pop(turn.awaits))
+                return instance.turn(turn.transition, clock, message=hand)
+            if turn.given is not None:
+                return instance.turn(turn.transition, clock, prompt=self._handing(component, turn.given))
+        except Exception as error:
+            return Outcome("raised", clock.now(), text=f"{type(error).__name__}: {error}")
+        return instance.turn(turn.transition, clock,
+                             prompt=lambda now: self._resident.prompt(turn.prompt, component, now))  # fmt: skip
+
+    def _handing(self, component: Component, message: Wire) -> Begin:
+        payload = self._resident.decode(message.channel, message.data)
+        return lambda now: component.handle(message.channel, payload, now)
+
+    def _wire(self, send: Send) -> Wire:
+        channel, payload = send
+        return Wire(channel, self._resident.encode(channel, payload))
+
+    # Free: the component lives by its own timers and what it is sent.
+
+    def _queue(self, delivery: Deliver) -> None:
+        """Queue a message; of a topic whose queue is full, the oldest is dropped."""
+        channel = delivery.message.channel
+        waiting = [one for one in self._inbox if one.message.channel == channel]
+        if len(waiting) >= self._capacity.get(channel, len(waiting) + 1):
+            self._inbox.remove(waiting[0])
+            self._n_taken += 1
+            self._line.report(Dropped(waiting[0].number, self._clock.now()))
+        self._inbox.append(delivery)
+        self._is_idle = False
+
+    def _due(self) -> int | None:
+        """Return when there is something to do, by the monotonic clock [ns]; None if only the tester knows."""
+        if self._component is None:
+            return None
+        if self._inbox or not self._is_idle:
+            return 0
+        wake = self._component.next_wake()
+        return None if wake is None else wake + self._clock.zero
+
+    def _live_on(self) -> None:
+        """Do one thing: what is due by time, else the oldest message."""
+        component = self._component
+        if component is None:
+            return
+        try:
+            wake, now = component.next_wake(), self._clock.now()
+            if wake is not None and wake <= now:
+                self._work(component.wake(now))
+            elif self._inbox:
+                first = self._inbox.popleft()
+                self._n_taken += 1
+                payload = self._resident.decode(first.message.channel, first.message.data)
+                now = self._clock.now()
+                self._line.report(Received(first.number, now))
+                self._work(component.handle(first.message.channel, payload, now))
+            elif wake is None and not self._is_idle:
+                self._line.report(Idle(self._n_taken))
+                self._is_idle = True
+            else:
+                self._is_idle = True
+        except Exception as error:
+            self._line.report(Broke(self._clock.now(), f"{type(error).__name__}: {error}"))
+            self._component = None
+
+    def _work(self, steps: Iterator[Step]) -> None:
+        for step in steps:
+            sends = tuple(map(self._wire, step.sends))
+            if step.transition or sends:
+                self._line.report(Took(self._clock.now(), step.transition, sends))
+        self._is_idle = False

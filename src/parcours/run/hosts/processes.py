@@ -1,0 +1,157 @@
+"""Nodes -> processes on this machine, each joined to the tester by a Unix socket.
+
+Of what was measured here (bench/bench_transport.py), a socket has the shortest round trip; frames are MessagePack.
+"""
+
+from __future__ import annotations
+
+import select
+import signal
+import socket
+import time
+from collections import deque
+from collections.abc import Sequence
+
+from parcours.errors import HostFailure
+from parcours.run.hosts.frames import Command, Deliver, Died, Quit, Report, Wire, command, packed, report
+from parcours.run.hosts.launching import Processes
+from parcours.run.hosts.resident import Node
+from parcours.run.hosts.sockets import FrameSocket
+
+_START = 120.0
+"""So long the nodes may take to say that they are there [s]; the first start on a machine compiles."""
+
+
+class SocketLine:
+    """A node's end."""
+
+    def __init__(self, node: Node, connection: socket.socket) -> None:
+        self._socket = FrameSocket(connection)
+        self._arrived: deque[bytes] = deque()
+
+    def poll(self, until: int | None) -> Command | None:
+        """Return the next command; None at `until`. A tester that has gone says Quit."""
+        while not self._arrived:
+            self._arrived.extend(self._socket.frames())
+            if self._arrived:
+                break
+            if self._socket.closed:
+                return Quit()
+            if until is not None and time.perf_counter_ns() >= until:
+                return None
+            self._socket.wait(until)
+        return command(self._arrived.popleft())
+
+    def report(self, report: Report) -> None:
+        """Tell the tester."""
+        self._socket.send(packed(report), wait=True)
+
+
+class ProcessFabric:
+    """The tester's end.
+
+    Args:
+        nodes: what to start.
+        preload: modules to load before the processes are forked.
+
+    Raises:
+        HostFailure: a node did not start.
+    """
+
+    label = "processes"
+
+    def __init__(self, nodes: Sequence[Node], preload: Sequence[str] = ()) -> None:
+        self._processes = Processes(preload)
+        self._sockets: dict[str, FrameSocket] = {}
+        self._names: dict[FrameSocket, str] = {}
+        self._gone: set[str] = set()
+        self._receivers = {link.channel: link.receiver for node in nodes for link in node.links}
+        for node in nodes:
+            mine, its = socket.socketpair()
+            self._processes.start(node, SocketLine, its)
+            its.close()
+            self._sockets[node.component] = FrameSocket(mine)
+            self._names[self._sockets[node.component]] = node.component
+        self._await_nodes()
+
+    @property
+    def nodes(self) -> Sequence[str]:
+        """The components that have a node."""
+        return tuple(self._sockets)
+
+    @property
+    def pids(self) -> dict[str, int]:
+        """The processes' numbers, by component."""
+        return self._processes.pids()
+
+    def command(self, node: str, command: Command) -> None:
+        """Tell a node; one that has ended hears nothing."""
+        self._sockets[node].send(packed(command))
+
+    def deliver(self, channel: str, number: int, data: bytes) -> None:
+        """Let the message reach the channel's receiver, if it is a node."""
+        receiver = self._sockets.get(self._receivers.get(channel, ""))
+        if receiver is not None:
+            receiver.send(packed(Deliver(number, Wire(channel, data))))
+
+    def poll(self, until: int) -> Sequence[tuple[str, Report]]:
+        """Return what nodes have said, waiting until the monotonic clock shows `until` [ns]."""
+        while True:
+            for one in self._sockets.values():
+                if one.waits:
+                    one.flush()
+            left = until - time.perf_counter_ns()
+            there = [one for one in self._sockets.values() if not one.closed]
+            full = [one for one in there if one.waits]
+            readable, _, _ = select.select(there, full, [], max(0, left) * 1e-9)
+            said = [entry for one in readable for entry in self._hear(self._names[one])]
+            if said or left <= 0:
+                return said
+
+    def _hear(self, node: str) -> list[tuple[str, Report]]:
+        connection = self._sockets[node]
+        said: list[tuple[str, Report]] = [(node, report(frame)) for frame in connection.frames()]
+        if connection.closed and node not in self._gone:
+            self._gone.add(node)
+            status = self._processes.status(node, within=1.0)
+            said.append((node, Died(time.perf_counter_ns(), 0 if status is None else status)))
+        return said
+
+    def signal(self, node: str, signal: int) -> None:
+        """Send the node's process a signal."""
+        self._processes.signal(node, signal)
+
+    def close(self) -> None:
+        """End all nodes, and wait until they have ended. Again: do nothing."""
+        for name, connection in self._sockets.items():
+            if not connection.closed:
+                self._processes.signal(name, signal.SIGCONT)
+                connection.send(packed(Quit()))
+        self._processes.stop()
+        for connection in self._sockets.values():
+            connection.close()
+        self._gone.update(self._sockets)
+
+    def _await_nodes(self) -> None:
+        missing = set(self._sockets)
+        deadline = time.perf_counter_ns() + int(_START * 1e9)
+        while missing and time.perf_counter_ns() < deadline:
+            for node, said in self.poll(deadline):
+                if isinstance(said, Died):
+                    self.close()
+                    raise HostFailure(f"node {node}", f"must start, but its process ended: {ending(said.status)}",
+                                      "its own words stand above", slug="node-start")  # fmt: skip
+                missing.discard(node)
+        if missing:
+            self.close()
+            rule = f"nodes must start within {_START:g} s, but there is no {', '.join(sorted(missing))}"
+            raise HostFailure("processes host", rule, slug="node-start")
+
+
+def ending(status: int) -> str:
+    """Return how a process ended, in words.
+
+    >>> ending(-9), ending(3)
+    ('killed by SIGKILL', 'exit status 3')
+    """
+    return f"killed by {signal.Signals(-status).name}" if status < 0 else f"exit status {status}"

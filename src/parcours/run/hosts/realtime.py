@@ -1,0 +1,356 @@
+"""Nodes of a fabric and components of the tester's own -> a trace: they live in real time, each message is relayed.
+
+The tester is in the middle of every channel: it records, and by a plan of faults it delays, drops, doubles, reorders
+and corrupts. A sender never waits for room: what a receiver cannot keep up with is dropped there (topics) or queues up.
+"""
+
+from __future__ import annotations
+
+import heapq
+import signal
+import time
+from collections import Counter, deque
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from typing import cast
+
+from parcours.errors import BadRequest, HostFailure, one_of
+from parcours.run.clocks import WallClock
+from parcours.run.faults.corruption import FlatCodec, corrupted, corrupted_bytes
+from parcours.run.faults.fates import UNTOUCHED, Fate, Fates
+from parcours.run.faults.plan import FaultPlan
+from parcours.run.faults.signals import Signal, signals
+from parcours.run.hosts.frames import Broke, Died, Dropped, Idle, Ready, Received, Report, Rest, Run, Took, Wire
+from parcours.run.hosts.processes import ending
+from parcours.run.hosts.resident import Codec, Fabric
+from parcours.run.hosts.seats import Answer, Answering, silence
+from parcours.run.port import ENVIRONMENT, Component, Link, Step
+from parcours.run.trace import Kind, Noise, Trace, TraceEvent
+
+_SIGNALS = {"stop": signal.SIGSTOP, "continue": signal.SIGCONT, "kill": signal.SIGKILL}
+_ANSWER = 10_000_000_000
+
+
+class RealTimeHost:
+    """Runs nodes freely, by their own timers.
+
+    Args:
+        fabric: started; closed with the host.
+        links: the channels.
+        codec: of the payloads; with `flatten` and `restore`, so that messages can be corrupted field by field.
+        case: what the nodes' residents are told; they make their components from it.
+        local: components that live in the tester's own process.
+        environment: the tester; gets what is sent to nobody else.
+        faults: what befalls messages and nodes.
+        listener: told of each event as soon as it is known, payload included.
+
+    Raises:
+        HostFailure: two components share a name.
+        BadRequest: the plan names an unknown channel or component.
+    """
+
+    def __init__(
+        self,
+        fabric: Fabric,
+        links: Sequence[Link],
+        codec: Codec,
+        *,
+        case: bytes = b"",
+        local: Sequence[Component] = (),
+        environment: Component | Answer = silence,
+        faults: FaultPlan | None = None,
+        listener: Callable[[TraceEvent], None] | None = None,
+    ) -> None:
+        tester = Answering(environment) if not hasattr(environment, "next_wake") else cast(Component, environment)
+        self.label = fabric.label
+        self._fabric, self._codec, self._case, self._listener = fabric, codec, case, listener
+        self._links = {link.channel: link for link in links}
+        self._local = {part.name: part for part in (*local, tester)}
+        self._tester = tester
+        names = [*fabric.nodes, *(part.name for part in (*local, tester))]
+        if len(set(names)) != len(names):
+            rule = f"component names differ, but given were: {', '.join(names)}"
+            raise HostFailure(f"{self.label} host", rule, slug="host-names")
+        self._plan = faults or FaultPlan(0)
+        self._plan.check(list(self._links), names)
+        self._fates = Fates(self._plan)
+        self._open = True
+        self._clock = WallClock()
+        self._clear()
+
+    def _clear(self) -> None:
+        self._events: list[TraceEvent] = []
+        self._begun = False
+        self._sent = self._order = 0
+        self._count: Counter[str] = Counter()
+        self._delivered: Counter[str] = Counter()
+        self._resting: dict[str, int] = {}
+        self._channel_of: dict[int, Wire] = {}
+        self._last_arrival: dict[str, int] = {}
+        self._due: list[tuple[int, int, Callable[[], None]]] = []
+        self._inbox: deque[tuple[Component, int, Wire]] = deque()
+        self.deaths: dict[str, str] = {}
+        """Component -> how it ended, if it has."""
+
+    def reset(self) -> None:
+        """Return everything to where it began; nodes forget what they were doing.
+
+        Raises:
+            HostFailure: a node is gone.
+        """
+        self._must_be_open()
+        self.rest()
+        self._clear()
+        for part in self._local.values():
+            part.reset()
+
+    def close(self) -> None:
+        """End the nodes. Closing again does nothing; the trace stays readable."""
+        self._open = False
+        self._fabric.close()
+
+    def trace(self, case: str = "", noise: Noise | None = None) -> Trace:
+        """Return what has happened since the beginning or the last reset; payloads included."""
+        events = sorted(map(self._opened, self._events), key=lambda event: event.time)
+        return Trace("wall", tuple(events), self.label, case, noise)
+
+    def note(self, text: str) -> None:
+        """Write a remark of the tester's into the trace."""
+        self._record("note", self._now(), text=text)
+
+    def inject(self, channel: str, message: object, at: int | None = None) -> None:
+        """Send `message` in the place of the environment, or of a component that is nowhere here.
+
+        Args:
+            channel: a link whose sender is not here.
+            message: the payload.
+            at: when [ns since the run began]; as soon as it runs, if not given.
+
+        Raises:
+            BadRequest: the channel is unknown, belongs to a component that is here, or the time is past.
+        """
+        self._must_be_open()
+        link = self._links.get(channel)
+        if link is None:
+            raise BadRequest("inject", f"no link is called {channel!r}", one_of(channel, list(self._links)),
+                             slug="unknown-channel")  # fmt: skip
+        if link.sender != ENVIRONMENT and (link.sender in self._local or link.sender in self._fabric.nodes):
+            rule = f"only the tester's channels can be injected, but {link.sender} itself sends here"
+            raise BadRequest(f"channel {channel!r}", rule, "leave the component out", slug="foreign-channel")
+        if at is not None and at < self._now():
+            rule = f"time never runs backwards, but {at} ns was given at {self._now()} ns"
+            raise BadRequest(f"inject on {channel!r}", rule, "inject before the run", slug="time-backwards")
+        data = self._codec.encode(channel, message)
+        self._at(self._now() if at is None else at, lambda: self._send(ENVIRONMENT, Wire(channel, data), self._now()))
+
+    def run(self, until: int) -> None:
+        """Run until the time `until` [ns], or until nothing is left that could happen.
+
+        A node that dies does not end the run: it is noted, and stands in `deaths`.
+        """
+        self._must_be_open()
+        if not self._begun:
+            self._begin()
+        while (now := self._now()) < until:
+            self._do_what_is_due()
+            wake = self._next_wake()
+            if wake is None and self._is_at_rest():
+                return
+            target = until if wake is None else min(until, wake)
+            if target > now:
+                for node, said in self._fabric.poll(self._clock.zero + target):
+                    self._hear(node, said)
+
+    def _must_be_open(self) -> None:
+        if not self._open:
+            raise HostFailure(f"{self.label} host", "is closed", "make a new one", slug="host-closed")
+
+    def _now(self) -> int:
+        return self._clock.now() if self._begun else 0
+
+    def _begin(self) -> None:
+        self._clock.restart()
+        self._begun = True
+        for node in self._fabric.nodes:
+            self._fabric.command(node, Run(self._case, self._clock.zero))
+            self._next_signal(signals(self._plan, node))
+
+    def _next_signal(self, coming: Iterator[Signal]) -> None:
+        one = next(coming, None)
+        if one is not None:
+            self._at(one.time, lambda: self._signal(one, coming))
+
+    def _signal(self, one: Signal, coming: Iterator[Signal]) -> None:
+        if one.component not in self.deaths:
+            self._fabric.signal(one.component, _SIGNALS[one.act])
+            self._record("note", self._now(), component=one.component, text=f"fault: {one.act}")
+        self._next_signal(coming)
+
+    def _at(self, when: int, act: Callable[[], None]) -> None:
+        self._order += 1
+        heapq.heappush(self._due, (when, self._order, act))
+
+    def _next_wake(self) -> int | None:
+        wakes = [wake for part in self._local.values() if (wake := part.next_wake()) is not None]
+        if self._due:
+            wakes.append(self._due[0][0])
+        return min(wakes, default=None)
+
+    def _is_at_rest(self) -> bool:
+        """Whether no node has anything to do: all have said so after the last message that was sent to them."""
+        return not self._inbox and all(
+            node in self.deaths or self._resting.get(node, -1) == self._delivered[node] for node in self._fabric.nodes
+        )
+
+    def _do_what_is_due(self) -> None:
+        while self._due and self._due[0][0] <= self._now():
+            heapq.heappop(self._due)[2]()
+            self._empty_inbox()
+        for part in self._local.values():
+            wake = part.next_wake()
+            if wake is not None and wake <= self._now():
+                self._act(part, part.wake(self._now()))
+                self._empty_inbox()
+
+    def _hear(self, node: str, said: Report) -> None:
+        match said:
+            case Took(when, transition, sends):
+                if transition:
+                    self._record("take", when, component=node, transition=transition)
+                for wire in sends:
+                    self._send(node, wire, when)
+            case Received(number, when):
+                self._record("receive", when, component=node, wire=self._channel_of.pop(number), number=number)
+            case Dropped(number, when):
+                wire = self._channel_of.pop(number)
+                self._record("drop", when, component=node, wire=wire, number=number, text="overrun")
+            case Idle(taken):
+                self._resting[node] = taken
+            case Broke(when, text):
+                self._bury(node, f"raised {text}", when)
+            case Died(when, status):
+                self._bury(node, ending(status), when - self._clock.zero)
+        self._empty_inbox()
+
+    def _bury(self, node: str, how: str, when: int) -> None:
+        if node not in self.deaths:
+            self.deaths[node] = how
+            self._record("note", max(when, 0), component=node, text=f"died: {how}")
+
+    # Messages: from whoever sends, by their fate, to whoever receives.
+
+    def _send(self, sender: str, wire: Wire, when: int) -> None:
+        link = self._links.get(wire.channel)
+        if link is None or sender not in (link.sender, ENVIRONMENT):
+            rule = f"sends only on channels that are its own, but used {wire.channel!r}"
+            own = ", ".join(channel for channel, other in self._links.items() if other.sender == sender)
+            raise HostFailure(f"component {sender!r}", rule, f"its channels: {own}", slug="not-its-channel")
+        number, k = self._sent, self._count[wire.channel]
+        self._sent += 1
+        self._count[wire.channel] += 1
+        self._record("send", when, component=sender, wire=wire, number=number)
+        fate = self._fates.fate(wire.channel, k, when)
+        if fate is UNTOUCHED:
+            self._dispatch(link, wire, number)
+        else:
+            self._befall(link, wire, number, fate)
+
+    def _befall(self, link: Link, wire: Wire, number: int, fate: Fate) -> None:
+        now = self._now()
+        if not fate.copies:
+            self._record("drop", now, component=link.sender, wire=wire, number=number, text=f"fault: {fate.why}")
+            return
+        self._record("note", now, component=link.sender, text=f"fault: {wire.channel} {fate.why}")
+        if fate.corrupt is not None:
+            wire = self._corrupted(wire, fate)
+        for later in fate.copies:
+            arrival = now + later
+            if not fate.reorder:
+                arrival = max(arrival, self._last_arrival.get(wire.channel, 0))
+                self._last_arrival[wire.channel] = arrival
+            self._at(arrival, lambda: self._hand_over(link, wire, number))
+
+    def _corrupted(self, wire: Wire, fate: Fate) -> Wire:
+        assert fate.corrupt is not None
+        codec = cast(FlatCodec, self._codec)
+        if not hasattr(codec, "flatten"):
+            return Wire(wire.channel, corrupted_bytes(wire.data, fate.corrupt, fate.how))
+        values = codec.flatten(wire.channel, self._codec.decode(wire.channel, wire.data))
+        changed, said = corrupted(values, fate.corrupt, fate.how)
+        try:
+            return Wire(wire.channel, self._codec.encode(wire.channel, codec.restore(wire.channel, changed)))
+        except Exception:
+            self._record("note", self._now(), text=f"fault: {wire.channel} {said}: no message any more, sent as bytes")
+            return Wire(wire.channel, corrupted_bytes(wire.data, fate.corrupt, "length"))
+
+    def _dispatch(self, link: Link, wire: Wire, number: int) -> None:
+        """Hand over a message that nothing befalls: not before those that are late."""
+        last = self._last_arrival.get(wire.channel, 0)
+        if last > self._now():
+            self._at(last, lambda: self._hand_over(link, wire, number))
+        else:
+            self._hand_over(link, wire, number)
+
+    def _hand_over(self, link: Link, wire: Wire, number: int) -> None:
+        if link.receiver in self._fabric.nodes:
+            if link.receiver in self.deaths:
+                self._record("drop", self._now(), component=link.receiver, wire=wire, number=number,
+                             text="its receiver is dead")  # fmt: skip
+                return
+            self._channel_of[number] = wire
+            self._delivered[link.receiver] += 1
+            self._fabric.deliver(wire.channel, number, wire.data)
+        else:
+            self._inbox.append((self._local.get(link.receiver, self._tester), number, wire))
+
+    def _empty_inbox(self) -> None:
+        while self._inbox:
+            part, number, wire = self._inbox.popleft()
+            now = self._now()
+            self._record("receive", now, component=part.name, wire=wire, number=number)
+            self._act(part, part.handle(wire.channel, self._codec.decode(wire.channel, wire.data), now))
+
+    def _act(self, part: Component, steps: Iterator[Step]) -> None:
+        for step in steps:
+            now = self._now()
+            if step.transition:
+                self._record("take", now, component=part.name, transition=step.transition)
+            for channel, payload in step.sends:
+                self._send(part.name, Wire(channel, self._codec.encode(channel, payload)), now)
+
+    def _record(self, kind: Kind, when: int, *, component: str = "", wire: Wire | None = None, number: int = -1,
+                transition: str = "", text: str = "") -> None:  # fmt: skip
+        channel = wire.channel if wire else ""
+        event = TraceEvent(when, kind, component, transition, channel, number, text, wire)
+        self._events.append(event)
+        if self._listener is not None:
+            self._listener(self._opened(event))
+
+    def _opened(self, event: TraceEvent) -> TraceEvent:
+        if not isinstance(event.payload, Wire):
+            return event
+        return replace(event, payload=self._codec.decode(event.channel, event.payload.data))
+
+    def rest(self) -> None:
+        """Let the nodes forget what they were doing; the trace stays.
+
+        Raises:
+            HostFailure: a node that had not died in the run is gone, or does not come to rest.
+        """
+        waiting = set(self._fabric.nodes) - set(self.deaths)
+        for node in waiting:
+            self._fabric.signal(node, signal.SIGCONT)
+            self._fabric.command(node, Rest())
+        until = time.perf_counter_ns() + _ANSWER
+        while waiting:
+            heard = self._fabric.poll(until)
+            for node, said in heard:
+                if isinstance(said, Ready):
+                    waiting.discard(node)
+                elif isinstance(said, Died):
+                    self.deaths[node] = ending(said.status)
+            gone = waiting & set(self.deaths)
+            if gone or (waiting and time.perf_counter_ns() >= until):
+                how = ", ".join(f"{node} {self.deaths.get(node, 'is silent')}" for node in sorted(gone or waiting))
+                raise HostFailure(f"{self.label} host", f"nodes must live as long as the host, but: {how}",
+                                  "start the host anew", slug="node-gone")  # fmt: skip

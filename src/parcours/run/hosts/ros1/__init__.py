@@ -1,0 +1,43 @@
+"""ROS 1 as a host's fabric: a master, messages without a workspace. The only room that imports rospy, and late."""
+
+from __future__ import annotations
+
+import importlib.util
+import subprocess
+import sys
+from functools import cache
+
+from parcours.errors import HostFailure
+
+_DISTRIBUTION = "/usr/bin/python3"
+
+
+@cache
+def interpreter_with(module: str) -> str:
+    """Return a Python that imports `module` of ROS 1: this one, or else the distribution's own.
+
+    Args:
+        module: a name such as "rosmaster"; the Debian package is called after it.
+
+    Raises:
+        HostFailure: neither has it.
+
+    >>> interpreter_with("json") == sys.executable
+    True
+    """
+    if importlib.util.find_spec(module) is not None:
+        return sys.executable
+    probe = [_DISTRIBUTION, "-c", f"import {module}"]
+    try:
+        if subprocess.run(probe, stderr=subprocess.DEVNULL, timeout=5.0, check=False).returncode == 0:
+            return _DISTRIBUTION
+    except (OSError, subprocess.TimeoutExpired):
+        pass
+    raise no_ros(module)
+
+
+def no_ros(module: str) -> HostFailure:
+    """Return the complaint that `module` of ROS 1 cannot be imported."""
+    rule = f"must be importable, but neither {sys.executable} nor {_DISTRIBUTION} finds it"
+    remedy = f"install python3-{module} (Debian, Ubuntu), and use an interpreter that sees it: .ci/ros1 makes one"
+    return HostFailure(f"ROS 1 module {module!r}", rule, remedy, slug="no-ros1")

@@ -1,0 +1,245 @@
+"""Bytes <-> standard ROS 2 messages and services: a node of the graph with a wait of its own.
+
+A topic carries `std_msgs/msg/UInt8MultiArray`, a service `diagnostic_msgs/srv/AddDiagnostics`: of the standard service
+types it is the one whose request and response are both free text. rclpy's executors make a wait set, a timer and tasks
+anew for each callback, and wait busily while an answer is held back; this waits on one set, and answers whenever told.
+"""
+
+from __future__ import annotations
+
+import binascii
+import contextlib
+import os
+import time
+from array import array
+from collections.abc import Callable
+from typing import Any
+
+from parcours.errors import HostFailure
+
+DEPTH = 10_000
+"""So many messages wait for a reader that is slow, or frozen, before the oldest are lost."""
+
+_CHUNK = 20_000_000
+"""The longest wait in one piece [ns]: Python hears of signals in between."""
+
+Heard = Callable[[bytes], None]
+
+
+class Participant:
+    """A node of the graph, in a context of its own.
+
+    Args:
+        name: of the node.
+        domain: the graph's number; that of the environment, or 0, if not given.
+
+    Raises:
+        HostFailure: rclpy is not there, or the domain cannot be entered.
+    """
+
+    def __init__(self, name: str, domain: int | None = None) -> None:
+        os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+        try:
+            import rclpy
+            from rclpy.context import Context
+            from rclpy.node import Node
+            from rclpy.signals import SignalHandlerOptions
+        except ImportError as error:
+            rule, remedy = f"needs rclpy, but: {error}", "run it in your ROS 2 distribution's environment"
+            raise HostFailure("ROS 2 host", rule, remedy, slug="ros2-missing") from error
+        self._context: Any = Context()
+        try:
+            rclpy.init(args=[], context=self._context, domain_id=domain,
+                       signal_handler_options=SignalHandlerOptions.NO)  # fmt: skip
+            self.node: Any = Node(name, context=self._context, use_global_arguments=False, enable_rosout=False,
+                                  start_parameter_services=False)  # fmt: skip
+        except Exception as error:
+            self._context.try_shutdown()
+            rule = f"must be able to enter ROS domain {os.environ.get('ROS_DOMAIN_ID', '0') if domain is None else domain}"
+            raise HostFailure("ROS 2 host", f"{rule}, but: {error}", "domains are 0 to 232", slug="ros2-domain") from error
+        self._takers: dict[str, list[tuple[Any, Callable[[], bool]]]] = {"subscription": [], "client": [], "service": []}
+        self._set: Any = None
+
+    def publish(self, topic: str, message: str) -> Sender:
+        """Advertise a topic whose messages have that name."""
+        from std_msgs.msg import UInt8MultiArray
+
+        return Sender(self.node.create_publisher(UInt8MultiArray, topic, _quality()), message)
+
+    def subscribe(self, topic: str, heard: Heard) -> Subscription:
+        """Call `heard` with the bytes of each message."""
+        from std_msgs.msg import UInt8MultiArray
+
+        subscription = self.node.create_subscription(UInt8MultiArray, topic, lambda message: None, _quality())
+
+        def take() -> bool:
+            taken = subscription.handle.take_message(UInt8MultiArray, False)
+            if taken is None:
+                return False
+            heard(taken[0].data.tobytes())
+            return True
+
+        self._add("subscription", subscription, take)
+        return Subscription(subscription)
+
+    def serve(self, service: str, asked: Callable[[bytes, Reply], None]) -> None:
+        """Call `asked` with the bytes of each request, and with what answers it, now or later, at most once."""
+        from diagnostic_msgs.srv import AddDiagnostics
+
+        server = self.node.create_service(AddDiagnostics, service, lambda request, answer: answer, qos_profile=_quality())
+
+        def take() -> bool:
+            request, header = server.handle.service_take_request(AddDiagnostics.Request)
+            if header is None:
+                return False
+            asked(_bytes(request.load_namespace), reply_to(header))
+            return True
+
+        def reply_to(header: Any) -> Reply:
+            def reply(data: bytes | None) -> None:
+                text = "" if data is None else _text(data)
+                server.send_response(AddDiagnostics.Response(success=data is not None, message=text), header)
+
+            return reply
+
+        self._add("service", server, take)
+
+    def call(self, service: str, answered: Callable[[bytes | None], None]) -> Caller:
+        """Call `answered` with the bytes of each response, None if the server has declined."""
+        from diagnostic_msgs.srv import AddDiagnostics
+
+        client = self.node.create_client(AddDiagnostics, service, qos_profile=_quality())
+
+        def take() -> bool:
+            header, answer = client.handle.take_response(AddDiagnostics.Response)
+            if header is None:
+                return False
+            answered(_bytes(answer.message) if answer.success else None)
+            return True
+
+        self._add("client", client, take)
+        return Caller(client, AddDiagnostics.Request)
+
+    def _add(self, kind: str, entity: Any, take: Callable[[], bool]) -> None:
+        self._takers[kind].append((entity.handle, take))
+        self._set = None
+
+    def spin(self, until: int | None) -> bool:
+        """Hear what has arrived, or what arrives before the monotonic clock shows `until` [ns]; None waits for ever.
+
+        Returns:
+            whether anything was heard.
+        """
+        while True:
+            left = _CHUNK if until is None else max(0, until - time.perf_counter_ns())
+            if self._hear(min(left, _CHUNK)):
+                return True
+            if left == 0:
+                return False
+
+    def _hear(self, left: int) -> bool:
+        waiting = self._ready_set()
+        waiting.wait(left)
+        heard = False
+        for kind, takers in self._takers.items():
+            ready = waiting.get_ready_entities(kind)
+            for handle, take in takers:
+                if handle.pointer in ready:
+                    while take():
+                        heard = True
+        return heard
+
+    def _ready_set(self) -> Any:
+        subscriptions, clients, services = self._takers.values()
+        if self._set is None:
+            from rclpy.impl.implementation_singleton import rclpy_implementation
+
+            self._set = rclpy_implementation.WaitSet(len(subscriptions), 0, 0, len(clients), len(services), 0,
+                                                     self._context.handle)  # fmt: skip
+        self._set.clear_entities()
+        for handle, _ in subscriptions:
+            self._set.add_subscription(handle)
+        for handle, _ in clients:
+            self._set.add_client(handle)
+        for handle, _ in services:
+            self._set.add_service(handle)
+        return self._set
+
+    def close(self) -> None:
+        """Leave the graph. Again: do nothing."""
+        self._set = None
+        for takers in self._takers.values():
+            takers.clear()
+        with contextlib.suppress(Exception):
+            self.node.destroy_node()
+        self._context.try_shutdown()
+
+
+Reply = Callable[[bytes | None], None]
+"""Answers a request with bytes; with None, declines."""
+
+
+class Sender:
+    """A publisher of bytes."""
+
+    def __init__(self, publisher: Any, message: str) -> None:
+        from std_msgs.msg import MultiArrayDimension, UInt8MultiArray
+
+        self._publisher = publisher
+        self._message = UInt8MultiArray()
+        self._size = MultiArrayDimension(label=message)
+        self._message.layout.dim = [self._size]
+
+    def send(self, data: bytes) -> None:
+        """Publish."""
+        self._size.size = self._size.stride = len(data)
+        self._message.data = array("B", data)
+        self._publisher.publish(self._message)
+
+    @property
+    def is_matched(self) -> bool:
+        """Whether somebody listens."""
+        return bool(self._publisher.get_subscription_count())
+
+
+class Subscription:
+    """What is listened to."""
+
+    def __init__(self, subscription: Any) -> None:
+        self._subscription = subscription
+
+    @property
+    def is_matched(self) -> bool:
+        """Whether somebody publishes."""
+        return bool(self._subscription.get_publisher_count())
+
+
+class Caller:
+    """A client of a service."""
+
+    def __init__(self, client: Any, request: Any) -> None:
+        self._client, self._request = client, request
+
+    def ask(self, data: bytes) -> None:
+        """Send a request, without waiting for the answer."""
+        self._client.handle.send_request(self._request(load_namespace=_text(data)))
+
+    @property
+    def is_matched(self) -> bool:
+        """Whether the service is there."""
+        return bool(self._client.service_is_ready())
+
+
+def _quality() -> Any:
+    from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+
+    return QoSProfile(depth=DEPTH, history=HistoryPolicy.KEEP_LAST, reliability=ReliabilityPolicy.RELIABLE,
+                      durability=DurabilityPolicy.VOLATILE)  # fmt: skip
+
+
+def _text(data: bytes) -> str:
+    return binascii.b2a_base64(data, newline=False).decode("ascii")
+
+
+def _bytes(text: str) -> bytes:
+    return binascii.a2b_base64(text)

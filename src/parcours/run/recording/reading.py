@@ -1,0 +1,293 @@
+"""A recording, MCAP or ROS 1 bag, whole or cut off -> the trace that was recorded; one format -> the other."""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+from collections import defaultdict, deque
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, get_args
+
+from parcours.errors import BadResults
+from parcours.run.atomic import write_atomically
+from parcours.run.clocks import ClockName
+from parcours.run.recording.bag import MAGIC as BAG_MAGIC
+from parcours.run.recording.bag import BagReader
+from parcours.run.recording.content import END, EVENT, EVENTS, FORMAT, RUN, TEXT
+from parcours.run.recording.definition import same_definition
+from parcours.run.recording.layout import Codec, Layout
+from parcours.run.recording.mcap import MAGIC as MCAP_MAGIC
+from parcours.run.recording.mcap import McapReader
+from parcours.run.recording.recorder import WRITERS
+from parcours.run.recording.topic import Raw, Reader, Topic, damaged, format_of
+from parcours.run.trace import Kind, Noise, Trace, TraceEvent
+
+MOST = 1 << 30
+"""No more than this is read of a recording [bytes], unless asked for."""
+
+_KINDS: dict[str, Kind] = {kind: kind for kind in get_args(Kind)}
+_CLOCKS: dict[str, ClockName] = {clock: clock for clock in get_args(ClockName)}
+_Values = tuple[int, int, int, int, bool, str, str, str, str, str, str]
+
+
+@dataclass(frozen=True, slots=True)
+class Recording:
+    """What a recording holds.
+
+    Attributes:
+        trace: as it was recorded; payloads restored if their codec was given.
+        missing: what is not there of the run, e.g. because its writer was killed; empty if all is. The verdict
+            from an incomplete recording is inconclusive, with this as its reason.
+        left_out: channels whose payloads the writer had no codec for; who judges them is inconclusive, too.
+        about: seed, versions, study, verdict: whatever the writer said.
+        begin: when the run began [ns since the epoch].
+    """
+
+    trace: Trace
+    missing: str = ""
+    left_out: tuple[str, ...] = ()
+    about: Mapping[str, str] = field(default_factory=dict)
+    begin: int = 0
+
+    @property
+    def complete(self) -> bool:
+        """Whether nothing is missing."""
+        return not self.missing
+
+
+def read_recording(path: Path, codec: Codec | None = None, *, most: int = MOST) -> Recording:
+    """Return what was recorded; the format is found by the file's content.
+
+    Args:
+        path: what `Recorder`, `write_mcap` or `write_bag` wrote, perhaps cut off, compressed, or converted into the
+            other format since.
+        codec: restores the payloads; without it only those of foreign types are there.
+        most: no more than this is read, expanded [bytes].
+
+    Raises:
+        BadResults: the file cannot be read, is no recording, is damaged or too large, holds another run or none, or its
+            messages are of other types than the codec's.
+    """
+    where = str(path)
+    gathered = _Gathered(where)
+    with _opened(path, most) as reader:
+        for topic, time, content in reader.messages():
+            gathered.add(topic, time, content)
+        return gathered.recording(reader.cut, codec)
+
+
+def convert(source: Path, target: Path, *, most: int = MOST) -> int:
+    """Write the recording in the format that the target's name asks for, and return how many messages it has.
+
+    Args:
+        source: any MCAP of ROS 1 messages, or bag.
+        target: the file to create or replace, atomically; *.mcap or *.bag.
+        most: no more than this is read, expanded [bytes].
+
+    Raises:
+        BadRequest: the target cannot be written, or is named otherwise.
+        BadResults: the source cannot be read, is damaged or too large.
+    """
+    file = io.BytesIO()
+    writer = WRITERS[format_of(target)](file, str(target))
+    n = 0
+    with _opened(source, most) as reader:
+        for topic, time, content in reader.messages():
+            writer.write(topic, time, content)
+            n += 1
+            if topic in (RUN, END):
+                said = _said(content, str(source))
+                texts = {key: value if isinstance(value, str) else json.dumps(value) for key, value in said.items()}
+                writer.remark(f"parcours.{topic.name.rpartition('/')[2]}", texts)
+    writer.close()
+    write_atomically(target, file.getvalue())
+    return n
+
+
+@contextmanager
+def _opened(path: Path, most: int) -> Iterator[Reader]:
+    where = str(path)
+    try:
+        if path.exists() and not path.is_file():
+            raise OSError("it is no ordinary file")
+        with path.open("rb") as file:
+            size = os.fstat(file.fileno()).st_size
+            magic = file.read(len(BAG_MAGIC))
+            if magic.startswith(MCAP_MAGIC):
+                yield McapReader(file, size, where, most)
+            elif magic == BAG_MAGIC:
+                yield BagReader(file, size, where, most)
+            else:
+                raise BadResults(
+                    where,
+                    f"a recording begins as MCAP or as a ROS 1 bag of version 2.0, but this file with {magic!r}",
+                    "name the file that was recorded",
+                    slug="recording-magic",
+                )
+    except OSError as error:
+        raise BadResults(
+            where, f"must be a readable recording, but: {error.strerror or error}", slug="recording-unreadable"
+        ) from error
+
+
+class _Gathered:
+    """Messages of one recording, in any order."""
+
+    def __init__(self, where: str) -> None:
+        self._where = where
+        self._begun: dict[str, Any] | None = None
+        self._ended: dict[str, Any] | None = None
+        self._events: dict[int, tuple[_Values, int]] = {}
+        self._payloads: defaultdict[tuple[str, int], deque[tuple[Topic, bytes]]] = defaultdict(deque)
+        self._sound: Topic | None = None
+        self._layouts: dict[tuple[str, str], Layout] = {}
+
+    def add(self, topic: Topic, time: int, content: bytes) -> None:
+        """Take up a message."""
+        if topic.name == EVENTS.name:
+            self._event(topic, time, content)
+        elif topic.name == RUN.name:
+            said = _said(content, self._where)
+            if said.get("parcours") != FORMAT:
+                raise BadResults(
+                    self._where,
+                    f"a recording has the format {FORMAT!r}, but this one names {str(said.get('parcours'))[:40]!r}",
+                    "read it with the version of Parcours that wrote it",
+                    slug="recording-version",
+                )
+            if self._begun is not None and self._begun != said:
+                raise self._mixed()
+            self._begun = said
+        elif topic.name == END.name:
+            self._ended = _said(content, self._where)
+        else:
+            self._payloads[topic.name, time].append((topic, content))
+
+    def _event(self, topic: Topic, time: int, content: bytes) -> None:
+        if topic is not self._sound:
+            if not same_definition(topic.definition, EVENTS.definition):
+                raise self._other_type(topic, EVENTS.definition)
+            self._sound = topic
+        values: Any = EVENT.unpack(content, self._where)
+        known: _Values = values
+        if known[5] not in _KINDS:
+            raise damaged(self._where, f"an event is of the kind {known[5][:40]!r}")
+        if known[0] in self._events:
+            raise self._mixed()
+        self._events[known[0]] = known, time
+
+    def recording(self, cut: str, codec: Codec | None) -> Recording:
+        """Return what the messages say."""
+        begun, ended = self._begun, self._ended
+        if begun is None:
+            raise BadResults(
+                self._where,
+                "a recording by Parcours begins with a message on /parcours/run, but this file has none",
+                "name a recording that Parcours wrote; of a run killed at its very begin nothing is left",
+                slug="recording-no-run",
+            )
+        clock, host, case, begin = (begun.get(key) for key in ("clock", "host", "case", "begin"))
+        if not (
+            isinstance(clock, str)
+            and clock in _CLOCKS
+            and isinstance(host, str)
+            and isinstance(case, str)
+            and type(begin) is int
+        ):
+            raise damaged(self._where, "the message on /parcours/run does not say clock, host, case and begin")
+        noise, left_out, missing = self._conclusion(cut)
+        events, lacking = self._trace_events(codec)
+        if lacking and not missing:
+            missing = f"the payloads of {lacking} events are not there"
+        about = {**_texts(begun.get("about")), **_texts(ended and ended.get("about"))}
+        if isinstance(begun.get("version"), str):
+            about.setdefault("version", begun["version"])
+        return Recording(Trace(_CLOCKS[clock], tuple(events), host, case, noise), missing, left_out, about, begin)
+
+    def _conclusion(self, cut: str) -> tuple[Noise | None, tuple[str, ...], str]:
+        ended, n = self._ended, len(self._events)
+        if ended is None:
+            return None, (), f"the recording stops after {n} events" + (f": {cut}" if cut else "")
+        numbers, wanted, left_out = (ended.get(key) for key in ("noise", "events", "left_out"))
+        sound = isinstance(numbers, list) and len(numbers) == 4 and all(type(one) is int for one in numbers)
+        if not (numbers is None or sound) or type(wanted) is not int or not isinstance(left_out, list):
+            raise damaged(self._where, "the message on /parcours/end does not say events, noise and left_out")
+        missing = "" if n == wanted else f"{n} of {wanted} events are there"
+        return Noise(*numbers) if isinstance(numbers, list) else None, tuple(map(str, left_out)), missing
+
+    def _trace_events(self, codec: Codec | None) -> tuple[list[TraceEvent], int]:
+        """Return the events in order of time, and how many payloads are lacking."""
+        restored: dict[int, object] = {}
+        lacking = 0
+        for number, (values, time) in sorted(self._events.items()):
+            if values[3] != number:
+                continue
+            waiting = self._payloads.get((values[9], time))
+            if waiting:
+                topic, content = waiting.popleft()
+                restored[number] = self._restored(topic, content, values[8], values[4], codec)
+        events: list[TraceEvent] = []
+        for values, _ in sorted(self._events.values(), key=lambda one: (one[0][1], one[0][0])):
+            _, time, message, payload, _, kind, component, transition, channel, _, text = values
+            lacking += payload >= 0 and payload not in restored
+            events.append(
+                TraceEvent(
+                    time, _KINDS[kind], component, transition, channel, message, text, restored.get(payload)
+                )
+            )  # fmt: skip
+        return events, lacking
+
+    def _restored(self, topic: Topic, content: bytes, channel: str, raw: bool, codec: Codec | None) -> object:
+        if raw:
+            return Raw(topic.type, topic.md5, topic.definition, content)
+        if codec is None:
+            return None
+        layout = self._layouts.get((channel, topic.name))
+        if layout is None:
+            fields = codec.form(channel)
+            layout = None if fields is None else Layout(fields, f"channel {channel!r}")
+            if layout is None or not same_definition(topic.definition, layout.definition):
+                raise self._other_type(topic, "" if layout is None else layout.definition)
+            self._layouts[channel, topic.name] = layout
+        values = layout.unpack(content, self._where)
+        try:
+            return codec.restore(channel, values)
+        except Exception as error:  # whatever a codec raises at values that it never wrote
+            raise damaged(self._where, f"a payload on {channel!r} makes no sense: {error}") from error
+
+    def _other_type(self, topic: Topic, wanted: str) -> BadResults:
+        given = "; ".join(topic.definition.split("\n"))[:120]
+        return BadResults(
+            self._where,
+            f"messages on {topic.name} must be of the fields {'; '.join(wanted.split(chr(10)))[:120]!r}, but they are"
+            f" of {given!r}",
+            "read it with the version of Parcours, and for the study, that wrote it",
+            slug="recording-schema",
+        )
+
+    def _mixed(self) -> BadResults:
+        return BadResults(
+            self._where,
+            "a recording holds one run, but several lie in this file",
+            "take them apart with its own tools, or name the file of one run",
+            slug="recording-mixed",
+        )
+
+
+def _said(content: bytes, where: str) -> dict[str, Any]:
+    (text,) = TEXT.unpack(content, where)
+    try:
+        said = json.loads(str(text))
+    except (ValueError, RecursionError) as error:
+        raise damaged(where, "a message on /parcours/run or /parcours/end is no JSON") from error
+    if not isinstance(said, dict):
+        raise damaged(where, "a message on /parcours/run or /parcours/end is no JSON object")
+    return said
+
+
+def _texts(about: object) -> dict[str, str]:
+    return {key: str(value) for key, value in about.items()} if isinstance(about, dict) else {}

@@ -1,0 +1,234 @@
+"""One system case in real time: RAMP's components as nodes of a host, the world in the tester's own process.
+
+The world moves by the clock of the machine; what the nodes do late, they do late. Facts come from the world and from
+the messages that passed, as a tester of a foreign planner would see them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import TypedDict
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from parcours.arena.world import advance
+from parcours.kernels import Record
+from parcours.planners.ramp.control import COMMAND_PERIOD, Control
+from parcours.planners.ramp.messages import Step
+from parcours.planners.ramp.path_modification import PathModification
+from parcours.planners.ramp.planner import Planner
+from parcours.planners.ramp.sensing import Sensing
+from parcours.planners.ramp.trajectory_evaluation import TrajectoryEvaluation
+from parcours.planners.ramp.trajectory_generator import TrajectoryGenerator
+from parcours.run.faults import FaultPlan
+from parcours.run.hosts.realtime import RealTimeHost
+from parcours.run.hosts.resident import Fabric
+from parcours.run.port import Component
+from parcours.run.trace import Trace, TraceEvent
+from parcours.studies.ramp_components.resident import RampCodec
+from parcours.studies.ramp_system.component_form import World, begin_world, start_pose, system_links
+from parcours.studies.ramp_system.facts import FACTS
+from parcours.studies.ramp_system.observing import freeze_world
+from parcours.studies.ramp_system.study import SystemStudy, system_study
+from parcours.verdict.facts import NEVER, TRACK
+from parcours.verdict.judgement import Judgement, Verdict
+from parcours.verdict.navigation import VERDICT_OF, Outcome, explain, outcomes
+
+COMPONENTS = ("Planner", "TrajectoryGenerator", "TrajectoryEvaluation", "PathModification", "Control", "Sensing")
+_STRETCH = 100_000_000
+"""So long [ns] the host runs on before it is asked whether the case has ended."""
+
+
+class Told(TypedDict):
+    """What a node is told of its case."""
+
+    schedule: str
+    seed: int
+    number: int
+
+
+class SystemResident(RampCodec):
+    """One of RAMP's components, for system cases.
+
+    Args:
+        component: its name in the model.
+    """
+
+    def __init__(self, component: str) -> None:
+        self._component = component
+
+    def instance(self, case: bytes) -> Component:
+        """Return a fresh component for the case."""
+        told = msgspec.json.decode(case, type=Told)
+        study = system_study(told["schedule"], seed=told["seed"])
+        parameters, seed, number = study.parameters, told["seed"], told["number"]
+        setting = study.setting()
+        goal = float(setting.goal_x), float(setting.goal_y)
+        makers: dict[str, Callable[[], Component]] = {
+            "Planner": lambda: Planner(parameters, seed, number, start_pose(study), goal),
+            "TrajectoryGenerator": lambda: TrajectoryGenerator(parameters),
+            "TrajectoryEvaluation": lambda: TrajectoryEvaluation(parameters),
+            "PathModification": lambda: PathModification(parameters, seed, number),
+            "Control": lambda: Control(parameters),
+            "Sensing": Sensing,
+        }
+        return makers[self._component]()
+
+    def prompt(self, name: str, component: Component, now: int) -> Iterator[Step]:
+        """Poll; system cases prompt nobody."""
+        return component.handle(None, None, now)  # type: ignore[return-value]
+
+    def view(self, component: Component) -> tuple[str, object] | None:
+        """Show nothing."""
+        return None
+
+
+class Observer:
+    """A component of the tester's that takes part in nothing, follows robot and obstacles, and sees the case end.
+
+    Args:
+        world: whom it follows.
+        limit: end of the test [ns].
+    """
+
+    name = "Observer"
+
+    def __init__(self, world: World, limit: int) -> None:
+        self._world, self._limit = world, limit
+        self.facts = np.zeros(1, FACTS).view(np.recarray)[0]
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget everything seen."""
+        self._next = 0
+        self._entries: list[tuple[float, ...]] = []
+        self._places: list[list[float]] = []
+        self.ended = False
+
+    def next_wake(self) -> int | None:
+        """The next entry of the track."""
+        return None if self.ended else self._next
+
+    def wake(self, now: int) -> Iterator[Step]:
+        """Look at robot and obstacles; see whether the goal is reached or the time is over."""
+        self._next = now - now % COMMAND_PERIOD + COMMAND_PERIOD
+        body = self._world
+        advance(body.world, body.obstacles, min(now, self._limit))
+        robot, obstacles = body.world["robot"], body.obstacles
+        self._entries.append((now, *(float(robot[name]) for name in ("x", "y", "heading", "v", "w")), 0))
+        self._places.append([value for pair in zip(obstacles["x"], obstacles["y"], strict=True) for value in pair])
+        if now >= self._limit or body.world["t_goal"] != NEVER:
+            freeze_world(body.world, obstacles, self.facts)
+            self.ended = True
+        yield from ()
+
+    def handle(self, channel: str | None, message: object, now: int) -> Iterator[Step]:
+        """Do nothing."""
+        return iter(())
+
+    def track(self) -> tuple[NDArray[np.void], NDArray[np.float64]]:
+        """Return the robot's track, array of TRACK of shape (n,), and the obstacles' places, (n, n_obstacles, 2)."""
+        return np.array(self._entries, TRACK), np.array(self._places, float).reshape(len(self._entries), -1, 2)
+
+
+@dataclass(frozen=True, slots=True)
+class LiveRun:
+    """What a case leaves behind that ran in real time.
+
+    Attributes:
+        facts: array of FACTS, shape (1,).
+        track: array of TRACK, shape (n,).
+        places: of the obstacles at the same times [m], shape (n, n_obstacles, 2).
+        trace: every message and transition.
+        deaths: component -> how it ended, of those that did.
+        judgement: of the outcome and of all components' being alive.
+    """
+
+    facts: NDArray[np.void]
+    track: NDArray[np.void]
+    places: NDArray[np.float64]
+    trace: Trace
+    deaths: dict[str, str]
+    judgement: Judgement
+
+
+def run_live(
+    study: SystemStudy,
+    number: int,
+    fabric: Fabric,
+    *,
+    faults: FaultPlan | None = None,
+    listener: Callable[[TraceEvent], None] | None = None,
+) -> LiveRun:
+    """Run one case of the study on the fabric's nodes until the goal is reached or its time limit is over.
+
+    Args:
+        study: its latencies are not applied: they are whatever they are.
+        number: of the case.
+        fabric: started, with a node for each of `COMPONENTS`; stays open, its nodes at rest.
+        faults: what befalls messages and nodes.
+        listener: told of each event as soon as it is known.
+
+    Raises:
+        BadRequest: a fault names what RAMP does not have.
+        HostFailure: a node does not come to rest, or is gone before the case begins.
+    """
+    setting = study.setting()
+    body = World(begin_world(study), study.cases.obstacles(np.array([number]))[0], lambda now: None)
+    observer = Observer(body, int(setting.limit))
+    told: Told = {
+        "schedule": study.parameters.schedule,
+        "seed": study.cases.seed,
+        "number": number,
+    }
+    host = RealTimeHost(
+        fabric, system_links(), RampCodec(), case=msgspec.json.encode(told), local=(body, observer), faults=faults,
+        listener=listener,
+    )  # fmt: skip
+    until = 0
+    while not observer.ended:
+        until += _STRETCH
+        host.run(until)
+    trace = host.trace(study.cases.id(number))
+    host.rest()
+    facts = _facts(observer.facts, number, trace)
+    track, places = observer.track()
+    return LiveRun(facts, track, places, trace, host.deaths, judge_live(facts, host.deaths))
+
+
+def judge_live(facts: NDArray[np.void], deaths: dict[str, str]) -> Judgement:
+    """Return the verdict on a case: a system with a dead component fails, wherever its robot has coasted to."""
+    outcome = Outcome(int(outcomes(facts)[0]))
+    why = explain(facts[0])
+    if deaths:
+        died = ", ".join(f"{name} ({how})" for name, how in deaths.items())
+        return Judgement(Verdict.FAIL, f"dead at the end: {died}; {why}")
+    return Judgement(VERDICT_OF[outcome], why)
+
+
+def _facts(seen: Record, number: int, trace: Trace) -> NDArray[np.void]:
+    """Return the facts, completed by what the messages say."""
+    facts = np.zeros(1, FACTS)
+    facts[0] = seen
+    facts["number"], facts["t_goal_after"], facts["t_last_moving"] = number, NEVER, NEVER
+    halted, since, total = False, 0, 0
+    for event in trace.events:
+        if event.kind == "take":
+            facts["n_planning_cycles"] += event.transition == "p11"
+            facts["n_control_cycles"] += event.transition == "p12"
+        if event.kind != "receive":
+            continue
+        if event.channel == "imminent_collision" and bool(event.payload) != halted:
+            halted = not halted
+            total += 0 if halted else event.time - since
+            since = event.time
+            facts["n_halts"] += halted
+        elif event.channel == "best_trajectory":
+            best: Record = event.payload
+            facts["feasible"], facts["time_left"] = int(best["feasible"]), float(best["duration"])
+    facts["halted"] = halted
+    facts["halted_time"] = total + (int(facts["t_end"][0]) - since if halted else 0)
+    return facts

@@ -1,0 +1,143 @@
+"""Sends and receives of a trace -> what is under way on each channel, and whether it was taken up once and in order."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass, field
+
+from parcours.model.configuration import Message
+from parcours.model.structure import ENVIRONMENT, Cefsm, Channel
+
+_OPEN: tuple[Message, ...] = ((),)
+
+
+@dataclass(slots=True)
+class _Under:
+    """A message under way. `order` counts what was sent on its channel."""
+
+    number: int
+    order: int
+    sender: str
+    contents: tuple[Message, ...]
+
+
+@dataclass(slots=True)
+class _Lane:
+    channel: Channel
+    is_bounded: bool
+    under_way: deque[_Under] = field(default_factory=deque)
+    held: list[_Under] = field(default_factory=list)
+    n_sent: int = 0
+    last: int = -1
+    """The greatest number of a message that was sent."""
+    taken: dict[tuple[str, str], int] = field(default_factory=dict)
+    """The order of the last message between two ends."""
+
+
+class Channels:
+    """The traffic of a trace.
+
+    Each complaint is a sentence; an empty one is none. Messages without a number (-1) are told apart by their order.
+
+    Args:
+        cefsm: a model without errors. Only services and rendezvous are held to their capacity: a topic loses old
+            messages.
+
+    Between numbered instances the tester hands messages on in an order of its own: there only messages between the
+    same two keep theirs.
+    """
+
+    def __init__(self, cefsm: Cefsm) -> None:
+        self._lanes = {each.name: _Lane(each, _is_service(cefsm, each)) for each in cefsm.channels}
+
+    def __contains__(self, channel: str) -> bool:
+        return channel in self._lanes
+
+    def send(self, channel: str, number: int, sender: str, contents: tuple[Message, ...]) -> str:
+        """Note a message that was sent; return what is wrong with it.
+
+        Args:
+            channel: its name.
+            number: of the message.
+            sender: as the trace names it.
+            contents: what it may hold.
+        """
+        lane = self._lanes[channel]
+        message = _Under(number, lane.n_sent, sender, contents)
+        lane.n_sent += 1
+        lane.last = max(lane.last, number)
+        room = max(lane.channel.capacity, 1)
+        own = sum(other.sender == sender for other in lane.under_way) if lane.is_bounded else 0
+        is_full = own >= room and not _is_gated(sender)
+        lane.under_way.append(message)
+        return f"{channel} holds {room}, but one more was sent before it was taken up" if is_full else ""
+
+    def receive(self, channel: str, number: int, receiver: str) -> tuple[tuple[Message, ...], str]:
+        """Note a message that was taken up; return what it may hold, and what is wrong."""
+        lane = self._lanes[channel]
+        found = _found(lane.under_way, number) or _found(lane.held, number)
+        if found is None:
+            if number < 0 and lane.channel.sender == ENVIRONMENT:
+                return _OPEN, ""
+            if 0 <= number <= lane.last:
+                return _OPEN, f"a message is received once, but {_named(channel, number)} was received or lost before"
+            return _OPEN, f"a message is sent before it is received, but {_named(channel, number)} was not"
+        gated = _is_gated(found.sender) or _is_gated(receiver)
+        if not gated and found in lane.under_way and lane.under_way[0] is not found:
+            first = _named(channel, lane.under_way[0].number)
+            return _OPEN, f"messages keep their order, but {_named(channel, number)} was received before {first}"
+        if gated:
+            ends = found.sender, receiver
+            if lane.taken.get(ends, -1) > found.order:
+                return _OPEN, f"messages keep their order, but {_named(channel, number)} was received late"
+            lane.taken[ends] = found.order
+        _forget(lane, found)
+        return found.contents, ""
+
+    def hold(self, channel: str, number: int) -> None:
+        """Note that the tester keeps a message back: others may pass it, and it takes no room."""
+        lane = self._lanes[channel]
+        found = _found(lane.under_way, number)
+        if found is not None:
+            _forget(lane, found)
+            lane.held.append(found)
+
+    def drop(self, channel: str, number: int) -> None:
+        """Note that a message was lost."""
+        lane = self._lanes[channel]
+        found = _found(lane.under_way, number) or _found(lane.held, number)
+        if found is not None:
+            _forget(lane, found)
+
+
+def _is_gated(component: str) -> bool:
+    return "#" in component
+
+
+def _found(messages: deque[_Under] | list[_Under], number: int) -> _Under | None:
+    for message in messages:
+        if message.number == number:
+            return message
+    return None
+
+
+def _forget(lane: _Lane, message: _Under) -> None:
+    if lane.under_way and lane.under_way[0] is message:
+        lane.under_way.popleft()
+    elif message in lane.under_way:
+        lane.under_way.remove(message)
+    else:
+        lane.held.remove(message)
+
+
+def _named(channel: str, number: int) -> str:
+    return f"message {number} of {channel}" if number >= 0 else f"a message of {channel}"
+
+
+def _is_service(cefsm: Cefsm, channel: Channel) -> bool:
+    ends = channel.receiver, channel.sender
+    if not channel.capacity:
+        return True
+    return bool(channel.topic) and any(
+        other.topic == channel.topic and (other.sender, other.receiver) == ends for other in cefsm.channels
+    )

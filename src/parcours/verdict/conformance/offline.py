@@ -1,0 +1,70 @@
+"""A whole trace and a model -> pass, fail or inconclusive, with the first deviation: what is online, offline."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+
+from parcours.model.structure import Cefsm
+from parcours.run.trace import Trace
+from parcours.verdict.conformance.behaviour import Allowance
+from parcours.verdict.conformance.checking import HIDDEN, NOTHING, Checker, Fields, no_fields
+from parcours.verdict.conformance.findings import Conformance
+from parcours.verdict.conformance.tracking import Observes
+from parcours.verdict.judgement import Judgement, Verdict
+
+
+def check(
+    trace: Trace,
+    cefsm: Cefsm,
+    *,
+    component: str | Collection[str] | None = None,
+    observes: Observes = "transitions",
+    quiescence: Mapping[str, int] | None = None,
+    allowance: Allowance = NOTHING,
+    hidden: int = HIDDEN,
+    fields: Fields = no_fields,
+    until: int | None = None,
+) -> Conformance:
+    """Return whether a whole trace is one that the model allows; the arguments are those of `Checker`.
+
+    Args:
+        until: how long the system was watched [ns]; to the last event if not given.
+
+    A trace in which the host itself stopped the case, or that shows none of the components, is inconclusive.
+
+    Raises:
+        BadRequest: a name is unknown, or a timeout is not above 0.
+    """
+    known = {each.name for each in cefsm.components}
+    seen = {event.component for event in trace.events if event.component in known}
+    if component is None and seen:
+        component = sorted(seen)
+    checker = Checker(
+        cefsm, component=component, observes=observes, quiescence=quiescence, allowance=allowance,
+        hidden=hidden, fields=fields,
+    )  # fmt: skip
+    number = 0
+    for event in trace.events:
+        number += 1
+        if checker.observe(event) is not None:
+            break
+    last = trace.events[-1].time if trace.events else 0
+    deviation = checker.finish(last if until is None else until)
+    if deviation is not None:
+        verdict = Verdict.INCONCLUSIVE if deviation.doubt else Verdict.FAIL
+        return Conformance(Judgement(verdict, str(deviation)), deviation, number, checker.n_outside)
+    return Conformance(_without_deviation(trace, checker, observes), None, number, checker.n_outside)
+
+
+def _without_deviation(trace: Trace, checker: Checker, observes: Observes) -> Judgement:
+    stopped = next((event for event in trace.events if event.kind == "deviation"), None)
+    if stopped is not None:
+        why = f"no deviation from the model up to {stopped.time / 1e6:.3f} ms, where the host stopped the case: "
+        return Judgement(Verdict.INCONCLUSIVE, f"{why}{stopped.component} {stopped.text}")
+    kinds = ("take",) if observes == "transitions" else ("send", "receive")
+    names = {event.component.partition("#")[0] for event in trace.events if event.kind in kinds}
+    shown = sorted(names & checker.components)
+    if not shown:
+        what = "transitions" if observes == "transitions" else "messages"
+        return Judgement(Verdict.INCONCLUSIVE, f"the trace shows no {what} of the model's components")
+    return Judgement(Verdict.PASS, f"{len(trace.events)} events of {', '.join(shown)} are as the model allows")

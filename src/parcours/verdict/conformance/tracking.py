@@ -1,0 +1,273 @@
+"""Observations of one component -> the set of states it may be in: each observation filters and advances the set.
+
+The sets are the states of a deterministic automaton that is built where traces lead, and kept: an observation
+seen before from the same set is one look-up.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator
+from typing import Literal, NamedTuple
+
+from parcours.model.configuration import Message
+from parcours.model.structure import Cefsm
+from parcours.verdict.conformance.behaviour import Allowance, Behaviour, State
+from parcours.verdict.conformance.findings import Expectation
+
+Observes = Literal["transitions", "messages"]
+
+_KEPT = 50_000
+_OPEN: tuple[Message, ...] = ((),)
+
+
+class Edge(NamedTuple):
+    """What an observation leads to.
+
+    `node` is None if it is not allowed, `contents` what a message sent may hold, `doubt` why there may be more states.
+    """
+
+    node: Node | None
+    contents: tuple[Message, ...]
+    doubt: str
+
+
+class Node:
+    """A set of states, what follows it, and what of it is known already.
+
+    Attributes:
+        states: where the component may stand.
+        doubt: why there may be more of them, reached by steps that nobody sees.
+        edges: what each observation so far led to.
+    """
+
+    __slots__ = ("_expected", "_owed", "doubt", "edges", "states")
+
+    def __init__(self, states: frozenset[State], doubt: str) -> None:
+        self.states, self.doubt = states, doubt
+        self.edges: dict[object, Edge] = {}
+        self._owed: dict[str, bool] = {}
+        self._expected: tuple[Expectation, ...] | None = None
+
+    def keep(self, key: object, edge: Edge) -> Edge:
+        """Remember where an observation leads, and return it."""
+        if len(self.edges) >= _KEPT:
+            self.edges.clear()
+        self.edges[key] = edge
+        return edge
+
+    def owed(self, channel: str, compute: Callable[[], bool]) -> bool:
+        """Return whether a message must come on the channel, remembered."""
+        if channel not in self._owed:
+            self._owed[channel] = compute()
+        return self._owed[channel]
+
+    def expected(self, compute: Callable[[], tuple[Expectation, ...]]) -> tuple[Expectation, ...]:
+        """Return what may come next, remembered."""
+        if self._expected is None:
+            self._expected = compute()
+        return self._expected
+
+
+class Tracker:
+    """All sets of states of one component that observations lead to.
+
+    Args:
+        behaviour: of the component.
+        observes: whether its transitions are reported, or only its messages.
+        hidden: most states that are followed through steps nobody sees.
+        apart: whether only one of its machines runs, nobody said which.
+    """
+
+    def __init__(self, behaviour: Behaviour, observes: Observes, hidden: int, *, apart: bool = False) -> None:
+        self.behaviour, self.observes, self._hidden = behaviour, observes, hidden
+        self._nodes: dict[frozenset[State], Node] = {}
+        self._debts: dict[tuple[State, str], bool] = {}
+        begin = self._node(behaviour.initial(apart=apart))
+        assert begin is not None
+        self.begin: Node = begin
+
+    def take(self, node: Node, id: str) -> Edge:
+        """Return what follows when the transition was taken."""
+        edge = node.edges.get(id)
+        if edge is None:
+            after = self._node(after for state in node.states for after in self.behaviour.take(state, id))
+            doubts = (self.behaviour.doubt(state, id) for state in node.states)
+            edge = node.keep(id, _edge(after, _OPEN, next((why for why in doubts if why), "")))
+        return edge
+
+    def send(self, node: Node, channel: str, observed: Message = ()) -> Edge:
+        """Return what follows when a message was sent, with the fields observed, or none."""
+        key = ("!", channel, observed)
+        edge = node.edges.get(key)
+        if edge is None:
+            after: list[State] = []
+            contents: dict[Message, None] = {}
+            for state in node.states:
+                sent = self.behaviour.send(state, channel)
+                if sent is not None and _agree(state.due[0][1], observed):
+                    after.append(sent)
+                    contents[observed or state.due[0][1]] = None
+                free = self.behaviour.send_unmodelled(state, channel)
+                if free is not None:
+                    after.append(free)
+                    contents[observed] = None
+            edge = node.keep(key, _edge(self._node(after), tuple(contents) or _OPEN))
+        return edge
+
+    def receive(self, node: Node, channel: str, contents: tuple[Message, ...] = _OPEN) -> Edge:
+        """Return what follows when a message was received; nothing may while a transition has yet to send."""
+        key = ("?", channel, contents)
+        edge = node.edges.get(key)
+        if edge is None:
+            ready = [state for state in node.states if self.observes == "messages" or not state.due]
+            after = self._node(self.behaviour.receive(state, channel, each) for state in ready for each in contents)
+            edge = node.keep(key, _edge(after, _OPEN))
+        return edge
+
+    def expected(self, node: Node) -> tuple[Expectation, ...]:
+        """Return what the model lets come next, sorted."""
+        return node.expected(lambda: tuple(sorted(set(self._expectations(node)), key=str)))
+
+    def owes(self, node: Node, channel: str) -> bool:
+        """Return whether a message must come on the channel, whatever the component does, if nothing else reaches it.
+
+        What can happen again and again is taken to happen: a loop that may be left is left.
+        """
+        return node.owed(channel, lambda: all(self._owes(state, channel) for state in node.states))
+
+    def _owes(self, state: State, channel: str) -> bool:
+        key = state, channel
+        if key not in self._debts:
+            if len(self._debts) >= _KEPT:
+                self._debts.clear()
+            self._debts[key] = self._is_owed(state, channel)
+        return self._debts[key]
+
+    def is_settled(self, node: Node) -> bool:
+        """Return whether the transition under way has sent all it must, in some state of the set."""
+        return any(not state.due for state in node.states)
+
+    def _expectations(self, node: Node) -> Iterator[Expectation]:
+        for state in node.states:
+            if state.due:
+                yield Expectation("send", *state.due[0])
+                continue
+            if self.observes == "transitions":
+                for id, _ in self.behaviour.taken(state):
+                    yield Expectation("take", id)
+            for channel in self.behaviour.awaits(state):
+                yield Expectation("receive", channel)
+            for channel in self.behaviour.allowance.unmodelled & self.behaviour.sends:
+                yield Expectation("send", channel)
+
+    def _node(self, states: Iterable[State]) -> Node | None:
+        found = dict.fromkeys(states)
+        doubt = self._close(found) if self.observes == "messages" else ""
+        if not found:
+            return None
+        key = frozenset(found)
+        node = self._nodes.get(key)
+        if node is None:
+            if len(self._nodes) >= _KEPT:
+                for old in self._nodes.values():
+                    old.edges.clear()
+                self._nodes.clear()
+            node = self._nodes[key] = Node(key, doubt)
+        return node
+
+    def _close(self, found: dict[State, None]) -> str:
+        # Adds what steps nobody sees lead to; says why there may be more.
+        waiting, doubt = list(found), ""
+        while waiting:
+            state = waiting.pop()
+            for id, after in self.behaviour.taken(state):
+                doubt = doubt or self.behaviour.doubt(state, id)
+                if after not in found:
+                    if len(found) >= self._hidden:
+                        return f"steps that nobody sees lead to more than {self._hidden} states"
+                    found[after] = None
+                    waiting.append(after)
+        return doubt
+
+    def _is_owed(self, begin: State, channel: str) -> bool:
+        before: dict[State, list[State]] = {begin: []}
+        sending: list[State] = []
+        waiting = [begin]
+        while waiting:
+            state = waiting.pop()
+            if state.due and state.due[0][0] == channel:
+                sending.append(state)
+                continue
+            sent = self.behaviour.send(state, state.due[0][0]) if state.due else None
+            follow = [sent] if sent is not None else [after for _, after in self.behaviour.taken(state)]
+            for after in follow:
+                if after not in before:
+                    if len(before) >= self._hidden:
+                        return False
+                    before[after] = []
+                    waiting.append(after)
+                before[after].append(state)
+        reached = set(sending)
+        while sending:
+            for state in before[sending.pop()]:
+                if state not in reached:
+                    reached.add(state)
+                    sending.append(state)
+        return len(reached) == len(before)
+
+
+class Trackers:
+    """The trackers of one model's components, made when they are asked for.
+
+    Args:
+        cefsm: a model without errors.
+        observes: whether transitions are reported, or only messages.
+        allowance: what is let pass beside the model.
+        hidden: most states that are followed through steps nobody sees.
+    """
+
+    def __init__(self, cefsm: Cefsm, observes: Observes, allowance: Allowance, hidden: int) -> None:
+        self.key = observes, allowance, hidden
+        self.cefsm = cefsm
+        self._behaviours = {each.name: Behaviour(cefsm, each.name, allowance) for each in cefsm.components}
+        self._made: dict[tuple[str, bool], Tracker] = {}
+
+    def of(self, component: str, *, apart: bool = False) -> Tracker:
+        """Return the tracker of a component, or `apart`, of one that runs one of its machines only."""
+        key = component, apart
+        if key not in self._made:
+            observes, _, hidden = self.key
+            self._made[key] = Tracker(self._behaviours[component], observes, hidden, apart=apart)
+        return self._made[key]
+
+
+_recent: list[Trackers] = []
+_RECENT = 4
+
+
+def trackers(cefsm: Cefsm, observes: Observes, allowance: Allowance, hidden: int) -> Trackers:
+    """Return the trackers of a model; those of models in use are kept, found by identity."""
+    for each in _recent:
+        if each.cefsm is cefsm and each.key == (observes, allowance, hidden):
+            return each
+    _recent.insert(0, Trackers(cefsm, observes, allowance, hidden))
+    del _recent[_RECENT:]
+    return _recent[0]
+
+
+def _edge(node: Node | None, contents: tuple[Message, ...], doubt: str = "") -> Edge:
+    return Edge(node, contents, doubt or (node.doubt if node is not None else ""))
+
+
+def _agree(said: Message, observed: Message) -> bool:
+    # Whether an observed message can be the one that the model says; reals as far as nine digits.
+    if not said or not observed:
+        return True
+    seen = dict(observed)
+    for name, value in said:
+        if name in seen and seen[name] != value:
+            other = seen[name]
+            if not (isinstance(value, float) and isinstance(other, int | float) and math.isclose(value, other)):
+                return False
+    return True
