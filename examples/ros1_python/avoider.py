@@ -13,6 +13,8 @@ from nav_msgs.srv import GetPlan, GetPlanResponse
 
 
 class Avoider:
+    """Keeps the obstacles, and answers."""
+
     def __init__(self):
         self.room = rospy.get_param("~obstacle_radius", 0.2) + rospy.get_param("~robot_radius", 0.2)
         self.margin = rospy.get_param("~margin", 0.15)
@@ -22,10 +24,12 @@ class Avoider:
         rospy.Service("/plan", GetPlan, self.on_plan)
 
     def on_obstacles(self, obstacles):
+        """Take up where obstacles are."""
         with self.lock:
             self.obstacles = [(pose.position.x, pose.position.y) for pose in obstacles.poses]
 
     def on_plan(self, request):
+        """Answer with a path of two or three corners."""
         start, goal = request.start.pose.position, request.goal.pose.position
         with self.lock:
             obstacles = list(self.obstacles)
@@ -51,9 +55,9 @@ class Avoider:
         for x, y in obstacles:
             along = (x - start.x) * ux + (y - start.y) * uy
             aside = (y - start.y) * ux - (x - start.x) * uy
-            if 0.0 < along < length and abs(aside) < self.room + self.margin:
-                if worst is None or abs(aside) < abs(worst[1]):
-                    worst = (along, aside)
+            is_near = 0.0 < along < length and abs(aside) < self.room + self.margin
+            if is_near and (worst is None or abs(aside) < abs(worst[1])):
+                worst = (along, aside)
         if worst is None:
             return []
         along, aside = worst

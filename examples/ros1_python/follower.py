@@ -1,8 +1,9 @@
 #!/usr/bin/env python3
 """Drives along the path that /plan gives, by /cmd_vel (geometry_msgs/Twist) at 20 Hz, and stops before obstacles.
 
-It asks for a new path once a second until it has arrived. If the planner does not answer, it goes on along the last path: from outside, a robot
-whose planner is dead looks as if all were well. /stopped (std_msgs/Bool) tells whether an obstacle keeps it from moving.
+It asks for a new path once a second until it has arrived. If the planner does not answer, it goes on along the last
+path: from outside, a robot whose planner is dead looks as if all were well. /stopped (std_msgs/Bool) tells whether an
+obstacle keeps it from moving.
 """
 
 import math
@@ -16,6 +17,8 @@ from std_msgs.msg import Bool
 
 
 class Follower:
+    """Keeps pose, goal, path and obstacles, and drives."""
+
     def __init__(self):
         self.speed = rospy.get_param("~speed", 0.25)
         self.turn_rate = rospy.get_param("~turn_rate", 1.5)
@@ -34,20 +37,24 @@ class Follower:
         rospy.Timer(rospy.Duration(0.05), self.drive)
 
     def on_odometry(self, odometry):
+        """Take up where the robot is."""
         position, turn = odometry.pose.pose.position, odometry.pose.pose.orientation
         with self.lock:
             self.pose = (position.x, position.y, 2.0 * math.atan2(turn.z, turn.w))
 
     def on_obstacles(self, obstacles):
+        """Take up where obstacles are."""
         with self.lock:
             self.obstacles = [(pose.position.x, pose.position.y) for pose in obstacles.poses]
 
     def on_goal(self, goal):
+        """Forget the old path, and ask for one to the new goal."""
         with self.lock:
             self.goal, self.path = goal, []
         self.ask(None)
 
     def ask(self, _event):
+        """Ask the planner for a path from here; keep the old one if it does not answer."""
         with self.lock:
             pose, goal = self.pose, self.goal
         if pose is None or goal is None:
@@ -65,6 +72,7 @@ class Follower:
                 self.path = [(p.pose.position.x, p.pose.position.y) for p in answer.plan.poses][1:]
 
     def drive(self, _event):
+        """Send one command: towards the next corner of the path, or nothing."""
         with self.lock:
             if self.pose is None:
                 return
@@ -85,6 +93,7 @@ class Follower:
         self.stops.publish(Bool(stopped))
 
     def is_ahead(self, x, y, heading, ox, oy):
+        """Return whether an obstacle is near, and before the robot."""
         bearing = math.remainder(math.atan2(oy - y, ox - x) - heading, 2.0 * math.pi)
         return math.hypot(ox - x, oy - y) < self.stop_distance and abs(bearing) < 0.8
 

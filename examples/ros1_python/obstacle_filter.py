@@ -11,12 +11,15 @@ from geometry_msgs.msg import PoseArray
 
 
 class ObstacleFilter:
+    """Passes on what is sound."""
+
     def __init__(self):
         self.least_gap = rospy.get_param("~least_gap", 0.05)
         self.publisher = rospy.Publisher("/obstacles", PoseArray, queue_size=1)
         rospy.Subscriber("/detections", PoseArray, self.on_detections, queue_size=1, tcp_nodelay=True)
 
     def on_detections(self, detections):
+        """Publish the sound ones among the detections, also if there are none."""
         kept = PoseArray(header=detections.header)
         for pose in detections.poses:
             x, y = pose.position.x, pose.position.y

@@ -102,7 +102,7 @@ def test_a_binding_says_what_its_file_says() -> None:
     ]
     system = binding.system
     assert system is not None
-    assert system.sense == (("odometry", pytest.approx(0.02)),)
+    assert dict(system.sense) == pytest.approx({"odometry": 0.02})
     assert (system.command.on, system.command.hold) == ("motion", 0.5)
     assert system.alarm is not None and system.alarm[0] == "alarm"
 
@@ -125,6 +125,7 @@ BAD = [
     ("{command: [./server]}", "{}", 8, "must have a command, or say 'running: true'", "binding-start"),
     ("{command: [./server]}", "{running: true}", 8, "'ros_node' must say by what name", "missing-key"),
     ("[./server]}", "[./s], ready: [{topic: /a, node: /b}]}", 8, "must name one of topic,", "binding-ready"),
+    ("{command: [./server]}", "{running: true, ros_node: /s, remap: true}", 8, "says 'remap: true'", "binding-start"),
     ("[./server]}", "[./s], timeout: soon}", 8, "must be a time above 0, such as 0.5 s, 20 ms", "value"),
     ("  order: {topic", "  ordr: {topic", 18, "did you mean 'order'?", "binding-unknown"),
     ("topic: /order,", "", 18, "must have a topic or a service, but has neither", "binding-address"),
@@ -202,6 +203,14 @@ def test_a_message_of_the_tester_without_content_is_warned_of_only() -> None:
     binding, found = check_binding(text, "pair_binding.yaml", MODEL)
     assert binding is not None
     assert [(one.severity, one.rule) for one in found] == [("warning", "binding-inject")]
+
+
+def test_a_channel_of_the_model_that_is_not_bound_is_warned_of_only() -> None:
+    text = "\n".join(line for line in TEXT.splitlines() if not line.startswith("  order:") and "order" not in line)
+    binding, found = check_binding(text, "pair_binding.yaml", MODEL)
+    assert binding is not None
+    assert [(one.severity, one.rule) for one in found] == [("warning", "binding-unbound")]
+    assert "'order'" in str(found[0])
 
 
 def test_a_missing_file_and_one_of_noise_are_refused(tmp_path: Path) -> None:

@@ -18,6 +18,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+from parcours.run.noise import Noise
 from parcours.run.recording import (
     Entry,
     Raw,
@@ -28,7 +29,7 @@ from parcours.run.recording import (
     write_mcap,
 )
 from parcours.run.recording.recorder import _Stream
-from parcours.run.trace import Kind, Noise, Trace, TraceEvent
+from parcours.run.trace import Kind, Trace, TraceEvent
 
 WRITE = {"mcap": write_mcap, "bag": write_bag}
 FORMATS = tuple(WRITE)
@@ -102,7 +103,7 @@ traces = st.builds(
     events=st.lists(occurrences(), max_size=12).map(lambda found: tuple(sorted(found, key=lambda e: e.time))),
     host=texts,
     case=texts,
-    noise=st.none() | st.builds(Noise, *[st.integers(0, 10**9)] * 4),
+    noise=st.none() | st.builds(Noise, st.lists(st.integers(0, 10**9), min_size=1).map(tuple), st.text()),
 )
 
 
@@ -174,7 +175,7 @@ def test_events_that_became_known_late_are_put_in_order_of_time(form: str, tmp_p
 
 @both
 def test_what_is_known_at_the_end_only_is_recorded_too(form: str, tmp_path: Path) -> None:
-    path, noise = tmp_path / f"run.{form}", Noise(1000, 40, 90, 7000)
+    path, noise = tmp_path / f"run.{form}", Noise((40, 90, 7000), "reading the clock")
     with Recorder(path, clock="wall", host="ros1", case="c-7", begin=1_700_000_000_000_000_000) as recorder:
         recorder.conclude(noise, {"verdict": "fail", "reason": "too late"})
     again = read_recording(path)

@@ -21,9 +21,10 @@ from rosbags.rosbag1 import Reader as RosbagsReader
 from rosbags.rosbag1 import Writer as RosbagsWriter
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
+from parcours.run.noise import Noise
 from parcours.run.recording import Entry, Raw, convert, read_recording, write_bag, write_mcap
 from parcours.run.recording.definition import md5_of
-from parcours.run.trace import Noise, Trace, TraceEvent
+from parcours.run.trace import Trace, TraceEvent
 
 BEGIN = 1_700_000_000_000_000_000
 WRITE = {"mcap": write_mcap, "bag": write_bag}
@@ -77,7 +78,7 @@ TRACE = Trace(
     ),
     "ros1",
     "case-1",
-    Noise(10, 1, 2, 3),
+    Noise((1, 2, 3), "1 round trip"),
 )
 TOPICS = ["/parcours/run", *["/best_trajectory", "/parcours/events"] * 2, "/parcours/events",
           "/cmd_vel", "/parcours/events", "/parcours/events", "/parcours/end"]  # fmt: skip
@@ -133,7 +134,7 @@ def test_the_reader_of_mcap_decodes_every_message_and_finds_all_sums_right(tmp_p
         )  # fmt: skip
         remarks = {one.name: one.metadata for one in reader.iter_metadata()}
     assert remarks["parcours.run"]["clock"] == "wall" and remarks["parcours.run"]["seed"] == "7"
-    assert remarks["parcours.end"] == {"events": "5", "noise": "[10, 1, 2, 3]"}
+    assert remarks["parcours.end"] == {"events": "5", "noise": '["1 round trip", 1, 2, 3]'}
 
 
 def test_the_reader_of_mcap_seeks_by_topic_and_time(tmp_path: Path) -> None:

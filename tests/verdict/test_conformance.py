@@ -105,6 +105,7 @@ def test_what_the_model_does_conforms() -> None:
         ((*ROUND[:4], "Server take refuse"), 4, "refuse cannot be taken here"),
         ((*ROUND[:3], "Server take refuse"), 3, "refuse cannot be taken here"),
         ((*ROUND[:2], "Client receive order 0"), 2, "Server receives order, not Client"),
+        (("environment send bill 0", ROUND[0], "Client receive bill 0"), 2, "received bill before it had sent what it"),
         ((*ROUND[:6], "Server take explode"), 6, "explode is no transition of Server"),
         ((*ROUND[:1],), 1, "the trace ends before it has sent what it must"),
         ((*ROUND[:2], "environment send order 1", "Server receive order 1"), 3, "messages keep their order"),
@@ -211,6 +212,19 @@ def test_between_instances_the_tester_hands_on_in_an_order_of_its_own() -> None:
         "Server#2 receive order 1", "Server#2 take accept", "Server#3 receive order 0", "Server#3 take accept",
     )  # fmt: skip
     assert check(trace(*lines), SHOP).judgement.passed
+
+
+def test_between_the_same_two_instances_messages_keep_their_order() -> None:
+    tell = ("Server#0 take tell", "Server#0 send news 0", "Server#0 take tell", "Server#0 send news 1")
+    assert check(trace(*tell, "Client#1 receive news 1", "Client#2 receive news 0"), SHOP).judgement.passed
+    found = check(trace(*tell, "Client#1 receive news 1", "Client#1 receive news 0"), SHOP)
+    found_at(found, 5, "message 0 of news was received late")
+
+
+def test_what_an_instance_sends_into_a_gate_takes_no_room() -> None:
+    paid = ("environment send bill 5", "Client#0 receive bill 5", "Client#0 take pay")
+    again = ("Client#0 take buy", "Client#0 send order 1")
+    assert check(trace("Client#0 take buy", "Client#0 send order 0", *paid, *again), SHOP).judgement.passed
 
 
 def test_where_the_host_stopped_the_case_nothing_is_decided() -> None:

@@ -56,8 +56,8 @@ class Instances(Protocol):
     def outcomes(self, patience: int) -> Sequence[tuple[int, Outcome]]:
         """Return (reference, outcome) of turns that are over, in each one's order; nothing after `patience` [ns]."""
 
-    def views(self) -> dict[int, object]:
-        """Return what the instances show of themselves, opened, by reference."""
+    def views(self) -> dict[int, tuple[str, object]]:
+        """Return what instances show of themselves, as sealed payloads of a channel, by reference."""
 
     def end(self) -> None:
         """Forget the case."""

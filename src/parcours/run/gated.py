@@ -9,22 +9,15 @@ instances are does not matter: in this process (`execute`), in others, or on ROS
 from __future__ import annotations
 
 from collections import Counter, deque
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 from parcours.abtc import Event
 from parcours.errors import BadRequest
-from parcours.run.clocks import Clock, ClockName, SimulatedClock
 from parcours.run.driving import PATIENCE, Instances, Turn
-from parcours.run.instance import Instance, Outcome
-from parcours.run.port import ENVIRONMENT, Component, Step
-from parcours.run.trace import Kind, Trace, TraceEvent
-
-Prompt = Callable[[Event, Component, int], Iterator[Step]]
-"""Moves an idle instance to a transition that no message starts: (event, instance, time [ns]) -> steps."""
-
-TICK = 1_000_000
-"""Simulated time between two events [ns]. A count of turns, no duration: simulated traces are never timed."""
+from parcours.run.instance import Outcome
+from parcours.run.port import ENVIRONMENT
+from parcours.run.trace import SHOWN, Kind, Trace, TraceEvent
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,12 +55,10 @@ class Execution:
 
     Attributes:
         disorder: which two events came in another order than the case demands; empty if none did.
-        views: what the instances showed of themselves at the end, by reference.
     """
 
     trace: Trace
     deviation: Deviation | None
-    views: dict[int, object] = field(repr=False)
     disorder: str = ""
 
     @property
@@ -79,42 +70,6 @@ class Execution:
 def instance_name(event: Event) -> str:
     """Return how the event's instance is called in a trace, e.g. Planner#2 for the third reference."""
     return f"{event.component}#{event.reference}"
-
-
-def wake_or_poll(event: Event, component: Component, now: int) -> Iterator[Step]:
-    """Wake the instance if its time has come, else poll it with nothing present."""
-    due = component.next_wake()
-    return component.wake(now) if due is not None and due <= now else component.handle(None, None, now)
-
-
-def execute(
-    events: Sequence[Event],
-    component: Callable[[str], Component],
-    supply: Callable[[Event], object],
-    *,
-    prompt: Prompt = wake_or_poll,
-    prepare: Callable[[Event, Component], None] | None = None,
-    view: Callable[[Component], object] = lambda component: component,
-    clock: Clock | None = None,
-    case: str = "",
-) -> Execution:
-    """Execute a serialised case in this process and return its trace and first deviation.
-
-    Args:
-        events: `serialise(abstract_case)`.
-        component: makes a fresh instance of the component with that name; called once a reference.
-        supply: the message that the environment gives to a receiving event, from the test's data.
-        prompt: starts a transition that no message starts. If what it starts yields none, and the instance
-            wants to wake later, time moves on to that wake.
-        prepare: called before every event with its instance, to set input variables.
-        view: what an instance shows of itself at the end; by default itself.
-        clock: simulated by default; with a WallClock durations are real.
-        case: id of the case, for the trace.
-
-    Raises:
-        BadRequest: an event receives from an event that is not before it.
-    """
-    return enforce(events, _Here(component, prompt, prepare, view, clock or SimulatedClock()), supply, case=case)
 
 
 def enforce(
@@ -153,6 +108,26 @@ def _check(events: Sequence[Event]) -> None:
             raise BadRequest("serialised case", rule, "use serialise()", slug="gate-order")
 
 
+def disorder(events: Sequence[Event], trace: Trace) -> str:
+    """Return the first pair of a case's events whose stamps are not in the order that the case demands, in words.
+
+    Empty if there is none. Each event is the next transition that its instance took.
+    """
+    stamps: dict[str, deque[int]] = {}
+    for one in trace.events:
+        if one.kind == "take":
+            stamps.setdefault(one.component, deque()).append(one.time)
+    done = {event.position: stamps[instance_name(event)].popleft() for event in events}
+    for event in events:
+        pairs = [(one, event.position) for one in event.after]
+        pairs += [(event.position, event.before)] if event.before is not None else []
+        for first, second in pairs:
+            late = done[first] - done[second]
+            if late > 0:
+                return f"event {first} must come before event {second}, but came {late} ns after it"
+    return ""
+
+
 class _DeviationError(Exception):
     def __init__(self, event: Event, expected: str, got: str) -> None:
         self.event, self.expected, self.got = event, expected, got
@@ -169,7 +144,7 @@ class _Enforcement:
             self._to_do.setdefault(event.reference, deque()).append(event)
         self._granted: dict[int, deque[Turn]] = {reference: deque() for reference in self._to_do}
         self._paths: dict[int, list[str]] = {reference: [] for reference in self._to_do}
-        self._done: dict[int, int] = {}
+        self._done: set[int] = set()
         self._barriers: dict[int, list[int]] = {}
         for event in events:
             if event.before is not None:
@@ -191,14 +166,14 @@ class _Enforcement:
                 self._grant()
                 self._listen()
         except _DeviationError as found:
-            self._record("deviation", found.event, text=f"expected {found.expected}, got {found.got}")
             path = tuple(self._paths[found.event.reference])
             deviation = Deviation(found.event, found.expected, found.got, path, self._held())
-        views = self._instances.views() if deviation is None else {}
+            self._record("deviation", found.event, text=str(deviation))
+        self._show(self._instances.views() if deviation is None else {})
         self._instances.end()
         events = sorted(map(self._opened, self._trace), key=lambda event: event.time)
         trace = Trace(self._instances.clock, tuple(events), f"{self._instances.label}, gated", self._case)
-        return Execution(trace, deviation, views, "" if deviation else self._disorder())
+        return Execution(trace, deviation, "" if deviation else disorder(self._events, trace))
 
     def _grant(self) -> None:
         """Grant every instance that has nothing under way as many turns as it may take now."""
@@ -268,7 +243,7 @@ class _Enforcement:
         self._record("take", event, outcome.time, transition=outcome.transition)
         self._emit(event, outcome)
         self._paths[event.reference].append(outcome.transition)
-        self._done[event.position] = outcome.time
+        self._done.add(event.position)
 
     def _emit(self, event: Event, outcome: Outcome) -> None:
         """Put what was sent into its gate, or hand it to the tester; the channels must be those demanded."""
@@ -289,19 +264,14 @@ class _Enforcement:
                 f"{event.transition} sending {_listed(given)}",
             )
 
-    def _disorder(self) -> str:
-        """Return the first pair of events whose stamps are not in the order that the case demands."""
-        for event in self._events:
-            pairs = [(one, event.position) for one in event.after]
-            pairs += [(event.position, event.before)] if event.before is not None else []
-            for first, second in pairs:
-                late = self._done[first] - self._done[second]
-                if late > 0:
-                    return f"event {first} must come before event {second}, but came {late} ns after it"
-        return ""
+    def _show(self, views: Mapping[int, tuple[str, object]]) -> None:
+        last = {event.reference: event for event in self._events}
+        for reference, (channel, payload) in views.items():
+            time = self._trace[-1].time
+            self._record("note", last[reference], time, channel=channel, text=SHOWN, payload=payload)
 
     def _opened(self, event: TraceEvent) -> TraceEvent:
-        if event.message < 0:
+        if not event.channel:
             return event
         return replace(event, payload=self._instances.opened(event.channel, event.payload))
 
@@ -319,66 +289,6 @@ class _Enforcement:
         name = ENVIRONMENT if event is None else instance_name(event)
         stamp = self._instances.now() if time is None else time
         self._trace.append(TraceEvent(stamp, kind, name, transition, channel, message, text, payload))
-
-
-class _Here:
-    """Instances in this process."""
-
-    ahead = False
-
-    def __init__(self, component: Callable[[str], Component], prompt: Prompt,
-                 prepare: Callable[[Event, Component], None] | None, view: Callable[[Component], object],
-                 clock: Clock) -> None:  # fmt: skip
-        self._make, self._prompt, self._prepare, self._clock = component, prompt, prepare, clock
-        self._view = view
-        self._instances: dict[int, Instance] = {}
-        self._outcomes: list[tuple[int, Outcome]] = []
-        self.label: str = "here"
-        self.clock: ClockName = clock.name
-
-    def begin(self, case: str, events: Sequence[Event]) -> None:
-        references = {event.reference: event.component for event in events}
-        self._instances = {reference: Instance(self._make(name)) for reference, name in references.items()}
-        self._clock.restart()
-        self._tick()
-
-    def now(self) -> int:
-        return self._clock.now()
-
-    def sealed(self, channel: str, payload: object) -> object:
-        return payload
-
-    def opened(self, channel: str, sealed: object) -> object:
-        return sealed
-
-    def grant(self, turns: Sequence[Turn]) -> None:
-        [turn] = turns
-        event, part = turn.event, self._instances[turn.event.reference]
-        if self._prepare is not None:
-            self._prepare(event, part.component)
-        if event.receives is None:
-            outcome = part.turn(event.transition, self._clock,
-                                prompt=lambda now: self._prompt(event, part.component, now))  # fmt: skip
-        else:
-            channel = event.receives.channel
-            outcome = part.turn(event.transition, self._clock,
-                                message=lambda now: part.component.handle(channel, turn.payload, now))  # fmt: skip
-        self._outcomes.append((event.reference, outcome))
-
-    def outcomes(self, patience: int) -> Sequence[tuple[int, Outcome]]:
-        over, self._outcomes = self._outcomes, []
-        self._tick()
-        return over
-
-    def _tick(self) -> None:
-        if self._clock.name == "simulated":
-            self._clock.advance(self._clock.now() + TICK)
-
-    def views(self) -> dict[int, object]:
-        return {reference: self._view(one.component) for reference, one in self._instances.items()}
-
-    def end(self) -> None:
-        self._instances.clear()
 
 
 def _listed(channels: Counter[str]) -> str:

@@ -55,6 +55,10 @@ class Noise:
             given = f"{self.times[0]} ns" if self.times else "none"
             raise BadRequest("noise", f"at least one sample, none below 0 ns, but {given} given", slug="noise-samples")
 
+    def listed(self) -> list[object]:
+        """Return it as a list that files may hold; `noise_of` reads it."""
+        return [self.of, *self.times]
+
     @property
     def samples(self) -> int:
         """How often it was measured."""
@@ -74,6 +78,18 @@ class Noise:
     def max(self) -> int:
         """The largest sample [ns]."""
         return self.times[-1]
+
+
+def noise_of(listed: object) -> Noise:
+    """Return the noise of a list that `Noise.listed` gave. Raises ValueError if it is none.
+
+    >>> noise_of(Noise((1, 5), "2 round trips").listed()).max
+    5
+    """
+    match listed:
+        case [str(of), int(), *_] if all(type(one) is int and one >= 0 for one in listed[1:]):
+            return Noise(tuple(listed[1:]), of)
+    raise ValueError("noise is what a sample was, and then its times")
 
 
 def pooled(parts: Iterable[Noise]) -> Noise:

@@ -15,13 +15,17 @@ from typing import Literal, get_args
 from parcours.errors import BadResults
 from parcours.run.atomic import write_atomically
 from parcours.run.clocks import ClockName
+from parcours.run.noise import Noise, noise_of
 
 Kind = Literal["take", "send", "receive", "hold", "release", "drop", "deviation", "note"]
 """take: a transition was completed. send, receive: a message left its sender, was taken up. hold, release: a
 gate kept a message back, let it go. drop: it was lost. deviation: something else than demanded. note: any
 remark."""
 
-FORMAT = "trace/1"
+FORMAT = "trace/2"
+SHOWN = "shown"
+"""The text of the note with which a gated case ends where an instance shows something of itself: channel, payload."""
+
 REPEAT = "repeat"
 """The text of the note that parts one repeat of an exercise from the next: no duration reaches across it."""
 
@@ -45,16 +49,6 @@ class TraceEvent:
     message: int = -1
     text: str = ""
     payload: object = field(default=None, compare=False, repr=False)
-
-
-@dataclass(frozen=True, slots=True)
-class Noise:
-    """How long reading the clock took in an empty loop in the same run: what the machine itself adds [ns]."""
-
-    samples: int
-    p50: int
-    p99: int
-    max: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,7 +133,7 @@ def write_trace(path: Path, trace: Trace) -> None:
 
 
 def _lines(trace: Trace) -> Iterator[str]:
-    noise = trace.noise and [trace.noise.samples, trace.noise.p50, trace.noise.p99, trace.noise.max]
+    noise = trace.noise and trace.noise.listed()
     head = {"parcours": FORMAT, "clock": trace.clock, "host": trace.host, "case": trace.case, "noise": noise}
     yield json.dumps(head)
     for e in trace.events:
@@ -178,8 +172,7 @@ def read_trace(path: Path) -> Trace:
             slug="trace-cut-short",
         )
     noise, clock, host, case = (head.get(key) for key in ("noise", "clock", "host", "case"))
-    sound = noise is None or (isinstance(noise, list) and len(noise) == 4 and all(type(n) is int for n in noise))
-    if not (isinstance(clock, str) and clock in _CLOCKS and sound and isinstance(host, str) and isinstance(case, str)):
+    if not (isinstance(clock, str) and clock in _CLOCKS and isinstance(host, str) and isinstance(case, str)):
         raise _malformed(path, 1, lines[0])
     events: list[TraceEvent] = []
     for number, line in enumerate(lines[1:-2], start=2):
@@ -191,7 +184,14 @@ def read_trace(path: Path) -> Trace:
                 "the file was edited or mixed up: run the case again",
                 slug="trace-backwards",
             )
-    return Trace(_CLOCKS[clock], tuple(events), host, case, noise and Noise(*noise))
+    return Trace(_CLOCKS[clock], tuple(events), host, case, _noise(path, lines[0], noise))
+
+
+def _noise(path: Path, line: str, given: object) -> Noise | None:
+    try:
+        return None if given is None else noise_of(given)
+    except ValueError as error:
+        raise _malformed(path, 1, line) from error
 
 
 def _tail(lines: list[str]) -> int | None:

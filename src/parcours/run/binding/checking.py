@@ -74,11 +74,14 @@ class _Check:
     def channels(self) -> None:
         for name, count in Counter(channel.name for channel in self.binding.channels).items():
             if count > 1:
-                rule = f"a name must be unique, but {name!r} stands under two of channels, observe and provide"
+                rule = f"a name must be unique, but {name!r} stands under two of channels, between, observe and provide"
                 self.add(self.bound[name].line, "duplicate", rule, "rename one")
         for channel in self.binding.channels:
             if channel.role != "model":
                 self.injection(channel, channel.role == "provide")
+                for end in channel.ends if channel.role == "between" else ():
+                    names = [node.name for node in self.binding.nodes]
+                    self.known(end, names, f"a node that {channel.name!r} is between", channel.line)
             elif self.known(channel.name, list(self.modelled), "a channel of the model", channel.line):
                 self.fields(channel)
                 self.injection(channel, self.is_ours(channel.name))
@@ -89,6 +92,12 @@ class _Check:
                 rule = f"{channel.address} must have one type, but is bound as {other.type} and as {channel.type}"
                 remedy = f"line {other.line} binds it first"
                 self.add(channel.line, "binding-address", rule, remedy)
+
+        for name, modelled in self.modelled.items():
+            ends = [self.binding.process_of(end) for end in (modelled.sender, modelled.receiver)]
+            if name not in self.bound and ends[0] is not ends[1]:
+                rule = f"nothing of channel {name!r} of the model will be seen, since it is not bound"
+                self.warn(0, "binding-unbound", rule, "add it to 'channels'")
 
     def fields(self, channel: BoundChannel) -> None:
         message = self.modelled[channel.name].message

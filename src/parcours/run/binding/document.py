@@ -14,13 +14,24 @@ from parcours.model.structure import Cefsm
 from parcours.run.binding.formulas import Formula, parse_formula
 from parcours.run.binding.quantities import plain
 from parcours.run.binding.schema import FORMAT, PartReader
-from parcours.run.binding.structure import Action, Binding, BoundChannel, Command, System
+from parcours.run.binding.structure import Action, Binding, BoundChannel, Command, Role, System
 
 QUANTITIES = ("radius", "v_max", "w_max", "a_max", "alpha_max")
 """What `robot` may say of the simulated robot [m, m/s, rad/s, m/s2, rad/s2]."""
 
 _OPTIONAL = (
-    *("doc", "master", "interfaces", "python_paths", "parameters", "constants", "data", "observe", "provide"),
+    *(
+        "doc",
+        "master",
+        "interfaces",
+        "python_paths",
+        "parameters",
+        "constants",
+        "data",
+        "between",
+        "observe",
+        "provide",
+    ),
     *("quiescence", "events", "inputs", "timing", "warm_up", "system", "before_case", "after_case"),
 )
 
@@ -76,16 +87,16 @@ class BindingReader(PartReader):
         return made if model is not None else None
 
     def channels(self, items: dict[str, Node]) -> tuple[BoundChannel, ...]:
-        """Return the entries of `channels`, then of `observe`, then of `provide`."""
+        """Return the entries of `channels`, then of `between`, of `observe` and of `provide`."""
         silence = self.duration(items.get("quiescence"), "'quiescence'", 0.5)
         found = [
             self.channel(name, value, line, "model", silence)
             for name, value, line in self.entries(items.get("channels"), "channels")
         ]
-        for name, value, line in self.entries(items.get("observe"), "topics to observe"):
-            found.append(self.channel(name, value, line, "observe", silence))
-        for name, value, line in self.entries(items.get("provide"), "topics to provide"):
-            found.append(self.channel(name, value, line, "provide", silence))
+        roles: tuple[Role, ...] = ("between", "observe", "provide")
+        for role in roles:
+            for name, value, line in self.entries(items.get(role), f"topics under {role!r}"):
+                found.append(self.channel(name, value, line, role, silence))
         return tuple(found)
 
     def model(self, node: Node) -> Cefsm | None:

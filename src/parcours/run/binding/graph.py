@@ -66,7 +66,7 @@ def _needs(channel: BoundChannel, route: Route, graph: Graph) -> list[tuple[str,
     needs = []
     if route.out:
         needs.append((route.out, graph.publishers, "publishes"))
-    if route.into and channel.role == "model":
+    if route.into and channel.role != "provide":
         needs.append((route.into, graph.subscribers, "subscribes to"))
     return needs
 

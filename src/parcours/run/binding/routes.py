@@ -74,11 +74,15 @@ class _Routing:
     def __init__(self, binding: Binding, absent: Collection[str]) -> None:
         self.binding = binding
         self.runs = {c: node for node in binding.nodes if node.name not in absent for c in node.components}
+        self.named = {node.name: node for node in binding.nodes if node.name not in absent}
         self.ends = {channel.name: (channel.sender, channel.receiver) for channel in binding.model.channels}
         self.shared = self.with_several_receivers()
         self.routes = tuple(self.route(channel) for channel in binding.channels)
 
     def nodes(self, channel: BoundChannel) -> tuple[Process | None, Process | None]:
+        if channel.role == "between":
+            sender, receiver = channel.ends
+            return self.named.get(sender), self.named.get(receiver)
         if channel.role != "model":
             return None, None
         sender, receiver = self.ends.get(channel.name, (ENVIRONMENT, ENVIRONMENT))
@@ -86,7 +90,7 @@ class _Routing:
 
     def access(self, channel: BoundChannel) -> Access:
         sender, receiver = self.nodes(channel)
-        if channel.role != "model":
+        if channel.role in ("observe", "provide"):
             return "observe" if channel.role == "observe" else "inject"
         if sender is None:
             return "inject"

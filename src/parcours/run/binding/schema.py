@@ -22,6 +22,7 @@ from parcours.run.binding.structure import (
     Part,
     Process,
     Ready,
+    Role,
     Transport,
     Value,
 )
@@ -93,6 +94,12 @@ class PartReader(QuantityReader):
                 f"{what} is not started here, so 'ros_node' must say by what name its life is seen, but it is missing"
             )
             self.add(node, "missing-key", rule, "add e.g. ros_node: /planner")
+        remap = self.boolean(items.get("remap"), f"'remap' of {what}", not running)
+        if running and remap:
+            rule = f"{what} is not started here, so no arguments can be appended, but it says 'remap: true'"
+            self.add(
+                items.get("remap"), "binding-start", rule, "remap it yourself, and say 'out' and 'in' of its channels"
+            )
         env = self.entries(items.get("env"), f"variables of {what}", self.label)
         components: tuple[str, ...] = (name,)
         if "components" in items:
@@ -105,7 +112,7 @@ class PartReader(QuantityReader):
             command,
             tuple((key, self.text(value, f"{key!r} of {what}")) for key, value, _ in env),
             self.path(items["cwd"], f"'cwd' of {what}") if "cwd" in items else self.here,
-            self.boolean(items.get("remap"), f"'remap' of {what}", not running),
+            remap,
             self.address(items["ros_node"], f"'ros_node' of {what}") if "ros_node" in items else "",
             self.ready(items, what, line),
             cast(Literal["when-dead", "every-case"], restart),
@@ -140,13 +147,13 @@ class PartReader(QuantityReader):
         self.add(node, "kind", f"{what} must be a single value, but is {shown(node)}")
         return 0
 
-    def channel(
-        self, name: str, node: Node, line: int, role: Literal["model", "observe", "provide"], silence: float
-    ) -> BoundChannel:
-        """Return an entry of `channels`, `observe` or `provide`."""
+    def channel(self, name: str, node: Node, line: int, role: Role, silence: float) -> BoundChannel:
+        """Return an entry of `channels`, `between`, `observe` or `provide`."""
         what = f"channel {name!r}" if role == "model" else f"{role!r} entry {name!r}"
-        ends = ("topic", "service", "part", "timeout") if role == "model" else ("topic",)
-        items = self.record(node, what, ("type",), (*_CHANNEL, *ends))
+        more = ("topic", "service", "part", "timeout") if role == "model" else ("topic",)
+        named = ("from", "to") if role == "between" else ()
+        items = self.record(node, what, ("type", *named), (*_CHANNEL, *more))
+        sender, receiver = (self.identifier(items.get(key), f"{key!r} of {what}") for key in ("from", "to"))
         part: Part = "topic"
         if ("topic" in items) == ("service" in items):
             rule = f"{what} must have a topic or a service, but has {'both' if 'topic' in items else 'neither'}"
@@ -175,6 +182,7 @@ class PartReader(QuantityReader):
             self.duration(items.get("quiescence"), f"'quiescence' of {what}", silence),
             self.duration(items.get("timeout"), f"'timeout' of {what}", 2.0),
             self.injection(items.get("inject"), what),
+            (sender, receiver),
             line,
         )
 

@@ -12,6 +12,9 @@ from parcours.run.binding.formulas import Formula
 from parcours.run.binding.places import Place
 
 Transport = Literal["ros1", "ros2"]
+Role = Literal["model", "between", "observe", "provide"]
+"""A channel of the model, or a topic beside it: relayed between two nodes, listened to, or published by the tester."""
+
 Part = Literal["topic", "request", "response"]
 """What a channel is on the wire: a topic, or one half of a service."""
 
@@ -81,7 +84,7 @@ class BoundChannel:
         address: the global name of the topic or service.
         type: e.g. `geometry_msgs/Twist`.
         part: a topic, or which half of the service.
-        role: `model`, or beside it: `observe` is listened to only, `provide` is published by the tester only.
+        role: whether it is a channel of the model, and if not, what is done with it.
         fields: (field of the model's message, formula over the places of the ROS message).
         queue: how many messages wait at either end.
         latch: whether the last message is given to those who come later.
@@ -91,13 +94,14 @@ class BoundChannel:
         quiescence: after how long without a message it counts as silent [s].
         timeout: how long a service may take [s].
         inject: how the tester makes its messages.
+        ends: the nodes that send and receive it, for role `between` only.
     """
 
     name: str
     address: str
     type: str
     part: Part = "topic"
-    role: Literal["model", "observe", "provide"] = "model"
+    role: Role = "model"
     fields: tuple[tuple[str, Formula], ...] = ()
     queue: int = 1
     latch: bool = False
@@ -107,6 +111,7 @@ class BoundChannel:
     quiescence: float = 0.5
     timeout: float = 2.0
     inject: Injection | None = None
+    ends: tuple[str, str] = ("", "")
     line: int = field(default=0, compare=False)
 
 

@@ -89,7 +89,7 @@ def _words(seed: int) -> Words:
 
 def _is_array(value: object) -> bool:
     if isinstance(value, np.ndarray):
-        return value.dtype.kind in "fiub" and value.ndim > 0
+        return np.result_type(value).kind in "fiub" and value.ndim > 0
     return isinstance(value, list | tuple) and all(isinstance(one, bool | int | float) for one in value)
 
 
@@ -117,7 +117,7 @@ def _changed(value: Any, way: How, words: Words) -> tuple[object, str]:
     if way == "length":
         shorter = len(value) > 0 and next(words) % 2 == 0
         if isinstance(value, np.ndarray):
-            tail = value[-1:] if len(value) else np.zeros((1, *value.shape[1:]), value.dtype)
+            tail = value[-1:] if len(value) else np.zeros((1, *value.shape[1:]), np.result_type(value))
             return (value[:-1].copy(), ", one less") if shorter else (np.concatenate([value, tail]), ", one more")
         extra = value[-1:] if len(value) else type(value)([0.0])
         return (value[:-1], ", one less") if shorter else (value + extra, ", one more")
@@ -125,7 +125,8 @@ def _changed(value: Any, way: How, words: Words) -> tuple[object, str]:
     if isinstance(value, np.ndarray):
         array = value.copy()
         spoilt, said = _WAYS[way](array.flat[place].item(), words)
-        info = np.iinfo(array.dtype) if array.dtype.kind in "iu" else None
+        kind = np.result_type(array)
+        info = np.iinfo(kind) if kind.kind in "iu" else None
         array.flat[place] = spoilt if info is None else min(max(int(spoilt), int(info.min)), int(info.max))
         return array, f"[{place}]{said}"
     spoilt, said = _WAYS[way](value[place], words)

@@ -134,16 +134,18 @@ class DrivenInstances:
                     over += ((reference, gone) for reference, name in self._nodes.items() if name == node)
         return over
 
-    def views(self) -> dict[int, object]:
+    def views(self) -> dict[int, tuple[str, object]]:
         """Ask every instance what it shows of itself."""
         for reference, node in self._nodes.items():
             self._fabric.command(node, Look(reference))
-        shown: dict[int, object] = {}
-        while len(shown) < len(self._nodes):
+        waiting = set(self._nodes)
+        shown: dict[int, tuple[str, object]] = {}
+        while waiting:
             _, said = self._next(set(self._nodes.values()))
             if isinstance(said, Shown):
-                wire = said.message
-                shown[said.reference] = None if wire is None else self._codec.decode(wire.channel, wire.data)
+                waiting.discard(said.reference)
+                if said.message is not None:
+                    shown[said.reference] = (said.message.channel, said.message.data)
         return shown
 
     def end(self) -> None:

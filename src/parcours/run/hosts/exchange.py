@@ -24,8 +24,9 @@ from parcours.run.faults import FaultPlan, FlatCodec
 from parcours.run.hosts.passage import Execution, Passage, Streams, at_once
 from parcours.run.hosts.seats import Answer, Answering, Lane, Message, Seat, silence
 from parcours.run.hosts.striking import Death, Striker
+from parcours.run.noise import Noise
 from parcours.run.port import ENVIRONMENT, Component, Link, LinkKind, Step
-from parcours.run.trace import Kind, Noise, Trace, TraceEvent
+from parcours.run.trace import Kind, Trace, TraceEvent
 
 _STRIKE, _END, _ARRIVE, _WAKE = range(-1, 3)
 _LIVELOCK = 100_000
@@ -163,7 +164,11 @@ class Exchange:
         if self._heap:
             self._clock.advance(until)
             return
-        stuck = [f"{seat.name} waits to send on {seat.waits}" for seat in self._seats.values() if seat.waits]
+        stuck = [
+            f"{seat.name} waits to send on {seat.waits}"
+            for seat in self._seats.values()
+            if seat.waits and not seat.dead
+        ]
         if stuck:
             self.note("deadlock: " + ", ".join(stuck))
         self._clock.rest(until)

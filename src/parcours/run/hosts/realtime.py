@@ -24,11 +24,15 @@ from parcours.run.hosts.frames import Broke, Died, Dropped, Idle, Ready, Receive
 from parcours.run.hosts.processes import ending
 from parcours.run.hosts.resident import Codec, Fabric
 from parcours.run.hosts.seats import Answer, Answering, silence
+from parcours.run.noise import Noise
 from parcours.run.port import ENVIRONMENT, Component, Link, Step
-from parcours.run.trace import Kind, Noise, Trace, TraceEvent
+from parcours.run.trace import Kind, Trace, TraceEvent
 
 _SIGNALS = {"stop": signal.SIGSTOP, "continue": signal.SIGCONT, "kill": signal.SIGKILL}
 _ANSWER = 10_000_000_000
+
+DIED = "died: "
+"""How the note begins that says how a component ended."""
 
 
 class RealTimeHost:
@@ -235,7 +239,7 @@ class RealTimeHost:
     def _bury(self, node: str, how: str, when: int) -> None:
         if node not in self.deaths:
             self.deaths[node] = how
-            self._record("note", max(when, 0), component=node, text=f"died: {how}")
+            self._record("note", max(when, 0), component=node, text=DIED + how)
 
     # Messages: from whoever sends, by their fate, to whoever receives.
 

@@ -18,8 +18,9 @@ from parcours.run.clocks import WallClock
 from parcours.run.hosts.exchange import Exchange
 from parcours.run.hosts.passage import Passage
 from parcours.run.hosts.seats import Answer, silence
+from parcours.run.noise import Noise
 from parcours.run.port import Component, Link
-from parcours.run.trace import REPEAT, Noise, Trace, TraceEvent
+from parcours.run.trace import REPEAT, Trace, TraceEvent
 
 
 class WallClockHost(Exchange):
@@ -98,7 +99,7 @@ def measure(
         elapsed = events[-1].time
         number = max(number, 1 + max(event.message for event in events[-len(one) :]))
     quiet += _empty_loop(noise_samples - noise_samples // 2)
-    return Trace("wall", tuple(events), host.label, noise=_noise(quiet))
+    return Trace("wall", tuple(events), host.label, noise=Noise(tuple(quiet), "reading the clock"))
 
 
 def _empty_loop(samples: int) -> list[int]:
@@ -106,9 +107,3 @@ def _empty_loop(samples: int) -> list[int]:
     for k in range(samples + 1):
         stamps[k] = time.perf_counter_ns()
     return [after - before for before, after in pairwise(stamps)]
-
-
-def _noise(times: list[int]) -> Noise:
-    ordered = sorted(times)
-    rank = min(len(ordered) - 1, int(0.99 * len(ordered)))
-    return Noise(len(ordered), ordered[len(ordered) // 2], ordered[rank], ordered[-1])

@@ -15,6 +15,7 @@ from typing import Any, get_args
 from parcours.errors import BadResults
 from parcours.run.atomic import write_atomically
 from parcours.run.clocks import ClockName
+from parcours.run.noise import Noise, noise_of
 from parcours.run.recording.bag import MAGIC as BAG_MAGIC
 from parcours.run.recording.bag import BagReader
 from parcours.run.recording.content import END, EVENT, EVENTS, FORMAT, RUN, TEXT
@@ -24,7 +25,7 @@ from parcours.run.recording.mcap import MAGIC as MCAP_MAGIC
 from parcours.run.recording.mcap import McapReader
 from parcours.run.recording.recorder import WRITERS
 from parcours.run.recording.topic import Raw, Reader, Topic, damaged, format_of
-from parcours.run.trace import Kind, Noise, Trace, TraceEvent
+from parcours.run.trace import Kind, Trace, TraceEvent
 
 MOST = 1 << 30
 """No more than this is read of a recording [bytes], unless asked for."""
@@ -213,11 +214,14 @@ class _Gathered:
         if ended is None:
             return None, (), f"the recording stops after {n} events" + (f": {cut}" if cut else "")
         numbers, wanted, left_out = (ended.get(key) for key in ("noise", "events", "left_out"))
-        sound = isinstance(numbers, list) and len(numbers) == 4 and all(type(one) is int for one in numbers)
-        if not (numbers is None or sound) or type(wanted) is not int or not isinstance(left_out, list):
-            raise damaged(self._where, "the message on /parcours/end does not say events, noise and left_out")
+        try:
+            noise = None if numbers is None else noise_of(numbers)
+        except ValueError as error:
+            raise damaged(self._where, f"the message on /parcours/end does not say the {error}") from error
+        if type(wanted) is not int or not isinstance(left_out, list):
+            raise damaged(self._where, "the message on /parcours/end does not say events and left_out")
         missing = "" if n == wanted else f"{n} of {wanted} events are there"
-        return Noise(*numbers) if isinstance(numbers, list) else None, tuple(map(str, left_out)), missing
+        return noise, tuple(map(str, left_out)), missing
 
     def _trace_events(self, codec: Codec | None) -> tuple[list[TraceEvent], int]:
         """Return the events in order of time, and how many payloads are lacking."""

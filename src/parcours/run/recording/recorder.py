@@ -14,12 +14,13 @@ from typing import BinaryIO, cast
 from parcours import __version__
 from parcours.run.atomic import unwritable, write_atomically
 from parcours.run.clocks import ClockName
+from parcours.run.noise import Noise
 from parcours.run.recording.bag import BagWriter
 from parcours.run.recording.content import BEGIN, END, EVENT, EVENTS, FORMAT, RUN, TEXT, Names
 from parcours.run.recording.layout import Codec, Layout
 from parcours.run.recording.mcap import McapWriter
 from parcours.run.recording.topic import Format, Raw, Topic, Writer, format_of, require_time
-from parcours.run.trace import Noise, Trace, TraceEvent
+from parcours.run.trace import Trace, TraceEvent
 
 _REMEMBERED = 1024
 """Of so many messages on their way the payload is known; later it would be written again."""
@@ -209,7 +210,7 @@ class _Stream:
 
     def end(self, noise: Noise | None, about: Mapping[str, str]) -> None:
         known = dict(about)
-        numbers = noise and [noise.samples, noise.p50, noise.p99, noise.max]
+        numbers = noise and noise.listed()
         said = {"events": self._n, "noise": numbers, "left_out": sorted(self._left_out), "about": known}
         self.writer.write(END, self._last + 1, TEXT.pack((json.dumps(said),)))
         self.writer.remark("parcours.end", {**known, "events": str(self._n), "noise": json.dumps(numbers)})

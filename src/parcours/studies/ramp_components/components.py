@@ -112,6 +112,6 @@ PROMPT_OF: Mapping[str, str] = {
 """Transition -> its prompt; of others, poll."""
 
 
-def followed_by(component: Component) -> object:
-    """Return the TRAJECTORY that a Control follows; of other components None."""
-    return component.trajectory if isinstance(component, Control) else None
+def view(component: Component) -> tuple[str, object] | None:
+    """Return the trajectory that a Control follows, as a message of `best_trajectory`; of other components None."""
+    return ("best_trajectory", component.trajectory.copy()) if isinstance(component, Control) else None

@@ -1,4 +1,4 @@
-"""Expected results of Table VIII: executed interaction of RAMP components -> pass or fail, and why."""
+"""Expected results of Table VIII: the trace of an interaction of RAMP components -> pass or fail, and why."""
 
 from __future__ import annotations
 
@@ -16,43 +16,42 @@ from parcours.planners.ramp.messages import (
 )
 from parcours.planners.ramp.population import SAME_PATH
 from parcours.planners.ramp.trajectory import samples
-from parcours.run.gated import Execution
+from parcours.run.trace import SHOWN, Trace
 from parcours.verdict.judgement import Judgement, Verdict
 
-Oracle = Callable[[Execution], Judgement]
+Oracle = Callable[[Trace], Judgement]
 
 
-def _sent(execution: Execution, channel: str) -> list[object]:
+def _sent(trace: Trace, channel: str) -> list[object]:
     """Return what the components sent on a channel."""
-    events = execution.trace.events
-    return [e.payload for e in events if e.kind == "send" and e.channel == channel and "#" in e.component]
+    return [e.payload for e in trace.events if e.kind == "send" and e.channel == channel and "#" in e.component]
 
 
 def _judge(holds: bool, why: str) -> Judgement:
     return Judgement(Verdict.PASS if holds else Verdict.FAIL, why)
 
 
-def trajectory_size(execution: Execution) -> Judgement:
+def trajectory_size(trace: Trace) -> Judgement:
     """ITP1: 10 <= size(trajectory) <= 500."""
-    answers = [m for m in _sent(execution, "trajectory_response") if isinstance(m, TrajectoryResponse)]
+    answers = [m for m in _sent(trace, "trajectory_response") if isinstance(m, TrajectoryResponse)]
     sizes = [int(n) for answer in answers for n in answer.trajectories["n"]]
     holds = bool(sizes) and all(10 <= n <= 500 for n in sizes)
     return _judge(holds, f"sizes of the trajectories: {', '.join(map(str, sizes)) or 'none came'}; 10..500 expected")
 
 
-def fitness_range(execution: Execution) -> Judgement:
+def fitness_range(trace: Trace) -> Judgement:
     """ITP2: 0 < fitness <= 2."""
-    answers = [m for m in _sent(execution, "evaluation_response") if isinstance(m, EvaluationResponse)]
+    answers = [m for m in _sent(trace, "evaluation_response") if isinstance(m, EvaluationResponse)]
     values = np.concatenate([answer.fitness for answer in answers]) if answers else np.zeros(0)
     holds = values.size > 0 and bool(np.all((values > 0.0) & (values <= 2.0)))
     spread = f"{values.min():.4g} to {values.max():.4g}" if values.size else "none came"
     return _judge(holds, f"fitness of {values.size} trajectories: {spread}; above 0, at most 2 expected")
 
 
-def path_is_modified(execution: Execution) -> Judgement:
+def path_is_modified(trace: Trace) -> Judgement:
     """ITP3: modified path != previous path."""
-    requests = [m for m in _sent(execution, "modification_request") if isinstance(m, ModificationRequest)]
-    answers = [m for m in _sent(execution, "modification_response") if isinstance(m, ModificationResponse)]
+    requests = [m for m in _sent(trace, "modification_request") if isinstance(m, ModificationRequest)]
+    answers = [m for m in _sent(trace, "modification_response") if isinstance(m, ModificationResponse)]
     moved = 0.0
     holds = bool(requests) and bool(answers)
     for answer in answers:
@@ -67,9 +66,9 @@ def path_is_modified(execution: Execution) -> Judgement:
     )
 
 
-def state_is_sent(execution: Execution) -> Judgement:
+def state_is_sent(trace: Trace) -> Judgement:
     """ITP4: latest motion state != null."""
-    states = [m for m in _sent(execution, "update") if isinstance(m, Report)]
+    states = [m for m in _sent(trace, "update") if isinstance(m, Report)]
     holds = bool(states) and all(np.isfinite(list(state.pose)).all() for state in states)
     return _judge(holds, f"{len(states)} motion states were sent, all of finite numbers")
 
@@ -79,17 +78,18 @@ def _same_motion(one: Record, other: Record) -> bool:
     return len(one) == len(other) and all(np.array_equal(one[name], other[name]) for name in ("x", "y", "heading"))
 
 
-def control_follows(execution: Execution) -> Judgement:
+def control_follows(trace: Trace) -> Judgement:
     """ITP5: control <- trajectory."""
-    followed = [shown for shown in execution.views.values() if isinstance(shown, np.void) and shown["n"] > 0]
-    sent: list[Record] = _sent(execution, "best_trajectory")
+    shown = [e.payload for e in trace.events if e.kind == "note" and e.text == SHOWN and e.channel == "best_trajectory"]
+    followed = [one for one in shown if isinstance(one, np.void) and one["n"] > 0]
+    sent: list[Record] = _sent(trace, "best_trajectory")
     holds = any(_same_motion(samples(t), samples(m)) for t in followed for m in sent)
     return _judge(holds, f"{len(sent)} best trajectories were sent, {len(followed)} controls follow one")
 
 
-def state_changes(execution: Execution) -> Judgement:
+def state_changes(trace: Trace) -> Judgement:
     """ITP6: the latest motion state is changed."""
-    states = [m.pose for m in _sent(execution, "update") if isinstance(m, Report)]
+    states = [m.pose for m in _sent(trace, "update") if isinstance(m, Report)]
     distance = max((float(np.hypot(s.x - states[0].x, s.y - states[0].y)) for s in states), default=0.0)
     return _judge(distance > 0.0, f"{len(states)} motion states, the last {distance:.3g} m from the first")
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import msgspec
 
-from parcours.planners.ramp.wire import decode, encode
+from parcours.planners.ramp.wire import FORMS, Field, decode, encode, flatten, restore
 from parcours.run.port import Component, Step
-from parcours.studies.ramp_components.components import PROMPTS, component_of, followed_by, parameters_of
+from parcours.studies.ramp_components.components import PROMPTS, component_of, parameters_of, view
 from parcours.suite import Case
 
 
@@ -22,6 +22,18 @@ class RampCodec:
     def decode(self, channel: str, data: bytes) -> object:
         """Return the payload. Raises BadRequest, naming channel and field, if these bytes are none."""
         return decode(channel, data)
+
+    def form(self, channel: str) -> Sequence[Field] | None:
+        """Return the fields of the channel's messages; None if RAMP has no such channel."""
+        return FORMS.get(channel)
+
+    def flatten(self, channel: str, payload: object) -> tuple[object, ...]:
+        """Return the payload's fields."""
+        return flatten(channel, payload)
+
+    def restore(self, channel: str, values: Sequence[object]) -> object:
+        """Return the payload of these fields. Raises BadRequest if they make none."""
+        return restore(channel, values)
 
 
 class ComponentResident(RampCodec):
@@ -45,5 +57,4 @@ class ComponentResident(RampCodec):
 
     def view(self, component: Component) -> tuple[str, object] | None:
         """Return the trajectory that a Control follows."""
-        followed = followed_by(component)
-        return None if followed is None else ("best_trajectory", followed)
+        return view(component)

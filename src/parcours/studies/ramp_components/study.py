@@ -10,11 +10,13 @@ import numpy as np
 
 from parcours.abtc import AbstractCase, Event, abstract_cases, serialise
 from parcours.run.clocks import Clock, WallClock
-from parcours.run.gated import Execution, enforce, execute
+from parcours.run.gated import Execution, disorder, enforce, instance_name
+from parcours.run.here import execute
 from parcours.run.hosts.driven import DrivenInstances
 from parcours.run.hosts.resident import Fabric
 from parcours.run.noise import Noise, NoiseMeter
-from parcours.studies.ramp_components.components import followed_by
+from parcours.run.trace import Trace, transitions
+from parcours.studies.ramp_components.components import view
 from parcours.studies.ramp_components.model import component_inputs, component_model
 from parcours.studies.ramp_components.oracles import ORACLES
 from parcours.studies.ramp_components.resident import RampCodec
@@ -81,7 +83,7 @@ def here(clock: Callable[[], Clock] | None = None) -> Execute:
         tester = ComponentTester(case)
         return execute(
             _events(case.abstract), tester.component, tester.supply, prompt=tester.move, prepare=tester.prepare,
-            view=followed_by, clock=clock() if clock else None, case=case.id,
+            view=view, clock=clock() if clock else None, case=case.id,
         )  # fmt: skip
 
     return run
@@ -118,11 +120,23 @@ def run_functional(case: Case, execute: Execute | None = None) -> Functional:
     A case whose order could not be enforced is inconclusive, whatever came of it.
     """
     execution = (execute or here())(case)
-    if execution.deviation is not None:
-        return Functional(case, execution, Judgement(Verdict.FAIL, str(execution.deviation)))
-    if execution.disorder:
-        return Functional(case, execution, Judgement(Verdict.INCONCLUSIVE, f"order not enforced: {execution.disorder}"))
-    return Functional(case, execution, ORACLES[interaction_of(case)](execution))
+    return Functional(case, execution, judge_trace(case, execution.trace))
+
+
+def judge_trace(case: Case, trace: Trace) -> Judgement:
+    """Judge a case by its trace alone: did it deviate, was its order kept, does Table VIII's expectation hold."""
+    deviation = next((event.text for event in trace.events if event.kind == "deviation"), "")
+    if deviation:
+        return Judgement(Verdict.FAIL, deviation)
+    events = _events(case.abstract)
+    for instance in dict.fromkeys(map(instance_name, events)):
+        wanted = tuple(event.transition for event in events if instance_name(event) == instance)
+        if (taken := transitions(trace, instance)) != wanted:
+            rule = f"{instance} must take {' '.join(wanted)}, but the trace says {' '.join(taken) or 'nothing'}"
+            return Judgement(Verdict.FAIL, rule)
+    if found := disorder(events, trace):
+        return Judgement(Verdict.INCONCLUSIVE, f"order not enforced: {found}")
+    return ORACLES[interaction_of(case)](trace)
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,6 +173,7 @@ def run_timing(
     repeats: int = REPEATS,
     percent: float = 95.0,
     warm_up: int = 3,
+    listener: Callable[[Case, Trace], None] = lambda case, trace: None,
     progress: Callable[[int], None] = lambda done: None,
 ) -> Iterator[Timing]:
     """Yield the timing results of the paper's sample of cases, interaction path by interaction path.
@@ -168,6 +183,7 @@ def run_timing(
         execute: by default in this process on the wall clock.
         repeats: of each case, beside `warm_up` that are forgotten.
         percent: so many of all repeats must stay within the limit [%].
+        listener: told of each repeat that counts.
         progress: told how many cases are measured.
     """
     execute = execute or here(WallClock)
@@ -180,10 +196,12 @@ def run_timing(
             for case in cases:
                 taken = []
                 for repeat in range(warm_up + repeats):
-                    taken.append(_timed(execute(case)))
+                    execution = execute(case)
                     if repeat >= warm_up:
                         meter.sample()
-                measured.append(tuple(taken[warm_up:]))
+                        taken.append(duration_of(execution.trace))
+                        listener(case, execution.trace)
+                measured.append(tuple(taken))
                 done += 1
                 progress(done)
         noise = meter.noise()
@@ -192,5 +210,6 @@ def run_timing(
             yield Timing(case, bound, durations, noise, judge(durations, bound, noise))
 
 
-def _timed(execution: Execution) -> int:
-    return duration(execution.trace) if execution.completed else NEVER
+def duration_of(trace: Trace) -> int:
+    """Return how long a repeat took [ns]; `NEVER` if it deviated."""
+    return NEVER if any(event.kind == "deviation" for event in trace.events) else duration(trace)

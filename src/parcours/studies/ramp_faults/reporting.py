@@ -27,9 +27,10 @@ _GROUPS = {"topics": "Messages sent unasked", "services": "Questions and answers
 
 _NOTE = (
     "Cases per fault and outcome. *Not struck*: nothing was sent that the fault could befall. *No effect*: the goal "
-    "within 1 s of when it is reached without the fault. *Recovers*: later, after the fault is over. *Late*: later, with it still in force. *Stops safely*: stands without "
-    "contact while the fault is in force. *Stuck*: stands though the fault is over. *Coasts*: the goal, with a "
-    "component dead. *Runs on*: still moves at the end. *Contact*: the robot, moving, closed the gap to an obstacle. "
+    "within 1 s of when it is reached without the fault. *Recovers*: later, after the fault is over. *Late*: later, "
+    "with it still in force. *Stops safely*: stands without contact while the fault is in force. *Stuck*: stands "
+    "though the fault is over. *Coasts*: the goal, with a component dead. *Runs on*: still moves at the end. "
+    "*Contact*: the robot, moving, closed the gap to an obstacle. "
     "*Rest after*: the longest time from the fault, or a death by it, until a robot that stops or is stuck stood. "
     "*Died*: components that raised because of a message, in so many cases."
 )

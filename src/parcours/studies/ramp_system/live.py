@@ -17,16 +17,16 @@ from numpy.typing import NDArray
 from parcours.arena.world import advance
 from parcours.kernels import Record
 from parcours.planners.ramp.control import COMMAND_PERIOD, Control
-from parcours.planners.ramp.messages import Step
+from parcours.planners.ramp.messages import Report
 from parcours.planners.ramp.path_modification import PathModification
 from parcours.planners.ramp.planner import Planner
 from parcours.planners.ramp.sensing import Sensing
 from parcours.planners.ramp.trajectory_evaluation import TrajectoryEvaluation
 from parcours.planners.ramp.trajectory_generator import TrajectoryGenerator
 from parcours.run.faults import FaultPlan
-from parcours.run.hosts.realtime import RealTimeHost
+from parcours.run.hosts.realtime import DIED, RealTimeHost
 from parcours.run.hosts.resident import Fabric
-from parcours.run.port import Component
+from parcours.run.port import Component, Step
 from parcours.run.trace import Trace, TraceEvent
 from parcours.studies.ramp_components.resident import RampCodec
 from parcours.studies.ramp_system.component_form import World, begin_world, start_pose, system_links
@@ -79,7 +79,7 @@ class SystemResident(RampCodec):
 
     def prompt(self, name: str, component: Component, now: int) -> Iterator[Step]:
         """Poll; system cases prompt nobody."""
-        return component.handle(None, None, now)  # type: ignore[return-value]
+        return component.handle(None, None, now)
 
     def view(self, component: Component) -> tuple[str, object] | None:
         """Show nothing."""
@@ -87,47 +87,46 @@ class SystemResident(RampCodec):
 
 
 class Observer:
-    """A component of the tester's that takes part in nothing, follows robot and obstacles, and sees the case end.
+    """Follows robot and obstacles whenever the world is about to go on, and sees the case end.
 
     Args:
-        world: whom it follows.
-        limit: end of the test [ns].
+        study: the case is of.
+        number: of the case.
+
+    Attributes:
+        world: the component whom it follows.
+        ended: whether the goal is reached, or the time is over.
     """
 
-    name = "Observer"
-
-    def __init__(self, world: World, limit: int) -> None:
-        self._world, self._limit = world, limit
-        self.facts = np.zeros(1, FACTS).view(np.recarray)[0]
-        self.reset()
-
-    def reset(self) -> None:
-        """Forget everything seen."""
-        self._next = 0
+    def __init__(self, study: SystemStudy, number: int) -> None:
+        self._limit = int(study.setting().limit)
+        self._number, self._next = number, 0
         self._entries: list[tuple[float, ...]] = []
         self._places: list[list[float]] = []
+        self._facts = np.zeros(1, FACTS)
         self.ended = False
+        self.world = World(begin_world(study), study.cases.obstacles(np.array([number]))[0], self.look)
 
-    def next_wake(self) -> int | None:
-        """The next entry of the track."""
-        return None if self.ended else self._next
-
-    def wake(self, now: int) -> Iterator[Step]:
-        """Look at robot and obstacles; see whether the goal is reached or the time is over."""
-        self._next = now - now % COMMAND_PERIOD + COMMAND_PERIOD
-        body = self._world
-        advance(body.world, body.obstacles, min(now, self._limit))
-        robot, obstacles = body.world["robot"], body.obstacles
-        self._entries.append((now, *(float(robot[name]) for name in ("x", "y", "heading", "v", "w")), 0))
-        self._places.append([value for pair in zip(obstacles["x"], obstacles["y"], strict=True) for value in pair])
-        if now >= self._limit or body.world["t_goal"] != NEVER:
-            freeze_world(body.world, obstacles, self.facts)
+    def look(self, now: int) -> None:
+        """See how things stand at `now` [ns]."""
+        if self.ended:
+            return
+        world, obstacles = self.world.world, self.world.obstacles
+        advance(world, obstacles, min(now, self._limit))
+        if now >= self._next:
+            self._next = now - now % COMMAND_PERIOD + COMMAND_PERIOD
+            robot = world["robot"]
+            self._entries.append((now, *(float(robot[name]) for name in ("x", "y", "heading", "v", "w")), 0))
+            self._places.append([value for pair in zip(obstacles["x"], obstacles["y"], strict=True) for value in pair])
+        if now >= self._limit or world["t_goal"] != NEVER:
+            facts = self._facts.view(np.recarray)[0]
+            freeze_world(world, obstacles, facts)
+            self._facts[0] = facts
             self.ended = True
-        yield from ()
 
-    def handle(self, channel: str | None, message: object, now: int) -> Iterator[Step]:
-        """Do nothing."""
-        return iter(())
+    def facts(self, trace: Trace) -> NDArray[np.void]:
+        """Return the facts, array of FACTS of shape (1,), completed by what the messages say."""
+        return _facts(self._facts, self._number, trace)
 
     def track(self) -> tuple[NDArray[np.void], NDArray[np.float64]]:
         """Return the robot's track, array of TRACK of shape (n,), and the obstacles' places, (n, n_obstacles, 2)."""
@@ -176,16 +175,10 @@ def run_live(
         BadRequest: a fault names what RAMP does not have.
         HostFailure: a node does not come to rest, or is gone before the case begins.
     """
-    setting = study.setting()
-    body = World(begin_world(study), study.cases.obstacles(np.array([number]))[0], lambda now: None)
-    observer = Observer(body, int(setting.limit))
-    told: Told = {
-        "schedule": study.parameters.schedule,
-        "seed": study.cases.seed,
-        "number": number,
-    }
+    observer = Observer(study, number)
+    told: Told = {"schedule": study.parameters.schedule, "seed": study.cases.seed, "number": number}
     host = RealTimeHost(
-        fabric, system_links(), RampCodec(), case=msgspec.json.encode(told), local=(body, observer), faults=faults,
+        fabric, system_links(), RampCodec(), case=msgspec.json.encode(told), local=(observer.world,), faults=faults,
         listener=listener,
     )  # fmt: skip
     until = 0
@@ -194,9 +187,30 @@ def run_live(
         host.run(until)
     trace = host.trace(study.cases.id(number))
     host.rest()
-    facts = _facts(observer.facts, number, trace)
-    track, places = observer.track()
-    return LiveRun(facts, track, places, trace, host.deaths, judge_live(facts, host.deaths))
+    facts = observer.facts(trace)
+    return LiveRun(facts, *observer.track(), trace, host.deaths, judge_live(facts, host.deaths))
+
+
+def rerun(study: SystemStudy, number: int, trace: Trace) -> LiveRun:
+    """Return a run made anew from its trace: the same world, driven by the commands that reached it when they did.
+
+    Args:
+        study: of the case.
+        number: of the case.
+        trace: with payloads.
+    """
+    observer = Observer(study, number)
+    deaths = {event.component: event.text.removeprefix(DIED) for event in trace.events
+              if event.kind == "note" and event.text.startswith(DIED)}  # fmt: skip
+    for event in trace.events:
+        if event.kind == "send" and event.channel == "pose" and isinstance(event.payload, Report):
+            for _ in observer.world.wake(event.payload.stamp):
+                pass
+        elif event.kind == "receive" and event.channel == "cmd_vel":
+            for _ in observer.world.handle("cmd_vel", event.payload, event.time):
+                pass
+    facts = observer.facts(trace)
+    return LiveRun(facts, *observer.track(), trace, deaths, judge_live(facts, deaths))
 
 
 def judge_live(facts: NDArray[np.void], deaths: dict[str, str]) -> Judgement:
@@ -209,10 +223,8 @@ def judge_live(facts: NDArray[np.void], deaths: dict[str, str]) -> Judgement:
     return Judgement(VERDICT_OF[outcome], why)
 
 
-def _facts(seen: Record, number: int, trace: Trace) -> NDArray[np.void]:
-    """Return the facts, completed by what the messages say."""
-    facts = np.zeros(1, FACTS)
-    facts[0] = seen
+def _facts(seen: NDArray[np.void], number: int, trace: Trace) -> NDArray[np.void]:
+    facts = seen.copy()
     facts["number"], facts["t_goal_after"], facts["t_last_moving"] = number, NEVER, NEVER
     halted, since, total = False, 0, 0
     for event in trace.events:

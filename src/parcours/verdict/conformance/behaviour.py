@@ -11,9 +11,6 @@ from parcours.model.configuration import Configuration, Message
 from parcours.model.steps import Steps
 from parcours.model.structure import BASE_TYPES, Cefsm, Component, Machine, Receive, Transition
 
-MANY = 8
-"""Unread messages of one channel that are told apart; behind them there may be any number more."""
-
 _OTHERS = "the others"
 _ROOM = 1 << 20
 _REMEMBERED = 200_000
@@ -62,6 +59,7 @@ class Behaviour:
         cefsm: a model without errors.
         component: its name there.
         allowance: what is let pass beside the model.
+        unread: so many unread messages of a channel are counted; beyond them there may be any number more.
 
     Attributes:
         reads: channels that some transition receives from, the order of `State.inbox`.
@@ -71,8 +69,8 @@ class Behaviour:
         BadRequest: an allowance names a channel that does not exist.
     """
 
-    def __init__(self, cefsm: Cefsm, component: str, allowance: Allowance) -> None:
-        self.name, self.allowance = component, allowance
+    def __init__(self, cefsm: Cefsm, component: str, allowance: Allowance, unread: int) -> None:
+        self.name, self.allowance, self._unread = component, allowance, unread
         own = cefsm.component(component)
         names = [channel.name for channel in cefsm.channels]
         for name in sorted(allowance.unmodelled - set(names)):
@@ -115,7 +113,10 @@ class Behaviour:
     def content(self, channel: str, fields: dict[str, object]) -> Message:
         """Return the observed fields of a message that guards can read, as the model's steps want them."""
         known = self._fields.get(channel, frozenset())
-        return tuple(sorted((name, value) for name, value in fields.items() if name in known))
+        scalars = (bool, int, float, str)
+        return tuple(
+            sorted((name, value) for name, value in fields.items() if name in known and isinstance(value, scalars))
+        )
 
     def take(self, state: State, id: str) -> Iterator[State]:
         """Yield the states after the transition `id`; none if it cannot be taken."""
@@ -172,8 +173,8 @@ class Behaviour:
         if at is None:
             return state
         waiting = state.inbox[at]
-        if len(waiting) >= MANY:
-            return state._replace(inbox=_with(state.inbox, at, (*((),) * MANY, _MORE)))
+        if len(waiting) >= self._unread:
+            return state._replace(inbox=_with(state.inbox, at, (*((),) * self._unread, _MORE)))
         return state._replace(inbox=_with(state.inbox, at, (*waiting, content)))
 
     def send(self, state: State, channel: str) -> State | None:

@@ -122,6 +122,9 @@ class Checker:
 
         Args:
             event: the next one, times never decreasing.
+
+        Raises:
+            BadModel: a guard of the model has no value where the system stands.
         """
         if self.deviation is not None:
             return self.deviation

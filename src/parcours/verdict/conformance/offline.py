@@ -34,6 +34,7 @@ def check(
 
     Raises:
         BadRequest: a name is unknown, or a timeout is not above 0.
+        BadModel: a guard of the model has no value where the system stands.
     """
     known = {each.name for each in cefsm.components}
     seen = {event.component for event in trace.events if event.component in known}

@@ -17,6 +17,9 @@ from parcours.verdict.conformance.findings import Expectation
 
 Observes = Literal["transitions", "messages"]
 
+UNREAD: dict[Observes, int] = {"transitions": 64, "messages": 8}
+"""Unread messages of one channel that are counted: few, where each may or may not have been taken up unseen."""
+
 _KEPT = 50_000
 _OPEN: tuple[Message, ...] = ((),)
 
@@ -230,7 +233,9 @@ class Trackers:
     def __init__(self, cefsm: Cefsm, observes: Observes, allowance: Allowance, hidden: int) -> None:
         self.key = observes, allowance, hidden
         self.cefsm = cefsm
-        self._behaviours = {each.name: Behaviour(cefsm, each.name, allowance) for each in cefsm.components}
+        self._behaviours = {
+            each.name: Behaviour(cefsm, each.name, allowance, UNREAD[observes]) for each in cefsm.components
+        }
         self._made: dict[tuple[str, bool], Tracker] = {}
 
     def of(self, component: str, *, apart: bool = False) -> Tracker:

@@ -24,13 +24,12 @@ from parcours.run.hosts.frames import (
     Took,
     Turned,
     Wire,
-    packed,
     report,
 )
 from parcours.run.hosts.launching import Processes
 from parcours.run.hosts.processes import ending
 from parcours.run.hosts.resident import Node
-from parcours.run.hosts.ros2.line import CALL, Ros2Line
+from parcours.run.hosts.ros2.line import CALL, Ros2Line, commands
 from parcours.run.hosts.ros2.names import Part, Route, Topic, command_topic, report_topic, routes
 from parcours.run.hosts.ros2.participant import Caller, Participant, Reply, Sender, Subscription
 
@@ -75,6 +74,7 @@ class Ros2Fabric:
         self._callers: dict[str, Caller] = {}
         self._calls: dict[str, deque[Reply]] = {}
         self._answers: dict[str, deque[bytes]] = {}
+        self._unsent: dict[str, list[Command]] = {}
         self._dead: set[str] = set()
         self._dying: dict[str, int] = {}
         self._watched = 0
@@ -144,9 +144,9 @@ class Ros2Fabric:
         return self._processes.pids()
 
     def command(self, node: str, command: Command) -> None:
-        """Tell a node; one that has ended hears nothing."""
+        """Tell a node; one that has ended hears nothing. It leaves with the next `poll`, with all else for that node."""
         if node not in self._dead:
-            self._commands[node].send(packed(command))
+            self._unsent.setdefault(node, []).append(command)
 
     def deliver(self, channel: str, number: int, data: bytes) -> None:
         """Let the message reach the channel's receiver, if it is a node."""
@@ -163,10 +163,11 @@ class Ros2Fabric:
         else:
             self._answers[channel].append(data)
             announced = CALL
-        self._commands[route.receiver].send(packed(Deliver(number, Wire(channel, announced))))
+        self.command(route.receiver, Deliver(number, Wire(channel, announced)))
 
     def poll(self, until: int) -> Sequence[tuple[str, Report]]:
         """Return what nodes have said, waiting until the monotonic clock shows `until` [ns]."""
+        self._flush()
         while not self._said:
             now = time.perf_counter_ns()
             if now >= self._watched:
@@ -177,6 +178,12 @@ class Ros2Fabric:
         said = list(self._said)
         self._said.clear()
         return said
+
+    def _flush(self) -> None:
+        """Send commands, those for one node in one message: a message costs as much as what it carries."""
+        for node, told in self._unsent.items():
+            self._commands[node].send(commands(told))
+        self._unsent.clear()
 
     def _watch(self, now: int) -> None:
         """Look who has ended; that is said a little later, since its last words may be under way."""
@@ -234,7 +241,8 @@ class Ros2Fabric:
                     calls.popleft()(None)
 
     def signal(self, node: str, signal: int) -> None:
-        """Send the node's process a signal."""
+        """Send the node's process a signal, after all that it was told before."""
+        self._flush()
         self._processes.signal(node, signal)
 
     def close(self) -> None:
@@ -246,6 +254,7 @@ class Ros2Fabric:
             self._processes.signal(node, signal.SIGCONT)
             self._decline(node)
             self.command(node, Quit())
+        self._flush()
         self._processes.stop()
         self._participant.close()
         self._dead.update(self._incomplete)

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
+import msgspec
 from msgspec import structs
 
 from parcours.errors import HostFailure
@@ -34,6 +35,11 @@ CALL = b"call"
 """In the announcement of a response that answers nothing: the node must call first, so that there is something to answer."""
 
 
+def commands(told: Sequence[Command]) -> bytes:
+    """Return the message that tells a node all these commands, one after the other."""
+    return msgspec.msgpack.encode([msgspec.Raw(packed(one)) for one in told])
+
+
 class Ros2Line:
     """A node's end of the fabric.
 
@@ -56,7 +62,7 @@ class Ros2Line:
         self._callers: dict[str, Caller] = {}
         self._unanswered: dict[str, deque[Reply]] = {}
         self._reports = self._participant.publish(report_topic(self._node), "report")
-        heard = self._participant.subscribe(command_topic(self._node), lambda data: self._commands.append(command(data)))
+        heard = self._participant.subscribe(command_topic(self._node), self._hear)
         self._ends: list[Sender | Subscription | Caller] = [self._reports, heard]
         for route in self._routes.values():
             if route.receiver == self._node:
@@ -64,6 +70,9 @@ class Ros2Line:
             if route.sender == self._node:
                 self._speak(route)
         self._await_tester()
+
+    def _hear(self, data: bytes) -> None:
+        self._commands.extend(map(command, msgspec.msgpack.decode(data, type=list[msgspec.Raw])))
 
     def _listen(self, route: Route) -> None:
         messages = self._messages.setdefault(route.channel, deque())

@@ -11,11 +11,11 @@ import binascii
 import contextlib
 import os
 import time
-from array import array
 from collections.abc import Callable
 from typing import Any
 
 from parcours.errors import HostFailure
+from parcours.run.hosts.ros2.cdr import read, writer
 
 DEPTH = 10_000
 """So many messages wait for a reader that is slow, or frozen, before the oldest are lost."""
@@ -64,19 +64,19 @@ class Participant:
         """Advertise a topic whose messages have that name."""
         from std_msgs.msg import UInt8MultiArray
 
-        return Sender(self.node.create_publisher(UInt8MultiArray, topic, _quality()), message)
+        return Sender(self.node.create_publisher(UInt8MultiArray, topic, _quality()), writer(message))
 
     def subscribe(self, topic: str, heard: Heard) -> Subscription:
         """Call `heard` with the bytes of each message."""
         from std_msgs.msg import UInt8MultiArray
 
-        subscription = self.node.create_subscription(UInt8MultiArray, topic, lambda message: None, _quality())
+        subscription = self.node.create_subscription(UInt8MultiArray, topic, lambda message: None, _quality(), raw=True)
 
         def take() -> bool:
-            taken = subscription.handle.take_message(UInt8MultiArray, False)
+            taken = subscription.handle.take_message(UInt8MultiArray, True)
             if taken is None:
                 return False
-            heard(taken[0].data.tobytes())
+            heard(read(taken[0]))
             return True
 
         self._add("subscription", subscription, take)
@@ -182,19 +182,12 @@ Reply = Callable[[bytes | None], None]
 class Sender:
     """A publisher of bytes."""
 
-    def __init__(self, publisher: Any, message: str) -> None:
-        from std_msgs.msg import MultiArrayDimension, UInt8MultiArray
-
-        self._publisher = publisher
-        self._message = UInt8MultiArray()
-        self._size = MultiArrayDimension(label=message)
-        self._message.layout.dim = [self._size]
+    def __init__(self, publisher: Any, write: Callable[[bytes], bytes]) -> None:
+        self._publisher, self._write = publisher, write
 
     def send(self, data: bytes) -> None:
         """Publish."""
-        self._size.size = self._size.stride = len(data)
-        self._message.data = array("B", data)
-        self._publisher.publish(self._message)
+        self._publisher.publish(self._write(data))
 
     @property
     def is_matched(self) -> bool:

@@ -1,0 +1,137 @@
+"""The graph's XML-RPC: a name at a master, what it offers and wants there, and what others ask of it.
+
+Only while a graph forms, and for its tools; messages travel by `streams`.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import threading
+from collections.abc import Callable, Mapping, Sequence
+from http.client import HTTPConnection, HTTPException
+from socketserver import ThreadingMixIn
+from typing import Any, NoReturn
+from urllib.parse import urlsplit
+from xml.parsers.expat import ExpatError
+from xmlrpc.client import Error as RpcError
+from xmlrpc.client import dumps, loads
+from xmlrpc.server import SimpleXMLRPCServer
+
+from parcours.errors import HostFailure
+from parcours.run.hosts.ros1.master import LOOPBACK
+
+WITHIN = 5.0
+"""So long anybody may take to answer [s]."""
+
+_LONGEST_ANSWER = 4_000_000
+
+
+def ask(uri: str, method: str, *arguments: object, within: float = WITHIN) -> Any:
+    """Return what a node or the master answers, the third of its triple.
+
+    Args:
+        uri: http://host:port.
+        method: of the ROS 1 master or slave API.
+        within: how long to wait [s].
+
+    Raises:
+        HostFailure: nobody answers there, or not as ROS does, or the answer is a refusal.
+    """
+    code, text, value = _triple(uri, method, _asked(uri, method, arguments, within))
+    if code != 1:
+        _fail(uri, method, text)
+    return value
+
+
+def ask_all(uri: str, calls: Sequence[tuple[str, Sequence[object]]], within: float = WITHIN) -> list[Any]:
+    """Return the answers to several (method, arguments) of the master at once; None for what is refused.
+
+    Raises:
+        HostFailure: nobody answers there, or not as ROS does.
+    """
+    if not calls:
+        return []
+    many = [{"methodName": method, "params": list(arguments)} for method, arguments in calls]
+    answers = _asked(uri, "system.multicall", (many,), within)
+    found: list[Any] = []
+    for (method, _), answer in zip(calls, answers, strict=True):
+        code, _text, value = _triple(uri, method, answer[0] if isinstance(answer, list) else answer)
+        found.append(value if code == 1 else None)
+    return found
+
+
+def _asked(uri: str, method: str, arguments: Sequence[object], within: float) -> Any:
+    parts = urlsplit(uri)
+    connection = HTTPConnection(parts.hostname or "", parts.port, timeout=within)
+    try:
+        connection.request("POST", "/RPC2", dumps(tuple(arguments), method), {"Content-Type": "text/xml"})
+        (answer,), _ = loads(connection.getresponse().read(_LONGEST_ANSWER), use_builtin_types=True)
+    except OSError as error:
+        _fail(uri, method, error.strerror or str(error) or "silence")
+    except (HTTPException, RpcError, ExpatError, ValueError, TypeError) as error:
+        _fail(uri, method, f"what answers there is not ROS: {error!r:.80}")
+    finally:
+        connection.close()
+    return answer
+
+
+def _triple(uri: str, method: str, answer: Any) -> tuple[int, str, Any]:
+    if isinstance(answer, list | tuple) and len(answer) == 3:
+        return answer[0], str(answer[1]), answer[2]
+    _fail(uri, method, f"it answers {answer!r:.80}")
+
+
+def _fail(uri: str, method: str, what: str) -> NoReturn:
+    raise HostFailure(f"ROS 1 at {uri}", f"must answer {method}, but: {what}", "is it still running?",
+                      slug="ros1-answer")  # fmt: skip
+
+
+class _Server(ThreadingMixIn, SimpleXMLRPCServer):
+    """Threads, since a node that asks another may be asked by it meanwhile."""
+
+    daemon_threads = True
+    block_on_close = False
+
+
+Answers = Mapping[str, Callable[..., object]]
+"""Method -> its answer; a HostFailure is told as a refusal."""
+
+
+class Slave:
+    """A name's end of the graph: it answers, on loopback, in threads of its own.
+
+    Args:
+        answers: beside those that every node gives; without the caller's name as first argument.
+    """
+
+    def __init__(self, master: str, answers: Answers) -> None:
+        self._server = _Server((LOOPBACK, 0), allow_none=True, logRequests=False)
+        self.uri = f"http://{LOOPBACK}:{self._server.server_address[1]}/"
+        usual: dict[str, Callable[..., object]] = {
+            "getPid": os.getpid,
+            "getMasterUri": lambda: master,
+            "getBusStats": lambda: [[], [], []],
+            "paramUpdate": lambda key, value: 0,
+        }
+        for name, answer in {**usual, **answers}.items():
+            self._server.register_function(_method(answer), name)
+        self._thread = threading.Thread(target=self._server.serve_forever, args=(0.05,), daemon=True, name="ros1-graph")
+        self._thread.start()
+
+    def close(self) -> None:
+        """Answer no more."""
+        self._server.shutdown()
+        self._thread.join()
+        with contextlib.suppress(OSError):
+            self._server.server_close()
+
+
+def _method(answer: Callable[..., object]) -> Callable[..., object]:
+    def method(caller: str, *arguments: object) -> list[object]:
+        try:
+            return [1, "", answer(*arguments)]
+        except HostFailure as refused:
+            return [-1, str(refused), 0]
+
+    return method

@@ -1,0 +1,206 @@
+"""The ROS 2 host: nodes live, are watched, are frozen and killed, and leave nothing behind."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Sequence
+from functools import partial
+from pathlib import Path
+
+import pytest
+from tests_ros2.conftest import lives, soon
+
+from parcours.errors import BadRequest, HostFailure
+from parcours.run.hosts.battery import DUTIES, Counting, Host, Sink, Source
+from parcours.run.hosts.frames import Deliver, Died, Idle, Ready, Received, Rest, Run, Took, Wire
+from parcours.run.hosts.realtime import RealTimeHost
+from parcours.run.hosts.resident import Plain, nodes_of
+from parcours.run.hosts.ros2.fabric import Ros2Fabric
+from parcours.run.hosts.ros2.names import Topic
+from parcours.run.hosts.seats import Answer
+from parcours.run.port import ENVIRONMENT, Component, Link
+
+DESK = (Link("ask", ENVIRONMENT, "Counting", 1000), Link("answer", "Counting", ENVIRONMENT, 1000))
+TOYS = "parcours.run.hosts.toys:resident"
+
+
+def toys(component: str) -> Plain:
+    return Plain(component, {"Source": partial(Source, period=1_000_000), "Sink": Sink, "Counting": Counting})
+
+
+def toy_host(components: Sequence[Component], links: Sequence[Link], tester: Answer) -> Host:
+    names = [part.name for part in components]
+    return RealTimeHost(Ros2Fabric(nodes_of(links, names, TOYS)), links, toys(""), environment=tester)
+
+
+def desk(topics: dict[str, Topic] | None = None) -> Ros2Fabric:
+    return Ros2Fabric(nodes_of(DESK, ["Counting"], TOYS), topics)
+
+
+def heard(fabric: Ros2Fabric, last: type, within: float = 5.0) -> list[object]:
+    """Return what the one node says, up to the first report of that kind."""
+    said: list[object] = []
+    until = time.perf_counter_ns() + int(within * 1e9)
+    while time.perf_counter_ns() < until:
+        for _, report in fabric.poll(until):
+            said.append(report)
+            if isinstance(report, last):
+                return said
+    raise AssertionError(f"no {last.__name__}, only {said}")
+
+
+@pytest.mark.parametrize("duty", DUTIES.values(), ids=DUTIES)
+def test_it_does_what_every_host_owes(duty: Callable[..., None]) -> None:
+    duty(toy_host)
+
+
+def test_a_killed_node_is_noticed_after_its_last_words() -> None:
+    fabric = desk()
+    fabric.command("Counting", Run(b"", time.perf_counter_ns()))
+    heard(fabric, Idle)
+    fabric.deliver("ask", 0, toys("").encode("ask", "a"))
+    fabric.poll(time.perf_counter_ns() + 100_000)
+    fabric.signal("Counting", signal.SIGSTOP)
+    fabric.signal("Counting", signal.SIGKILL)
+    *_, died = heard(fabric, Died)
+    fabric.close()
+    assert isinstance(died, Died) and died.status == -signal.SIGKILL
+
+
+def test_what_a_node_has_said_before_it_ended_is_heard() -> None:
+    fabric = desk()
+    fabric.command("Counting", Run(b"", time.perf_counter_ns()))
+    heard(fabric, Idle)
+    fabric.deliver("ask", 7, toys("").encode("ask", "a"))
+    fabric.poll(time.perf_counter_ns())
+    time.sleep(0.2)  # it answers, and the tester does not listen yet
+    fabric.signal("Counting", signal.SIGKILL)
+    assert soon(lambda: not lives(fabric.pids["Counting"]))
+    said = heard(fabric, Died)
+    fabric.close()
+    assert [type(one) for one in said] == [Received, Took, Idle, Died]
+
+
+def test_a_frozen_node_takes_up_afterwards_all_that_it_was_sent() -> None:
+    fabric = desk()
+    fabric.command("Counting", Run(b"", time.perf_counter_ns()))
+    heard(fabric, Idle)
+    fabric.signal("Counting", signal.SIGSTOP)
+    for number in range(500):
+        fabric.deliver("ask", number, toys("").encode("ask", "x" * 1000))
+    assert not fabric.poll(time.perf_counter_ns() + 100_000_000)
+    fabric.signal("Counting", signal.SIGCONT)
+    said = heard(fabric, Idle)
+    fabric.close()
+    assert [one.number for one in said if isinstance(one, Received)] == list(range(500))
+    assert [toys("").decode("answer", one.sends[0].data) for one in said if isinstance(one, Took)] == [
+        *range(1, 501)
+    ]
+
+
+def test_no_process_no_thread_and_no_shared_memory_is_left() -> None:
+    desk().close()  # libraries keep some threads from their first use on
+    threads, files = _threads(), _shared_memory()
+    fabric = desk()
+    [pid] = fabric.pids.values()
+    assert _threads() > threads
+    fabric.signal("Counting", signal.SIGKILL)
+    fabric.close()
+    fabric.close()
+    assert not lives(pid)
+    assert soon(lambda: _threads() == threads)
+    assert _shared_memory() == files
+
+
+def _threads() -> int:
+    return len(list(Path("/proc/self/task").iterdir()))
+
+
+def _shared_memory() -> set[str]:
+    return {entry.name for entry in Path("/dev/shm").glob("*fast*")}
+
+
+def test_no_node_outlives_a_tester_that_is_killed() -> None:
+    program = (
+        "from tests_ros2.test_host import desk\n"
+        "import time\n"
+        "if __name__ == '__main__':\n"
+        "    print(desk().pids['Counting'], flush=True)\n"
+        "    time.sleep(60)\n"
+    )
+    tester = subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE, text=True,
+                              cwd=Path(__file__).parent.parent)  # fmt: skip
+    assert tester.stdout is not None
+    pid = int(tester.stdout.readline())
+    assert lives(pid)
+    tester.kill()
+    tester.wait()
+    tester.stdout.close()
+    assert soon(lambda: not lives(pid))
+
+
+def test_several_graphs_of_one_machine_do_not_hear_each_other() -> None:
+    one = Ros2Fabric(nodes_of(DESK, ["Counting"], TOYS), domain=50)
+    other = Ros2Fabric(nodes_of(DESK, ["Counting"], TOYS), domain=51)
+    one.command("Counting", Rest())
+    heard(one, Ready)
+    assert not other.poll(time.perf_counter_ns() + 50_000_000)
+    one.close()
+    other.close()
+
+
+def test_a_domain_that_does_not_exist_is_refused() -> None:
+    with pytest.raises(HostFailure, match="domain 9999.*ros2-domain"):
+        Ros2Fabric(nodes_of(DESK, ["Counting"], TOYS), domain=9999)
+
+
+def test_channels_that_would_share_a_topic_are_refused() -> None:
+    with pytest.raises(BadRequest, match="ask, answer.*ros2-topic-shared"):
+        three = (*DESK, Link("more", ENVIRONMENT, "Counting"))
+        Ros2Fabric(nodes_of(three, ["Counting"], TOYS), {link.channel: Topic("/desk") for link in three})
+
+
+def test_a_resident_that_is_not_there_ends_the_start() -> None:
+    began = time.monotonic()
+    with pytest.raises(HostFailure, match="Counting.*node-start"):
+        Ros2Fabric(nodes_of(DESK, ["Counting"], "parcours.run.hosts.toys:nobody"))
+    assert time.monotonic() - began < 20
+
+
+def test_messages_travel_on_the_topics_that_the_model_names() -> None:
+    fabric = desk({"ask": Topic("/obstacles", "ObstacleList"), "answer": Topic("/update", "MotionState")})
+    try:
+        fabric.command("Counting", Run(b"", time.perf_counter_ns()))
+        heard(fabric, Idle)
+        listing = _listing()
+        assert {"/obstacles", "/parcours/out/update", "/parcours/Counting/command", "/parcours/Counting/report"} <= set(
+            listing
+        )
+        assert listing["/obstacles"] == ["std_msgs/msg/UInt8MultiArray"]
+    finally:
+        fabric.close()
+
+
+def _listing() -> dict[str, list[str]]:
+    """Return the graph's topics as any other node sees them."""
+    from parcours.run.hosts.ros2.participant import Participant
+
+    onlooker = Participant("onlooker")
+    try:
+        assert soon(lambda: any(name == "/obstacles" for name, _ in onlooker.node.get_topic_names_and_types()))
+        return dict(onlooker.node.get_topic_names_and_types())
+    finally:
+        onlooker.close()
+
+
+def test_without_a_number_the_domain_is_that_of_the_environment() -> None:
+    assert os.environ.get("ROS_DOMAIN_ID")
+    fabric = desk()
+    fabric.deliver("nobody knows it", 0, b"x")
+    fabric.deliver("answer", 0, b"x")
+    fabric.command("Counting", Deliver(1, Wire("ask")))
+    fabric.close()
