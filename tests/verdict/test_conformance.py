@@ -243,5 +243,7 @@ def test_names_that_do_not_exist_are_refused() -> None:
         Checker(SHOP, component="Cook")
     with pytest.raises(BadRequest, match=r"only a channel can be late, but 'bil' is none; did you mean 'bill'"):
         Checker(SHOP, quiescence={"bil": 1})
+    with pytest.raises(BadRequest, match=r"must be a known name, but 'everything' was given.*unknown-observation"):
+        Checker(SHOP, observes="everything")  # type: ignore[arg-type]
     with pytest.raises(BadRequest, match=r"a timeout is above 0, but 0 ns is given"):
         Checker(SHOP, quiescence={"bill": 0})

@@ -22,6 +22,8 @@ COMMANDS = {
     "export": "A suite as test scripts of other tools.",
     "suite": "Write the executable cases of a study to a file.",
     "run": "Execute a study and keep its results.",
+    "recording": "What a recording of a run holds; one format into the other.",
+    "judge": "Recordings of real-time runs, judged again.",
     "report": "Results of campaigns as tables, HTML and JUnit.",
     "compare": "Planners on the same cases, with paired tests.",
     "planner": "Check a planner of your own.",

@@ -18,7 +18,7 @@ _SYSTEM = "parcours.studies.ramp_system"
 
 
 def run_component_cases(
-    host: str, seed: int, cases: int | None, repeats: int, percent: float, out: Path, as_json: bool
+    host: str, seed: int, cases: int | None, repeats: int, percent: float, record: str | None, out: Path, as_json: bool
 ) -> None:
     """Run the component study, functional and timing, and keep its results."""
     from parcours.cli.options import print_json
@@ -26,23 +26,29 @@ def run_component_cases(
     from parcours.report.terminal import print_table
     from parcours.report.timings import timing_table
     from parcours.run.atomic import require_writable
+    from parcours.studies.archive import Archive
     from parcours.studies.ramp_components.results import component_results, component_table, timed, write_components
     from parcours.studies.ramp_components.study import component_plan, paper_sample, run_functional, run_timing
 
     n_abstract = len(component_plan(seed, 1))
     plan = component_plan(seed, 3 if cases is None else -(-cases // n_abstract))
     require_writable(out)
+    archive = Archive(out / "recordings", record, host) if record else None  # type: ignore[arg-type]
     say_if_cold()
-    functional, wanted = [], len(plan) if cases is None else cases
+    functional, timing, wanted = [], [], len(plan) if cases is None else cases
     with progress() as report, _executors(host) as (in_order, in_time):
         for case in plan.cases(0, wanted):
             functional.append(run_functional(case, in_order))
+            if archive and host != "simulated":
+                archive.functional(functional[-1])
             report(f"functional cases, {host}", len(functional), wanted)
         sample = paper_sample(component_plan(seed))
-        timing = list(
-            run_timing(sample, in_time, repeats=repeats, percent=percent,
-                       progress=lambda done: report(f"timing cases, {host}", done, len(sample)))
-        )  # fmt: skip
+        listener = archive.repeat if archive else lambda case, trace: None
+        for one in run_timing(sample, in_time, repeats=repeats, percent=percent, listener=listener,
+                              progress=lambda done: report(f"timing cases, {host}", done, len(sample))):  # fmt: skip
+            timing.append(one)
+            if archive:
+                archive.timing(one)
     results = component_results("here" if host == "simulated" else host, functional, timing)
     write_components(out, results)
     if as_json:
@@ -76,7 +82,40 @@ def _executors(host: str) -> Iterator[tuple[Execute, Execute]]:
 
 
 def run_system_cases(
-    host: str, schedule: str, seed: int, protocol: str, cases: int, time_limit: float, out: Path, as_json: bool
-) -> None:
-    """Run system cases in real time and keep their verdicts, each as soon as it is known."""
-    raise NotImplementedError
+    host: str, schedule: str, seed: int, protocol: str, cases: int, time_limit: float, record: str | None, out: Path,
+    as_json: bool,
+) -> None:  # fmt: skip
+    """Run system cases in real time and keep their verdicts, each as soon as it is known; those that are there stay."""
+    from dataclasses import replace
+
+    from parcours.cli.options import print_json
+    from parcours.cli.progress import progress, say_if_cold
+    from parcours.report.junit import to_junit
+    from parcours.report.terminal import print_table
+    from parcours.report.writing import write_text
+    from parcours.studies.hosting import started
+    from parcours.studies.ramp_system.component_form import system_links
+    from parcours.studies.ramp_system.live import COMPONENTS, run_live
+    from parcours.studies.ramp_system.live_results import LiveLog, live_table
+    from parcours.studies.ramp_system.study import system_study
+
+    study = replace(system_study(schedule, seed=seed, protocol=protocol), time_limit=time_limit)  # type: ignore[arg-type]
+    log = LiveLog(out, study, host, record)  # type: ignore[arg-type]
+    say_if_cold()
+    resident, preload = f"{_SYSTEM}.live:SystemResident", [f"{_SYSTEM}.live", f"{_SYSTEM}.warm"]
+    with progress() as report, started(host, system_links(), COMPONENTS, resident, preload) as fabric:
+        for number in range(cases):
+            if number not in log.done:
+                with log.recording(number) as listener:
+                    log.add(number, run_live(study, number, fabric, listener=listener))
+            report(f"system cases, {schedule}, {host}", number + 1, cases)
+    results = [log.done[number] for number in range(cases)]
+    write_text(out / "junit.xml", to_junit(f"ramp_system, {host}", [one.junit() for one in results]))
+    if as_json:
+        print_json([one.plain() for one in results])
+        return
+    print_table(live_table(results, f"System cases in real time, {schedule}, {host}"))
+    for one in results:
+        if one.verdict != "pass":
+            click.echo(f"{one.id}: {one.verdict}: {one.why}")
+    click.echo(f"results in {out}")

@@ -47,6 +47,7 @@ if TYPE_CHECKING:
 @click.option("--host", default="simulated", show_default=True, help="simulated, processes, ros1 or ros2 (RAMP).")
 @click.option("--repeats", type=click.IntRange(1, 100_000), default=60, show_default=True, help="of a timing case")
 @click.option("--percent", type=float, default=95.0, show_default=True, help="of repeats that must keep a limit [%]")
+@click.option("--record", type=click.Choice(["mcap", "bag"]), help="Keep a recording of every case run in real time.")
 @seed
 @workers
 @click.option(
@@ -60,7 +61,7 @@ def command(
     study: str, schedule: str, planner: str, protocol: str, cases: int | None, added_sensing: float,
     added_planning: float, added_stop: float, robot_radius: float, obstacle_radius: float, period: float,
     command_delay: float, time_limit: float, watched_on: float, call_timeout: float, host: str, repeats: int,
-    percent: float, seed: int, workers: int, out: Path, as_json: bool,
+    percent: float, record: str | None, seed: int, workers: int, out: Path, as_json: bool,
 ) -> None:  # fmt: skip
     """Execute a study. Ctrl-C keeps the system cases that were finished; the same command goes on from there.
 
@@ -80,12 +81,14 @@ def command(
     if study == "ramp_components":
         from parcours.cli.live import run_component_cases
 
-        run_component_cases(host, seed, cases, repeats, percent, out, as_json)
+        run_component_cases(host, seed, cases, repeats, percent, record, out, as_json)
         return
     if host != "simulated":
         from parcours.cli.live import run_system_cases
 
-        run_system_cases(host, schedule, seed, protocol, 20 if cases is None else cases, time_limit, out, as_json)
+        run_system_cases(
+            host, schedule, seed, protocol, 20 if cases is None else cases, time_limit, record, out, as_json
+        )
         return
     from parcours.run.campaign import run_campaign
     from parcours.studies.ramp_system.study import PUBLISHED_CASES, system_study
@@ -143,9 +146,19 @@ def _require_planner(planner: str) -> str:
 
 
 _SYSTEM = ("protocol", "robot_radius", "obstacle_radius", "workers")
+_DELAYS = ("added_sensing", "added_planning", "added_stop")
 _OPTIONS = {
-    "ramp_components": ("host", "repeats", "percent"),
-    "ramp_system": (*_SYSTEM, "schedule", "host", "time_limit", "added_sensing", "added_planning", "added_stop"),
+    "ramp_components": ("host", "repeats", "percent", "record"),
+    "ramp_system": (
+        *_SYSTEM,
+        "schedule",
+        "host",
+        "record",
+        "time_limit",
+        "added_sensing",
+        "added_planning",
+        "added_stop",
+    ),
     "navigation": (*_SYSTEM, "planner", "period", "command_delay", "time_limit", "watched_on", "call_timeout"),
 }
 """Study -> the options that not all studies have and it has."""

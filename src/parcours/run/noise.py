@@ -16,7 +16,7 @@ import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from types import TracebackType
-from typing import Self
+from typing import Self, cast
 
 from parcours.errors import BadRequest, HostFailure
 
@@ -88,7 +88,7 @@ def noise_of(listed: object) -> Noise:
     """
     match listed:
         case [str(of), int(), *_] if all(type(one) is int and one >= 0 for one in listed[1:]):
-            return Noise(tuple(listed[1:]), of)
+            return Noise(tuple(cast("list[int]", listed[1:])), of)
     raise ValueError("noise is what a sample was, and then its times")
 
 

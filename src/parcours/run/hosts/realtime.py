@@ -84,6 +84,7 @@ class RealTimeHost:
 
     def _clear(self) -> None:
         self._events: list[TraceEvent] = []
+        self._payloads: dict[int, object] = {}
         self._begun = False
         self._sent = self._order = 0
         self._count: Counter[str] = Counter()
@@ -333,7 +334,17 @@ class RealTimeHost:
     def _opened(self, event: TraceEvent) -> TraceEvent:
         if not isinstance(event.payload, Wire):
             return event
-        return replace(event, payload=self._codec.decode(event.channel, event.payload.data))
+        return replace(event, payload=self._payload(event.payload))
+
+    def _payload(self, wire: Wire) -> object:
+        """Return what was sent; events of one message share it."""
+        if id(wire) not in self._payloads:
+            try:
+                payload = self._codec.decode(wire.channel, wire.data)
+            except BadRequest:
+                payload = None  # corrupted on purpose: no message any more
+            self._payloads[id(wire)] = payload
+        return self._payloads[id(wire)]
 
     def rest(self) -> None:
         """Let the nodes forget what they were doing; the trace stays.

@@ -213,14 +213,32 @@ def rerun(study: SystemStudy, number: int, trace: Trace) -> LiveRun:
     return LiveRun(facts, *observer.track(), trace, deaths, judge_live(facts, deaths))
 
 
+NOT_REACHED = "not reached"
+"""The outcome of a case that ended before the goal was reached; nobody watched on to see whether it ever would be."""
+
+
+def outcome_of(facts: NDArray[np.void]) -> str:
+    """Return what came of a case: its Outcome in words, or `NOT_REACHED`. `facts` is an array of FACTS, shape (1,)."""
+    outcome = Outcome(int(outcomes(facts)[0]))
+    known = (Outcome.COLLIDED, Outcome.REACHED, Outcome.BLOCKED)
+    return outcome.name.lower() if outcome in known else NOT_REACHED
+
+
 def judge_live(facts: NDArray[np.void], deaths: dict[str, str]) -> Judgement:
     """Return the verdict on a case: a system with a dead component fails, wherever its robot has coasted to."""
-    outcome = Outcome(int(outcomes(facts)[0]))
-    why = explain(facts[0])
+    outcome, last = Outcome(int(outcomes(facts)[0])), facts[0]
+    verdict, why = VERDICT_OF[outcome], explain(last)
+    if outcome_of(facts) == NOT_REACHED:
+        halted = ", halted for imminent collision" if last["halted"] else ""
+        place = f"({last['x']:.2f}, {last['y']:.2f}) m, {last['to_goal']:.2f} m from it{halted}"
+        verdict, why = (
+            Verdict.FAIL,
+            f"the goal was not reached within {last['t_end'] * 1e-9:g} s: the robot is at {place}",
+        )
     if deaths:
         died = ", ".join(f"{name} ({how})" for name, how in deaths.items())
         return Judgement(Verdict.FAIL, f"dead at the end: {died}; {why}")
-    return Judgement(VERDICT_OF[outcome], why)
+    return Judgement(verdict, why)
 
 
 def _facts(seen: NDArray[np.void], number: int, trace: Trace) -> NDArray[np.void]:

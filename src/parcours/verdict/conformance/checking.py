@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
+from typing import get_args
 
-from parcours.errors import BadRequest, one_of
+from parcours.errors import BadRequest, one_of, require_known
 from parcours.model.configuration import Message
 from parcours.model.structure import Cefsm
 from parcours.run.trace import TraceEvent
@@ -64,7 +65,12 @@ class Checker:
     Raises:
         BadRequest: a name is unknown, or a timeout is not above 0.
 
-    Example: a lamp that is asked to switch off before it was on.
+    Attributes:
+        components: the names of the model's components.
+        deviation: the first one, once there was one.
+        n_outside: events on channels that the model does not name.
+
+    Example: a lamp that switches on twice.
 
     >>> from parcours.model import parse_model
     >>> lamp = parse_model('''
@@ -98,6 +104,7 @@ class Checker:
         hidden: int = HIDDEN,
         fields: Fields = no_fields,
     ) -> None:
+        require_known(observes, get_args(Observes), "observes", slug="unknown-observation")
         self._cefsm, self._observes, self._fields = cefsm, observes, fields
         self._debts = Debts(quiescence or {}, cefsm) if quiescence else None
         self.components = frozenset(each.name for each in cefsm.components)
@@ -111,9 +118,7 @@ class Checker:
         self._channels = Channels(cefsm)
         self._time, self._position = 0, -1
         self.deviation: Deviation | None = None
-        """The first deviation, once there was one."""
         self.n_outside = 0
-        """Events on channels that the model does not name."""
         for name in sorted(named):
             self._instance(name)
 

@@ -7,12 +7,11 @@ themselves, and reports name those that have left.
 from __future__ import annotations
 
 import contextlib
-import os
 import shutil
 import signal
 import tempfile
 import time
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -27,8 +26,8 @@ from parcours.run.hosts.ros1.graph import ask
 from parcours.run.hosts.ros1.interfaces import Field, Interface, write_package
 from parcours.run.hosts.ros1.line import Ros1Line
 from parcours.run.hosts.ros1.master import Master, require_master
-from parcours.run.hosts.ros1.messages import PYTHON, load
-from parcours.run.hosts.ros1.participant import Caller, Participant, Publication, Reply, leave
+from parcours.run.hosts.ros1.messages import load
+from parcours.run.hosts.ros1.participant import Caller, Kind, Participant, Publication, Reply, leave
 from parcours.run.hosts.ros1.routes import (
     CALL,
     INLINE,
@@ -125,3 +124,183 @@ class Ros1Fabric:
         self._await_nodes()
         for caller in self._callers.values():
             caller.connect()
+
+    def _hear_from(self, node: str, topic: str, kind: Kind) -> None:
+        def heard(message: bytes) -> None:
+            self._incomplete[node].append(report(unwrapped(message)))
+            self._complete(node)
+
+        self._participant.subscribe(topic, kind, node_name(node), heard, lambda: self._bury(node))
+
+    def _connect(self, route: Route) -> None:
+        """Make the tester's ends of a channel."""
+        comes, goes = route.sender in self._incomplete, route.receiver in self._incomplete
+        sender, receiver = node_name(route.sender), node_name(route.receiver)
+        if route.role == "topic":
+            if comes:
+                self._participant.subscribe(route.out, route.kind, sender, lambda data: self._arrive(route, data))
+            if goes:
+                self._speaking[route.channel] = self._participant.publish(route.into, route.kind, receiver)
+        elif route.role == "request":
+            if comes:
+                self._pending[route.other], self._answers[route.other] = deque(), deque()
+                self._participant.serve(route.out, route.kind, sender, lambda data, reply: self._asked(route, data, reply))
+            if goes:
+                response = self._routes[route.other]
+
+                def answered(data: bytes | None) -> None:
+                    if data is not None:
+                        self._arrive(response, data)
+
+                self._callers[route.channel] = self._participant.call(route.into, route.kind, answered)
+
+    def _asked(self, route: Route, data: bytes, reply: Reply) -> None:
+        if data:
+            self._arrive(route, data)
+        if self._answers[route.other]:
+            reply(self._answers[route.other].popleft())
+        else:
+            self._pending[route.other].append(reply)
+
+    def _arrive(self, route: Route, data: bytes) -> None:
+        self._arrived[route.channel].append(data)
+        self._complete(route.sender)
+
+    def _complete(self, node: str) -> None:
+        """Pass on the node's reports in order, as far as the messages that left with them have arrived."""
+        waiting = self._incomplete[node]
+        while waiting:
+            whole = self._joined(waiting[0])
+            if whole is None:
+                return
+            waiting.popleft()
+            if isinstance(whole, Ready):
+                self._decline(node)
+            self._said.append((node, whole))
+
+    def _joined(self, said: Report) -> Report | None:
+        """Return the report with its messages; None if one is still under way."""
+        if isinstance(said, Turned):
+            wires = [*(wire for _, wire in said.asides), *said.sends]
+        elif isinstance(said, Took):
+            wires = list(said.sends)
+        else:
+            return said
+        if not wires:
+            return said
+        away = Counter(wire.channel for wire in wires if not wire.data)
+        if any(len(self._arrived[channel]) < n for channel, n in away.items()):
+            return None
+        there = tuple(
+            Wire(wire.channel, wire.data.removeprefix(INLINE) if wire.data else self._arrived[wire.channel].popleft())
+            for wire in wires
+        )
+        if isinstance(said, Took):
+            return structs.replace(said, sends=there)
+        n = len(said.asides)
+        asides = tuple((when, wire) for (when, _), wire in zip(said.asides, there[:n], strict=True))
+        return structs.replace(said, asides=asides, sends=there[n:])
+
+    def _decline(self, node: str) -> None:
+        """End the calls of a node that has come to rest: nobody will answer them."""
+        for channel, pending in self._pending.items():
+            if self._routes[channel].receiver == node:
+                self._answers[channel].clear()
+                while pending:
+                    pending.popleft()(None)
+
+    @property
+    def nodes(self) -> Sequence[str]:
+        """The components that have a node."""
+        return tuple(self._incomplete)
+
+    @property
+    def pids(self) -> dict[str, int]:
+        """The processes' numbers, by component."""
+        return self._processes.pids()
+
+    def command(self, node: str, command: Command) -> None:
+        """Tell a node; one that has ended hears nothing."""
+        self._unsent[node].append(wrapped(packed(command)))
+        self._tell(node)
+
+    def _tell(self, node: str) -> None:
+        frames, self._unsent[node] = self._unsent[node], []
+        if node not in self._dead:
+            self._commands[node].send(*frames)
+
+    def deliver(self, channel: str, number: int, data: bytes) -> None:
+        """Let the message reach the channel's receiver, if it is a node."""
+        route = self._routes.get(channel)
+        if route is None or route.receiver not in self._incomplete or route.receiver in self._dead:
+            return
+        announced = b""
+        if route.role == "topic":
+            self._speaking[channel].send(data)
+        elif route.role == "request":
+            self._callers[channel].ask(data)
+        elif self._pending[channel]:
+            self._pending[channel].popleft()(data)
+        else:
+            self._answers[channel].append(data)
+            announced = CALL
+        self._unsent[route.receiver].append(wrapped(packed(Deliver(number, Wire(channel, announced)))))
+
+    def poll(self, until: int) -> Sequence[tuple[str, Report]]:
+        """Return what nodes have said, waiting until the monotonic clock shows `until` [ns]."""
+        for node, frames in self._unsent.items():
+            if frames:
+                self._tell(node)
+        while not self._said:
+            if not self._participant.spin(until) and time.perf_counter_ns() >= until:
+                break
+        said = list(self._said)
+        self._said.clear()
+        return said
+
+    def _bury(self, node: str) -> None:
+        if node not in self._dead:
+            self._dead.add(node)
+            status = self._processes.status(node, within=1.0)
+            self._said.append((node, Died(time.perf_counter_ns(), 0 if status is None else status)))
+
+    def signal(self, node: str, signal: int) -> None:
+        """Send the node's process a signal."""
+        self._processes.signal(node, signal)
+
+    def close(self) -> None:
+        """End all nodes, and wait until they have ended; leave the graph. Again: do nothing."""
+        self._closing.close()
+
+    def _say_quit(self) -> None:
+        for node in set(self._processes.pids()) - self._dead:
+            self._processes.signal(node, signal.SIGCONT)
+            self.command(node, Quit())
+        self._dead.update(self._incomplete)
+
+    def _await_nodes(self) -> None:
+        missing = set(self._incomplete)
+        deadline = time.perf_counter_ns() + int(_START * 1e9)
+        while missing:
+            said = self.poll(time.perf_counter_ns() + _WATCH)
+            missing -= {node for node, what in said if isinstance(what, Ready)}
+            for node in self._incomplete:
+                status = self._processes.status(node)
+                if status is not None:
+                    raise HostFailure(f"node {node}", f"must start, but its process ended: {ending(status)}",
+                                      "its own words stand above", slug="node-start")  # fmt: skip
+            if time.perf_counter_ns() > deadline:
+                rule = f"nodes must start within {_START:g} s, but there is no {', '.join(sorted(missing))}"
+                raise HostFailure("ros1 host", rule, slug="node-start")
+
+
+def _require_free(master: str, names: Sequence[str]) -> None:
+    """Refuse names that a living node has on the graph: the master would tell that one to end."""
+    for name in names:
+        try:
+            uri = ask(master, "lookupNode", TESTER, name)
+            process = ask(uri, "getPid", TESTER, within=1.0)
+        except HostFailure:
+            continue
+        rule = f"must be free on the graph, but a node of that name runs (process {process})"
+        raise HostFailure(f"ROS 1 node {name}", rule, "stop it, or use a master of its own", slug="ros1-name")

@@ -62,7 +62,8 @@ class Ros1Line:
         self._arrived: dict[str, deque[bytes]] = {}
         self._owed: dict[str, deque[Reply]] = {}
         self._speaking: dict[str, Publication] = {}
-        self._calling: dict[str, Caller] = {}
+        self._asking: dict[str, Caller] = {}
+        self._opening: dict[str, Caller] = {}
         self._gone = False
         self._reports = self._participant.publish(report_topic(name), plan.frame, TESTER)
         hearing = [self._participant.subscribe(command_topic(name), plan.frame, TESTER, self._told, self._lost)]
@@ -86,9 +87,8 @@ class Ros1Line:
             if data is not None:
                 self._arrived[route.other].append(data)
 
-        self._calling[route.channel] = self._calling[route.other] = self._participant.call(
-            route.out, route.kind, answered
-        )
+        caller = self._participant.call(route.out, route.kind, answered)
+        self._asking[route.channel] = self._opening[route.other] = caller
 
     def _serve(self, route: Route) -> None:
         owed = self._owed[route.other] = deque()
@@ -101,7 +101,7 @@ class Ros1Line:
 
     def _enter(self, hearing: list[Subscription]) -> None:
         self._participant.join()
-        for caller in self._calling.values():
+        for caller in self._asking.values():
             caller.connect()
         speaking = [self._reports, *self._speaking.values()]
         deadline = time.perf_counter_ns() + _JOIN
@@ -117,7 +117,7 @@ class Ros1Line:
     def _told(self, message: bytes) -> None:
         said = command(unwrapped(message))
         if isinstance(said, Deliver) and said.message.data == CALL:
-            self._calling[said.message.channel].ask(b"")
+            self._opening[said.message.channel].ask(b"")
         self._commands.append(said)
 
     def poll(self, until: int | None) -> Command | None:
@@ -165,8 +165,8 @@ class Ros1Line:
             self._speaking[channel].send(wire.data, wait=True)
         elif self._owed.get(channel):
             self._owed[channel].popleft()(wire.data)
-        elif channel in self._calling and channel not in self._arrived:
-            self._calling[channel].ask(wire.data)
+        elif channel in self._asking:
+            self._asking[channel].ask(wire.data)
         else:
             return Wire(channel, INLINE + wire.data)
         return Wire(channel)
