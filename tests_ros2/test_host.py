@@ -16,7 +16,7 @@ from tests_ros2.conftest import lives, soon
 
 from parcours.errors import BadRequest, HostFailure
 from parcours.run.hosts.battery import DUTIES, Counting, Host, Sink, Source
-from parcours.run.hosts.frames import Deliver, Died, Idle, Ready, Received, Rest, Run, Took, Wire
+from parcours.run.hosts.frames import Deliver, Died, Idle, Ready, Received, Report, Rest, Run, Took, Wire
 from parcours.run.hosts.realtime import RealTimeHost
 from parcours.run.hosts.resident import Plain, nodes_of
 from parcours.run.hosts.ros2.fabric import Ros2Fabric
@@ -41,16 +41,16 @@ def desk(topics: dict[str, Topic] | None = None) -> Ros2Fabric:
     return Ros2Fabric(nodes_of(DESK, ["Counting"], TOYS), topics)
 
 
-def heard(fabric: Ros2Fabric, last: type, within: float = 5.0) -> list[object]:
-    """Return what the one node says, up to the first report of that kind."""
-    said: list[object] = []
+def heard(fabric: Ros2Fabric, last: type | Report, within: float = 10.0) -> list[Report]:
+    """Return what the one node says, up to that report, or the first of that kind."""
+    said: list[Report] = []
     until = time.perf_counter_ns() + int(within * 1e9)
     while time.perf_counter_ns() < until:
         for _, report in fabric.poll(until):
             said.append(report)
-            if isinstance(report, last):
+            if isinstance(report, last) if isinstance(last, type) else report == last:
                 return said
-    raise AssertionError(f"no {last.__name__}, only {said}")
+    raise AssertionError(f"no {last}, only {said}")
 
 
 @pytest.mark.parametrize("duty", DUTIES.values(), ids=DUTIES)
@@ -94,7 +94,7 @@ def test_a_frozen_node_takes_up_afterwards_all_that_it_was_sent() -> None:
         fabric.deliver("ask", number, toys("").encode("ask", "x" * 1000))
     assert not fabric.poll(time.perf_counter_ns() + 100_000_000)
     fabric.signal("Counting", signal.SIGCONT)
-    said = heard(fabric, Idle)
+    said = heard(fabric, Idle(500))
     fabric.close()
     assert [one.number for one in said if isinstance(one, Received)] == list(range(500))
     assert [toys("").decode("answer", one.sends[0].data) for one in said if isinstance(one, Took)] == [
@@ -154,7 +154,7 @@ def test_several_graphs_of_one_machine_do_not_hear_each_other() -> None:
 
 
 def test_a_domain_that_does_not_exist_is_refused() -> None:
-    with pytest.raises(HostFailure, match="domain 9999.*ros2-domain"):
+    with pytest.raises(HostFailure, match="0 to 232, but 9999.*ros2-domain"):
         Ros2Fabric(nodes_of(DESK, ["Counting"], TOYS), domain=9999)
 
 

@@ -25,6 +25,7 @@ from parcours.studies.ramp_faults.isolated import Ended, run_isolated
 from parcours.studies.ramp_faults.judging import SHOWN, CaseOutcome, Outcome, judge
 from parcours.studies.ramp_faults.reporting import fault_document, fault_page, tables
 from parcours.studies.ramp_faults.running import (
+    SOON,
     FaultResults,
     Row,
     Trial,
@@ -113,6 +114,7 @@ def test_cases_under_faults_are_those_that_go_well_without_under_every_schedule(
     for study, reached in zip(studies, times, strict=True):
         facts = study.run(np.array(numbers))
         assert tuple(facts["t_goal"].tolist()) == reached
+        assert max(reached) <= SOON * S
         assert not (facts["n_robot_contacts"] + facts["n_shared_contacts"]).any()
     with pytest.raises(BadRequest, match="fault-cases"):
         good_cases(studies[:1], 65, most=64)

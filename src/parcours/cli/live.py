@@ -82,8 +82,8 @@ def _executors(host: str) -> Iterator[tuple[Execute, Execute]]:
 
 
 def run_system_cases(
-    host: str, schedule: str, seed: int, protocol: str, cases: int, time_limit: float, record: str | None, out: Path,
-    as_json: bool,
+    host: str, schedule: str, seed: int, protocol: str, cases: int, time_limit: float, faults: str,
+    record: str | None, out: Path, as_json: bool,
 ) -> None:  # fmt: skip
     """Run system cases in real time and keep their verdicts, each as soon as it is known; those that are there stay."""
     from dataclasses import replace
@@ -93,6 +93,7 @@ def run_system_cases(
     from parcours.report.junit import to_junit
     from parcours.report.terminal import print_table
     from parcours.report.writing import write_text
+    from parcours.run.faults import read_plan
     from parcours.studies.hosting import started
     from parcours.studies.ramp_system.component_form import system_links
     from parcours.studies.ramp_system.live import COMPONENTS, run_live
@@ -100,15 +101,23 @@ def run_system_cases(
     from parcours.studies.ramp_system.study import system_study
 
     study = replace(system_study(schedule, seed=seed, protocol=protocol), time_limit=time_limit)  # type: ignore[arg-type]
-    log = LiveLog(out, study, host, record)  # type: ignore[arg-type]
+    plan = read_plan(faults) if faults else None
+    if plan:
+        plan.check([link.channel for link in system_links()], COMPONENTS)
+    log = LiveLog(out, study, host, record, plan)  # type: ignore[arg-type]
     say_if_cold()
     resident, preload = f"{_SYSTEM}.live:SystemResident", [f"{_SYSTEM}.live", f"{_SYSTEM}.warm"]
-    with progress() as report, started(host, system_links(), COMPONENTS, resident, preload) as fabric:
-        for number in range(cases):
-            if number not in log.done:
-                with log.recording(number) as listener:
-                    log.add(number, run_live(study, number, fabric, listener=listener))
-            report(f"system cases, {schedule}, {host}", number + 1, cases)
+    with progress() as report:
+        while left := [number for number in range(cases) if number not in log.done]:
+            report(f"system cases, {schedule}, {host}", cases - len(left), cases)
+            with started(host, system_links(), COMPONENTS, resident, preload) as fabric:
+                for number in left:
+                    with log.recording(number) as listener:
+                        run = run_live(study, number, fabric, faults=plan, listener=listener)
+                        log.add(number, run)
+                    report(f"system cases, {schedule}, {host}", len(log.done), cases)
+                    if run.deaths:
+                        break  # the others are given a host with all its nodes
     results = [log.done[number] for number in range(cases)]
     write_text(out / "junit.xml", to_junit(f"ramp_system, {host}", [one.junit() for one in results]))
     if as_json:

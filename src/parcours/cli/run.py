@@ -47,6 +47,9 @@ if TYPE_CHECKING:
 @click.option("--host", default="simulated", show_default=True, help="simulated, processes, ros1 or ros2 (RAMP).")
 @click.option("--repeats", type=click.IntRange(1, 100_000), default=60, show_default=True, help="of a timing case")
 @click.option("--percent", type=float, default=95.0, show_default=True, help="of repeats that must keep a limit [%]")
+@click.option(
+    "--faults", default="", help="ramp_system in real time: a file of faults, or lines: 'Planner: crash at 3 s'."
+)
 @click.option("--record", type=click.Choice(["mcap", "bag"]), help="Keep a recording of every case run in real time.")
 @seed
 @workers
@@ -61,7 +64,7 @@ def command(
     study: str, schedule: str, planner: str, protocol: str, cases: int | None, added_sensing: float,
     added_planning: float, added_stop: float, robot_radius: float, obstacle_radius: float, period: float,
     command_delay: float, time_limit: float, watched_on: float, call_timeout: float, host: str, repeats: int,
-    percent: float, record: str | None, seed: int, workers: int, out: Path, as_json: bool,
+    percent: float, faults: str, record: str | None, seed: int, workers: int, out: Path, as_json: bool,
 ) -> None:  # fmt: skip
     """Execute a study. Ctrl-C keeps the system cases that were finished; the same command goes on from there.
 
@@ -71,7 +74,9 @@ def command(
 
     Example: parcours run navigation --planner orca --cases 905 --out out/orca
 
-    Example: parcours run ramp_components --host processes --out out/components
+    Example: parcours run ramp_components --host processes --record mcap --out out/components
+
+    Example: parcours run ramp_system --host processes --faults "Planner: freeze at 3 s for 1 s" --out out/frozen
     """
     from parcours.cli.progress import progress, say_if_cold
     from parcours.studies import check_study
@@ -86,9 +91,7 @@ def command(
     if host != "simulated":
         from parcours.cli.live import run_system_cases
 
-        run_system_cases(
-            host, schedule, seed, protocol, 20 if cases is None else cases, time_limit, record, out, as_json
-        )
+        run_system_cases(host, schedule, seed, protocol, cases or 20, time_limit, faults, record, out, as_json)
         return
     from parcours.run.campaign import run_campaign
     from parcours.studies.ramp_system.study import PUBLISHED_CASES, system_study
@@ -155,6 +158,7 @@ _OPTIONS = {
         "host",
         "record",
         "time_limit",
+        "faults",
         "added_sensing",
         "added_planning",
         "added_stop",

@@ -28,16 +28,24 @@ from parcours.run.hosts.realtime import DIED, RealTimeHost
 from parcours.run.hosts.resident import Fabric
 from parcours.run.port import Component, Step
 from parcours.run.trace import Trace, TraceEvent
+from parcours.studies.ramp_components.model import component_model
 from parcours.studies.ramp_components.resident import RampCodec
 from parcours.studies.ramp_system.component_form import World, begin_world, start_pose, system_links
 from parcours.studies.ramp_system.facts import FACTS
 from parcours.studies.ramp_system.observing import freeze_world
 from parcours.studies.ramp_system.study import SystemStudy, system_study
+from parcours.verdict.conformance import Allowance, check
 from parcours.verdict.facts import NEVER, TRACK
 from parcours.verdict.judgement import Judgement, Verdict
 from parcours.verdict.navigation import VERDICT_OF, Outcome, explain, outcomes
 
 COMPONENTS = ("Planner", "TrajectoryGenerator", "TrajectoryEvaluation", "PathModification", "Control", "Sensing")
+_OUTSIDE = Allowance(unmodelled=frozenset({"trajectory_request", "evaluation_request"}), conversations=True)
+"""What RAMP does that Table II leaves out: it also asks its services in planning and control cycles."""
+
+QUIESCENCE = dict.fromkeys(("trajectory_response", "evaluation_response", "modification_response"), 500_000_000)
+"""So long [ns] a service may keep silent that owes an answer."""
+
 _STRETCH = 100_000_000
 """So long [ns] the host runs on before it is asked whether the case has ended."""
 
@@ -143,7 +151,8 @@ class LiveRun:
         places: of the obstacles at the same times [m], shape (n, n_obstacles, 2).
         trace: every message and transition.
         deaths: component -> how it ended, of those that did.
-        judgement: of the outcome and of all components' being alive.
+        conformance: whether the components did what the model allows.
+        judgement: of the outcome, of that, and of all components' being alive.
     """
 
     facts: NDArray[np.void]
@@ -151,6 +160,7 @@ class LiveRun:
     places: NDArray[np.float64]
     trace: Trace
     deaths: dict[str, str]
+    conformance: Judgement
     judgement: Judgement
 
 
@@ -187,8 +197,7 @@ def run_live(
         host.run(until)
     trace = host.trace(study.cases.id(number))
     host.rest()
-    facts = observer.facts(trace)
-    return LiveRun(facts, *observer.track(), trace, host.deaths, judge_live(facts, host.deaths))
+    return _run(observer, trace, host.deaths)
 
 
 def rerun(study: SystemStudy, number: int, trace: Trace) -> LiveRun:
@@ -209,8 +218,13 @@ def rerun(study: SystemStudy, number: int, trace: Trace) -> LiveRun:
         elif event.kind == "receive" and event.channel == "cmd_vel":
             for _ in observer.world.handle("cmd_vel", event.payload, event.time):
                 pass
+    return _run(observer, trace, deaths)
+
+
+def _run(observer: Observer, trace: Trace, deaths: dict[str, str]) -> LiveRun:
     facts = observer.facts(trace)
-    return LiveRun(facts, *observer.track(), trace, deaths, judge_live(facts, deaths))
+    conforms = check(trace, component_model(), quiescence=QUIESCENCE, allowance=_OUTSIDE).judgement
+    return LiveRun(facts, *observer.track(), trace, deaths, conforms, judge_live(facts, deaths, conforms))
 
 
 NOT_REACHED = "not reached"
@@ -224,8 +238,11 @@ def outcome_of(facts: NDArray[np.void]) -> str:
     return outcome.name.lower() if outcome in known else NOT_REACHED
 
 
-def judge_live(facts: NDArray[np.void], deaths: dict[str, str]) -> Judgement:
-    """Return the verdict on a case: a system with a dead component fails, wherever its robot has coasted to."""
+def judge_live(facts: NDArray[np.void], deaths: dict[str, str], conforms: Judgement) -> Judgement:
+    """Return the verdict on a case.
+
+    A system with a dead component fails, wherever its robot has coasted to; so does one that deviates from its model.
+    """
     outcome, last = Outcome(int(outcomes(facts)[0])), facts[0]
     verdict, why = VERDICT_OF[outcome], explain(last)
     if outcome_of(facts) == NOT_REACHED:
@@ -238,6 +255,8 @@ def judge_live(facts: NDArray[np.void], deaths: dict[str, str]) -> Judgement:
     if deaths:
         died = ", ".join(f"{name} ({how})" for name, how in deaths.items())
         return Judgement(Verdict.FAIL, f"dead at the end: {died}; {why}")
+    if conforms.verdict is Verdict.FAIL:
+        return Judgement(Verdict.FAIL, f"{conforms.why}; {why}")
     return Judgement(verdict, why)
 
 

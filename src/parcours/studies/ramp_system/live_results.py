@@ -14,6 +14,7 @@ from parcours.errors import BadResults
 from parcours.report.junit import CaseResult
 from parcours.report.pieces import Column, Table
 from parcours.run.atomic import require_writable
+from parcours.run.faults import FaultPlan
 from parcours.run.recording import Recorder
 from parcours.run.trace import TraceEvent
 from parcours.studies.archive import Form, system_about
@@ -61,13 +62,16 @@ class LiveLog:
         study: of the cases.
         host: that runs them.
         record: the format of recordings; None for none.
+        faults: on purpose.
 
     Raises:
         BadRequest: the folder cannot be written to.
         BadResults: it holds results of something else, or damaged ones.
     """
 
-    def __init__(self, folder: Path, study: SystemStudy, host: str, record: Form | None) -> None:
+    def __init__(
+        self, folder: Path, study: SystemStudy, host: str, record: Form | None, faults: FaultPlan | None = None
+    ) -> None:
         self._folder, self._study, self._record = folder, study, record
         require_writable(folder / "recordings" if record else folder)
         self._path = folder / FILE
@@ -75,7 +79,7 @@ class LiveLog:
         self._head = {
             "parcours": _FORMAT, "host": host, "schedule": study.parameters.schedule, "seed": cases.seed,
             "protocol": cases.protocol, "time_limit": study.time_limit, "robot_radius": cases.robot_radius,
-            "obstacle_radius": cases.obstacle_radius,
+            "obstacle_radius": cases.obstacle_radius, "faults": str(faults or ""),
         }  # fmt: skip
         self.done: dict[int, LiveResult] = {}
         if self._path.exists():

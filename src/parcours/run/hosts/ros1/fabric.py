@@ -11,7 +11,7 @@ import shutil
 import signal
 import tempfile
 import time
-from collections import Counter, deque
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -22,12 +22,13 @@ from parcours.run.hosts.frames import Command, Deliver, Died, Quit, Ready, Repor
 from parcours.run.hosts.launching import Processes
 from parcours.run.hosts.processes import ending
 from parcours.run.hosts.resident import Node
+from parcours.run.hosts.ros1.ends import Caller, Kind, Publication, Server, Subscription
 from parcours.run.hosts.ros1.graph import ask
 from parcours.run.hosts.ros1.interfaces import Field, Interface, write_package
 from parcours.run.hosts.ros1.line import Ros1Line
 from parcours.run.hosts.ros1.master import Master, require_master
 from parcours.run.hosts.ros1.messages import load
-from parcours.run.hosts.ros1.participant import Caller, Kind, Participant, Publication, Reply, leave
+from parcours.run.hosts.ros1.participant import Participant, leave
 from parcours.run.hosts.ros1.routes import (
     CALL,
     INLINE,
@@ -45,6 +46,9 @@ from parcours.run.hosts.ros1.routes import (
 
 _START = 120.0
 """So long the nodes may take to say that they are there [s]; the first start on a machine compiles."""
+
+_UNDER_WAY = 2_000_000_000
+"""So long a message may come later than the report of it [ns]."""
 
 _WATCH = 50_000_000
 """How often it is looked, at the start, whether a node has failed [ns]."""
@@ -67,22 +71,29 @@ class Ros1Fabric:
 
     label = "ros1"
 
-    def __init__(self, nodes: Sequence[Node], channels: Sequence[Interface], forms: Mapping[str, Sequence[Field]],
-                 preload: Sequence[str] = (), *, master: str | None = None, package: str = "parcours_ramp") -> None:  # fmt: skip
+    def __init__(
+        self,
+        nodes: Sequence[Node],
+        channels: Sequence[Interface],
+        forms: Mapping[str, Sequence[Field]],
+        preload: Sequence[str] = (),
+        *,
+        master: str | None = None,
+        package: str = "parcours_ramp",
+    ) -> None:
         self.refusals: list[str] = []
         """Whose connections were declined, and why."""
         self._closing = contextlib.ExitStack()
         self._processes = Processes(["parcours.run.hosts.ros1.line", *preload])
-        self._said: deque[tuple[str, Report]] = deque()
-        self._incomplete: dict[str, deque[Report]] = {node.component: deque() for node in nodes}
+        self._said: list[tuple[str, Report]] = []
         self._dead: set[str] = set()
-        self._unsent: dict[str, list[bytes]] = {name: [] for name in self._incomplete}
+        self._unsent: dict[str, list[bytes]] = {node.component: [] for node in nodes}
         self._commands: dict[str, Publication] = {}
+        self._hearing: dict[str, Subscription | Server | Caller] = {}
         self._speaking: dict[str, Publication] = {}
-        self._callers: dict[str, Caller] = {}
-        self._pending: dict[str, deque[Reply]] = {}
-        self._answers: dict[str, deque[bytes]] = {}
-        self._arrived: dict[str, deque[bytes]] = {one.channel: deque() for one in channels}
+        self._asking: dict[str, Caller] = {}
+        self._answering: dict[str, Server] = {}
+        self._owed: Counter[str] = Counter()
         try:
             self._build(nodes, channels, forms, package, master)
         except BaseException:
@@ -104,13 +115,13 @@ class Ros1Fabric:
         else:
             require_master(master)
             self.master = master
-        names = [TESTER, *map(node_name, self._incomplete)]
+        names = [TESTER, *map(node_name, self._unsent)]
         _require_free(self.master, names)
         if master is not None:
             self._closing.callback(leave, self.master, names)
         self._participant = Participant(TESTER, self.master, self.refusals.append)
         self._closing.callback(self._participant.close)
-        for name in self._incomplete:
+        for name in self._unsent:
             self._commands[name] = self._participant.publish(command_topic(name), frame, node_name(name))
             self._hear_from(name, report_topic(name), frame)
         for route in self._routes.values():
@@ -122,97 +133,62 @@ class Ros1Fabric:
         for node in nodes:
             self._processes.start(node, Ros1Line, plan)
         self._await_nodes()
-        for caller in self._callers.values():
+        for caller in self._asking.values():
             caller.connect()
 
     def _hear_from(self, node: str, topic: str, kind: Kind) -> None:
         def heard(message: bytes) -> None:
-            self._incomplete[node].append(report(unwrapped(message)))
-            self._complete(node)
+            self._said.append((node, self._joined(report(unwrapped(message)))))
 
         self._participant.subscribe(topic, kind, node_name(node), heard, lambda: self._bury(node))
 
     def _connect(self, route: Route) -> None:
         """Make the tester's ends of a channel."""
-        comes, goes = route.sender in self._incomplete, route.receiver in self._incomplete
+        comes, goes = route.sender in self._commands, route.receiver in self._commands
         sender, receiver = node_name(route.sender), node_name(route.receiver)
-        if route.role == "topic":
-            if comes:
-                self._participant.subscribe(route.out, route.kind, sender, lambda data: self._arrive(route, data))
-            if goes:
-                self._speaking[route.channel] = self._participant.publish(route.into, route.kind, receiver)
-        elif route.role == "request":
-            if comes:
-                self._pending[route.other], self._answers[route.other] = deque(), deque()
-                self._participant.serve(route.out, route.kind, sender, lambda data, reply: self._asked(route, data, reply))
-            if goes:
-                response = self._routes[route.other]
+        if route.role == "topic" and comes:
+            self._hearing[route.channel] = self._participant.subscribe(route.out, route.kind, sender)
+        if route.role == "topic" and goes:
+            self._speaking[route.channel] = self._participant.publish(route.into, route.kind, receiver)
+        if route.role == "request" and comes:
+            server = self._participant.serve(route.out, route.kind, sender)
+            self._hearing[route.channel] = self._answering[route.other] = server
+        if route.role == "request" and goes:
+            caller = self._participant.call(route.into, route.kind)
+            self._asking[route.channel] = self._hearing[route.other] = caller
 
-                def answered(data: bytes | None) -> None:
-                    if data is not None:
-                        self._arrive(response, data)
+    def _joined(self, said: Report) -> Report:
+        """Return the report with the messages that left before it: they are there, or nearly."""
+        if isinstance(said, Turned) and (said.sends or said.asides):
+            asides = tuple((when, self._taken(wire)) for when, wire in said.asides)
+            return structs.replace(said, asides=asides, sends=tuple(map(self._taken, said.sends)))
+        if isinstance(said, Took) and said.sends:
+            return structs.replace(said, sends=tuple(map(self._taken, said.sends)))
+        return said
 
-                self._callers[route.channel] = self._participant.call(route.into, route.kind, answered)
-
-    def _asked(self, route: Route, data: bytes, reply: Reply) -> None:
-        if data:
-            self._arrive(route, data)
-        if self._answers[route.other]:
-            reply(self._answers[route.other].popleft())
-        else:
-            self._pending[route.other].append(reply)
-
-    def _arrive(self, route: Route, data: bytes) -> None:
-        self._arrived[route.channel].append(data)
-        self._complete(route.sender)
-
-    def _complete(self, node: str) -> None:
-        """Pass on the node's reports in order, as far as the messages that left with them have arrived."""
-        waiting = self._incomplete[node]
-        while waiting:
-            whole = self._joined(waiting[0])
-            if whole is None:
-                return
-            waiting.popleft()
-            if isinstance(whole, Ready):
-                self._decline(node)
-            self._said.append((node, whole))
-
-    def _joined(self, said: Report) -> Report | None:
-        """Return the report with its messages; None if one is still under way."""
-        if isinstance(said, Turned):
-            wires = [*(wire for _, wire in said.asides), *said.sends]
-        elif isinstance(said, Took):
-            wires = list(said.sends)
-        else:
-            return said
-        if not wires:
-            return said
-        away = Counter(wire.channel for wire in wires if not wire.data)
-        if any(len(self._arrived[channel]) < n for channel, n in away.items()):
-            return None
-        there = tuple(
-            Wire(wire.channel, wire.data.removeprefix(INLINE) if wire.data else self._arrived[wire.channel].popleft())
-            for wire in wires
-        )
-        if isinstance(said, Took):
-            return structs.replace(said, sends=there)
-        n = len(said.asides)
-        asides = tuple((when, wire) for (when, _), wire in zip(said.asides, there[:n], strict=True))
-        return structs.replace(said, asides=asides, sends=there[n:])
+    def _taken(self, wire: Wire) -> Wire:
+        if wire.data:
+            return Wire(wire.channel, wire.data.removeprefix(INLINE))
+        data = self._hearing[wire.channel].take(time.perf_counter_ns() + _UNDER_WAY)
+        if data is None:
+            rule = f"must send what it reports within {_UNDER_WAY * 1e-9:g} s, but on {wire.channel} nothing came"
+            raise HostFailure("ros1 host", rule, "is the machine overloaded?", slug="ros1-lost")
+        route = self._routes[wire.channel]
+        if route.role == "request":
+            self._owed[route.other] += 1
+        return Wire(wire.channel, data)
 
     def _decline(self, node: str) -> None:
         """End the calls of a node that has come to rest: nobody will answer them."""
-        for channel, pending in self._pending.items():
+        for channel, server in self._answering.items():
             if self._routes[channel].receiver == node:
-                self._answers[channel].clear()
-                while pending:
-                    pending.popleft()(None)
+                for _ in range(self._owed.pop(channel, 0)):
+                    server.answer(None)
 
     @property
     def nodes(self) -> Sequence[str]:
         """The components that have a node."""
-        return tuple(self._incomplete)
+        return tuple(self._commands)
 
     @property
     def pids(self) -> dict[str, int]:
@@ -232,18 +208,19 @@ class Ros1Fabric:
     def deliver(self, channel: str, number: int, data: bytes) -> None:
         """Let the message reach the channel's receiver, if it is a node."""
         route = self._routes.get(channel)
-        if route is None or route.receiver not in self._incomplete or route.receiver in self._dead:
+        if route is None or route.receiver not in self._commands or route.receiver in self._dead:
             return
         announced = b""
         if route.role == "topic":
             self._speaking[channel].send(data)
         elif route.role == "request":
-            self._callers[channel].ask(data)
-        elif self._pending[channel]:
-            self._pending[channel].popleft()(data)
+            self._asking[channel].ask(data)
         else:
-            self._answers[channel].append(data)
-            announced = CALL
+            self._answering[channel].answer(data)
+            if self._owed[channel]:
+                self._owed[channel] -= 1
+            else:
+                announced = CALL
         self._unsent[route.receiver].append(wrapped(packed(Deliver(number, Wire(channel, announced)))))
 
     def poll(self, until: int) -> Sequence[tuple[str, Report]]:
@@ -254,8 +231,10 @@ class Ros1Fabric:
         while not self._said:
             if not self._participant.spin(until) and time.perf_counter_ns() >= until:
                 break
-        said = list(self._said)
-        self._said.clear()
+        said, self._said = self._said, []
+        for node, one in said:
+            if isinstance(one, Ready):
+                self._decline(node)
         return said
 
     def _bury(self, node: str) -> None:
@@ -276,15 +255,15 @@ class Ros1Fabric:
         for node in set(self._processes.pids()) - self._dead:
             self._processes.signal(node, signal.SIGCONT)
             self.command(node, Quit())
-        self._dead.update(self._incomplete)
+        self._dead.update(self._commands)
 
     def _await_nodes(self) -> None:
-        missing = set(self._incomplete)
+        missing = set(self._commands)
         deadline = time.perf_counter_ns() + int(_START * 1e9)
         while missing:
             said = self.poll(time.perf_counter_ns() + _WATCH)
             missing -= {node for node, what in said if isinstance(what, Ready)}
-            for node in self._incomplete:
+            for node in self._commands:
                 status = self._processes.status(node)
                 if status is not None:
                     raise HostFailure(f"node {node}", f"must start, but its process ended: {ending(status)}",

@@ -77,9 +77,9 @@ def _asked(uri: str, method: str, arguments: Sequence[object], within: float) ->
 
 
 def _triple(uri: str, method: str, answer: Any) -> tuple[int, str, Any]:
-    if isinstance(answer, list | tuple) and len(answer) == 3:
-        return answer[0], str(answer[1]), answer[2]
-    _fail(uri, method, f"it answers {answer!r:.80}")
+    if not isinstance(answer, list | tuple) or len(answer) != 3:
+        _fail(uri, method, f"it answers {answer!r:.80}")
+    return answer[0], str(answer[1]), answer[2]
 
 
 def _fail(uri: str, method: str, what: str) -> NoReturn:

@@ -6,7 +6,7 @@ The k-th announcement of a channel belongs to its k-th message, since both come 
 from __future__ import annotations
 
 import time
-from collections import deque
+from collections import Counter, deque
 
 from msgspec import structs
 
@@ -26,13 +26,13 @@ from parcours.run.hosts.frames import (
     packed,
 )
 from parcours.run.hosts.resident import Node
-from parcours.run.hosts.ros1.participant import Caller, Participant, Publication, Reply, Subscription
+from parcours.run.hosts.ros1.ends import Caller, Publication, Server, Subscription
+from parcours.run.hosts.ros1.participant import Participant
 from parcours.run.hosts.ros1.routes import (
     CALL,
     INLINE,
     TESTER,
     Plan,
-    Route,
     command_topic,
     node_name,
     report_topic,
@@ -59,60 +59,45 @@ class Ros1Line:
         name = node.component
         self._participant = Participant(node_name(name), plan.master)
         self._commands: deque[Command] = deque()
-        self._arrived: dict[str, deque[bytes]] = {}
-        self._owed: dict[str, deque[Reply]] = {}
+        self._hearing: dict[str, Subscription | Server | Caller] = {}
         self._speaking: dict[str, Publication] = {}
         self._asking: dict[str, Caller] = {}
         self._opening: dict[str, Caller] = {}
-        self._gone = False
+        self._answering: dict[str, Server] = {}
+        self._owed: Counter[str] = Counter()
+        self._calls_of = {route.channel: route.other for route in plan.routes if route.role == "request"}
+        self._is_gone = False
         self._reports = self._participant.publish(report_topic(name), plan.frame, TESTER)
-        hearing = [self._participant.subscribe(command_topic(name), plan.frame, TESTER, self._told, self._lost)]
+        joining = [self._participant.subscribe(command_topic(name), plan.frame, TESTER, self._told, self._lost)]
         for route in plan.routes:
-            if route.receiver == name:
-                self._arrived[route.channel] = deque()
             if route.role == "topic" and route.sender == name:
                 self._speaking[route.channel] = self._participant.publish(route.out, route.kind, TESTER)
             if route.role == "topic" and route.receiver == name:
-                heard = self._arrived[route.channel].append
-                hearing.append(self._participant.subscribe(route.into, route.kind, TESTER, heard))
-        for route in plan.routes:
+                subscription = self._participant.subscribe(route.into, route.kind, TESTER)
+                self._hearing[route.channel] = subscription
+                joining.append(subscription)
             if route.role == "request" and route.sender == name:
-                self._call(route)
+                caller = self._participant.call(route.out, route.kind)
+                self._asking[route.channel] = self._opening[route.other] = self._hearing[route.other] = caller
             if route.role == "request" and route.receiver == name:
-                self._serve(route)
-        self._enter(hearing)
+                server = self._participant.serve(route.into, route.kind, TESTER)
+                self._hearing[route.channel] = self._answering[route.other] = server
+        self._enter(joining)
 
-    def _call(self, route: Route) -> None:
-        def answered(data: bytes | None) -> None:
-            if data is not None:
-                self._arrived[route.other].append(data)
-
-        caller = self._participant.call(route.out, route.kind, answered)
-        self._asking[route.channel] = self._opening[route.other] = caller
-
-    def _serve(self, route: Route) -> None:
-        owed = self._owed[route.other] = deque()
-
-        def asked(data: bytes, reply: Reply) -> None:
-            self._arrived[route.channel].append(data)
-            owed.append(reply)
-
-        self._participant.serve(route.into, route.kind, TESTER, asked)
-
-    def _enter(self, hearing: list[Subscription]) -> None:
+    def _enter(self, joining: list[Subscription]) -> None:
         self._participant.join()
         for caller in self._asking.values():
             caller.connect()
         speaking = [self._reports, *self._speaking.values()]
         deadline = time.perf_counter_ns() + _JOIN
-        while not (all(one.is_joined for one in hearing) and all(TESTER in one.peers for one in speaking)):
+        while not (all(one.streams for one in joining) and all(TESTER in one.peers for one in speaking)):
             if time.perf_counter_ns() > deadline:
-                raise HostFailure(f"ROS 1 node {self._participant.name}", f"must be connected with {TESTER}, but is not",
-                                  "it runs as a part of the ROS 1 host", slug="ros1-connect")  # fmt: skip
+                rule = f"must be connected with {TESTER}, but is not after {_JOIN * 1e-9:g} s"
+                raise HostFailure(f"ROS 1 node {self._participant.name}", rule, slug="ros1-connect")
             self._participant.spin(time.perf_counter_ns() + 1_000_000)
 
     def _lost(self) -> None:
-        self._gone = True
+        self._is_gone = True
 
     def _told(self, message: bytes) -> None:
         said = command(unwrapped(message))
@@ -122,32 +107,35 @@ class Ros1Line:
 
     def poll(self, until: int | None) -> Command | None:
         """Return the next command; None at `until`. A tester that has gone says Quit."""
-        while True:
-            said = self._next()
-            if said is not None:
-                return said
-            if self._gone or self._participant.is_ended:
+        while not self._commands:
+            if self._is_gone or self._participant.is_ended:
                 return Quit()
             if not self._participant.spin(until) and until is not None and time.perf_counter_ns() >= until:
                 return None
-
-    def _next(self) -> Command | None:
-        """Return the first command, if the message that it announces has come, too."""
-        if not self._commands:
-            return None
-        first = self._commands[0]
-        if isinstance(first, Deliver):
-            channel = first.message.channel
-            waiting = self._arrived[channel]
-            if not waiting:
-                return None
-            first = Deliver(first.number, Wire(channel, waiting.popleft()))
-        elif isinstance(first, Begin | Run | Rest):
-            for owed in self._owed.values():
-                while owed:
-                    owed.popleft()(None)
+        said = self._commands[0]
+        if isinstance(said, Deliver):
+            data = self._taken(said.message, until)
+            if data is None:
+                self._participant.spin(0)
+                return Quit() if self._is_gone or until is None else None
+            said = Deliver(said.number, Wire(said.message.channel, data))
+        elif isinstance(said, Begin | Run | Rest):
+            self._decline()
         self._commands.popleft()
-        return first
+        return said
+
+    def _taken(self, announced: Wire, until: int | None) -> bytes | None:
+        """Return the message that is announced: it left before its announcement, and is there, or nearly."""
+        data = self._hearing[announced.channel].take(until)
+        if data is not None and announced.channel in self._calls_of:
+            self._owed[self._calls_of[announced.channel]] += 1
+        return data
+
+    def _decline(self) -> None:
+        """End the calls that were not answered: what they asked is forgotten."""
+        for channel, server in self._answering.items():
+            for _ in range(self._owed.pop(channel, 0)):
+                server.answer(None)
 
     def report(self, report: Report) -> None:
         """Tell the tester; messages leave first, on their own ways."""
@@ -163,8 +151,9 @@ class Ros1Line:
         channel = wire.channel
         if channel in self._speaking:
             self._speaking[channel].send(wire.data, wait=True)
-        elif self._owed.get(channel):
-            self._owed[channel].popleft()(wire.data)
+        elif self._owed[channel]:
+            self._owed[channel] -= 1
+            self._answering[channel].answer(wire.data)
         elif channel in self._asking:
             self._asking[channel].ask(wire.data)
         else:

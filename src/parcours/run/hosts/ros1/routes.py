@@ -10,10 +10,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from parcours.errors import HostFailure
+from parcours.run.hosts.ros1 import no_ros
+from parcours.run.hosts.ros1.ends import Kind
 from parcours.run.hosts.ros1.interfaces import Interface, Role
 from parcours.run.hosts.ros1.messages import Messages
-from parcours.run.hosts.ros1.participant import Kind
-from parcours.run.hosts.ros1 import no_ros
 
 TESTER = "/parcours"
 """The tester's name on the graph."""
@@ -70,9 +70,7 @@ def routes(channels: Sequence[Interface], messages: Messages) -> tuple[Route, ..
         else:
             kind = Kind(classes.service._type, classes.service._md5sum)
             other = next(o.channel for o in channels if o.topic == one.topic and o.channel != one.channel)
-        found.append(
-            Route(one.channel, one.role, one.sender, one.receiver, OUT + one.topic, one.topic, kind, other)
-        )
+        found.append(Route(one.channel, one.role, one.sender, one.receiver, OUT + one.topic, one.topic, kind, other))
     return tuple(found)
 
 
@@ -110,7 +108,9 @@ def unwrapped(message: bytes) -> bytes:
     """
     size = int.from_bytes(message[_LAYOUT : _LAYOUT + 4], "little")
     if message[:_LAYOUT] != bytes(_LAYOUT) or size != len(message) - _LAYOUT - 4:
-        raise HostFailure("ROS 1 frame", f"is an array of bytes, but {len(message)} bytes are none", slug="frame-foreign")
+        raise HostFailure(
+            "ROS 1 frame", f"is an array of bytes, but {len(message)} bytes are none", slug="frame-foreign"
+        )
     return message[_LAYOUT + 4 :]
 
 

@@ -8,12 +8,16 @@ from __future__ import annotations
 import select
 import socket
 import struct
+import time
 from collections import deque
 from collections.abc import Mapping
 
 from parcours.errors import HostFailure
 
 Header = Mapping[str, str]
+
+Arrival = tuple[bytes, bytes]
+"""A mark and a message."""
 
 _LENGTH = struct.Struct("<I")
 _CHUNK = 1 << 16
@@ -83,6 +87,8 @@ class Stream:
         self._mark = 1 if answers else 0
         self._incoming = b""
         self._outgoing: deque[memoryview] = deque()
+        self.arrived: deque[Arrival] = deque()
+        """What has been let in."""
         self.closed = False
         """Whether the other end has gone."""
 
@@ -130,10 +136,32 @@ class Stream:
         if self.closed:
             self._outgoing.clear()
 
-    def messages(self) -> list[tuple[bytes, bytes]]:
-        """Return what has arrived whole: (mark, message). A mark is empty, except of answers."""
+    def take(self, until: int | None = 0) -> Arrival | None:
+        """Return the next message, with its mark, which is empty except of answers.
+
+        None if none has come whole when the monotonic clock shows `until` [ns] (None waits for ever), or ever will.
+        """
+        while not self.arrived:
+            self.read()
+            if self.arrived:
+                break
+            left = None if until is None else (until - time.perf_counter_ns()) * 1e-9
+            if self.closed or (left is not None and left <= 0):
+                return None
+            select.select([self._socket], [], [], left)
+        return self.arrived.popleft()
+
+    def messages(self) -> list[Arrival]:
+        """Return all that has come whole, without waiting."""
+        self.read()
+        there = list(self.arrived)
+        self.arrived.clear()
+        return there
+
+    def read(self) -> None:
+        """Let in what has come."""
         try:
-            while True:
+            while not self.closed:
                 chunk = self._socket.recv(_CHUNK)
                 self._incoming = self._incoming + chunk if self._incoming else chunk
                 if not chunk:
@@ -144,10 +172,9 @@ class Stream:
             pass
         except OSError:
             self.closed = True
-        return self._cut()
+        self._cut()
 
-    def _cut(self) -> list[tuple[bytes, bytes]]:
-        whole: list[tuple[bytes, bytes]] = []
+    def _cut(self) -> None:
         buffer, mark, at = self._incoming, self._mark, 0
         while len(buffer) - at >= mark + _LENGTH.size:
             (size,) = _LENGTH.unpack_from(buffer, at + mark)
@@ -157,10 +184,9 @@ class Stream:
             end = at + mark + _LENGTH.size + size
             if len(buffer) < end:
                 break
-            whole.append((buffer[at : at + mark], buffer[end - size : end]))
+            self.arrived.append((buffer[at : at + mark], buffer[end - size : end]))
             at = end
         self._incoming = buffer[at:] if at else buffer
-        return whole
 
     def close(self) -> None:
         """Let go of the socket. Again: do nothing."""

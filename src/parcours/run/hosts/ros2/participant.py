@@ -12,6 +12,7 @@ import contextlib
 import os
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 from parcours.errors import HostFailure
@@ -19,6 +20,14 @@ from parcours.run.hosts.ros2.cdr import read, writer
 
 DEPTH = 10_000
 """So many messages wait for a reader that is slow, or frozen, before the oldest are lost."""
+
+_LAST_DOMAIN = 232
+
+_SETTINGS = {
+    "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+    "FASTDDS_DEFAULT_PROFILES_FILE": str(Path(__file__).with_name("profiles.xml")),
+}
+"""Of the environment, where it has none: nobody outside this machine is spoken to, and losses are made good at once."""
 
 _CHUNK = 20_000_000
 """The longest wait in one piece [ns]: Python hears of signals in between."""
@@ -34,11 +43,12 @@ class Participant:
         domain: the graph's number; that of the environment, or 0, if not given.
 
     Raises:
-        HostFailure: rclpy is not there, or the domain cannot be entered.
+        HostFailure: rclpy is not there, or there is no such domain.
     """
 
     def __init__(self, name: str, domain: int | None = None) -> None:
-        os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+        for variable, value in _SETTINGS.items():
+            os.environ.setdefault(variable, value)
         try:
             import rclpy
             from rclpy.context import Context
@@ -47,16 +57,11 @@ class Participant:
         except ImportError as error:
             rule, remedy = f"needs rclpy, but: {error}", "run it in your ROS 2 distribution's environment"
             raise HostFailure("ROS 2 host", rule, remedy, slug="ros2-missing") from error
+        number = _checked(os.environ.get("ROS_DOMAIN_ID") or 0 if domain is None else domain)
         self._context: Any = Context()
-        try:
-            rclpy.init(args=[], context=self._context, domain_id=domain,
-                       signal_handler_options=SignalHandlerOptions.NO)  # fmt: skip
-            self.node: Any = Node(name, context=self._context, use_global_arguments=False, enable_rosout=False,
-                                  start_parameter_services=False)  # fmt: skip
-        except Exception as error:
-            self._context.try_shutdown()
-            rule = f"must be able to enter ROS domain {os.environ.get('ROS_DOMAIN_ID', '0') if domain is None else domain}"
-            raise HostFailure("ROS 2 host", f"{rule}, but: {error}", "domains are 0 to 232", slug="ros2-domain") from error
+        rclpy.init(args=[], context=self._context, domain_id=number, signal_handler_options=SignalHandlerOptions.NO)
+        self.node: Any = Node(name, context=self._context, use_global_arguments=False, enable_rosout=False,
+                              start_parameter_services=False)  # fmt: skip
         self._takers: dict[str, list[tuple[Any, Callable[[], bool]]]] = {"subscription": [], "client": [], "service": []}
         self._set: Any = None
 
@@ -221,6 +226,17 @@ class Caller:
     def is_matched(self) -> bool:
         """Whether the service is there."""
         return bool(self._client.service_is_ready())
+
+
+def _checked(domain: int | str) -> int:
+    """Return the number of a domain; the middleware ends the process that asks for another."""
+    try:
+        if 0 <= int(domain) <= _LAST_DOMAIN:
+            return int(domain)
+    except ValueError:
+        pass
+    rule = f"domains are numbered 0 to {_LAST_DOMAIN}, but {domain!r} was given"
+    raise HostFailure("ROS 2 host", rule, "set ROS_DOMAIN_ID", slug="ros2-domain")
 
 
 def _quality() -> Any:

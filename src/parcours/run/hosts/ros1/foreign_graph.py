@@ -1,0 +1,316 @@
+"""A name on a ROS 1 graph of others -> what anybody says to it as bytes, in one thread; types are learned from peers.
+
+Unlike `participant`, whose nodes are ours and known by name, this end hears every publisher, serves every client, keeps
+latched messages, and advertises types that it has only read in another's connection header.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import select
+import socket
+import threading
+import time
+from collections.abc import Callable
+
+from parcours.errors import HostFailure
+from parcours.run.hosts.ros1.foreign_ends import ANY, WITHIN, Caller, Counter, Ear, Kind, Mouth, Reply, opened
+from parcours.run.hosts.ros1.graph import Slave, ask, ask_all
+from parcours.run.hosts.ros1.master import LOOPBACK
+from parcours.run.hosts.ros1.streams import ANSWERED, REFUSED, Stream, read_header, write_header
+
+
+class Middle:
+    """The tester's name on the graph, on loopback.
+
+    Args:
+        name: with its slash.
+        master: http://host:port.
+        refused: told, in any thread, of connections that were declined or could not be made, and why.
+    """
+
+    def __init__(self, name: str, master: str, refused: Callable[[str], None] = lambda text: None) -> None:
+        self.name, self.master, self._refused = name, master, refused
+        self._mouths: dict[str, Mouth] = {}
+        self._ears: dict[str, Ear] = {}
+        self._counters: dict[str, Counter] = {}
+        self._streams: dict[int, tuple[Stream, Callable[[bytes, bytes], None], Callable[[], None]]] = {}
+        self._lock = threading.RLock()
+        self._poll = select.epoll()
+        self._wake = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
+        self._poll.register(self._wake, select.EPOLLIN)
+        self._watched: dict[int, Callable[[], None]] = {}
+        self._closed = False
+        self._door = socket.create_server((LOOPBACK, 0))
+        self._slave = Slave(master, {
+            "requestTopic": self._where, "publisherUpdate": self._update, "shutdown": lambda *reason: 0,
+            "getPublications": lambda: [[one.topic, one.kind.type] for one in self._mouths.values()],
+            "getSubscriptions": lambda: [[one.topic, one.kind.type] for one in self._ears.values()],
+            "getBusInfo": self._connections,
+        })  # fmt: skip
+        self.uri = self._slave.uri
+        self._doorman = threading.Thread(target=self._receive, daemon=True, name="ros1-door")
+        self._doorman.start()
+
+    def publish(self, topic: str, kind: Kind, *, queue: int = 16, latch: bool = False) -> Mouth:
+        """Offer a topic, at once. Raises HostFailure if the master refuses."""
+        mouth = self._mouths[topic] = Mouth(self, topic, kind, queue, latch)
+        ask(self.master, "registerPublisher", self.name, topic, kind.type, self.uri)
+        return mouth
+
+    def subscribe(self, topic: str, kind: Kind, heard: Callable[[str, bytes], None],
+                  joined: Callable[[Kind], None] = lambda kind: None) -> Ear:  # fmt: skip
+        """Hear a topic, from now on; `joined` is told, in any thread, what each publisher says it carries."""
+        ear = self._ears[topic] = Ear(topic, kind, heard, joined)
+        publishers = ask(self.master, "registerSubscriber", self.name, topic, kind.type, self.uri)
+        self._connect_later(ear, publishers)
+        return ear
+
+    def serve(self, service: str, kind: Kind, asked: Callable[[str, bytes, Reply], None]) -> None:
+        """Serve a service, from now on."""
+        self._counters[service] = Counter(service, kind, asked)
+        at = f"rosrpc://{LOOPBACK}:{self._door.getsockname()[1]}"
+        ask(self.master, "registerService", self.name, service, at, self.uri)
+
+    def call(self, service: str, kind: Kind) -> Caller:
+        """Return what calls a service; nothing is connected yet."""
+        return Caller(self, service, kind)
+
+    def leave(self, names: list[str]) -> None:
+        """Withdraw topics and services of these names, and end what is connected to them."""
+        at = f"rosrpc://{LOOPBACK}:{self._door.getsockname()[1]}"
+        calls: list[tuple[str, tuple[object, ...]]] = []
+        for name in names:
+            if self._mouths.pop(name, None):
+                calls.append(("unregisterPublisher", (self.name, name, self.uri)))
+            ear = self._ears.pop(name, None)
+            if ear is not None:
+                calls.append(("unregisterSubscriber", (self.name, name, self.uri)))
+                for stream in list(ear.streams.values()):
+                    self.drop(stream)
+            if self._counters.pop(name, None):
+                calls.append(("unregisterService", (self.name, name, at)))
+        with contextlib.suppress(HostFailure):
+            ask_all(self.master, calls)
+
+    # The thread that waits.
+
+    def watch(self, descriptor: int, ready: Callable[[], None]) -> None:
+        """Call `ready`, in the thread that spins, whenever the descriptor can be read."""
+        with self._lock:
+            self._watched[descriptor] = ready
+            self._poll.register(descriptor, select.EPOLLIN)
+
+    def unwatch(self, descriptor: int) -> None:
+        """Watch it no longer."""
+        with self._lock:
+            if self._watched.pop(descriptor, None) is not None:
+                self._poll.unregister(descriptor)
+
+    def spin(self, until: int) -> bool:
+        """Hear what has arrived, or what arrives before the monotonic clock shows `until` [ns].
+
+        Returns:
+            whether anything happened.
+        """
+        events = self._poll.poll(0)
+        if not events:
+            left = (until - time.perf_counter_ns()) * 1e-9
+            if left <= 0:
+                return False
+            select.select([self._poll], [], [], left)  # to the microsecond; an epoll waits by milliseconds
+            events = self._poll.poll(0)
+        for descriptor, what in events:
+            watched = self._watched.get(descriptor)
+            if watched is not None:
+                watched()
+                continue
+            end = self._streams.get(descriptor)
+            if end is None:
+                with contextlib.suppress(BlockingIOError):
+                    os.eventfd_read(self._wake)
+                continue
+            self._attend(descriptor, what, *end)
+        return bool(events)
+
+    def _attend(self, descriptor: int, what: int, stream: Stream, heard: Callable[[bytes, bytes], None],
+                lost: Callable[[], None]) -> None:  # fmt: skip
+        if what & select.EPOLLOUT:
+            stream.flush()
+            if not stream.waits and not stream.closed:
+                self._poll.modify(descriptor, select.EPOLLIN)
+        if what & ~select.EPOLLOUT:
+            for mark, data in stream.messages():
+                heard(mark, data)
+        if stream.closed and self._forget(descriptor, stream):
+            lost()
+
+    def attend(self, stream: Stream, heard: Callable[[bytes, bytes], None], lost: Callable[[], None]) -> None:
+        """Call `heard` with (mark, message) of the stream, in the thread that spins; `lost` at its end."""
+        with self._lock:
+            if self._closed:
+                stream.close()
+                return
+            self._streams[stream.fileno()] = stream, heard, lost
+            self._poll.register(stream.fileno(), select.EPOLLIN | (select.EPOLLOUT if stream.waits else 0))
+
+    def await_room(self, stream: Stream) -> None:
+        """See to it that the stream sends on what waits, as soon as there is room."""
+        with self._lock:
+            if stream.fileno() in self._streams:
+                self._poll.modify(stream.fileno(), select.EPOLLIN | select.EPOLLOUT)
+
+    def drop(self, stream: Stream) -> None:
+        """Close the stream; its end is told to nobody."""
+        with self._lock:
+            descriptor = stream.fileno()
+            if self._streams.get(descriptor, (None,))[0] is stream:
+                self._forget(descriptor, stream)
+        stream.close()
+
+    def _forget(self, descriptor: int, stream: Stream) -> bool:
+        with self._lock:
+            if self._streams.get(descriptor, (None,))[0] is not stream:
+                return False
+            del self._streams[descriptor]
+            with contextlib.suppress(OSError):
+                self._poll.unregister(descriptor)
+            stream.close()
+            return True
+
+    def close(self) -> None:
+        """Leave the graph, and end the threads. Closing again does nothing."""
+        if self._closed:
+            return
+        self.leave([*self._mouths, *self._ears, *self._counters])
+        with self._lock:
+            self._closed = True
+        self._slave.close()
+        with contextlib.suppress(OSError):
+            self._door.shutdown(socket.SHUT_RDWR)
+        self._doorman.join()
+        self._door.close()
+        for stream, _, _ in list(self._streams.values()):
+            stream.close()
+        self._streams.clear()
+        self._poll.close()
+        os.close(self._wake)
+
+    # Other threads: connections are formed.
+
+    def _where(self, topic: str, protocols: list[list[object]]) -> object:
+        if topic not in self._mouths:
+            raise HostFailure(self.name, f"does not publish {topic}", slug="ros1-header")
+        if not any(protocol and protocol[0] == "TCPROS" for protocol in protocols):
+            raise HostFailure(self.name, "speaks TCPROS only", slug="ros1-header")
+        return ["TCPROS", LOOPBACK, self._door.getsockname()[1]]
+
+    def _update(self, topic: str, publishers: list[str]) -> int:
+        if topic in self._ears:
+            self._connect_later(self._ears[topic], publishers)
+        return 0
+
+    def _connections(self) -> list[list[object]]:
+        found: list[list[object]] = []
+        for mouth in list(self._mouths.values()):
+            found += [[len(found) + k, peer, "o", "TCPROS", mouth.topic, True] for k, peer in enumerate(mouth.peers)]
+        for ear in list(self._ears.values()):
+            found += [[len(found) + k, uri, "i", "TCPROS", ear.topic, True] for k, uri in enumerate(ear.streams)]
+        return found
+
+    def _connect_later(self, ear: Ear, publishers: list[str]) -> None:
+        arguments = (ear, list(publishers))
+        threading.Thread(target=self._connect, args=arguments, daemon=True, name="ros1-join").start()
+
+    def _connect(self, ear: Ear, publishers: list[str]) -> None:
+        with ear.lock:
+            for uri in publishers:
+                known = ear.streams.get(uri)
+                if uri == self.uri or (known is not None and not known.closed) or ear.topic not in self._ears:
+                    continue
+                try:
+                    self._listen(ear, uri)
+                except HostFailure as failure:
+                    if not self._closed:
+                        self._refused(f"{ear.topic}: no connection to the publisher at {uri}: {failure.rule}")
+
+    def _listen(self, ear: Ear, uri: str) -> None:
+        found = ask(uri, "requestTopic", self.name, ear.topic, [["TCPROS"]], within=WITHIN)
+        if not (isinstance(found, list) and len(found) == 3 and found[0] == "TCPROS"):
+            raise HostFailure(uri, f"must offer {ear.topic} by TCPROS, but answers {found!r:.60}", slug="ros1-header")
+        wanted = {"type": ear.kind.type, "md5sum": ear.kind.md5}
+        header = {"callerid": self.name, "topic": ear.topic, "tcp_nodelay": "1", **wanted}
+        connection, told = opened(str(found[1]), int(found[2]), header)
+        if not ear.kind.agrees(told):
+            connection.close()
+            raise HostFailure(uri, f"carries {told.get('type')}, md5 {told.get('md5sum')}, not {ear.kind.type}",
+                              slug="ros1-header")  # fmt: skip
+        stream = Stream(connection, told.get("callerid", "?"))
+        ear.streams[uri] = stream
+        ear.joined(Kind(told.get("type", ANY), told.get("md5sum", ANY), told.get("message_definition", "")))
+
+        def lost() -> None:
+            if ear.streams.get(uri) is stream:
+                del ear.streams[uri]
+
+        self.attend(stream, lambda mark, data: ear.heard(stream.peer, data), lost)
+
+    def _receive(self) -> None:
+        while True:
+            try:
+                connection, _ = self._door.accept()
+            except OSError:
+                return
+            threading.Thread(target=self._welcome, args=(connection,), daemon=True, name="ros1-welcome").start()
+
+    def _welcome(self, connection: socket.socket) -> None:
+        connection.settimeout(WITHIN)
+        complaint = ""
+        with contextlib.suppress(OSError):
+            try:
+                complaint = self._admit(connection, read_header(connection))
+            except HostFailure as failure:
+                complaint = failure.rule
+            if complaint:
+                self._refused(complaint)
+                with contextlib.suppress(OSError):
+                    write_header(connection, {"error": complaint})
+                connection.close()
+
+    def _admit(self, connection: socket.socket, header: dict[str, str]) -> str:
+        """Let the other end in, or return why not."""
+        who = header.setdefault("callerid", "?")
+        if "topic" in header:
+            mouth = self._mouths.get(header["topic"])
+            if mouth is None:
+                return f"{header['topic']}: {who} wants to hear it, but {self.name} does not publish it"
+            if not mouth.kind.agrees(header):
+                theirs = f"{header.get('type', 'something')}, md5 {header.get('md5sum')}"
+                return f"{mouth.topic}: carries {mouth.kind.type}, but {who} wants {theirs}"
+            stream = mouth.join(connection, header)
+            self.attend(stream, lambda mark, data: None, lambda: mouth.leave(stream))
+            return ""
+        counter = self._counters.get(header.get("service", ""))
+        if counter is None:
+            return f"{header.get('service', 'a connection')}: {who} calls it, but {self.name} does not serve it"
+        told = counter.kind.fields() | {"callerid": self.name, "service": counter.service}
+        if not counter.kind.agrees(header):
+            return f"{counter.service}: is {counter.kind.type}, but {who} calls it with md5 {header.get('md5sum')}"
+        write_header(connection, told)
+        if header.get("probe") == "1":
+            connection.close()
+            return ""
+        stream = Stream(connection, who)
+        once = header.get("persistent") != "1"
+        self.attend(stream, lambda mark, data: counter.asked(who, data, self._replying(stream, once)), lambda: None)
+        return ""
+
+    def _replying(self, stream: Stream, once: bool) -> Reply:
+        def reply(data: bytes | None) -> None:
+            told = b"the call failed" if data is None else data
+            stream.send(told, mark=REFUSED if data is None else ANSWERED)
+            if stream.waits:
+                self.await_room(stream)
+
+        return reply
