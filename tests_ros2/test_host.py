@@ -21,6 +21,7 @@ from parcours.run.hosts.realtime import RealTimeHost
 from parcours.run.hosts.resident import Plain, nodes_of
 from parcours.run.hosts.ros2.fabric import Ros2Fabric
 from parcours.run.hosts.ros2.names import Topic
+from parcours.run.hosts.ros2.participant import Participant
 from parcours.run.hosts.seats import Answer
 from parcours.run.port import ENVIRONMENT, Component, Link
 
@@ -97,9 +98,7 @@ def test_a_frozen_node_takes_up_afterwards_all_that_it_was_sent() -> None:
     said = heard(fabric, Idle(500))
     fabric.close()
     assert [one.number for one in said if isinstance(one, Received)] == list(range(500))
-    assert [toys("").decode("answer", one.sends[0].data) for one in said if isinstance(one, Took)] == [
-        *range(1, 501)
-    ]
+    assert [toys("").decode("answer", one.sends[0].data) for one in said if isinstance(one, Took)] == [*range(1, 501)]
 
 
 def test_no_process_no_thread_and_no_shared_memory_is_left() -> None:
@@ -154,19 +153,19 @@ def test_several_graphs_of_one_machine_do_not_hear_each_other() -> None:
 
 
 def test_a_domain_that_does_not_exist_is_refused() -> None:
-    with pytest.raises(HostFailure, match="0 to 232, but 9999.*ros2-domain"):
+    with pytest.raises(HostFailure, match=r"0 to 232, but 9999.*ros2-domain"):
         Ros2Fabric(nodes_of(DESK, ["Counting"], TOYS), domain=9999)
 
 
 def test_channels_that_would_share_a_topic_are_refused() -> None:
-    with pytest.raises(BadRequest, match="ask, answer.*ros2-topic-shared"):
+    with pytest.raises(BadRequest, match=r"ask, answer.*ros2-topic-shared"):
         three = (*DESK, Link("more", ENVIRONMENT, "Counting"))
         Ros2Fabric(nodes_of(three, ["Counting"], TOYS), {link.channel: Topic("/desk") for link in three})
 
 
 def test_a_resident_that_is_not_there_ends_the_start() -> None:
     began = time.monotonic()
-    with pytest.raises(HostFailure, match="Counting.*node-start"):
+    with pytest.raises(HostFailure, match=r"Counting.*node-start"):
         Ros2Fabric(nodes_of(DESK, ["Counting"], "parcours.run.hosts.toys:nobody"))
     assert time.monotonic() - began < 20
 
@@ -186,10 +185,8 @@ def test_messages_travel_on_the_topics_that_the_model_names() -> None:
 
 
 def _listing() -> dict[str, list[str]]:
-    """Return the graph's topics as any other node sees them."""
-    from parcours.run.hosts.ros2.participant import Participant
-
-    onlooker = Participant("onlooker")
+    """Return the graph's topics as any other node of the environment's domain sees them."""
+    onlooker = Participant("onlooker", int(os.environ["ROS_DOMAIN_ID"]))
     try:
         assert soon(lambda: any(name == "/obstacles" for name, _ in onlooker.node.get_topic_names_and_types()))
         return dict(onlooker.node.get_topic_names_and_types())
@@ -197,10 +194,23 @@ def _listing() -> dict[str, list[str]]:
         onlooker.close()
 
 
-def test_without_a_number_the_domain_is_that_of_the_environment() -> None:
-    assert os.environ.get("ROS_DOMAIN_ID")
+def test_a_node_ends_at_once_even_if_a_message_that_was_announced_never_came() -> None:
     fabric = desk()
-    fabric.deliver("nobody knows it", 0, b"x")
-    fabric.deliver("answer", 0, b"x")
     fabric.command("Counting", Deliver(1, Wire("ask")))
+    began = time.monotonic()
+    fabric.close()
+    assert time.monotonic() - began < 1.5  # after 2 s it would be killed
+
+
+@pytest.mark.parametrize("name", ["deliver", "command"])
+def test_what_is_meant_for_nobody_goes_nowhere(name: str) -> None:
+    fabric = desk()
+    fabric.signal("Counting", signal.SIGKILL)
+    heard(fabric, Died)
+    if name == "deliver":
+        for channel in ("a channel that nobody knows", "ask", "answer"):
+            fabric.deliver(channel, 0, b"x")
+    else:
+        fabric.command("Counting", Rest())
+    assert not fabric.poll(time.perf_counter_ns() + 20_000_000)
     fabric.close()

@@ -53,7 +53,13 @@ def trial(schedule: str, line: str) -> Trial:
 
 
 def left_behind(
-    *, goal: float = -1.0, contact: float = -1.0, moves_until: float = 40.0, died: float = -1.0, strikes: int = 1
+    *,
+    goal: float = -1.0,
+    contact: float = -1.0,
+    moves_until: float = 40.0,
+    died: float = -1.0,
+    strikes: int = 1,
+    hangs: float = -1.0,
 ) -> ComponentRun:
     """Return what a case of 40 s leaves behind, times in seconds, -1 for never."""
     facts, track = np.zeros(1, FACTS), np.zeros(800, TRACK)
@@ -62,7 +68,9 @@ def left_behind(
     track["time"] = np.arange(800) * 50_000_000
     track["v"][: int(moves_until * 20)] = 0.2
     deaths = () if died < 0.0 else (Death(int(died * S), "Planner", "crash"),)
-    return ComponentRun(facts, track, np.zeros((800, 0, 2)), Trace("simulated", ()), deaths, strikes)
+    facts["t_end"] = (goal if goal > 0.0 else 40.0) * S
+    acted = () if hangs < 0.0 else (("Planner", int(hangs * S)),)
+    return ComponentRun(facts, track, np.zeros((800, 0, 2)), Trace("simulated", ()), deaths, strikes, acted)
 
 
 def whole(ran: ComponentRun) -> ComponentRun:
@@ -80,6 +88,9 @@ def whole(ran: ComponentRun) -> ComponentRun:
         (left_behind(goal=13.5), None, Outcome.LATE),
         (left_behind(goal=13.5), 20, Outcome.LATE),
         (left_behind(goal=12.0, died=4.0), None, Outcome.COASTS),
+        (left_behind(goal=12.0, hangs=9.9), 6, Outcome.COASTS),
+        (left_behind(goal=12.0, hangs=10.1), 6, Outcome.NO_EFFECT),
+        (left_behind(moves_until=7.0, hangs=5.0), 6, Outcome.STOPS),
         (left_behind(moves_until=7.0), None, Outcome.STOPS),
         (left_behind(moves_until=7.0, died=4.0), 6, Outcome.STOPS),
         (left_behind(moves_until=7.0), 6, Outcome.STUCK),
@@ -164,6 +175,14 @@ def test_a_component_that_raises_because_of_a_message_has_died_and_the_study_goe
     assert judged.deaths[0].why.startswith("IndexError")
     assert judged.outcome is not Outcome.NO_EFFECT
     assert judged.detail == ""
+
+
+def test_a_planner_that_waits_for_a_lost_answer_hangs_and_to_reach_the_goal_is_then_no_success() -> None:
+    judged = run_trial(trial("guarded", "evaluation_response: drop from 2 s"))
+    assert judged.silent == ("Planner",)
+    assert not judged.deaths
+    assert judged.outcome in (Outcome.COASTS, Outcome.STOPS, Outcome.CONTACT)
+    assert run_trial(trial("guarded", "update: duplicate")).silent == ()
 
 
 def test_a_robot_whose_command_is_lost_for_good_drives_on_as_it_was_told_last() -> None:
@@ -251,7 +270,7 @@ def test_page_and_document_hold_every_row_and_nothing_of_a_message_is_taken_for_
     assert len(document["rows"]) == 2 * len(catalogue())
     assert document["rows"][0]["runs"][1] == {
         "case": 3, "outcome": "no effect", "t_goal": -1, "t_contact": -1, "rest_after": -1, "strikes": 0, "deaths": [],
-        "detail": "",
+        "silent": [], "detail": "",
     }  # fmt: skip
 
 

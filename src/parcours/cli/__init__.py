@@ -22,6 +22,7 @@ COMMANDS = {
     "export": "A suite as test scripts of other tools.",
     "suite": "Write the executable cases of a study to a file.",
     "run": "Execute a study and keep its results.",
+    "faults": "RAMP under faults on purpose: fault x outcome.",
     "conform": "A trace against a model: first deviation, expected set, path.",
     "recording": "What a recording of a run holds; one format into the other.",
     "judge": "Recordings of real-time runs, judged again.",

@@ -23,7 +23,7 @@ def command(
 ) -> None:
     """Strike RAMP's channels and components, one fault at a time, and see what becomes of the robot.
 
-    A case takes about a second of one processor: both schedules with 5 cases a fault take about ten minutes on two.
+    A case takes about half a second to a second: both schedules with 5 cases a fault took 14 minutes on two processors.
 
     Example: parcours faults --schedule guarded --only Planner --cases 10 --out out/faults
     """

@@ -218,6 +218,8 @@ class Planner:
         return trajectories
 
     def _note_population(self, response: EvaluationResponse) -> None:
+        if len(response.feasible) != self._planner.n:  # what is compiled checks no bounds
+            raise ValueError(f"{len(response.feasible)} evaluations of {self._planner.n} trajectories")
         _note_members(self._planner, response.feasible, response.fitness, response.t_collision)
 
     # Sensing cycle, p15 .. p19. p16 and p18 are answers with more left to ask; the last ones lead to p17 and p19.

@@ -105,7 +105,7 @@ class PartReader(QuantityReader):
         if "components" in items:
             listed = self.listed(items["components"], f"'components' of {what}")
             components = tuple(self.identifier(item, f"a component of {what}") for item in listed)
-        restart = self.one_of(items.get("restart"), f"'restart' of {what}", ("when-dead", "every-case"), "when-dead")
+        restart = self.one_of(items.get("restart"), f"'restart' of {what}", ("when-dead", "every-case"), "every-case")
         return Process(
             name,
             components,

@@ -56,7 +56,7 @@ class Process:
     remap: bool = True
     ros_node: str = ""
     ready: tuple[Ready, ...] = ()
-    restart: Literal["when-dead", "every-case"] = "when-dead"
+    restart: Literal["when-dead", "every-case"] = "every-case"
     stop: float = 2.0
     line: int = field(default=0, compare=False)
 

@@ -6,6 +6,7 @@ holds it in its gate.
 
 from __future__ import annotations
 
+import signal
 import time
 from collections.abc import Collection, Sequence
 from typing import Protocol, cast
@@ -22,7 +23,10 @@ from parcours.run.hosts.resident import Codec, Fabric
 from parcours.run.instance import Outcome
 
 _ANSWER = 10_000_000_000
-"""So long a node may take to make instances, or to forget them [ns]."""
+"""So long a node may take to make instances, or to show them [ns]."""
+
+_REST = 1_000_000_000
+"""So long a node may take to forget a case [ns]; then it is let go on, in case it is frozen, and then killed."""
 
 
 class Stimuli(Protocol):
@@ -149,14 +153,22 @@ class DrivenInstances:
         return shown
 
     def end(self) -> None:
-        """Let the nodes forget the case: what is still under way of it is not heard any more."""
+        """Let the nodes forget the case: what is still under way of it is not heard any more.
+
+        A node that hangs is killed: it could not be told from one that goes on later, in the middle of another case.
+        """
         waiting = set(self._nodes.values()) - self._gone
         for name in waiting:
             self._fabric.command(name, Rest())
-        while waiting:
-            node, said = self._next(waiting)
-            if isinstance(said, Ready):
-                waiting.discard(node)
+        for act in (signal.SIGCONT, signal.SIGKILL, None):
+            until = time.perf_counter_ns() + _REST
+            while waiting and time.perf_counter_ns() < until:
+                for node, said in self._fabric.poll(until):
+                    if isinstance(said, Ready | Died):
+                        waiting.discard(node)
+            for name in waiting:
+                if act is not None:
+                    self._fabric.signal(name, act)
         self._nodes = {}
 
     def _next(self, waiting: Collection[str]) -> tuple[str, Report]:

@@ -123,6 +123,10 @@ class Exchange:
         """How many messages and components a fault has struck so far."""
         return self._striker.strikes if self._striker is not None else 0
 
+    def acted(self, component: str) -> int:
+        """Return when a component of this host last ended a transition or action [ns]; 0 if never, or if it is dead."""
+        return self._seats[component].acted
+
     def inject(self, channel: str, message: object, at: int | None = None) -> None:
         """Send `message` in the place of the environment, or of a component that is not on this host.
 
@@ -292,6 +296,7 @@ class Exchange:
         """Record the transition in progress, and let its messages leave."""
         step, seat.step = seat.step, None
         assert step is not None
+        seat.acted = self._clock.now()
         if step.transition:
             self._record("take", seat, transition=step.transition)
         if step.sends:

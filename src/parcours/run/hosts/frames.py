@@ -123,10 +123,11 @@ class Received(Frame, frozen=True):
 
 
 class Dropped(Frame, frozen=True):
-    """Free: the message with that number was dropped, since newer ones filled its queue."""
+    """Free: the message with that number was dropped, since newer ones filled its queue, or it could not be read."""
 
     number: int
     time: int
+    why: str = "overrun"
 
 
 class Took(Frame, frozen=True):

@@ -6,22 +6,26 @@ server ends, and the server ends with the tester, however that comes about: no o
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
 import multiprocessing
 import os
 import signal
 import sys
+import time
 from collections.abc import Callable, Sequence
+from multiprocessing import forkserver
 from multiprocessing.process import BaseProcess
 
 from parcours.errors import HostFailure
+from parcours.run.hosts.frames import Broke
 from parcours.run.hosts.node import live
 from parcours.run.hosts.resident import Line, Node, resident_of
 from parcours.run.hosts.scheduling import prefer_real_time
 
 _PARENT_DEATH = 1  # PR_SET_PDEATHSIG
 _GRACE = 2.0
-"""So long a process may take to end by itself [s] before it is killed."""
+"""So long processes may take to end by themselves [s] before they are killed."""
 
 
 class Processes:
@@ -44,14 +48,18 @@ class Processes:
             line: called in the process with the node and the arguments, returns its end of the fabric.
         """
         process = self._context.Process(target=_main, args=(node, line, *arguments), name=node.component, daemon=True)
-        process.start()
+        try:
+            _ensure_server()
+            process.start()
+        except (EOFError, OSError) as error:
+            rule = f"must start, but the server that nodes are forked from does not answer: {type(error).__name__}"
+            raise HostFailure(f"node {node.component}", rule, "its own words stand above", slug="node-start") from error
         self._running[node.component] = process
 
     def signal(self, node: str, number: int) -> None:
         """Send the node's process a signal; none to one that has ended."""
-        process = self._running[node]
-        if process.pid is not None and process.is_alive():
-            os.kill(process.pid, number)
+        if node in self._running:
+            _send(self._running[node], number)
 
     def status(self, node: str, within: float = 0.0) -> int | None:
         """Return the node's exit status, negative for a signal; None if it has not ended `within` [s]."""
@@ -65,15 +73,31 @@ class Processes:
 
     def stop(self) -> None:
         """Wait for processes that were told to end, and kill those that do not."""
-        for process in self._running.values():
-            if process.pid is not None and process.is_alive():
-                os.kill(process.pid, signal.SIGCONT)
-        for process in self._running.values():
-            process.join(_GRACE)
+        running = [process for process in self._running.values() if process.pid is not None]
+        for process in running:
+            _send(process, signal.SIGCONT)
+        until = time.monotonic() + _GRACE
+        for process in running:
+            process.join(max(0.0, until - time.monotonic()))
             if process.is_alive():
                 process.kill()
                 process.join()
         self._running.clear()
+
+
+def _ensure_server() -> None:
+    """Start the server that processes are forked from, deaf to Ctrl-C: that is the tester's alone to hear."""
+    masked = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+    try:
+        forkserver.ensure_running()
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, masked)
+
+
+def _send(process: BaseProcess, number: int) -> None:
+    if process.pid is not None and process.is_alive():
+        with contextlib.suppress(ProcessLookupError):  # it has ended this very moment
+            os.kill(process.pid, number)
 
 
 def end_with_parent() -> None:
@@ -95,4 +119,10 @@ def _main(node: Node, line: Callable[..., Line], *arguments: object) -> None:
         return  # it ended before it could be asked for
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the whole group; the tester says Quit
     prefer_real_time()
-    live(node, resident_of(node), line(node, *arguments))
+    mine = line(node, *arguments)
+    try:
+        resident = resident_of(node)
+    except Exception as error:
+        mine.report(Broke(time.perf_counter_ns(), f"{type(error).__name__}: {error}"))
+        sys.exit(1)
+    live(node, resident, mine)

@@ -6,9 +6,10 @@ This is the same component that runs in simulated time; only its clock and its m
 from __future__ import annotations
 
 import gc
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Iterator
 
+from parcours.errors import BadRequest
 from parcours.run.clocks import WallClock
 from parcours.run.hosts import frames
 from parcours.run.hosts.frames import (
@@ -35,6 +36,10 @@ from parcours.run.instance import Begin, Instance, Outcome
 from parcours.run.port import Component, LinkKind, Send, Step
 
 
+_AT_ONCE = 1000
+"""After so many commands a component gets to work, even if more are there."""
+
+
 def live(node: Node, resident: Resident, line: Line) -> None:
     """Serve the tester until it says Quit, or is no more."""
     gc.freeze()
@@ -52,8 +57,10 @@ class _Life:
     def _forget(self) -> None:
         self._clock = WallClock()
         self._instances: dict[int, Instance] = {}
+        self._unmade: Exception | None = None
         self._component: Component | None = None
         self._inbox: deque[Deliver] = deque()
+        self._waiting: Counter[str] = Counter()
         self._delivered: dict[int, Wire] = {}
         self._is_idle = True
         self._n_taken = 0
@@ -65,11 +72,13 @@ class _Life:
             said = self._line.poll(self._due())
             if isinstance(said, Quit):
                 return
+            obeyed = 0
             while said is not None:
                 if isinstance(said, Quit):
                     return
                 self._obey(said)
-                said = self._line.poll(0) if self._component is not None else None
+                obeyed += 1
+                said = self._line.poll(0) if self._component is not None and obeyed < _AT_ONCE else None
             self._live_on()
 
     def _obey(self, said: Command) -> None:
@@ -80,8 +89,11 @@ class _Life:
                 self._queue(said)
             case frames.Begin(case, references, zero):
                 self._forget()
-                self._instances = {one: Instance(self._resident.instance(case)) for one in references}
                 self._clock = WallClock(zero)
+                try:
+                    self._instances = {one: Instance(self._resident.instance(case)) for one in references}
+                except Exception as error:
+                    self._unmade = error
                 self._line.report(Ready())
             case Grant(reference, turns):
                 self._take(reference, turns)
@@ -90,9 +102,12 @@ class _Life:
                 self._line.report(Shown(reference, None if shown is None else self._wire(shown)))
             case Run(case, zero):
                 self._forget()
-                self._component = self._resident.instance(case)
                 self._clock = WallClock(zero)
                 self._is_idle = False
+                try:
+                    self._component = self._resident.instance(case)
+                except Exception as error:
+                    self._break(error)
             case Rest():
                 self._forget()
                 self._line.report(Ready())
@@ -100,30 +115,35 @@ class _Life:
     # Driven: turns are granted.
 
     def _take(self, reference: int, turns: tuple[Turn, ...]) -> None:
-        instance = self._instances[reference]
         for turn in turns:
-            outcome = self._turn(instance, turn)
-            asides = tuple((time, self._wire(send)) for time, send in outcome.asides)
-            sends = tuple(map(self._wire, outcome.sends))
-            self._line.report(
-                Turned(reference, outcome.manner, outcome.time, outcome.transition, sends, outcome.received, asides,
-                       outcome.text)
-            )  # fmt: skip
-            if outcome.manner != "taken" or outcome.transition != turn.transition:
+            try:
+                said = self._turned(reference, turn)
+                self._line.report(said)
+            except Exception as error:
+                said = Turned(reference, "raised", self._clock.now(), text=f"{type(error).__name__}: {error}")
+                self._line.report(said)
+            if said.manner != "taken" or said.transition != turn.transition:
                 return
+
+    def _turned(self, reference: int, turn: Turn) -> Turned:
+        """Take a turn; raises whatever the component's making, its messages or the messages to it raise."""
+        if self._unmade is not None:
+            raise self._unmade
+        outcome = self._turn(self._instances[reference], turn)
+        asides = tuple((time, self._wire(send)) for time, send in outcome.asides)
+        sends = tuple(map(self._wire, outcome.sends))
+        return Turned(reference, outcome.manner, outcome.time, outcome.transition, sends, outcome.received, asides,
+                      outcome.text)  # fmt: skip
 
     def _turn(self, instance: Instance, turn: Turn) -> Outcome:
         component, clock = instance.component, self._clock
-        try:
-            for message in turn.settle:
-                instance.settle(self._handing(component, message), clock)
-            if turn.awaits >= 0:
-                hand = self._handing(component, self._delivered.pop(turn.awaits))
-                return instance.turn(turn.transition, clock, message=hand)
-            if turn.given is not None:
-                return instance.turn(turn.transition, clock, prompt=self._handing(component, turn.given))
-        except Exception as error:
-            return Outcome("raised", clock.now(), text=f"{type(error).__name__}: {error}")
+        for message in turn.settle:
+            instance.settle(self._handing(component, message), clock)
+        if turn.awaits >= 0:
+            hand = self._handing(component, self._delivered.pop(turn.awaits))
+            return instance.turn(turn.transition, clock, message=hand)
+        if turn.given is not None:
+            return instance.turn(turn.transition, clock, prompt=self._handing(component, turn.given))
         return instance.turn(turn.transition, clock,
                              prompt=lambda now: self._resident.prompt(turn.prompt, component, now))  # fmt: skip
 
@@ -140,12 +160,14 @@ class _Life:
     def _queue(self, delivery: Deliver) -> None:
         """Queue a message; of a topic whose queue is full, the oldest is dropped."""
         channel = delivery.message.channel
-        waiting = [one for one in self._inbox if one.message.channel == channel]
-        if len(waiting) >= self._capacity.get(channel, len(waiting) + 1):
-            self._inbox.remove(waiting[0])
+        if self._capacity.get(channel, self._waiting[channel] + 1) <= self._waiting[channel]:
+            oldest = next(one for one in self._inbox if one.message.channel == channel)
+            self._inbox.remove(oldest)
+            self._waiting[channel] -= 1
             self._n_taken += 1
-            self._line.report(Dropped(waiting[0].number, self._clock.now()))
+            self._line.report(Dropped(oldest.number, self._clock.now()))
         self._inbox.append(delivery)
+        self._waiting[channel] += 1
         self._is_idle = False
 
     def _due(self) -> int | None:
@@ -167,20 +189,32 @@ class _Life:
             if wake is not None and wake <= now:
                 self._work(component.wake(now))
             elif self._inbox:
-                first = self._inbox.popleft()
-                self._n_taken += 1
-                payload = self._resident.decode(first.message.channel, first.message.data)
-                now = self._clock.now()
-                self._line.report(Received(first.number, now))
-                self._work(component.handle(first.message.channel, payload, now))
+                self._take_up(component, self._inbox.popleft())
             elif wake is None and not self._is_idle:
                 self._line.report(Idle(self._n_taken))
                 self._is_idle = True
             else:
                 self._is_idle = True
         except Exception as error:
-            self._line.report(Broke(self._clock.now(), f"{type(error).__name__}: {error}"))
-            self._component = None
+            self._break(error)
+
+    def _take_up(self, component: Component, delivery: Deliver) -> None:
+        channel = delivery.message.channel
+        self._waiting[channel] -= 1
+        self._n_taken += 1
+        self._is_idle = False
+        try:
+            payload = self._resident.decode(channel, delivery.message.data)
+        except BadRequest as error:
+            self._line.report(Dropped(delivery.number, self._clock.now(), f"unreadable: {error}"))
+            return
+        now = self._clock.now()
+        self._line.report(Received(delivery.number, now))
+        self._work(component.handle(channel, payload, now))
+
+    def _break(self, error: Exception) -> None:
+        self._line.report(Broke(self._clock.now(), f"{type(error).__name__}: {error}"))
+        self._component = None
 
     def _work(self, steps: Iterator[Step]) -> None:
         for step in steps:

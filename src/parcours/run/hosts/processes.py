@@ -13,7 +13,7 @@ from collections import deque
 from collections.abc import Sequence
 
 from parcours.errors import HostFailure
-from parcours.run.hosts.frames import Command, Deliver, Died, Quit, Report, Wire, command, packed, report
+from parcours.run.hosts.frames import Broke, Command, Deliver, Died, Quit, Report, Wire, command, packed, report
 from parcours.run.hosts.launching import Processes
 from parcours.run.hosts.resident import Node
 from parcours.run.hosts.sockets import FrameSocket
@@ -64,15 +64,20 @@ class ProcessFabric:
         self._processes = Processes(preload)
         self._sockets: dict[str, FrameSocket] = {}
         self._names: dict[FrameSocket, str] = {}
-        self._gone: set[str] = set()
+        self._gone: dict[str, int] = {}
+        self._news: list[tuple[str, Report]] = []
         self._receivers = {link.channel: link.receiver for node in nodes for link in node.links}
-        for node in nodes:
-            mine, its = socket.socketpair()
-            self._processes.start(node, SocketLine, its)
-            its.close()
-            self._sockets[node.component] = FrameSocket(mine)
-            self._names[self._sockets[node.component]] = node.component
-        self._await_nodes()
+        try:
+            for node in nodes:
+                mine, its = socket.socketpair()
+                self._sockets[node.component] = FrameSocket(mine)
+                self._names[self._sockets[node.component]] = node.component
+                with its:
+                    self._processes.start(node, SocketLine, its)
+            self._await_nodes()
+        except BaseException:
+            self.close()
+            raise
 
     @property
     def nodes(self) -> Sequence[str]:
@@ -85,8 +90,11 @@ class ProcessFabric:
         return self._processes.pids()
 
     def command(self, node: str, command: Command) -> None:
-        """Tell a node; one that has ended hears nothing."""
-        self._sockets[node].send(packed(command))
+        """Tell a node; for one that has ended, what comes back is again that it has died."""
+        if node in self._gone:
+            self._news.append((node, Died(time.perf_counter_ns(), self._gone[node])))
+        else:
+            self._sockets[node].send(packed(command))
 
     def deliver(self, channel: str, number: int, data: bytes) -> None:
         """Let the message reach the channel's receiver, if it is a node."""
@@ -97,14 +105,15 @@ class ProcessFabric:
     def poll(self, until: int) -> Sequence[tuple[str, Report]]:
         """Return what nodes have said, waiting until the monotonic clock shows `until` [ns]."""
         while True:
-            for one in self._sockets.values():
-                if one.waits:
-                    one.flush()
-            left = until - time.perf_counter_ns()
-            there = [one for one in self._sockets.values() if not one.closed]
+            said, self._news = self._news, []
+            there = [one for name, one in self._sockets.items() if name not in self._gone]
             full = [one for one in there if one.waits]
-            readable, _, _ = select.select(there, full, [], max(0, left) * 1e-9)
-            said = [entry for one in readable for entry in self._hear(self._names[one])]
+            for one in full:
+                one.flush()
+            left = until - time.perf_counter_ns()
+            readable, _, _ = select.select(there, full, [], 0 if said else max(0, left) * 1e-9)
+            for one in readable:
+                said += self._hear(self._names[one])
             if said or left <= 0:
                 return said
 
@@ -112,9 +121,9 @@ class ProcessFabric:
         connection = self._sockets[node]
         said: list[tuple[str, Report]] = [(node, report(frame)) for frame in connection.frames()]
         if connection.closed and node not in self._gone:
-            self._gone.add(node)
             status = self._processes.status(node, within=1.0)
-            said.append((node, Died(time.perf_counter_ns(), 0 if status is None else status)))
+            self._gone[node] = 0 if status is None else status
+            said.append((node, Died(time.perf_counter_ns(), self._gone[node])))
         return said
 
     def signal(self, node: str, signal: int) -> None:
@@ -127,23 +136,22 @@ class ProcessFabric:
             if not connection.closed:
                 self._processes.signal(name, signal.SIGCONT)
                 connection.send(packed(Quit()))
-        self._processes.stop()
-        for connection in self._sockets.values():
             connection.close()
-        self._gone.update(self._sockets)
+            self._gone.setdefault(name, 0)
+        self._processes.stop()
 
     def _await_nodes(self) -> None:
         missing = set(self._sockets)
         deadline = time.perf_counter_ns() + int(_START * 1e9)
         while missing and time.perf_counter_ns() < deadline:
             for node, said in self.poll(deadline):
+                if isinstance(said, Broke):
+                    raise HostFailure(f"node {node}", f"must start, but raised {said.text}", slug="node-start")
                 if isinstance(said, Died):
-                    self.close()
                     raise HostFailure(f"node {node}", f"must start, but its process ended: {ending(said.status)}",
                                       "its own words stand above", slug="node-start")  # fmt: skip
                 missing.discard(node)
         if missing:
-            self.close()
             rule = f"nodes must start within {_START:g} s, but there is no {', '.join(sorted(missing))}"
             raise HostFailure("processes host", rule, slug="node-start")
 

@@ -29,7 +29,8 @@ from parcours.run.port import ENVIRONMENT, Component, Link, Step
 from parcours.run.trace import Kind, Trace, TraceEvent
 
 _SIGNALS = {"stop": signal.SIGSTOP, "continue": signal.SIGCONT, "kill": signal.SIGKILL}
-_ANSWER = 10_000_000_000
+_ANSWER = 5_000_000_000
+"""So long a node may take to come to rest [ns]."""
 
 DIED = "died: "
 """How the note begins that says how a component ended."""
@@ -76,7 +77,7 @@ class RealTimeHost:
             rule = f"component names differ, but given were: {', '.join(names)}"
             raise HostFailure(f"{self.label} host", rule, slug="host-names")
         self._plan = faults or FaultPlan(0)
-        self._plan.check(list(self._links), names)
+        self._plan.check(list(self._links), list(fabric.nodes))
         self._fates = Fates(self._plan)
         self._open = True
         self._clock = WallClock()
@@ -86,12 +87,14 @@ class RealTimeHost:
         self._events: list[TraceEvent] = []
         self._payloads: dict[int, object] = {}
         self._begun = False
+        self._until = 0
         self._sent = self._order = 0
         self._count: Counter[str] = Counter()
         self._delivered: Counter[str] = Counter()
         self._resting: dict[str, int] = {}
-        self._channel_of: dict[int, Wire] = {}
+        self._wires: dict[int, Wire] = {}
         self._last_arrival: dict[str, int] = {}
+        self._on_their_way: Counter[str] = Counter()
         self._due: list[tuple[int, int, Callable[[], None]]] = []
         self._inbox: deque[tuple[Component, int, Wire]] = deque()
         self.deaths: dict[str, str] = {}
@@ -101,7 +104,7 @@ class RealTimeHost:
         """Return everything to where it began; nodes forget what they were doing.
 
         Raises:
-            HostFailure: a node is gone.
+            HostFailure: the host is closed.
         """
         self._must_be_open()
         self.rest()
@@ -152,19 +155,23 @@ class RealTimeHost:
         """Run until the time `until` [ns], or until nothing is left that could happen.
 
         A node that dies does not end the run: it is noted, and stands in `deaths`.
+
+        Raises:
+            HostFailure: a node was gone before the run began, a component sends on a channel that is not its own, or
+                the host is closed.
         """
         self._must_be_open()
         if not self._begun:
             self._begin()
+        self._until = until
         while (now := self._now()) < until:
             self._do_what_is_due()
             wake = self._next_wake()
             if wake is None and self._is_at_rest():
                 return
             target = until if wake is None else min(until, wake)
-            if target > now:
-                for node, said in self._fabric.poll(self._clock.zero + target):
-                    self._hear(node, said)
+            for node, said in self._fabric.poll(self._clock.zero + max(target, now)):
+                self._hear(node, said)
 
     def _must_be_open(self) -> None:
         if not self._open:
@@ -174,6 +181,11 @@ class RealTimeHost:
         return self._clock.now() if self._begun else 0
 
     def _begin(self) -> None:
+        self.rest()
+        if self.deaths:
+            how = ", ".join(f"{node}: {how}" for node, how in self.deaths.items())
+            rule = f"nodes must live as long as the host, but dead are {how}"
+            raise HostFailure(f"{self.label} host", rule, "start the host anew", slug="node-gone")
         self._clock.restart()
         self._begun = True
         for node in self._fabric.nodes:
@@ -225,10 +237,9 @@ class RealTimeHost:
                 for wire in sends:
                     self._send(node, wire, when)
             case Received(number, when):
-                self._record("receive", when, component=node, wire=self._channel_of.pop(number), number=number)
-            case Dropped(number, when):
-                wire = self._channel_of.pop(number)
-                self._record("drop", when, component=node, wire=wire, number=number, text="overrun")
+                self._record("receive", when, component=node, wire=self._wires[number], number=number)
+            case Dropped(number, when, why):
+                self._record("drop", when, component=node, wire=self._wires[number], number=number, text=why)
             case Idle(taken):
                 self._resting[node] = taken
             case Broke(when, text):
@@ -256,7 +267,7 @@ class RealTimeHost:
         self._record("send", when, component=sender, wire=wire, number=number)
         fate = self._fates.fate(wire.channel, k, when)
         if fate is UNTOUCHED:
-            self._dispatch(link, wire, number)
+            self._pass_on(link, wire, number, self._now())
         else:
             self._befall(link, wire, number, fate)
 
@@ -265,15 +276,17 @@ class RealTimeHost:
         if not fate.copies:
             self._record("drop", now, component=link.sender, wire=wire, number=number, text=f"fault: {fate.why}")
             return
-        self._record("note", now, component=link.sender, text=f"fault: {wire.channel} {fate.why}")
+        self._record("note", now, component=link.sender, wire=wire, number=number,
+                     text=f"fault: {wire.channel} {fate.why}")  # fmt: skip
         if fate.corrupt is not None:
             wire = self._corrupted(wire, fate)
-        for later in fate.copies:
-            arrival = now + later
-            if not fate.reorder:
-                arrival = max(arrival, self._last_arrival.get(wire.channel, 0))
-                self._last_arrival[wire.channel] = arrival
-            self._at(arrival, lambda: self._hand_over(link, wire, number))
+        arrival = now + fate.copies[0]
+        for copy in fate.copies:
+            later = copy - fate.copies[0]
+            if fate.reorder or later:
+                self._at(arrival + later, lambda: self._hand_over(link, wire, number))
+            else:
+                arrival = self._pass_on(link, wire, number, arrival)
 
     def _corrupted(self, wire: Wire, fate: Fate) -> Wire:
         assert fate.corrupt is not None
@@ -288,13 +301,22 @@ class RealTimeHost:
             self._record("note", self._now(), text=f"fault: {wire.channel} {said}: no message any more, sent as bytes")
             return Wire(wire.channel, corrupted_bytes(wire.data, fate.corrupt, "length"))
 
-    def _dispatch(self, link: Link, wire: Wire, number: int) -> None:
-        """Hand over a message that nothing befalls: not before those that are late."""
-        last = self._last_arrival.get(wire.channel, 0)
-        if last > self._now():
-            self._at(last, lambda: self._hand_over(link, wire, number))
-        else:
+    def _pass_on(self, link: Link, wire: Wire, number: int, when: int) -> int:
+        """Hand over a message at a time, but not before those that are on their way; return when that will be."""
+        channel = wire.channel
+        arrival = max(when, self._last_arrival.get(channel, 0))
+        if arrival <= self._now() and not self._on_their_way[channel]:
             self._hand_over(link, wire, number)
+            return arrival
+
+        def arrive() -> None:
+            self._on_their_way[channel] -= 1
+            self._hand_over(link, wire, number)
+
+        self._last_arrival[channel] = arrival
+        self._on_their_way[channel] += 1
+        self._at(arrival, arrive)
+        return arrival
 
     def _hand_over(self, link: Link, wire: Wire, number: int) -> None:
         if link.receiver in self._fabric.nodes:
@@ -302,18 +324,23 @@ class RealTimeHost:
                 self._record("drop", self._now(), component=link.receiver, wire=wire, number=number,
                              text="its receiver is dead")  # fmt: skip
                 return
-            self._channel_of[number] = wire
+            self._wires[number] = wire
             self._delivered[link.receiver] += 1
             self._fabric.deliver(wire.channel, number, wire.data)
         else:
             self._inbox.append((self._local.get(link.receiver, self._tester), number, wire))
 
     def _empty_inbox(self) -> None:
-        while self._inbox:
+        """Let the tester's own components take up their messages; when its time is over a run ends even so."""
+        while self._inbox and (now := self._now()) < self._until:
             part, number, wire = self._inbox.popleft()
-            now = self._now()
+            try:
+                payload = self._codec.decode(wire.channel, wire.data)
+            except BadRequest as error:
+                self._record("drop", now, component=part.name, wire=wire, number=number, text=f"unreadable: {error}")
+                continue
             self._record("receive", now, component=part.name, wire=wire, number=number)
-            self._act(part, part.handle(wire.channel, self._codec.decode(wire.channel, wire.data), now))
+            self._act(part, part.handle(wire.channel, payload, now))
 
     def _act(self, part: Component, steps: Iterator[Step]) -> None:
         for step in steps:
@@ -349,23 +376,19 @@ class RealTimeHost:
     def rest(self) -> None:
         """Let the nodes forget what they were doing; the trace stays.
 
-        Raises:
-            HostFailure: a node that had not died in the run is gone, or does not come to rest.
+        A node that does not come to rest hangs: it is killed, and counts as dead.
         """
         waiting = set(self._fabric.nodes) - set(self.deaths)
         for node in waiting:
             self._fabric.signal(node, signal.SIGCONT)
             self._fabric.command(node, Rest())
         until = time.perf_counter_ns() + _ANSWER
-        while waiting:
-            heard = self._fabric.poll(until)
-            for node, said in heard:
-                if isinstance(said, Ready):
+        while waiting and time.perf_counter_ns() < until:
+            for node, said in self._fabric.poll(until):
+                if isinstance(said, Ready | Died):
                     waiting.discard(node)
-                elif isinstance(said, Died):
-                    self.deaths[node] = ending(said.status)
-            gone = waiting & set(self.deaths)
-            if gone or (waiting and time.perf_counter_ns() >= until):
-                how = ", ".join(f"{node} {self.deaths.get(node, 'is silent')}" for node in sorted(gone or waiting))
-                raise HostFailure(f"{self.label} host", f"nodes must live as long as the host, but: {how}",
-                                  "start the host anew", slug="node-gone")  # fmt: skip
+                if isinstance(said, Died):
+                    self._hear(node, said)
+        for node in waiting:
+            self._fabric.signal(node, signal.SIGKILL)
+            self._bury(node, f"hung: it did not come to rest within {_ANSWER * 1e-9:g} s", self._now())

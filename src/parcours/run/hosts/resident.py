@@ -66,7 +66,7 @@ class Fabric(Protocol):
         """The components that have a node."""
 
     def command(self, node: str, command: Command) -> None:
-        """Tell a node."""
+        """Tell a node. What comes back of one that has ended is, each time, that it has died."""
 
     def deliver(self, channel: str, number: int, data: bytes) -> None:
         """Let the message reach the channel's receiver, if it is a node."""

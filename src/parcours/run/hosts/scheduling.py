@@ -10,7 +10,7 @@ import os
 from collections.abc import Iterator
 
 PRIORITY = 10
-"""Of SCHED_FIFO; above ordinary processes, below the kernel's own threads."""
+"""Of SCHED_FIFO; above ordinary processes, below the threads of the system itself."""
 
 
 def prefer_real_time() -> str:

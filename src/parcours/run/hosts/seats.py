@@ -43,6 +43,8 @@ class Seat:
     """When the transition in progress ends [ns], if there is one."""
     left: int = 0
     """How long it had yet to go when the component was frozen [ns]."""
+    acted: int = 0
+    """When it last ended a transition or action [ns]."""
     dead: bool = False
     frozen: bool = False
 
@@ -63,6 +65,7 @@ class Seat:
         self.work = self.step = self.wake = None
         self.waits = ""
         self.turn += 1
+        self.acted = 0
         self.dead = self.frozen = False
 
 

@@ -10,9 +10,14 @@ import socket
 import time
 from collections import deque
 
+from parcours.errors import HostFailure
+
 _LENGTH = 4
 _MOST = 64 * 1024 * 1024
+"""No frame is larger [bytes]; a length beyond is none."""
+
 _BUFFER = 1 << 22
+_CHUNK = 1 << 16
 
 
 class FrameSocket:
@@ -40,7 +45,14 @@ class FrameSocket:
         return bool(self._outgoing)
 
     def send(self, frame: bytes, *, wait: bool = False) -> None:
-        """Send a frame now, as far as the other end has room; the rest with `flush`, unless told to `wait`."""
+        """Send a frame now, as far as the other end has room; the rest with `flush`, unless told to `wait`.
+
+        Raises:
+            HostFailure: the frame is larger than any that is read.
+        """
+        if len(frame) > _MOST:
+            rule = f"a frame has at most {_MOST >> 20} MiB, but this one has {len(frame)} bytes"
+            raise HostFailure("node", rule, "send less at once", slug="frame-size")
         self._outgoing.append(memoryview(len(frame).to_bytes(_LENGTH, "little") + frame))
         self.flush()
         while wait and self._outgoing and not self.closed:
@@ -64,16 +76,11 @@ class FrameSocket:
             self._outgoing.clear()
 
     def frames(self) -> list[bytes]:
-        """Return the frames that have arrived, without waiting."""
+        """Return frames that have arrived, without waiting. Of one that floods, not all at once: others wait, too."""
         try:
-            while True:
-                chunk = self._socket.recv(_BUFFER)
-                if not chunk:
-                    self.closed = True
-                    break
-                self._incoming += chunk
-                if len(chunk) < 4096:
-                    break
+            chunk = self._socket.recv(_CHUNK)
+            self.closed = not chunk
+            self._incoming += chunk
         except BlockingIOError:
             pass
         except OSError:

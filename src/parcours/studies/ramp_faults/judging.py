@@ -22,6 +22,9 @@ TOLERANCE = 1_000_000_000
 STILL = 5_000_000_000
 """A robot stands that has not moved for so long [ns]."""
 
+SILENT = 2_000_000_000
+"""A component that always has something to do, and has done nothing for so long at the end of a case, hangs [ns]."""
+
 SLOW_V, SLOW_W = 0.01, 0.02
 """What is slower does not move [m/s], [rad/s]."""
 
@@ -34,7 +37,7 @@ class Outcome(StrEnum):
     CONTACT = "contact"
     """The robot, moving, closed the gap to an obstacle."""
     COASTS = "coasts"
-    """It reached the goal although a component was dead: nobody could have stopped it."""
+    """It reached the goal although a component was dead or hung: nobody could have stopped it."""
     NO_EFFECT = "no effect"
     """It reached the goal within a second of when it does without the fault, or earlier."""
     RECOVERS = "recovers"
@@ -78,6 +81,7 @@ class CaseOutcome:
         rest_after: if it stops or is stuck, how long after the fault began, or a component died, it stood [ns]; NEVER.
         strikes: how many messages and components were struck.
         deaths: components that died, with their reasons.
+        silent: components that live, but had done nothing for the last two seconds of the case.
         detail: what went wrong with the computation; else empty.
     """
 
@@ -88,6 +92,7 @@ class CaseOutcome:
     rest_after: int = NEVER
     strikes: int = 0
     deaths: tuple[Death, ...] = ()
+    silent: tuple[str, ...] = ()
     detail: str = ""
 
 
@@ -124,14 +129,18 @@ def judge(ran: ComponentRun, begins: int, until: int | None, t_goal_without: int
     number, t_goal = int(facts["number"]), int(facts["t_goal"])
     touched = [int(facts[name]) for name in ("t_robot_contact", "t_shared_contact") if facts[name] != NEVER]
     since = rest_since(ran.track) if t_goal == NEVER else None
+    dead = {death.component for death in ran.deaths}
+    silent = tuple(name for name, at in ran.acted if name not in dead and facts["t_end"] - at > SILENT)
     if ran.deaths:
-        begins, until = min(death.time for death in ran.deaths), None
+        begins = min(death.time for death in ran.deaths)
+    if dead or silent:
+        until = None
     if ran.strikes == 0:
         outcome = Outcome.NOT_STRUCK
     elif touched:
         outcome = Outcome.CONTACT
     elif t_goal != NEVER:
-        if ran.deaths:
+        if dead or silent:
             outcome = Outcome.COASTS
         elif t_goal <= t_goal_without + TOLERANCE:
             outcome = Outcome.NO_EFFECT
@@ -142,4 +151,4 @@ def judge(ran: ComponentRun, begins: int, until: int | None, t_goal_without: int
     else:
         outcome = Outcome.STOPS if until is None else Outcome.STUCK
     rest = max(since - begins, 0) if since is not None and outcome in (Outcome.STOPS, Outcome.STUCK) else NEVER
-    return CaseOutcome(number, outcome, t_goal, min(touched, default=NEVER), rest, ran.strikes, ran.deaths)
+    return CaseOutcome(number, outcome, t_goal, min(touched, default=NEVER), rest, ran.strikes, ran.deaths, silent)

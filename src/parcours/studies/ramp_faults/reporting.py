@@ -29,10 +29,10 @@ _NOTE = (
     "Cases per fault and outcome. *Not struck*: nothing was sent that the fault could befall. *No effect*: the goal "
     "within 1 s of when it is reached without the fault. *Recovers*: later, after the fault is over. *Late*: later, "
     "with it still in force. *Stops safely*: stands without contact while the fault is in force. *Stuck*: stands "
-    "though the fault is over. *Coasts*: the goal, with a component dead. *Runs on*: still moves at the end. "
+    "though the fault is over. *Coasts*: the goal, with a component dead or hung. *Runs on*: still moves at the end. "
     "*Contact*: the robot, moving, closed the gap to an obstacle. "
     "*Rest after*: the longest time from the fault, or a death by it, until a robot that stops or is stuck stood. "
-    "*Died*: components that raised because of a message, in so many cases."
+    "*Died or hangs*: components that raised because of a message, or did nothing at the end, in so many cases."
 )
 
 
@@ -42,7 +42,7 @@ def count(rows: Sequence[Row]) -> Counter[Outcome]:
 
 
 def died(row: Row) -> str:
-    """Return which components died of a message (not of the crash that was asked for), in how many cases, and why."""
+    """Return which components died of a message (not of the crash asked for) or hung, in how many cases, and why."""
     found = Counter(
         (death.component, death.why.partition(":")[0])
         for one in row.outcomes
@@ -50,6 +50,8 @@ def died(row: Row) -> str:
         if death.why != "crash"
     )
     told = [f"{component} {n} ({why})" for (component, why), n in sorted(found.items())]
+    hung = Counter(component for one in row.outcomes for component in one.silent)
+    told += [f"{component} hangs {n}" for component, n in sorted(hung.items())]
     told += sorted({one.detail.partition("[")[0].strip() for one in row.outcomes if one.detail})
     return "; ".join(told)
 
@@ -61,7 +63,7 @@ def fault_table(results: FaultResults, schedule: str, group: str) -> Table:
         Column("fault", code=True),
         *(Column(outcome.value, align="right") for outcome in SHOWN),
         Column("rest after", ".1f", unit="s"),
-        Column("died"),
+        Column("died or hangs"),
     )
     return Table(f"{_GROUPS[group]}, {schedule}", columns, tuple(_cells(row) for row in rows))
 
@@ -156,6 +158,7 @@ def fault_document(results: FaultResults) -> dict[str, object]:
                         "rest_after": one.rest_after,
                         "strikes": one.strikes,
                         "deaths": [{"time": d.time, "component": d.component, "why": d.why} for d in one.deaths],
+                        "silent": list(one.silent),
                         "detail": one.detail,
                     }
                     for one in row.outcomes

@@ -232,6 +232,7 @@ class ComponentRun:
         trace: every message and transition.
         deaths: the components that died of a fault.
         strikes: how many messages and components a fault struck.
+        acted: for those that always have something to do (Planner, Control, Sensing), when they last did [ns].
     """
 
     facts: NDArray[np.void] | None
@@ -240,6 +241,7 @@ class ComponentRun:
     trace: Trace
     deaths: tuple[Death, ...] = ()
     strikes: int = 0
+    acted: tuple[tuple[str, int], ...] = ()
 
 
 def begin_world(study: SystemStudy) -> Record:
@@ -305,7 +307,8 @@ def run_components(
             host.run(until - 1)
     trace = host.trace(study.cases.id(number))
     deaths, strikes = host.deaths, host.strikes
+    acted = tuple((name, host.acted(name)) for name in ("Planner", "Control", "Sensing"))
     host.close()
     return ComponentRun(
-        None if seconds is not None else witness.facts(number, trace), *witness.track(), trace, deaths, strikes
+        None if seconds is not None else witness.facts(number, trace), *witness.track(), trace, deaths, strikes, acted
     )

@@ -183,7 +183,7 @@ def run_live(
 
     Raises:
         BadRequest: a fault names what RAMP does not have.
-        HostFailure: a node does not come to rest, or is gone before the case begins.
+        HostFailure: a node is gone before the case begins, or sends on a channel that is not its own.
     """
     observer = Observer(study, number)
     told: Told = {"schedule": study.parameters.schedule, "seed": study.cases.seed, "number": number}
@@ -195,8 +195,8 @@ def run_live(
     while not observer.ended:
         until += _STRETCH
         host.run(until)
-    trace = host.trace(study.cases.id(number))
     host.rest()
+    trace = host.trace(study.cases.id(number))
     return _run(observer, trace, host.deaths)
 
 

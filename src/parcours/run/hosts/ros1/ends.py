@@ -59,18 +59,15 @@ class Publication:
         self._lock = threading.Lock()
         self._streams: tuple[Stream, ...] = ()
 
-    def send(self, *messages: bytes, wait: bool = False) -> None:
-        """Publish; `wait` until all has left."""
+    def send(self, *messages: bytes) -> None:
+        """Publish."""
         with self._lock:
             streams = self._streams
         for stream in streams:
             if not stream.waits or stream.peer == self._reader:
                 stream.send(*messages)
                 if stream.waits:
-                    if wait:
-                        stream.flush(wait=True)
-                    else:
-                        self._owner.await_room(stream)
+                    self._owner.await_room(stream)
 
     def admit(self, connection: socket.socket, header: dict[str, str]) -> None:
         """Let somebody listen."""

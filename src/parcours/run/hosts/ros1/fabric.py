@@ -12,7 +12,7 @@ import signal
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 from msgspec import structs
@@ -24,10 +24,11 @@ from parcours.run.hosts.processes import ending
 from parcours.run.hosts.resident import Node
 from parcours.run.hosts.ros1.ends import Caller, Kind, Publication, Server, Subscription
 from parcours.run.hosts.ros1.graph import ask
-from parcours.run.hosts.ros1.interfaces import Field, Interface, write_package
+from parcours.run.hosts.ros1.interfaces import Interface, write_package
 from parcours.run.hosts.ros1.line import Ros1Line
 from parcours.run.hosts.ros1.master import Master, require_master
 from parcours.run.hosts.ros1.messages import load
+from parcours.run.hosts.ros1.packing import Ros1Codec
 from parcours.run.hosts.ros1.participant import Participant, leave
 from parcours.run.hosts.ros1.routes import (
     CALL,
@@ -44,11 +45,17 @@ from parcours.run.hosts.ros1.routes import (
     wrapped,
 )
 
+_MASTER = 3.0
+"""So long a master may take to answer [s]."""
+
 _START = 120.0
 """So long the nodes may take to say that they are there [s]; the first start on a machine compiles."""
 
 _UNDER_WAY = 2_000_000_000
 """So long a message may come later than the report of it [ns]."""
+
+_QUIT = 2.0
+"""So long nodes may take to end by themselves [s]."""
 
 _WATCH = 50_000_000
 """How often it is looked, at the start, whether a node has failed [ns]."""
@@ -58,9 +65,9 @@ class Ros1Fabric:
     """The tester's end.
 
     Args:
-        nodes: what to start; their residents encode and decode as a `Ros1Codec` does.
+        nodes: what to start; their residents encode and decode as `codec` does (`Ros1Resident`).
         channels: what `interfaces` returned for the model.
-        forms: channel -> fields of its flat form.
+        codec: of the messages' bytes, for the tester, too.
         preload: modules to load before the processes are forked.
         master: of a graph that runs, http://host:port; one of its own on a free port, if not given.
         package: what the messages' ROS package is called.
@@ -75,12 +82,13 @@ class Ros1Fabric:
         self,
         nodes: Sequence[Node],
         channels: Sequence[Interface],
-        forms: Mapping[str, Sequence[Field]],
+        codec: Ros1Codec,
         preload: Sequence[str] = (),
         *,
         master: str | None = None,
         package: str = "parcours_ramp",
     ) -> None:
+        self.codec = codec
         self.refusals: list[str] = []
         """Whose connections were declined, and why."""
         self._closing = contextlib.ExitStack()
@@ -95,17 +103,16 @@ class Ros1Fabric:
         self._answering: dict[str, Server] = {}
         self._owed: Counter[str] = Counter()
         try:
-            self._build(nodes, channels, forms, package, master)
+            self._build(nodes, channels, package, master)
         except BaseException:
             self.close()
             raise
 
-    def _build(self, nodes: Sequence[Node], channels: Sequence[Interface], forms: Mapping[str, Sequence[Field]],
-               package: str, master: str | None) -> None:  # fmt: skip
+    def _build(self, nodes: Sequence[Node], channels: Sequence[Interface], package: str, master: str | None) -> None:
         self.folder = Path(tempfile.mkdtemp(prefix="parcours-ros1-"))
         """The messages' ROS package; its subfolder `python` on PYTHONPATH lets ROS's tools read them."""
         self._closing.callback(shutil.rmtree, self.folder, ignore_errors=True)
-        write_package(self.folder, package, channels, forms)
+        write_package(self.folder, package, channels, self.codec.forms)
         self._routes = {route.channel: route for route in routes(channels, load(self.folder))}
         frame = frame_kind()
         if master is None:
@@ -113,7 +120,7 @@ class Ros1Fabric:
             self._closing.enter_context(own)
             self.master = own.uri
         else:
-            require_master(master)
+            require_master(master, _MASTER)
             self.master = master
         names = [TESTER, *map(node_name, self._unsent)]
         _require_free(self.master, names)
@@ -214,7 +221,12 @@ class Ros1Fabric:
         if route.role == "topic":
             self._speaking[channel].send(data)
         elif route.role == "request":
-            self._asking[channel].ask(data)
+            try:
+                self._asking[channel].ask(data)
+            except HostFailure:
+                if self._processes.status(route.receiver, within=1.0) is None:
+                    raise
+                return  # it has ended, which is reported as soon as it is heard
         else:
             self._answering[channel].answer(data)
             if self._owed[channel]:
@@ -252,9 +264,13 @@ class Ros1Fabric:
         self._closing.close()
 
     def _say_quit(self) -> None:
-        for node in set(self._processes.pids()) - self._dead:
-            self._processes.signal(node, signal.SIGCONT)
+        living = set(self._processes.pids()) - self._dead
+        for node in living:
+            with contextlib.suppress(ProcessLookupError):
+                self._processes.signal(node, signal.SIGCONT)
             self.command(node, Quit())
+        for node in living:
+            self._processes.status(node, within=_QUIT)
         self._dead.update(self._commands)
 
     def _await_nodes(self) -> None:

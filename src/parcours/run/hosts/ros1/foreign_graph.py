@@ -141,8 +141,9 @@ class Middle:
             if not stream.waits and not stream.closed:
                 self._poll.modify(descriptor, select.EPOLLIN)
         if what & ~select.EPOLLOUT:
-            for mark, data in stream.messages():
-                heard(mark, data)
+            stream.read()
+            while stream.arrived:
+                heard(*stream.arrived.popleft())
         if stream.closed and self._forget(descriptor, stream):
             lost()
 

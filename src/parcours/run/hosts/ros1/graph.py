@@ -61,11 +61,11 @@ def ask_all(uri: str, calls: Sequence[tuple[str, Sequence[object]]], within: flo
     return found
 
 
-def _asked(uri: str, method: str, arguments: Sequence[object], within: float) -> Any:
+def _asked(uri: str, method: str, arguments: tuple[Any, ...], within: float) -> Any:
     parts = urlsplit(uri)
     connection = HTTPConnection(parts.hostname or "", parts.port, timeout=within)
     try:
-        connection.request("POST", "/RPC2", dumps(tuple(arguments), method), {"Content-Type": "text/xml"})
+        connection.request("POST", "/RPC2", dumps(arguments, method), {"Content-Type": "text/xml"})
         (answer,), _ = loads(connection.getresponse().read(_LONGEST_ANSWER), use_builtin_types=True)
     except OSError as error:
         _fail(uri, method, error.strerror or str(error) or "silence")
@@ -127,7 +127,7 @@ class Slave:
             self._server.server_close()
 
 
-def _method(answer: Callable[..., object]) -> Callable[..., object]:
+def _method(answer: Callable[..., object]) -> Any:
     def method(caller: str, *arguments: object) -> list[object]:
         try:
             return [1, "", answer(*arguments)]

@@ -138,19 +138,24 @@ class Ros1Line:
                 server.answer(None)
 
     def report(self, report: Report) -> None:
-        """Tell the tester; messages leave first, on their own ways."""
+        """Tell the tester; messages leave first, on their own ways. Return when all has left.
+
+        The tester reads a message when it has read the report, so a message that is too long for the sockets between
+        must not be waited for before its report.
+        """
         if isinstance(report, Turned) and (report.sends or report.asides):
             asides = tuple((when, self._sent(wire)) for when, wire in report.asides)
             report = structs.replace(report, asides=asides, sends=tuple(map(self._sent, report.sends)))
         elif isinstance(report, Took) and report.sends:
             report = structs.replace(report, sends=tuple(map(self._sent, report.sends)))
-        self._reports.send(wrapped(packed(report)), wait=True)
+        self._reports.send(wrapped(packed(report)))
+        self._participant.flush(TESTER)
 
     def _sent(self, wire: Wire) -> Wire:
         """Send a message on its way, and return what announces it."""
         channel = wire.channel
         if channel in self._speaking:
-            self._speaking[channel].send(wire.data, wait=True)
+            self._speaking[channel].send(wire.data)
         elif self._owed[channel]:
             self._owed[channel] -= 1
             self._answering[channel].answer(wire.data)

@@ -12,6 +12,7 @@ from typing import Any, NoReturn
 import numpy as np
 
 from parcours.errors import BadRequest, require_known
+from parcours.run.hosts.resident import Resident
 from parcours.run.hosts.ros1.interfaces import Field
 
 _SCALARS = {"float": "d", "int": "q", "bool": "?"}
@@ -113,6 +114,7 @@ class Ros1Codec:
 
     def __init__(self, forms: Mapping[str, Sequence[Field]], flatten: Callable[[str, Any], Sequence[object]],
                  restore: Callable[[str, Sequence[Any]], object]) -> None:  # fmt: skip
+        self.forms = forms
         self._packings = {channel: Packing(channel, form) for channel, form in forms.items()}
         self._flatten, self._restore = flatten, restore
 
@@ -135,3 +137,16 @@ class Ros1Codec:
     def _packing(self, channel: str) -> Packing:
         require_known(channel, tuple(self._packings), "channel", slug="unknown-channel")
         return self._packings[channel]
+
+
+class Ros1Resident:
+    """A resident whose messages travel on ROS 1.
+
+    Args:
+        resident: the same on any other host.
+        codec: used in the place of its own.
+    """
+
+    def __init__(self, resident: Resident, codec: Ros1Codec) -> None:
+        self.instance, self.prompt, self.view = resident.instance, resident.prompt, resident.view
+        self.encode, self.decode = codec.encode, codec.decode

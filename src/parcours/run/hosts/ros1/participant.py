@@ -42,6 +42,7 @@ class Participant:
         self._subscriptions: dict[str, Subscription] = {}
         self._servers: dict[str, Server] = {}
         self._watched: dict[int, tuple[Stream, Heard | None, Lost]] = {}
+        self._crowded: set[Stream] = set()
         self._lock = threading.Lock()
         self._poll = select.epoll()
         self._wake = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
@@ -125,6 +126,7 @@ class Participant:
             if what & select.EPOLLOUT:
                 stream.flush()
                 if not stream.waits:
+                    self._crowded.discard(stream)
                     self._poll.modify(descriptor, select.EPOLLIN if heard else 0)
             if what & ~select.EPOLLOUT:
                 stream.read()
@@ -134,15 +136,24 @@ class Participant:
                 with self._lock:
                     del self._watched[descriptor]
                     self._poll.unregister(descriptor)
+                self._crowded.discard(stream)
                 stream.close()
                 lost()
         return bool(events)
 
     def await_room(self, stream: Stream) -> None:
         """See to it that the stream sends on what waits, as soon as there is room."""
+        self._crowded.add(stream)
         watched = self._watched.get(stream.fileno())
         if watched is not None:
             self._poll.modify(stream.fileno(), select.EPOLLOUT | (select.EPOLLIN if watched[1] else 0))
+
+    def flush(self, peer: str) -> None:
+        """Wait until all that is meant for `peer` has left."""
+        for stream in self._crowded:
+            if stream.peer == peer:
+                stream.flush(wait=True)
+        self._crowded.clear()
 
     def watch(self, stream: Stream, heard: Heard | None, lost: Lost) -> None:
         """Call `heard` with each message of the stream, in the thread that spins; `lost` at its end.

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from importlib import import_module
 
 from parcours.errors import HostFailure
 from parcours.run.hosts.ros1 import no_ros
@@ -81,10 +82,10 @@ def frame_kind() -> Kind:
         HostFailure: there is no std_msgs.
     """
     try:
-        from std_msgs.msg import UInt8MultiArray
+        array = import_module("std_msgs.msg").UInt8MultiArray
     except ImportError:
-        raise no_ros("std_msgs") from None
-    return Kind(UInt8MultiArray._type, UInt8MultiArray._md5sum, UInt8MultiArray._full_text)
+        raise no_ros("std-msgs") from None
+    return Kind(array._type, array._md5sum, array._full_text)
 
 
 _LAYOUT = 8

@@ -55,7 +55,7 @@ def read_header(connection: socket.socket) -> dict[str, str]:
                 raise ValueError(f"field {key!r:.40}")
             header[key] = value
     except (OSError, EOFError, struct.error, ValueError) as error:
-        raise HostFailure("ROS 1 connection", f"begins with a header, but: {error or 'it ended'}",
+        raise HostFailure("ROS 1 connection", f"begins with a header, but: {str(error) or 'it ended'}",
                           slug="ros1-header") from error  # fmt: skip
     return header
 
@@ -85,7 +85,7 @@ class Stream:
         self.peer = peer
         self._socket = connection
         self._mark = 1 if answers else 0
-        self._incoming = b""
+        self._incoming = bytearray()
         self._outgoing: deque[memoryview] = deque()
         self.arrived: deque[Arrival] = deque()
         """What has been let in."""
@@ -163,7 +163,7 @@ class Stream:
         try:
             while not self.closed:
                 chunk = self._socket.recv(_CHUNK)
-                self._incoming = self._incoming + chunk if self._incoming else chunk
+                self._incoming += chunk
                 if not chunk:
                     self.closed = True
                 if len(chunk) < _CHUNK:
@@ -184,9 +184,9 @@ class Stream:
             end = at + mark + _LENGTH.size + size
             if len(buffer) < end:
                 break
-            self.arrived.append((buffer[at : at + mark], buffer[end - size : end]))
+            self.arrived.append((bytes(buffer[at : at + mark]), bytes(buffer[end - size : end])))
             at = end
-        self._incoming = buffer[at:] if at else buffer
+        del buffer[:at]
 
     def close(self) -> None:
         """Let go of the socket. Again: do nothing."""

@@ -62,6 +62,4 @@ else publish on the fabric's topics [ros2-message]
 def _foreign(message: bytes) -> BadRequest:
     size = "1 byte" if len(message) == 1 else f"{len(message)} bytes"
     rule = f"must be a std_msgs/msg/UInt8MultiArray, but {size} came"
-    return BadRequest(
-        "ROS 2 message", rule, "let nobody else publish on the fabric's topics", slug="ros2-message"
-    )
+    return BadRequest("ROS 2 message", rule, "let nobody else publish on the fabric's topics", slug="ros2-message")

@@ -144,7 +144,7 @@ class Ros2Fabric:
         return self._processes.pids()
 
     def command(self, node: str, command: Command) -> None:
-        """Tell a node; one that has ended hears nothing. It leaves with the next `poll`, with all else for that node."""
+        """Tell a node with the next `poll`, together with all else for it; one that has ended hears nothing."""
         if node not in self._dead:
             self._unsent.setdefault(node, []).append(command)
 

@@ -37,7 +37,7 @@ MATCHING = 30.0
 """So long both ends of a topic may take to find each other [s]."""
 
 CALL = b"call"
-"""In the announcement of a response that answers nothing: the node must call first, so that there is something to answer."""
+"""In the announcement of a response that answers nothing: the node calls first, so that there is a call to answer."""
 
 
 def commands(told: Sequence[Command]) -> bytes:
@@ -78,7 +78,10 @@ class Ros2Line:
         self._await_tester()
 
     def _hear(self, data: bytes) -> None:
-        self._commands.extend(map(command, msgspec.msgpack.decode(data, type=list[msgspec.Raw])))
+        for one in map(command, msgspec.msgpack.decode(data, type=list[msgspec.Raw])):
+            if isinstance(one, Quit):
+                self._commands.clear()
+            self._commands.append(one)
 
     def _listen(self, route: Route) -> None:
         messages = self._messages.setdefault(route.channel, deque())

@@ -62,7 +62,11 @@ class Participant:
         rclpy.init(args=[], context=self._context, domain_id=number, signal_handler_options=SignalHandlerOptions.NO)
         self.node: Any = Node(name, context=self._context, use_global_arguments=False, enable_rosout=False,
                               start_parameter_services=False)  # fmt: skip
-        self._takers: dict[str, list[tuple[Any, Callable[[], bool]]]] = {"subscription": [], "client": [], "service": []}
+        self._takers: dict[str, list[tuple[Any, Callable[[], bool]]]] = {
+            "subscription": [],
+            "client": [],
+            "service": [],
+        }
         self._set: Any = None
 
     def publish(self, topic: str, message: str) -> Sender:
@@ -75,13 +79,17 @@ class Participant:
         """Call `heard` with the bytes of each message."""
         from std_msgs.msg import UInt8MultiArray
 
-        subscription = self.node.create_subscription(UInt8MultiArray, topic, lambda message: None, _quality(), raw=True)
+        return self.overhear(UInt8MultiArray, topic, lambda message: heard(read(message)), _quality())
+
+    def overhear(self, kind: Any, topic: str, heard: Heard, quality: Any) -> Subscription:
+        """Call `heard` with each message of any type, serialised."""
+        subscription = self.node.create_subscription(kind, topic, lambda message: None, quality, raw=True)
 
         def take() -> bool:
-            taken = subscription.handle.take_message(UInt8MultiArray, True)
+            taken = subscription.handle.take_message(kind, True)
             if taken is None:
                 return False
-            heard(read(taken[0]))
+            heard(taken[0])
             return True
 
         self._add("subscription", subscription, take)
@@ -91,7 +99,9 @@ class Participant:
         """Call `asked` with the bytes of each request, and with what answers it, now or later, at most once."""
         from diagnostic_msgs.srv import AddDiagnostics
 
-        server = self.node.create_service(AddDiagnostics, service, lambda request, answer: answer, qos_profile=_quality())
+        server = self.node.create_service(
+            AddDiagnostics, service, lambda request, answer: answer, qos_profile=_quality()
+        )
 
         def take() -> bool:
             request, header = server.handle.service_take_request(AddDiagnostics.Request)
@@ -113,17 +123,25 @@ class Participant:
         """Call `answered` with the bytes of each response, None if the server has declined."""
         from diagnostic_msgs.srv import AddDiagnostics
 
-        client = self.node.create_client(AddDiagnostics, service, qos_profile=_quality())
+        def taken(answer: Any) -> None:
+            answered(_bytes(answer.message) if answer.success else None)
+
+        client = self.inquire(AddDiagnostics, service, taken)
+        return Caller(client, lambda data: AddDiagnostics.Request(load_namespace=_text(data)))
+
+    def inquire(self, kind: Any, service: str, answered: Callable[[Any], None]) -> Any:
+        """Return a client of a service of any type, which calls `answered` with each response."""
+        client = self.node.create_client(kind, service, qos_profile=_quality())
 
         def take() -> bool:
-            header, answer = client.handle.take_response(AddDiagnostics.Response)
+            header, answer = client.handle.take_response(kind.Response)
             if header is None:
                 return False
-            answered(_bytes(answer.message) if answer.success else None)
+            answered(answer)
             return True
 
         self._add("client", client, take)
-        return Caller(client, AddDiagnostics.Request)
+        return client
 
     def _add(self, kind: str, entity: Any, take: Callable[[], bool]) -> None:
         self._takers[kind].append((entity.handle, take))
@@ -215,12 +233,12 @@ class Subscription:
 class Caller:
     """A client of a service."""
 
-    def __init__(self, client: Any, request: Any) -> None:
+    def __init__(self, client: Any, request: Callable[[bytes], Any]) -> None:
         self._client, self._request = client, request
 
     def ask(self, data: bytes) -> None:
         """Send a request, without waiting for the answer."""
-        self._client.handle.send_request(self._request(load_namespace=_text(data)))
+        self._client.handle.send_request(self._request(data))
 
     @property
     def is_matched(self) -> bool:

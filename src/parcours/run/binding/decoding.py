@@ -1,0 +1,77 @@
+"""The bytes of a message -> an object with its fields, and back: for what reads fields, never for the relay itself."""
+
+from __future__ import annotations
+
+import io
+from collections import OrderedDict
+from typing import Any
+
+from parcours.errors import HostFailure
+from parcours.run.binding.message_types import MessageTypes
+from parcours.run.binding.readings import message_type
+from parcours.run.binding.structure import Binding
+
+_REMEMBERED = 64
+
+
+class Decoder:
+    """Reads and makes the messages of a binding's channels; ROS 1's generated classes know how.
+
+    Args:
+        binding: whose channels.
+        types: of the system.
+    """
+
+    def __init__(self, binding: Binding, types: MessageTypes) -> None:
+        self._binding, self._types = binding, types
+        self._known: OrderedDict[tuple[str, bytes], Any] = OrderedDict()
+
+    def message(self, channel: str, data: bytes) -> Any:
+        """Return the message that the bytes are.
+
+        Raises:
+            HostFailure: they are none, being too few or of another type.
+        """
+        key = channel, data
+        if key in self._known:
+            return self._known[key]
+        bound = self._binding.channel(channel)
+        kind: Any = self._types.class_of(message_type(bound))
+        where = f"{self._binding.source}:{bound.line}: channel {channel!r}"
+        if kind is None:
+            raise HostFailure(where, f"its type must be known, but {bound.type} is not", slug="unknown-message-type")
+        try:
+            made = kind()
+            made.deserialize(data)
+        except Exception as error:  # whatever the generated code raises
+            rule = f"a message must be a {message_type(bound)}, but these {len(data)} bytes are none: {error}"
+            raise HostFailure(where, rule, "look at its sender", slug="message-size") from error
+        needed = _size(made)
+        if needed != len(data):
+            rule = f"a message must be a {message_type(bound)} of {needed} bytes, but has {len(data)}"
+            raise HostFailure(where, rule, "look at its sender", slug="message-size")
+        self._known[key] = made
+        if len(self._known) > _REMEMBERED:
+            self._known.popitem(last=False)
+        return made
+
+
+def encoded(message: Any) -> bytes:
+    """Return the bytes of a message.
+
+    Raises:
+        HostFailure: a field holds what cannot be written.
+    """
+    buffer = io.BytesIO()
+    try:
+        message.serialize(buffer)
+    except Exception as error:  # whatever the generated code raises
+        rule = f"a message's fields must hold what their types say, but: {error}"
+        raise HostFailure(type(message).__name__, rule, slug="message-value") from error
+    return buffer.getvalue()
+
+
+def _size(message: Any) -> int:
+    buffer = io.BytesIO()
+    message.serialize(buffer)
+    return buffer.tell()

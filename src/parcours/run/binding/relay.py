@@ -1,0 +1,287 @@
+"""Messages that the nodes of others send -> the same messages, delivered, held, delayed or lost, and a trace of it all.
+
+No transport is in here: a host calls `heard` and `asked` with bytes, and `Ends` lets bytes go on. Bytes first: a
+message goes on as it came, and what reads its fields is told afterwards.
+"""
+
+from __future__ import annotations
+
+import heapq
+import itertools
+from collections import Counter
+from collections.abc import Callable, Mapping
+
+from parcours.model.structure import ENVIRONMENT
+from parcours.run.binding.passing import Call, Ends, Message
+from parcours.run.binding.seats import Seat, Seating, Spoke
+from parcours.run.binding.structure import Binding
+from parcours.run.faults import FaultPlan
+from parcours.run.faults.corruption import corrupted_bytes
+from parcours.run.faults.fates import Fate, Fates
+from parcours.run.recording import Raw
+from parcours.run.trace import Kind, TraceEvent
+
+Hook = Callable[[Message], None]
+
+
+class Relay:
+    """The tester's place in the middle.
+
+    Args:
+        binding: whose channels.
+        seating: who is there.
+        ends: lets bytes go on.
+        kinds: channel -> (type, md5, definition) of its messages, for recordings; asked for at each message.
+        now: the time since the run began [ns].
+        faults: what befalls messages.
+        listener: told of each event as soon as it has happened, payload included.
+
+    Attributes:
+        arrived: what is done with a message that was heard; at first `release`.
+        unserved: what is done with a request that no node is there to serve; at first it fails.
+    """
+
+    def __init__(
+        self, binding: Binding, seating: Seating, ends: Ends, kinds: Callable[[str], tuple[str, str, str]],
+        now: Callable[[], int], faults: FaultPlan | None = None,
+        listener: Callable[[TraceEvent], None] = lambda event: None,
+    ) -> None:  # fmt: skip
+        self.binding, self.seating, self._ends, self._kinds, self._now = binding, seating, ends, kinds, now
+        self._fates = Fates(faults or FaultPlan(0))
+        self._listener = listener
+        self.arrived: Hook = self.release
+        self.unserved: Hook = lambda message: self.fail(message, "nobody serves it")
+        self.events: list[TraceEvent] = []
+        self.calls: list[Call] = []
+        """Calls of nodes that wait for their response."""
+        self._numbers = itertools.count()
+        self._count: Counter[str] = Counter()
+        self._last_arrival: dict[str, int] = {}
+        self._due: list[tuple[int, int, Callable[[], None]]] = []
+        self._order = itertools.count()
+        self._ends_of = {one.name: (one.sender, one.receiver) for one in binding.model.channels}
+        self._seats: Mapping[str, Seat] = {seat.name: seat for seat in seating.seats}
+        self._into = {one.name: seating.speaking(one.name) for one in binding.channels}
+        self._timeouts = {one.name: round(one.timeout * 1e9) for one in binding.channels}
+        self._raw: dict[int, Raw] = {}
+        self._closed = False
+
+    # What nodes say.
+
+    def heard(self, spoke: Spoke, data: bytes) -> None:
+        """A message came where the tester listens."""
+        if self._closed:
+            return
+        for channel in spoke.channels:
+            message = self._message(channel, spoke.seat, data)
+            if spoke.overheard:
+                self.record("receive", self._name(channel, "", 1), message)
+            else:
+                self.arrived(message)
+
+    def asked(self, spoke: Spoke, data: bytes, reply: Callable[[bytes | None], None]) -> None:
+        """A request came where the tester serves."""
+        if self._closed:
+            reply(None)
+            return
+        call = Call(spoke.address, spoke.seat, reply)
+        self.calls.append(call)
+        if spoke.channels[0]:
+            self.arrived(self._message(spoke.channels[0], spoke.seat, data, call))
+        else:  # only the responses are bound
+            self._ask(Message(-1, "", spoke.seat, "", data, self._now(), call), spoke.channels[1])
+
+    # What goes on to them.
+
+    def release(self, message: Message, seat: str | None = None) -> None:
+        """Let a message go on by its fate, to all who shall have it, or to one seat."""
+        k = self._count[message.channel]
+        self._count[message.channel] += 1
+        fate = self._fates.fate(message.channel, k, message.time)
+        if not fate.copies:
+            self.fail(message, f"fault: {fate.why}")
+            return
+        if fate.why:
+            self.note(f"fault: {message.channel} {fate.why}", message.sender)
+        self._befall(message, seat, fate)
+
+    def _befall(self, message: Message, seat: str | None, fate: Fate) -> None:
+        data = message.data
+        if fate.corrupt is not None:
+            data = corrupted_bytes(data, fate.corrupt, fate.how)
+        now = self._now()
+        for later in fate.copies:
+            arrival = now + later
+            if not fate.reorder:
+                arrival = max(arrival, self._last_arrival.get(message.channel, 0))
+                self._last_arrival[message.channel] = arrival
+            if arrival > now:
+                self.at(arrival, lambda: self._deliver(message, seat, data))
+            else:
+                self._deliver(message, seat, data)
+
+    def _deliver(self, message: Message, seat: str | None, data: bytes) -> None:
+        part = self.binding.channel(message.channel).part
+        if part == "request":
+            self._ask(message, "", seat, data)
+        elif part == "response":
+            self._reply(message, data)
+        else:
+            self._say(message, seat, data)
+
+    def _say(self, message: Message, seat: str | None, data: bytes) -> None:
+        spokes = [one for one in self._into[message.channel] if seat is None or one.seat in (seat, "")]
+        if not spokes:
+            self.record("receive", ENVIRONMENT, message)
+        for spoke in spokes:
+            lost = self._ends.say(spoke, data)
+            who = self._name(message.channel, spoke.seat, 1)
+            if lost:
+                self.record("drop", who, message, "overrun: its receiver does not keep up")
+            else:
+                self.record("receive", who, message, data=data)
+
+    def _ask(self, message: Message, response: str, seat: str | None = None, data: bytes | None = None) -> None:
+        channel = message.channel or response
+        spokes = [one for one in self._into[channel] if seat is None or one.seat == seat]
+        if not spokes:
+            self.unserved(message)
+            return
+        spoke, call = spokes[0], message.call or Call(self.binding.channel(channel).address, "", None)
+        message.call = call
+        if message.channel:
+            self.record("receive", self._name(message.channel, spoke.seat, 1), message, data=data)
+
+        def answered(answer: bytes | None, why: str) -> None:
+            if call.is_over:
+                return
+            if answer is None:
+                self.fail(message, f"the call failed: {why}")
+            elif spoke.channels[1]:
+                self.arrived(self._message(spoke.channels[1], spoke.seat, answer, call))
+            else:
+                self._end(call, answer)
+
+        def expire() -> None:
+            if not call.is_over and not self._closed:
+                self._ends.abandon(spoke, answered)
+                self.fail(message, f"no answer within {self._timeouts[channel] * 1e-9:g} s")
+
+        self._ends.ask(spoke, message.data if data is None else data, answered)
+        self.at(self._now() + self._timeouts[channel], expire)
+
+    def _reply(self, message: Message, data: bytes) -> None:
+        call = message.call
+        if call is None or call.is_over:
+            return
+        self.record("receive", self._name(message.channel, call.client, 1), message, data=data)
+        self._end(call, data)
+
+    def answer(self, call: Call, message: Message) -> None:
+        """Let a message be the response to a call, whoever was asked."""
+        message.call = call
+        self.release(message)
+
+    def fail(self, message: Message, why: str) -> None:
+        """Lose a message; the call that it belongs to fails."""
+        if message.channel:
+            self.record("drop", message.sender, message, why)
+        if message.call is not None:
+            self._end(message.call, None)
+
+    def _end(self, call: Call, data: bytes | None) -> None:
+        if call.is_over:
+            return
+        call.is_over = True
+        if call in self.calls:
+            self.calls.remove(call)
+        if call.reply is not None:
+            call.reply(data)
+
+    def finish(self, call: Call, data: bytes) -> None:
+        """Answer a call with bytes of a channel that is not bound."""
+        self._end(call, data)
+
+    def settle(self, message: Message) -> None:
+        """A response to the tester's own question has come: nobody else waits for it."""
+        if message.call is not None and message.call.reply is None:
+            message.call.is_over = True
+
+    def collect(self, message: Message) -> None:
+        """Note that the tester itself takes a message up."""
+        self.record("receive", ENVIRONMENT, message)
+
+    def made(self, channel: str, data: bytes) -> Message:
+        """Return a message of the tester's own, noted as sent; it goes nowhere yet."""
+        return self._message(channel, "", data)
+
+    def inject(self, channel: str, data: bytes, seat: str | None = None) -> Message:
+        """Send a message of the tester's own to all who hear the channel, or to one seat."""
+        message = self.made(channel, data)
+        self.release(message, seat)
+        return message
+
+    # Time, and what is told of it.
+
+    def at(self, when: int, act: Callable[[], None]) -> None:
+        """Do something at a time [ns since the run began]."""
+        heapq.heappush(self._due, (when, next(self._order), act))
+
+    @property
+    def next_due(self) -> int | None:
+        """When there is something to do next [ns since the run began]."""
+        return self._due[0][0] if self._due else None
+
+    def do_what_is_due(self) -> None:
+        """Do what is to be done by now."""
+        while self._due and self._due[0][0] <= self._now():
+            heapq.heappop(self._due)[2]()
+
+    def note(self, text: str, component: str = "", time: int | None = None) -> None:
+        """Write a remark into the trace."""
+        self._tell(TraceEvent(self._now() if time is None else time, "note", component, text=text))
+
+    def record(self, kind: Kind, component: str, message: Message, text: str = "", *, transition: str = "",
+               data: bytes | None = None) -> None:  # fmt: skip
+        """Write what befell a message into the trace."""
+        payload = self._payload(message)
+        if data is not None and data is not message.data:
+            payload = Raw(payload.type, payload.md5, payload.definition, data)
+        when = message.time if kind == "send" else self._now()
+        self._tell(TraceEvent(when, kind, component, transition, message.channel, message.number, text, payload))
+
+    def tell(self, kind: Kind, component: str, transition: str = "", text: str = "", time: int | None = None) -> None:
+        """Write something else into the trace."""
+        self._tell(TraceEvent(self._now() if time is None else time, kind, component, transition, text=text))
+
+    def _tell(self, event: TraceEvent) -> None:
+        self.events.append(event)
+        self._listener(event)
+
+    def close(self) -> None:
+        """End all calls; what comes later is not heard."""
+        self._closed = True
+        for call in list(self.calls):
+            self._end(call, None)
+        self._due.clear()
+
+    def _message(self, channel: str, seat: str, data: bytes, call: Call | None = None) -> Message:
+        message = Message(next(self._numbers), channel, seat, self._name(channel, seat, 0), data, self._now(), call)
+        self.record("send", message.sender, message)
+        return message
+
+    def _payload(self, message: Message) -> Raw:
+        if message.number not in self._raw:
+            if len(self._raw) > 4096:
+                self._raw.clear()
+            self._raw[message.number] = Raw(*self._kinds(message.channel), message.data)
+        return self._raw[message.number]
+
+    def _name(self, channel: str, seat: str, end: int) -> str:
+        """Return who sends (0) or receives (1) on a channel at a seat, as traces call it."""
+        component = self._ends_of.get(channel, ("", ""))[end]
+        found = self._seats.get(seat)
+        if found is None:
+            runs = any(component in one.node.components for one in self.seating.seats)
+            return component if component and runs else ENVIRONMENT
+        return found.component(component if component in found.node.components else found.name.partition("#")[0])

@@ -1,0 +1,159 @@
+"""A node of a binding -> its process: started, watched, its output kept, and ended without leaving anything behind."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Literal
+
+from parcours.errors import HostFailure
+from parcours.run.hosts.processes import ending
+
+_KEEPER = str(Path(__file__).with_name("foreign_keeper.py"))
+_TAIL = 5
+_LONGEST_TAIL = 4096
+_ANSWER = 5.0
+_ACTS = {"stop": signal.SIGSTOP, "continue": signal.SIGCONT, "kill": signal.SIGKILL}
+
+
+class NodeProcess:
+    """A process that a command started, with everything that it starts itself.
+
+    Args:
+        name: how it is called in messages.
+        command: words, run without a shell.
+        cwd: where.
+        env: its whole environment.
+        log: the file to which its output is appended.
+
+    Raises:
+        HostFailure: it cannot be started.
+    """
+
+    def __init__(self, name: str, command: Sequence[str], cwd: Path, env: Mapping[str, str], log: Path) -> None:
+        self.name, self.command, self.log = name, tuple(command), log
+        self.pid = 0
+        self.status: int | None = None
+        """How it ended: its exit status, negative for a signal; None while it lives."""
+        self.ended = 0
+        """When it ended [ns of the monotonic clock]."""
+        self.was_killed = False
+        """Whether it did not end when asked."""
+        self._heard = b""
+        self._failed = ""
+        self.descriptor, other = os.pipe()
+        os.set_blocking(self.descriptor, False)
+        words = [sys.executable, "-I", "-S", _KEEPER, str(os.getpid()), str(other), *command]
+        try:
+            with log.open("ab") as output:
+                self._begin = output.tell()
+                self._keeper = subprocess.Popen(
+                    words, cwd=cwd, env=dict(env), stdin=subprocess.DEVNULL, stdout=output, stderr=subprocess.STDOUT,
+                    pass_fds=(other,), start_new_session=True,
+                )  # fmt: skip
+        except OSError as error:
+            os.close(self.descriptor)
+            self._refuse(error.strerror or str(error))
+        finally:
+            os.close(other)
+
+    def await_start(self) -> None:
+        """Wait until the command runs.
+
+        Raises:
+            HostFailure: it cannot be run.
+        """
+        until = time.monotonic() + _ANSWER
+        while not self.pid and self.is_alive and time.monotonic() < until:
+            time.sleep(0.001)
+            self.look()
+        if self._failed:
+            self._refuse(self._failed)
+        if not self.pid:
+            self._refuse(f"not within {_ANSWER:g} s")
+
+    @property
+    def is_alive(self) -> bool:
+        """Whether it is not known to have ended."""
+        return self.status is None
+
+    def look(self) -> bool:
+        """Take in what its keeper says, without waiting; return whether it is known to have ended."""
+        with contextlib.suppress(BlockingIOError):
+            chunk = os.read(self.descriptor, 4096)
+            self._heard += chunk
+            *lines, self._heard = self._heard.split(b"\n")
+            for line in lines:
+                self._hear(line.decode(errors="replace"))
+            if not chunk and self.status is None:  # the keeper was killed, and the command with it
+                self.status, self.ended = -signal.SIGKILL, time.perf_counter_ns()
+        return self.status is not None
+
+    def _hear(self, line: str) -> None:
+        word, _, rest = line.partition(" ")
+        if word == "pid":
+            self.pid = int(rest)
+        elif word == "failed":
+            self._failed = rest
+        elif word == "ended":
+            status, _, when = rest.partition(" ")
+            self.status, self.ended = int(status), int(when)
+
+    def act(self, what: Literal["stop", "continue", "kill"]) -> None:
+        """Stop, continue or kill the process and those of its group; nothing if it has ended."""
+        if self.pid and self.is_alive:
+            with contextlib.suppress(OSError):
+                os.killpg(self.pid, _ACTS[what])
+
+    def how(self) -> str:
+        """Return how it ended, in words, with the last lines that it has said."""
+        if self.status is None:
+            return "lives"
+        said = self.tail()
+        told = ending(self.status)
+        return f"{told}; its last lines: {' | '.join(said)}" if said else f"{told}; it said nothing"
+
+    def tail(self) -> list[str]:
+        """Return the last lines of its output since it was started."""
+        with contextlib.suppress(OSError), self.log.open("rb") as output:
+            end = output.seek(0, os.SEEK_END)
+            output.seek(max(self._begin, end - _LONGEST_TAIL))
+            lines = output.read().decode(errors="replace").splitlines()
+            return [line.strip()[:300] for line in lines if line.strip()][-_TAIL:]
+        return []
+
+    def ask_to_end(self) -> None:
+        """Interrupt it, as Ctrl-C does."""
+        self.act("continue")
+        if self.pid and self.is_alive:
+            with contextlib.suppress(OSError):
+                os.killpg(self.pid, signal.SIGINT)
+
+    def end(self, patience: float) -> None:
+        """Wait for its end [s], then force it. Again: do nothing."""
+        if self.descriptor < 0:
+            return
+        until = time.monotonic() + patience
+        while not self.look() and time.monotonic() < until:
+            time.sleep(0.002)
+        self.was_killed = not self.look()
+        if self.was_killed:
+            self.act("kill")
+        try:
+            self._keeper.wait(3.0)
+        except subprocess.TimeoutExpired:
+            self._keeper.kill()  # the command has a death signal
+            self._keeper.wait()
+        self.look()
+        os.close(self.descriptor)
+        self.descriptor = -1
+
+    def _refuse(self, why: str) -> None:
+        rule = f"must be started by {' '.join(self.command)!r:.300}, but: {why}"
+        raise HostFailure(f"node {self.name}", rule, "correct its command, or build it", slug="foreign-start")

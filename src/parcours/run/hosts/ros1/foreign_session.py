@@ -1,0 +1,258 @@
+"""A seating of a foreign system -> its processes up and connected, its messages relayed, its deaths seen: one run."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Iterator
+from typing import cast
+
+from parcours.errors import HostFailure
+from parcours.model.finding import Finding
+from parcours.run.binding.graph import graph_findings
+from parcours.run.binding.passing import BEGINS
+from parcours.run.binding.relay import Relay
+from parcours.run.binding.seats import Seat, Seating
+from parcours.run.binding.structure import Ready
+from parcours.run.faults import FaultPlan
+from parcours.run.faults.signals import Signal, signals
+from parcours.run.hosts.realtime import DIED
+from parcours.run.hosts.ros1.foreign import ForeignHost
+from parcours.run.hosts.ros1.foreign_nodes import NodeProcess
+from parcours.run.noise import Noise
+from parcours.run.trace import Trace, TraceEvent
+
+_STEP = 5_000_000
+"""So often [ns] it is looked whether nodes are ready."""
+
+_SETTLED = 100_000_000
+"""A connection that has just been made may not yet be known at the other end: so long is waited [ns]."""
+
+_QUICK = 0.2
+"""So long a process that runs for one abstract case may take to end [s]."""
+
+_PING = 0.3
+"""So often a node that somebody else started is asked whether it lives [s]."""
+
+
+class Session:
+    """One run of a system.
+
+    Args:
+        host: entered.
+        seating: who is run.
+        faults: what befalls messages and components, from the beginning of the case.
+        listener: told of each event as soon as it has happened.
+
+    Attributes:
+        relay: where messages pass.
+        deaths: component, as traces call it, -> how it ended.
+        begin: when the run began [ns since the epoch].
+        case_began: when the nodes were ready [ns since the run began]; -1 before.
+    """
+
+    def __init__(self, host: ForeignHost, seating: Seating, *, faults: FaultPlan | None = None,
+                 listener: Callable[[TraceEvent], None] = lambda event: None) -> None:  # fmt: skip
+        self.host, self.seating = host, seating
+        self.zero, self.begin = time.perf_counter_ns(), time.time_ns()
+        self.relay = Relay(host.binding, seating, host, host.kind_of, self.now, faults, listener)
+        self.deaths: dict[str, str] = {}
+        self.case_began = -1
+        self.drained = 0
+        """All that had arrived by then [ns since the run began] has been heard."""
+        self._faults = faults or FaultPlan(0)
+        self._lost: dict[str, int] = {}
+        self._messages: set[str] = set()
+        self._over = threading.Event()
+        self._pinging: threading.Thread | None = None
+        components = [component for seat in seating.seats for component in seat.node.components]
+        self._faults.check([channel.name for channel in host.binding.channels], components)
+
+    def now(self) -> int:
+        """The time since the run began [ns]."""
+        return time.perf_counter_ns() - self.zero
+
+    # Beginning.
+
+    def start(self) -> None:
+        """Start the processes, and wait until all of them are ready.
+
+        Raises:
+            HostFailure: one cannot be started, dies, or does not become ready in its time; the message lists what is
+                missing.
+            BadRequest: the binding does not fit types that only now are known.
+        """
+        self.host.refusals.clear()
+        self.host.middle.spin(0)
+        self.host.attach(self.seating, self.relay.heard, self.relay.asked)
+        self.host.start(list(self.seating.seats))
+        began = self.now()
+        waiting = {seat.name: list(seat.node.ready) for seat in self.seating.seats}
+        while any(waiting.values()):
+            self.poll(self.now() + _STEP)
+            self._must_live()
+            for seat in self.seating.seats:
+                waiting[seat.name] = [one for one in waiting[seat.name] if not self._holds(seat, one, began)]
+            late = [
+                (seat, one) for seat in self.seating.seats for one in waiting[seat.name]
+                if self.now() - began > one.timeout * 1e9
+            ]  # fmt: skip
+            if late:
+                raise self._not_ready(late)
+        until = self.now() + _SETTLED
+        while self.now() < until:
+            self.poll(until)
+        self._must_live()
+        self.host.compile()
+        self._watch_others()
+        self.case_began = self.now()
+        self.relay.note(BEGINS)
+        for seat in self.seating.seats:
+            for component in seat.node.components:
+                self._next_signal(seat, component, signals(self._faults, component))
+
+    def _holds(self, seat: Seat, one: Ready, began: int) -> bool:
+        host = self.host
+        match one.kind:
+            case "bound":
+                spokes = [spoke for spoke in self.seating.spokes if spoke.seat == seat.name]
+                return all(host.is_connected(spoke, seat.ros_node) for spoke in spokes)
+            case "after":
+                return self.now() - began >= float(one.value) * 1e9
+            case "parameter":
+                return bool(host.master.parameter(one.name) == one.value)
+            case "node":
+                return bool(host.master.address_of(one.name))
+            case "message":
+                return any(one.name == host.binding.channel(event.channel).address for event in self.relay.events
+                           if event.kind == "send")  # fmt: skip
+        state = host.master.state()
+        tables = (state.servers,) if one.kind == "service" else (state.publishers, state.subscribers)
+        return any(table.get(one.name) for table in tables)
+
+    def _not_ready(self, late: list[tuple[Seat, Ready]]) -> HostFailure:
+        found = self.findings()
+        where = self.host.binding.source or self.host.binding.name
+        if found:
+            listed = "\n".join(str(one) for one in found)
+            slug = found[0].rule
+            return HostFailure(where, f"the running system must have what is bound, but:\n{listed}", slug=slug)
+        names = ", ".join(dict.fromkeys(f"{seat.name} ({_said(one)})" for seat, one in late))
+        seat, one = late[0]
+        process = self.host.running.get(seat.name)
+        said = process[1].tail() if process else []
+        why = "; ".join(self.host.refusals[:3]) or (f"its last lines: {' | '.join(said)}" if said else "no sign of it")
+        rule = f"must be ready within {one.timeout:g} s, but is not: {why}"
+        return HostFailure(f"{where}:{one.line}: node {names}", rule, "see 'ready' and 'timeout'", slug="foreign-ready")
+
+    def findings(self) -> list[Finding]:
+        """Return what the graph lacks, or has with another type, by now."""
+        graph = self.host.master.graph(self.host.binding, {s.address for s in self.seating.spokes if s.is_service})
+        if any(seat.reference is not None for seat in self.seating.seats):
+            return []
+        return graph_findings(self.host.binding, graph, self.seating.absent)
+
+    def _must_live(self) -> None:
+        for seat, process in self._processes():
+            if not process.is_alive:
+                rule = f"must live until the case begins, but: {process.how()}"
+                raise HostFailure(f"node {seat.name}", rule, slug="foreign-start")
+
+    # Going on.
+
+    def poll(self, until: int) -> None:
+        """Relay what comes until the time [ns since the run began], or until something has come."""
+        self.relay.do_what_is_due()
+        due = self.relay.next_due
+        looked = self.now()
+        if not self.host.middle.spin(0):
+            self.drained = looked
+            self.host.middle.spin(self.zero + (until if due is None else min(until, due)))
+        self.relay.do_what_is_due()
+        self._see_deaths()
+
+    def _processes(self) -> Iterator[tuple[Seat, NodeProcess]]:
+        for seat in self.seating.seats:
+            if seat.name in self.host.running:
+                yield seat, self.host.running[seat.name][1]
+
+    def _see_deaths(self) -> None:
+        if self.case_began < 0:
+            return
+        for seat, process in self._processes():
+            if not process.is_alive:
+                self._bury(seat, process.how(), process.ended - self.zero)
+        for name, when in list(self._lost.items()):
+            seat = cast(Seat, self.seating.seat(name))
+            self._bury(seat, f"{seat.ros_node} does not answer any more", when)
+
+    def _bury(self, seat: Seat, how: str, when: int) -> None:
+        for component in seat.node.components:
+            name = seat.component(component)
+            if name not in self.deaths:
+                self.deaths[name] = how
+                self.relay.note(DIED + how, name, max(when, 0))
+
+    def _watch_others(self) -> None:
+        others = [seat for seat in self.seating.seats if not seat.node.is_ours]
+        if not others:
+            return
+
+        def ping() -> None:
+            silent: dict[str, int] = {}
+            while not self._over.wait(_PING):
+                for seat in others:
+                    if self.host.master.answers(seat.ros_node):
+                        silent.pop(seat.name, None)
+                    elif seat.name in silent:
+                        self._lost.setdefault(seat.name, silent[seat.name])
+                    else:
+                        silent[seat.name] = self.now()
+
+        self._pinging = threading.Thread(target=ping, daemon=True, name="ros1-ping")
+        self._pinging.start()
+
+    def act(self, seat: Seat, what: str) -> None:
+        """Stop, continue or kill a seat's process, if the tester has started it."""
+        if seat.name in self.host.running:
+            self.host.running[seat.name][1].act(what)  # type: ignore[arg-type]
+
+    def _next_signal(self, seat: Seat, component: str, coming: Iterator[Signal]) -> None:
+        one = next(coming, None)
+        if one is not None:
+            self.relay.at(self.case_began + one.time, lambda: self._strike(seat, component, one, coming))
+
+    def _strike(self, seat: Seat, component: str, one: Signal, coming: Iterator[Signal]) -> None:
+        name = seat.component(component)
+        if name not in self.deaths:
+            self.act(seat, one.act)
+            self.relay.note(f"fault: {one.act}", name)
+        self._next_signal(seat, component, coming)
+
+    # Ending.
+
+    def end(self, *, keep: bool = False) -> None:
+        """Relay no more, and end the processes; with `keep`, not those that may be used again."""
+        self._over.set()
+        self.relay.close()
+        self.host.detach()
+        stay = {
+            seat.name for seat, process in self._processes()
+            if keep and process.is_alive and seat.reference is None and seat.node.restart == "when-dead"
+        }  # fmt: skip
+        for name in stay:
+            self.host.running[name][1].act("continue")
+        is_apart = any(seat.reference is not None for seat in self.seating.seats)
+        going = [seat.name for seat in self.seating.seats if seat.name not in stay]
+        self.host.stop(going, _QUICK if is_apart else float("inf"))
+        if self._pinging is not None:
+            self._pinging.join()
+
+    def trace(self, case: str, noise: Noise | None = None) -> Trace:
+        """Return what has happened, payloads as raw messages."""
+        events = sorted(self.relay.events, key=lambda event: event.time)
+        return Trace("wall", tuple(events), "ros1, foreign", case, noise)
+
+
+def _said(one: Ready) -> str:
+    return "all that is bound to it" if one.kind == "bound" else f"{one.kind} {one.name or one.value}"

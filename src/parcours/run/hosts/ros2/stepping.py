@@ -1,0 +1,152 @@
+"""Nodes that use simulated time -> the same nodes, led from instant to instant by /clock as fast as they can work.
+
+A step publishes the next instant and waits until all nodes are quiet. Whether one is cannot be seen from outside, but
+it can be asked: every node of rclpy and rclcpp serves its parameters in the executor that also runs its callbacks, so a
+question is answered between two of them. What a node is asked after the clock has moved is answered after it has heard
+of that, and what it is asked next, after the timers that have become due.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from functools import partial
+from typing import Any
+
+from parcours.errors import BadRequest, HostFailure
+from parcours.run.clocks import ClockName
+from parcours.run.hosts.ros2.participant import Participant
+
+START = 1_000_000_000
+"""The first instant [ns]: zero on /clock means that there is no time yet."""
+
+_DISCOVERY = 30.0
+_ROUNDS_OF_A_HOP = 2
+
+
+class SteppedClock:
+    """Time that passes on /clock when told to. It is a `Clock`: whole nanoseconds since construction or `restart`.
+
+    Args:
+        participant: the tester's; it stays open.
+        nodes: names of all nodes that use simulated time, e.g. `/follower`.
+        watched: topic -> its message class; what passes there is heard, and means that the nodes are not quiet.
+        step: the longest time that passes at once [ns]; timers due within a step fire late, at its end.
+        hops: so many messages may follow on each other unheard, e.g. 2 for a service between nodes.
+        quiet: so long nobody may be heard, either, after all have answered [ns of real time]; for nodes that have
+            threads of their own.
+        within: so long a step may take [s of real time].
+
+    Raises:
+        BadRequest: step is not positive.
+        HostFailure: a node serves no parameters, or does not listen to /clock.
+    """
+
+    name: ClockName = "simulated"
+
+    def __init__(self, participant: Participant, nodes: Sequence[str], watched: Mapping[str, Any] | None = None, *,
+                 step: int = 50_000_000, hops: int = 2, quiet: int = 0, within: float = 10.0) -> None:  # fmt: skip
+        from rcl_interfaces.srv import GetParameterTypes
+        from rclpy.qos import QoSProfile, ReliabilityPolicy
+        from rosgraph_msgs.msg import Clock as ClockMessage
+
+        if step <= 0:
+            raise BadRequest("stepped clock", f"a step takes time, but {step} ns was given", slug="ros2-step")
+        self._participant, self._step, self._quiet, self._within = participant, step, quiet, within
+        self._rounds = _ROUNDS_OF_A_HOP * (hops + 1)
+        self._zero = self._instant = START
+        self._message = ClockMessage()
+        self._publisher = participant.node.create_publisher(ClockMessage, "/clock", 10)
+        self._ask = GetParameterTypes.Request()
+        self._unanswered: set[str] = set()
+        self._heard = 0
+        self._clients: dict[str, Any] = {}
+        for node in nodes:
+            answered = partial(self._answer, node)
+            self._clients[node] = participant.inquire(GetParameterTypes, f"{node}/get_parameter_types", answered)
+        for topic, kind in (watched or {}).items():
+            quality = QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)  # hears reliable ones, too
+            participant.overhear(kind, topic, self._hear, quality)
+        self._await_nodes()
+        self._publish()
+
+    def _answer(self, node: str, answer: object) -> None:
+        self._unanswered.discard(node)
+
+    def _hear(self, message: bytes) -> None:
+        self._heard += 1
+
+    def _await_nodes(self) -> None:
+        deadline = time.monotonic() + _DISCOVERY
+        while True:
+            absent = [node for node, client in self._clients.items() if not client.service_is_ready()]
+            deaf = self._publisher.get_subscription_count() < len(self._clients)
+            if not absent and not deaf:
+                return
+            if time.monotonic() > deadline:
+                what = f"{', '.join(absent)} serve none" if absent else "not all nodes listen to /clock"
+                rule = f"its nodes serve their parameters and use simulated time, but {what}"
+                raise HostFailure("stepped clock", rule, "start them with use_sim_time:=true", slug="ros2-sim-time")
+            self._participant.spin(time.perf_counter_ns() + 5_000_000)
+
+    def now(self) -> int:
+        """The time [ns]."""
+        return self._instant - self._zero
+
+    @property
+    def instant(self) -> int:
+        """What /clock shows [ns]."""
+        return self._instant
+
+    def advance(self, until: int) -> int:
+        """Step on to `until` [ns], unless it is past; return once all nodes are quiet.
+
+        Raises:
+            HostFailure: a node does not come to rest, or answers no more.
+        """
+        while self.now() < until:
+            self._instant += min(self._step, until - self.now())
+            self._publish()
+        return self.now()
+
+    def rest(self, until: int) -> None:
+        """Step on to `until` [ns]."""
+        self.advance(until)
+
+    def restart(self) -> None:
+        """Count from now on; on /clock time never goes back."""
+        self._zero = self._instant
+
+    def _publish(self) -> None:
+        self._message.clock.sec, self._message.clock.nanosec = divmod(self._instant, 1_000_000_000)
+        self._publisher.publish(self._message)
+        self.settle()
+
+    def settle(self) -> None:
+        """Return once all nodes are quiet: also after something was said to them.
+
+        Raises:
+            HostFailure: a node does not come to rest, or answers no more.
+        """
+        deadline = time.perf_counter_ns() + int(self._within * 1e9)
+        quiet_rounds = 0
+        while quiet_rounds < self._rounds:
+            before = self._heard
+            self._question(deadline)
+            quiet_rounds = quiet_rounds + 1 if self._heard == before else 0
+            if quiet_rounds == self._rounds and self._quiet:
+                self._participant.spin(time.perf_counter_ns() + self._quiet)
+                quiet_rounds = quiet_rounds if self._heard == before else 0
+            if time.perf_counter_ns() > deadline:
+                rule = f"all nodes must be quiet within {self._within:g} s of real time, but messages go on"
+                raise HostFailure("stepped clock", rule, "are there timers on the real clock?", slug="ros2-restless")
+
+    def _question(self, deadline: int) -> None:
+        self._unanswered.update(self._clients)
+        for client in self._clients.values():
+            client.handle.send_request(self._ask)
+        while self._unanswered:
+            if not self._participant.spin(deadline):
+                who = ", ".join(sorted(self._unanswered))
+                rule = f"each node must answer within {self._within:g} s of real time, but silent is {who}"
+                raise HostFailure("stepped clock", rule, "see whether it still runs", slug="ros2-restless")

@@ -1,0 +1,269 @@
+"""What nodes of others send and are given, event by event, and a model -> the first deviation of each, online or later.
+
+Seen from outside, a node's messages on different topics may come in another order than it sent them, and a message
+counts as received when it was handed over, which is before the node takes it up. So each component is followed by
+itself, through its own messages, and one that comes too early waits a moment for those that may have been first.
+"""
+
+from __future__ import annotations
+
+import queue
+import threading
+from collections import deque
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+
+from parcours.errors import HostFailure
+from parcours.model.structure import Cefsm, Component, Transition
+from parcours.run.binding import Compiled
+from parcours.run.binding.decoding import Decoder
+from parcours.run.binding.passing import BEGINS, CONTINUED, STOPPED
+from parcours.run.binding.structure import Binding
+from parcours.run.recording import Raw
+from parcours.run.trace import TraceEvent
+from parcours.verdict.conformance import Checker, Deviation
+
+SLACK = 500_000_000
+"""So much later may a message arrive that was sent first, on another topic [ns]."""
+
+
+_recent: list[tuple[Binding, Cefsm]] = []
+
+
+def visible(binding: Binding) -> Cefsm:
+    """Return the model without what the binding does not bind; for the same binding, the same model again.
+
+    What was computed of a model is kept as long as the model.
+    """
+    for known, cefsm in _recent:
+        if known is binding:
+            return cefsm
+    _recent.insert(0, (binding, _visible(binding)))
+    del _recent[4:]
+    return _recent[0][1]
+
+
+def _visible(binding: Binding) -> Cefsm:
+    """Return the model without what the binding does not bind: such messages come and go unseen."""
+    bound = {channel.name for channel in binding.channels if channel.role == "model"}
+    model = binding.model
+
+    def seen(transition: Transition) -> Transition:
+        sends = tuple(send for send in transition.sends if send.channel in bound)
+        if transition.event is None or transition.event.channel in bound:
+            return replace(transition, sends=sends)
+        return replace(transition, sends=sends, event=None, guard=None, actions=())
+
+    def of(component: Component) -> Component:
+        machines = tuple(replace(one, transitions=tuple(map(seen, one.transitions))) for one in component.machines)
+        return replace(component, machines=machines)
+
+    components = tuple(map(of, model.components))
+    channels = tuple(channel for channel in model.channels if channel.name in bound)
+    return replace(model, components=components, channels=channels, interactions=(), interaction_lines=())
+
+
+class _Followed:
+    """One component of the trace."""
+
+    def __init__(self, name: str, cefsm: Cefsm, quiescence: Mapping[str, int], fields: _Fields) -> None:
+        self.name, self._base = name, name.partition("#")[0]
+        sends = {channel.name for channel in cefsm.channels if channel.sender == self._base}
+        own = {channel: time for channel, time in quiescence.items() if channel in sends}
+        self.checker = Checker(cefsm, component=self._base, observes="messages", quiescence=own, fields=fields)
+        self._number = 0
+        self._waiting: deque[TraceEvent] = deque()
+        self._stopped: int | None = 0  # nothing is owed before the case begins
+        self._away = 0
+
+    def stop(self, now: int) -> None:
+        """Nothing is owed from now on [ns]."""
+        self._stopped = now if self._stopped is None else self._stopped
+
+    def go_on(self, now: int) -> None:
+        """It is."""
+        if self._stopped is not None:
+            self._away += now - self._stopped
+            self._stopped = None
+
+    def _own(self, now: int) -> int:
+        """Return the time without what it was stopped for [ns]."""
+        return (now if self._stopped is None else min(now, self._stopped)) - self._away
+
+    def receive(self, event: TraceEvent) -> None:
+        """Note what it was given."""
+        self.expire(event.time)
+        self._pass("", self._base, event)
+        self._try_again(event.time)
+
+    def send(self, event: TraceEvent) -> None:
+        """Note what it sent."""
+        self.expire(event.time)
+        if any(one.channel == event.channel for one in self._waiting) or not self._may_come(event):
+            self._waiting.append(event)
+        else:
+            self._pass(self._base, "", event)
+        self._try_again(event.time)
+
+    def expire(self, now: int) -> None:
+        """See whether something did not come, or came in vain, by now [ns]."""
+        while self._waiting and now - self._waiting[0].time > SLACK:
+            self._pass(self._base, "", self._waiting.popleft(), now)
+        if not self._waiting:
+            self.checker.quiet(self._own(now))
+
+    def finish(self, now: int) -> None:
+        """Note that it was watched until now [ns]."""
+        while self._waiting:
+            self._pass(self._base, "", self._waiting.popleft(), now)
+        self.checker.quiet(self._own(now))
+
+    def deviation(self) -> Deviation | None:
+        """Return the first deviation, at the time of the trace."""
+        found = self.checker.deviation
+        return None if found is None else replace(found, component=self.name, time=found.time + self._away)
+
+    def _may_come(self, event: TraceEvent) -> bool:
+        return any(one.what == "send" and one.name == event.channel for one in self.checker.expected())
+
+    def _try_again(self, now: int) -> None:
+        again = True
+        while again:
+            again = False
+            seen: set[str] = set()
+            for one in list(self._waiting):
+                if one.channel not in seen and self._may_come(one):
+                    self._waiting.remove(one)
+                    self._pass(self._base, "", one, now)
+                    again = True
+                    break
+                seen.add(one.channel)
+
+    def _pass(self, sender: str, receiver: str, event: TraceEvent, now: int | None = None) -> None:
+        self._number += 1
+        time = self._own(event.time if now is None else now)
+        one = replace(event, time=time, kind="send", component=sender, message=self._number)
+        self.checker.observe(one)
+        self.checker.observe(replace(one, kind="receive", component=receiver))
+
+
+class _Fields:
+    """Reads the fields of a model's message from the raw one."""
+
+    def __init__(self, compiled: Compiled, decoder: Decoder) -> None:
+        self._readings, self._decoder = compiled.fields, decoder
+        self.error: HostFailure | None = None
+
+    def __call__(self, channel: str, payload: object) -> Mapping[str, object] | None:
+        readings = self._readings.get(channel)
+        if not readings or not isinstance(payload, Raw):
+            return None
+        try:
+            messages = {channel: self._decoder.message(channel, payload.content)}
+            return {name: reading.value(messages) for name, reading in readings.items()}
+        except HostFailure as error:
+            self.error = self.error or error
+            return None
+
+
+class Conformers:
+    """Follows the components of a system.
+
+    Args:
+        compiled: the binding, compiled.
+        names: of the components, as the trace calls them.
+        decoder: reads messages.
+    """
+
+    def __init__(self, compiled: Compiled, names: Iterable[str], decoder: Decoder) -> None:
+        binding = compiled.binding
+        cefsm = visible(binding)
+        bound = [channel for channel in binding.channels if channel.role == "model"]
+        quiescence = {channel.name: round(channel.quiescence * 1e9) for channel in bound}
+        self._fields = _Fields(compiled, decoder)
+        known = {component.name for component in cefsm.components}
+        self._followed = {
+            name: _Followed(name, cefsm, quiescence, self._fields)
+            for name in names if name.partition("#")[0] in known
+        }  # fmt: skip
+        self._channels = set(quiescence)
+
+    @property
+    def error(self) -> HostFailure | None:
+        """The first message of which a field could not be read."""
+        return self._fields.error
+
+    def observe(self, event: TraceEvent) -> None:
+        """Take note of the next event."""
+        if event.kind == "note" and event.text == BEGINS:
+            for each in self._followed.values():
+                each.go_on(event.time)
+        followed = self._followed.get(event.component)
+        if followed is None:
+            return
+        if event.kind == "note":
+            if event.text == STOPPED:
+                followed.stop(event.time)
+            elif event.text == CONTINUED:
+                followed.go_on(event.time)
+        elif event.channel in self._channels:
+            if event.kind == "send":
+                followed.send(event)
+            elif event.kind == "receive":
+                followed.receive(event)
+
+    def quiet(self, now: int) -> None:
+        """Take note that nothing else happened until now [ns]."""
+        for followed in self._followed.values():
+            followed.expire(now)
+
+    def finish(self, now: int) -> None:
+        """Take note that everything was watched until now [ns]."""
+        for followed in self._followed.values():
+            followed.finish(now)
+
+    @property
+    def deviations(self) -> tuple[Deviation, ...]:
+        """The first deviation of each component that deviated, in order of time."""
+        found = (followed.deviation() for followed in self._followed.values())
+        return tuple(sorted((one for one in found if one is not None), key=lambda one: one.time))
+
+
+class Beside:
+    """Follows the components in a thread beside the one that relays, which must not wait for what this computes."""
+
+    def __init__(self, conformers: Conformers) -> None:
+        self._conformers = conformers
+        self._queue: queue.SimpleQueue[TraceEvent | int | None] = queue.SimpleQueue()
+        self._failed: list[BaseException] = []
+        self._thread = threading.Thread(target=self._follow, daemon=True, name="conformance")
+        self._thread.start()
+
+    def _follow(self) -> None:
+        try:
+            while (one := self._queue.get()) is not None:
+                if isinstance(one, int):
+                    self._conformers.quiet(one)
+                else:
+                    self._conformers.observe(one)
+        except BaseException as error:  # told to who waits for the end
+            self._failed.append(error)
+
+    def observe(self, event: TraceEvent) -> None:
+        """Take note of the next event, soon."""
+        self._queue.put(event)
+
+    def quiet(self, now: int) -> None:
+        """Take note that nothing else happened until now [ns], soon."""
+        self._queue.put(now)
+
+    def close(self) -> None:
+        """Wait until everything has been taken note of. Again: do nothing.
+
+        Raises:
+            ParcoursError: a guard of the model has no value where the system stands.
+        """
+        self._queue.put(None)
+        self._thread.join()
+        if self._failed:
+            raise self._failed.pop()

@@ -1,0 +1,68 @@
+"""RAMP's components as nodes on a real ROS 1 graph: all 67 cases keep their order, on the names of Table I."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+
+from parcours.run.gated import Execution, enforce
+from parcours.run.hosts.driven import DrivenInstances
+from parcours.run.hosts.resident import nodes_of
+from parcours.run.hosts.ros1.fabric import Ros1Fabric
+from parcours.run.hosts.ros1.graph import ask
+from parcours.run.hosts.ros1.interfaces import interfaces
+from parcours.run.port import links
+from parcours.studies.ramp_components.model import component_model
+from parcours.studies.ramp_components.ros1 import CODEC
+from parcours.studies.ramp_components.study import _events, component_plan, run_functional
+from parcours.studies.ramp_components.tester import ComponentTester
+from parcours.suite import Case
+
+_RESIDENT = "parcours.studies.ramp_components.ros1:resident"
+_PRELOAD = ["parcours.studies.ramp_components.ros1", "parcours.studies.ramp_components.warm"]
+
+
+@pytest.fixture(scope="module")
+def fabric() -> Iterator[Ros1Fabric]:
+    model = component_model()
+    nodes = nodes_of(links(model), [one.name for one in model.components], _RESIDENT)
+    started = Ros1Fabric(nodes, interfaces(model), CODEC, _PRELOAD)
+    yield started
+    started.close()
+
+
+@pytest.mark.parametrize("strict", [True, False], ids=["in their order", "as free as they may"])
+def test_all_component_cases_keep_their_order_and_pass(fabric: Ros1Fabric, strict: bool) -> None:
+    def execute(case: Case) -> Execution:
+        tester = ComponentTester(case)
+        instances = DrivenInstances(fabric, CODEC, tester)
+        return enforce(_events(case.abstract), instances, tester.supply, case=case.id, strict=strict)
+
+    done = [run_functional(case, execute) for case in component_plan(0, 1).cases(0, 67)]
+    assert len(done) == 67
+    assert [(one.case.id, one.judgement) for one in done if not one.judgement.passed] == []
+    assert all(one.execution.completed for one in done)
+    assert {one.execution.trace.host for one in done} == {"ros1, gated"}
+    assert not fabric.refusals
+
+
+def test_topics_and_services_on_the_graph_are_those_of_table_i(fabric: Ros1Fabric) -> None:
+    types = dict(ask(fabric.master, "getTopicTypes", "/test"))
+    publishers, subscribers, services = (dict(part) for part in ask(fabric.master, "getSystemState", "/test"))
+    of_the_paper = {
+        "/odometry": ("parcours_ramp/Odometry", "/Sensing"),
+        "/obstacles": ("parcours_ramp/ObstacleList", "/Planner"),
+        "/best_trajectory": ("parcours_ramp/RampTrajectory", "/Control"),
+        "/update": ("parcours_ramp/MotionState", "/Planner"),
+    }
+    others = [topic for topic in types if not topic.startswith("/parcours/")]
+    assert {topic: (types[topic], *subscribers[topic]) for topic in others} == of_the_paper
+    assert all(publishers[topic] == ["/parcours"] for topic in of_the_paper)
+    assert {service: held for service, held in services.items() if not service.startswith("/parcours/")} == {
+        "/trajectory_generation": ["/TrajectoryGenerator"],
+        "/trajectory_evaluation": ["/TrajectoryEvaluation"],
+        "/path_modification": ["/PathModification"],
+    }
+    assert publishers["/parcours/out/best_trajectory"] == ["/Planner"]
+    assert publishers["/parcours/Planner/report"] == subscribers["/parcours/Planner/command"] == ["/Planner"]

@@ -1,0 +1,57 @@
+"""Two toys that talk by a service: an Asker passes questions on to an Oracle, and what it is told to the tester."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from parcours.run.hosts.battery import Taken
+from parcours.run.hosts.resident import Plain
+from parcours.run.hosts.ros2.names import Topic
+from parcours.run.port import ENVIRONMENT, Link, LinkKind, Step
+
+LINKS = (
+    Link("go", ENVIRONMENT, "Asker", 1000),
+    Link("question", "Asker", "Oracle", 1, LinkKind.SERVICE),
+    Link("answer", "Oracle", "Asker", 1, LinkKind.SERVICE),
+    Link("told", "Asker", ENVIRONMENT, 1000),
+)
+TOPICS = {"question": Topic("/oracle", "Question"), "answer": Topic("/oracle", "Answer")}
+
+
+class Asker:
+    """Asks what it is told to, and tells what is answered."""
+
+    name = "Asker"
+
+    def handle(self, channel: str | None, message: object, now: int) -> Iterator[Step]:
+        """Pass on."""
+        if channel is not None:
+            yield Taken("a1", (("question" if channel == "go" else "told", message),))
+
+    def next_wake(self) -> int | None:
+        """Never."""
+        return None
+
+    def wake(self, now: int) -> Iterator[Step]:
+        """Nothing."""
+        return iter(())
+
+    def reset(self) -> None:
+        """There is nothing to forget."""
+
+
+class Oracle(Asker):
+    """Answers a number with it, a list with each of its entries, and a text not at all."""
+
+    name = "Oracle"
+
+    def handle(self, channel: str | None, message: object, now: int) -> Iterator[Step]:
+        """Answer."""
+        answers = message if isinstance(message, list) else [] if isinstance(message, str) else [message]
+        if channel is not None:
+            yield Taken("o1", tuple(("answer", one) for one in answers))
+
+
+def resident(component: str) -> Plain:
+    """Return the resident of a toy."""
+    return Plain(component, {"Asker": Asker, "Oracle": Oracle})

@@ -1,0 +1,49 @@
+"""RAMP whole on nodes of ROS 2, in real time: the world is the tester's, and all that passes is checked."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+
+from parcours.run.faults.plan import ComponentFault, FaultPlan
+from parcours.run.hosts.resident import nodes_of
+from parcours.run.hosts.ros2.fabric import Ros2Fabric
+from parcours.run.hosts.ros2.names import topics_of
+from parcours.run.hosts.scheduling import real_time
+from parcours.run.trace import transitions
+from parcours.studies.ramp_components.model import component_model
+from parcours.studies.ramp_system.component_form import system_links
+from parcours.studies.ramp_system.live import COMPONENTS, run_live
+from parcours.studies.ramp_system.study import system_study
+from parcours.verdict.judgement import Verdict
+
+RESIDENT = "parcours.studies.ramp_system.live"
+
+
+@pytest.fixture
+def ramp_system() -> Iterator[Ros2Fabric]:
+    nodes = nodes_of(system_links(), COMPONENTS, f"{RESIDENT}:SystemResident")
+    with real_time():
+        fabric = Ros2Fabric(nodes, topics_of(component_model()), [RESIDENT])
+        yield fabric
+        fabric.close()
+
+
+def test_cases_run_to_their_end_as_the_model_allows(ramp_system: Ros2Fabric) -> None:
+    for number in (1, 2):
+        run = run_live(system_study("guarded"), number, ramp_system)
+        assert run.conformance.verdict is Verdict.PASS, run.conformance
+        assert not run.deaths
+        assert run.judgement.verdict in (Verdict.PASS, Verdict.FAIL)
+        assert run.track["x"].max() - run.track["x"].min() > 0.5
+        for component in COMPONENTS:
+            assert transitions(run.trace, component), component
+
+
+def test_a_dead_planner_is_a_failure_wherever_the_robot_coasts_to(ramp_system: Ros2Fabric) -> None:
+    crash = FaultPlan(0, (ComponentFault("Planner", "crash", at_ns=3_000_000_000),))
+    run = run_live(system_study("guarded"), 1, ramp_system, faults=crash)
+    assert run.deaths == {"Planner": "killed by SIGKILL"}
+    assert run.judgement.verdict is Verdict.FAIL
+    assert "dead at the end: Planner" in run.judgement.why
