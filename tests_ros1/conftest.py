@@ -1,15 +1,19 @@
-"""What the tests on real ROS 1 share: the package with RAMP's messages, and a master."""
+"""What the tests on real ROS 1 share: the package with RAMP's messages, a master, and toys' fabrics."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from pathlib import Path
+from typing import Any
 
 import pytest
+from tests_ros1 import ros1_toys as toys
 
 import parcours.studies
 from parcours.model.reading import read_model
 from parcours.planners.ramp.wire import FORMS
+from parcours.run.hosts.ros1.fabric import Ros1Fabric
 from parcours.run.hosts.ros1.interfaces import interfaces, write_package
 from parcours.run.hosts.ros1.master import Master
 
@@ -28,3 +32,16 @@ def master() -> Iterator[str]:
     """The address of a master for all tests of a module: most of the time of a fabric goes into starting one."""
     with Master() as started:
         yield started.uri
+
+
+@pytest.fixture
+def start(master: str) -> Iterator[Callable[..., Ros1Fabric]]:
+    """Starts fabrics of toys, as `ros1_toys.fabric_of` does, and closes them however a test ends."""
+    with ExitStack() as started:
+
+        def begin(*arguments: Any, **options: Any) -> Ros1Fabric:
+            fabric = toys.fabric_of(*arguments, **options, master=master)
+            started.callback(fabric.close)
+            return fabric
+
+        yield begin

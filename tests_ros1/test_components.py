@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import closing
 
 import pytest
 
+from parcours.planners.ramp.wire import encode
 from parcours.run.gated import Execution, enforce
 from parcours.run.hosts.driven import DrivenInstances
 from parcours.run.hosts.resident import nodes_of
 from parcours.run.hosts.ros1.fabric import Ros1Fabric
 from parcours.run.hosts.ros1.graph import ask
 from parcours.run.hosts.ros1.interfaces import interfaces
+from parcours.run.hosts.scheduling import real_time
 from parcours.run.port import links
 from parcours.studies.ramp_components.model import component_model
 from parcours.studies.ramp_components.ros1 import CODEC
@@ -28,8 +31,8 @@ def fabric() -> Iterator[Ros1Fabric]:
     model = component_model()
     nodes = nodes_of(links(model), [one.name for one in model.components], _RESIDENT)
     started = Ros1Fabric(nodes, interfaces(model), CODEC, _PRELOAD)
-    yield started
-    started.close()
+    with closing(started), real_time():
+        yield started
 
 
 @pytest.mark.parametrize("strict", [True, False], ids=["in their order", "as free as they may"])
@@ -45,6 +48,11 @@ def test_all_component_cases_keep_their_order_and_pass(fabric: Ros1Fabric, stric
     assert all(one.execution.completed for one in done)
     assert {one.execution.trace.host for one in done} == {"ros1, gated"}
     assert not fabric.refusals
+    sent = {event.channel: event for one in done for event in one.execution.trace.events if event.kind == "send"}
+    for event in sent.values():
+        again = CODEC.decode(event.channel, CODEC.encode(event.channel, event.payload))
+        assert encode(event.channel, again) == encode(event.channel, event.payload), "no bit is lost on ROS"
+    assert set(sent) >= {channel.name for channel in component_model().channels}
 
 
 def test_topics_and_services_on_the_graph_are_those_of_table_i(fabric: Ros1Fabric) -> None:

@@ -10,25 +10,27 @@ from tests_ros1 import ros1_toys as toys
 from parcours.run.faults.plan import ChannelFault, FaultPlan
 from parcours.run.hosts.battery import DUTIES, Host
 from parcours.run.hosts.realtime import RealTimeHost
+from parcours.run.hosts.ros1.fabric import Ros1Fabric
 from parcours.run.hosts.seats import Answer
 from parcours.run.port import ENVIRONMENT, Component, Link, LinkKind, links
 from parcours.run.trace import transitions
 
+Start = Callable[..., Ros1Fabric]
 _LIMIT = 20_000_000_000
 
 
 @pytest.mark.parametrize("duty", DUTIES.values(), ids=DUTIES)
-def test_it_does_what_every_host_owes(duty: Callable[..., None], master: str) -> None:
+def test_it_does_what_every_host_owes(duty: Callable[..., None], start: Start) -> None:
     def toy_host(components: Sequence[Component], some: Sequence[Link], tester: Answer) -> Host:
-        fabric = toys.fabric_of(some, [part.name for part in components], master=master)
+        fabric = start(some, [part.name for part in components])
         return RealTimeHost(fabric, some, toys.CODEC, environment=tester)
 
     duty(toy_host)
 
 
-def test_nothing_is_lost_at_two_thousand_messages_a_second(master: str) -> None:
+def test_nothing_is_lost_at_two_thousand_messages_a_second(start: Start) -> None:
     some = (Link("numbers", "Source", "Sink", 1, LinkKind.SERVICE), Link("seen", "Sink", ENVIRONMENT, 1000))
-    fabric = toys.fabric_of(some, ["Source", "Sink"], kind="many", master=master)
+    fabric = start(some, ["Source", "Sink"], kind="many")
     host = RealTimeHost(fabric, some, toys.CODEC)
     host.run(_LIMIT)
     host.close()
@@ -39,8 +41,8 @@ def test_nothing_is_lost_at_two_thousand_messages_a_second(master: str) -> None:
 CLIENT_AND_SERVER = links(toys.MODEL)
 
 
-def test_a_client_s_calls_pass_through_the_tester_and_are_answered_in_order(master: str) -> None:
-    fabric = toys.fabric_of(CLIENT_AND_SERVER, ["Client", "Counting"], model=toys.MODEL, master=master)
+def test_a_client_s_calls_pass_through_the_tester_and_are_answered_in_order(start: Start) -> None:
+    fabric = start(CLIENT_AND_SERVER, ["Client", "Counting"], model=toys.MODEL)
     host = RealTimeHost(fabric, CLIENT_AND_SERVER, toys.CODEC)
     host.run(_LIMIT)
     trace = host.trace()
@@ -49,8 +51,8 @@ def test_a_client_s_calls_pass_through_the_tester_and_are_answered_in_order(mast
     host.close()
 
 
-def test_messages_that_no_socket_holds_pass_through_the_tester(master: str) -> None:
-    fabric = toys.fabric_of(CLIENT_AND_SERVER, ["Client", "Counting"], model=toys.MODEL, kind="many", master=master)
+def test_messages_that_no_socket_holds_pass_through_the_tester(start: Start) -> None:
+    fabric = start(CLIENT_AND_SERVER, ["Client", "Counting"], model=toys.MODEL, kind="many")
     host = RealTimeHost(fabric, CLIENT_AND_SERVER, toys.CODEC)
     host.run(_LIMIT)
     events = host.trace().events
@@ -64,9 +66,9 @@ def test_messages_that_no_socket_holds_pass_through_the_tester(master: str) -> N
 
 
 def test_calls_that_nobody_answers_end_when_the_nodes_rest_and_are_not_mixed_up_with_the_next(
-    master: str,
+    start: Start,
 ) -> None:
-    fabric = toys.fabric_of(CLIENT_AND_SERVER, ["Client", "Counting"], model=toys.MODEL, master=master)
+    fabric = start(CLIENT_AND_SERVER, ["Client", "Counting"], model=toys.MODEL)
     lossy = FaultPlan(0, (ChannelFault("answer", "drop"),))
     host = RealTimeHost(fabric, CLIENT_AND_SERVER, toys.CODEC, faults=lossy)
     host.run(_LIMIT)
@@ -79,8 +81,8 @@ def test_calls_that_nobody_answers_end_when_the_nodes_rest_and_are_not_mixed_up_
     host.close()
 
 
-def test_answers_that_were_never_asked_for_reach_the_client_and_real_ones_after_them_their_calls(master: str) -> None:
-    fabric = toys.fabric_of(CLIENT_AND_SERVER, ["Client"], model=toys.MODEL, master=master)
+def test_answers_that_were_never_asked_for_reach_the_client_and_real_ones_after_them_their_calls(start: Start) -> None:
+    fabric = start(CLIENT_AND_SERVER, ["Client"], model=toys.MODEL)
     host = RealTimeHost(fabric, CLIENT_AND_SERVER, toys.CODEC)
     for count in (41, 42, 43, 44, 45):
         host.inject("answer", count)
@@ -91,8 +93,8 @@ def test_answers_that_were_never_asked_for_reach_the_client_and_real_ones_after_
     host.close()
 
 
-def test_a_service_s_answers_reach_the_environment_that_asks(master: str) -> None:
-    fabric = toys.fabric_of(CLIENT_AND_SERVER, ["Counting"], model=toys.MODEL, master=master)
+def test_a_service_s_answers_reach_the_environment_that_asks(start: Start) -> None:
+    fabric = start(CLIENT_AND_SERVER, ["Counting"], model=toys.MODEL)
     host = RealTimeHost(fabric, CLIENT_AND_SERVER, toys.CODEC)
     host.inject("ask", "a")
     host.inject("ask", "b" * 60)

@@ -15,7 +15,6 @@ from parcours.planners.ramp.wire import FORMS
 from parcours.run.hosts.ros1.messages import Messages, load
 from parcours.run.hosts.ros1.packing import Packing
 from parcours.studies.ramp_components.ros1 import CODEC
-from parcours.studies.ramp_components.study import component_plan, run_functional
 
 
 @pytest.fixture(scope="module")
@@ -45,17 +44,6 @@ def test_the_bytes_are_those_of_the_message_classes_and_the_values_come_back(mes
         assert [type(value) for value in back] == [type(value) for value in values]
         for one, other in zip(back, values, strict=True):
             np.testing.assert_array_equal(one, other, strict=True)
-
-
-def test_all_that_ramp_s_components_send_comes_back_from_ros_bytes() -> None:
-    seen = set()
-    for case in component_plan(0, 1).cases(0, 67):
-        for event in run_functional(case).execution.trace.events:
-            if event.kind == "send":
-                data = CODEC.encode(event.channel, event.payload)
-                assert CODEC.encode(event.channel, CODEC.decode(event.channel, data)) == data
-                seen.add(event.channel)
-    assert {"trajectory_request", "evaluation_response", "best_trajectory", "update", "obstacles"} <= seen
 
 
 def test_bytes_that_are_too_few_or_too_many_and_other_values_are_refused_with_the_channel() -> None:

@@ -22,10 +22,13 @@ from parcours.run.hosts.resident import Plain, nodes_of
 from parcours.run.port import Component, Link, Send, Step
 from parcours.run.trace import held
 
-LINKS = tuple(Link(channel, *ends) for channel, *ends in (
-    ("start", "environment", "Asker"), ("ask", "Asker", "Answerer"), ("more", "Asker", "Answerer"),
-    ("answer", "Answerer", "Asker"), ("noise", "Answerer", "Asker"),
-))  # fmt: skip
+LINKS = (
+    Link("start", "environment", "Asker"),
+    Link("ask", "Asker", "Answerer"),
+    Link("more", "Asker", "Answerer"),
+    Link("answer", "Answerer", "Asker"),
+    Link("noise", "Answerer", "Asker"),
+)
 
 
 @dataclass(frozen=True)

@@ -249,7 +249,7 @@ def boom(now: int) -> Iterator[Step]:
 def test_a_component_that_breaks_the_contract_is_named(
     part: Scripted, links: tuple[Link, ...], says: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("parcours.run.hosts.exchange._LIVELOCK", 2000)
+    monkeypatch.setattr("parcours.run.hosts.traffic.LIVELOCK", 2000)
     host = SimulatedHost((part,), links)
     with pytest.raises(HostFailure, match=says):
         host.run(1)

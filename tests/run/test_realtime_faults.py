@@ -182,8 +182,12 @@ def test_a_fault_of_what_is_no_node_is_refused_before_anything_runs(fabric: Proc
 
 def test_a_plan_without_faults_changes_nothing(fabric: ProcessFabric) -> None:
     seen: list[Send] = []
-    host = RealTimeHost(fabric, LINKS, Numbers(), faults=FaultPlan(3),
-                        environment=lambda channel, payload, now: seen.append((channel, payload)) or ())  # fmt: skip
+
+    def tester(channel: str, payload: object, now: int) -> Sequence[Send]:
+        seen.append((channel, payload))
+        return ()
+
+    host = RealTimeHost(fabric, LINKS, Numbers(), faults=FaultPlan(3), environment=tester)
     host.run(20 * S)
     host.rest()
     assert seen == [("seen", k) for k in range(40)]

@@ -10,20 +10,19 @@ import multiprocessing
 import signal
 import tempfile
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 
 from parcours.errors import HostFailure
 from parcours.planners.ramp.wire import FORMS
 from parcours.run.hosts.launching import Processes
 from parcours.run.hosts.processes import ending
-from parcours.run.hosts.resident import Node, nodes_of
-from parcours.run.hosts.ros1.graph import ask
+from parcours.run.hosts.resident import nodes_of
+from parcours.run.hosts.ros1.graph import ask, leave, require_free
 from parcours.run.hosts.ros1.interfaces import interfaces, write_package
 from parcours.run.hosts.ros1.line import Ros1Line
 from parcours.run.hosts.ros1.master import require_master
 from parcours.run.hosts.ros1.messages import load
-from parcours.run.hosts.ros1.participant import leave
 from parcours.run.hosts.ros1.routes import TESTER, Plan, command_topic, frame_kind, node_name, routes
 from parcours.run.port import links
 from parcours.studies.gtest_export import PACKAGE
@@ -57,7 +56,7 @@ class StandingNodes:
         self._master, self._say = master, say
         model = component_model()
         self._nodes = nodes_of(links(model), [one.name for one in model.components], resident)
-        _require_free(master, self._nodes)
+        require_free(master, [node_name(node.component) for node in self._nodes])
         channels = interfaces(model)
         with tempfile.TemporaryDirectory(prefix="parcours-ros1-") as folder:
             write_package(Path(folder), PACKAGE, channels, FORMS)
@@ -109,20 +108,8 @@ class StandingNodes:
         offered = {topic for topic, names in publishers if TESTER in names}
         if not all(command_topic(node.component) in offered for node in self._nodes):
             return False
-        return _process_of(self._master, TESTER) is not None
-
-
-def _process_of(master: str, name: str) -> int | None:
-    """Return the process number of the node of that name; None if it does not answer."""
-    try:
-        return int(ask(ask(master, "lookupNode", TESTER, name), "getPid", TESTER, within=1.0))
-    except HostFailure:
-        return None
-
-
-def _require_free(master: str, nodes: Sequence[Node]) -> None:
-    for name in (node_name(node.component) for node in nodes):
-        process = _process_of(master, name)
-        if process is not None:
-            rule = f"must be free on the graph, but a node of that name runs (process {process})"
-            raise HostFailure(f"ROS 1 node {name}", rule, "stop it, or use a master of its own", slug="ros1-name")
+        try:
+            ask(ask(self._master, "lookupNode", TESTER, TESTER), "getPid", TESTER, within=1.0)
+        except HostFailure:
+            return False  # killed, and still registered
+        return True

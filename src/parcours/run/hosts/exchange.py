@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import heapq
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import NoReturn, cast
+from typing import cast
 
 import numpy as np
 
@@ -22,18 +22,15 @@ from parcours.errors import BadRequest, HostFailure, one_of
 from parcours.run.clocks import Clock
 from parcours.run.faults import FaultPlan, FlatCodec
 from parcours.run.hosts.passage import Execution, Passage, Streams, at_once
-from parcours.run.hosts.seats import Answer, Answering, Lane, Message, Seat, silence
+from parcours.run.hosts.seats import Answer, Answering, Lane, Seat, silence
 from parcours.run.hosts.striking import Death, Striker
+from parcours.run.hosts.traffic import ARRIVE, END, STRIKE, WAKE, Traffic, not_negative
 from parcours.run.noise import Noise
-from parcours.run.port import ENVIRONMENT, Component, Link, LinkKind, Step
-from parcours.run.trace import Kind, Trace, TraceEvent
-
-_STRIKE, _END, _ARRIVE, _WAKE = range(-1, 3)
-_LIVELOCK = 100_000
-"""So many events at one instant of simulated time are taken for an endless loop."""
+from parcours.run.port import ENVIRONMENT, Component, Link, Step
+from parcours.run.trace import Trace
 
 
-class Exchange:
+class Exchange(Traffic):
     """Runs components on a clock. See `SimulatedHost` and `WallClockHost` for the arguments."""
 
     label = "exchange"
@@ -76,13 +73,7 @@ class Exchange:
         self._clear()
 
     def _clear(self) -> None:
-        self._heap: list[tuple[int, int, int, int, Callable[[], None]]] = []
-        self._events: list[TraceEvent] = []
-        self._caused = self._sent = self._instant = self._at_instant = 0
-        self._acting = ""
-        self._foretell()
-
-    def _foretell(self) -> None:
+        super()._clear()
         if self._striker is not None:
             self._striker.begin()
 
@@ -150,7 +141,7 @@ class Exchange:
         if at is not None and at < now:
             rule = f"time never runs backwards, but {at} ns was given at {now} ns"
             raise BadRequest(f"inject on {channel!r}", rule, "inject before the run", slug="time-backwards")
-        self._push(now if at is None else at, _ARRIVE, lane.index, lambda: self._send(None, lane, message))
+        self._push(now if at is None else at, ARRIVE, lane.index, lambda: self._send(None, lane, message))
 
     def run(self, until: int) -> None:
         """Run until the time `until` [ns], or until nothing is left that could happen.
@@ -160,7 +151,7 @@ class Exchange:
         """
         self._must_be_open()
         for seat in self._seats.values():
-            self._push(self._clock.now(), _WAKE, seat.index, lambda seat=seat: self._work(seat, rung=True))  # type: ignore[misc]
+            self._push(self._clock.now(), WAKE, seat.index, lambda seat=seat: self._work(seat, rung=True))  # type: ignore[misc]
         while self._heap and self._heap[0][0] <= until:
             due, _, _, _, act = heapq.heappop(self._heap)
             self._watch(self._clock.advance(due))
@@ -180,29 +171,6 @@ class Exchange:
     def _must_be_open(self) -> None:
         if not self._open:
             raise HostFailure(f"{self.label} host", "is closed", "make a new one", slug="host-closed")
-
-    def _watch(self, now: int) -> None:
-        self._at_instant = self._at_instant + 1 if now == self._instant else 0
-        self._instant = now
-        if self._at_instant > _LIVELOCK:
-            self._spins(self._acting)
-
-    def _spins(self, name: str) -> NoReturn:
-        rule = f"time must pass, but {_LIVELOCK} events followed one another at {self._clock.now()} ns"
-        remedy = "let next_wake advance after wake, or give its work a duration"
-        raise HostFailure(f"component {name!r}", rule, remedy, slug="livelock")
-
-    def _push(self, time: int, rank: int, order: int, act: Callable[[], None]) -> None:
-        self._caused += 1
-        heapq.heappush(self._heap, (time, rank, order, self._caused, act))
-
-    def _record(self, kind: Kind, seat: Seat | None = None, message: Message | None = None,
-                transition: str = "", text: str = "") -> None:  # fmt: skip
-        if not self._recording:
-            return
-        channel, number, payload = (message.channel, message.number, message.payload) if message else ("", -1, None)
-        name = seat.name if seat else ENVIRONMENT if message else ""
-        self._events.append(TraceEvent(self._clock.now(), kind, name, transition, channel, number, text, payload))
 
     def _work(self, seat: Seat, *, rung: bool = False) -> None:
         """Let a component go on until it waits for time, for room, or for something to do.
@@ -229,8 +197,7 @@ class Exchange:
             if seat.step is None:
                 seat.work = None
                 fruitless += 1
-                if fruitless > _LIVELOCK:
-                    self._spins(seat.name)
+                self._count(fruitless, seat.name)
             elif cost == 0 and self._is_next(seat):
                 self._watch(self._clock.now())
                 self._finish(seat)
@@ -256,7 +223,7 @@ class Exchange:
             return self._begin(seat, seat.component.handle, first.channel, first.payload, now)
         if wake is not None and wake != seat.wake:
             seat.wake = wake
-            self._push(wake, _WAKE, seat.index, lambda: self._ring(seat, wake))
+            self._push(wake, WAKE, seat.index, lambda: self._ring(seat, wake))
         return False
 
     def _begin(self, seat: Seat, act: Callable[..., Iterator[Step]], *arguments: object) -> bool:
@@ -280,12 +247,12 @@ class Exchange:
         cost = 0
         if self._execution is not at_once:
             drawn = self._execution(seat.name, step.transition, self._streams[f"component {seat.name}"])
-            cost = _not_negative(drawn, f"execution time of {step.transition}")
+            cost = not_negative(drawn, f"execution time of {step.transition}")
         return cost if self._striker is None else self._striker.cost(seat, cost)
 
     def _is_next(self, seat: Seat) -> bool:
         """Whether a transition of the component's that ends now is what happens next anyway."""
-        return not self._heap or self._heap[0][:3] > (self._clock.now(), _END, seat.index)
+        return not self._heap or self._heap[0][:3] > (self._clock.now(), END, seat.index)
 
     def _end(self, seat: Seat, turn: int) -> None:
         if seat.turn == turn:
@@ -303,121 +270,21 @@ class Exchange:
             seat.outbox.extend(step.sends)
             self._drain(seat)
 
-    def _flush(self, seat: Seat) -> None:
-        if not seat.is_out:
-            self._drain(seat)
-            self._work(seat)
-
-    def _drain(self, seat: Seat) -> None:
-        while seat.outbox and not seat.waits:
-            channel, payload = seat.outbox.popleft()
-            lane = self._lanes.get(channel)
-            if lane is None or not (lane.link.sender == seat.name or self._stands_in(seat, lane)):
-                rule = f"sends only on channels that are its own, but used {channel!r}"
-                own = ", ".join(c for c, other in self._lanes.items() if other.link.sender == seat.name)
-                raise HostFailure(f"component {seat.name!r}", rule, f"its channels: {own}", slug="not-its-channel")
-            self._send(seat, lane, payload)
-
-    def _stands_in(self, seat: Seat, lane: Lane) -> bool:
-        return seat is self._environment and lane.link.sender not in self._seats
-
-    def _send(self, seat: Seat | None, lane: Lane, payload: object) -> None:
-        message = Message(lane.link.channel, self._sent, payload, seat)
-        self._sent += 1
-        self._record("send", seat, message)
-        waits = lane.link.kind is not LinkKind.TOPIC and lane.link.receiver in self._seats
-        if waits and lane.open >= max(lane.link.capacity, 1):
-            lane.parked.append(message)
-            if seat is not None:
-                seat.waits = lane.link.channel
-        else:
-            self._dispatch(lane, message)
-
-    def _dispatch(self, lane: Lane, message: Message) -> None:
-        channel = lane.link.channel
-        passage, delay = self._passages.get(channel), 0
-        if passage is not None:
-            rng = self._streams[f"channel {channel}"]
-            # Both numbers are drawn for every message: a changed drop rate does not shift the latencies.
-            lost = rng.random() < passage.drop
-            delay = _not_negative(passage.latency(rng), f"latency of {channel}")
-            if lost:
-                self._record("drop", message.sender, message, text="lost")
-                return
-        copies: tuple[int, ...] = (0,)
-        overtaken = passage is not None and passage.reorder
-        if self._striker is not None:
-            fate = self._striker.meet(message)
-            copies, overtaken = fate.copies, overtaken or fate.reorder
-            if not copies:
-                return
-        if lane.link.kind is LinkKind.RENDEZVOUS and message.sender is not None and self._receiver(lane) is not None:
-            message.sender.waits = channel
-        arrival = self._clock.now() + delay + copies[0]
-        if not overtaken:
-            lane.last_arrival = arrival = max(arrival, lane.last_arrival)
-        for later in copies:
-            lane.open += 1
-            self._push(arrival + later - copies[0], _ARRIVE, lane.index, lambda one=message: self._arrive(lane, one))  # type: ignore[misc]
-            message = Message(channel, message.number, message.payload)  # a further copy keeps no sender waiting
-
-    def _receiver(self, lane: Lane) -> Seat | None:
-        return self._seats.get(lane.link.receiver)
-
-    def _arrive(self, lane: Lane, message: Message) -> None:
-        seat = self._receiver(lane) or self._environment
-        waiting = [other for other in seat.inbox if other.channel == message.channel] if seat.inbox else []
-        if lane.link.kind is LinkKind.TOPIC and seat is not self._environment and len(waiting) >= lane.link.capacity:
-            seat.inbox.remove(waiting[0])
-            lane.open -= 1
-            self._record("drop", seat, waiting[0], text="overrun")
-        if seat.dead:
-            self.discard(seat, message, f"fault: {seat.name} has died")
-            return
-        message.arrived = self._clock.now()
-        seat.inbox.append(message)
-        self._work(seat)
-
-    def _make_room(self, message: Message) -> None:
-        lane = self._lanes[message.channel]
-        lane.open -= 1
-        if lane.link.kind is LinkKind.RENDEZVOUS:
-            self._resume(message.sender)
-        if lane.parked:
-            parked = lane.parked.popleft()
-            self._dispatch(lane, parked)
-            if lane.link.kind is not LinkKind.RENDEZVOUS:
-                self._resume(parked.sender)
-
-    def _resume(self, seat: Seat | None) -> None:
-        if seat is not None and seat.waits:
-            seat.waits = ""
-            self._push(self._clock.now(), _END, seat.index, lambda: self._flush(seat))
-
     # What its faults need (`striking.Floor`).
 
     def strike(self, time: int, seat: Seat, act: Callable[[], None]) -> None:
         """Let `act` happen to the seat at `time` [ns], before all else that happens then."""
-        self._push(time, _STRIKE, seat.index, act)
+        self._push(time, STRIKE, seat.index, act)
 
     def ends(self, seat: Seat, time: int) -> None:
         """Let the transition in progress end at `time` [ns]."""
         seat.turn, seat.ends = seat.turn + 1, time
-        self._push(time, _END, seat.index, lambda turn=seat.turn: self._end(seat, turn))  # type: ignore[misc]
+        self._push(time, END, seat.index, lambda turn=seat.turn: self._end(seat, turn))  # type: ignore[misc]
 
     def go_on(self, seat: Seat) -> None:
         """Send what waits to be sent, and go on working; a wake that was due meanwhile comes first."""
         self._drain(seat)
         self._work(seat, rung=True)
-
-    def discard(self, seat: Seat, message: Message, text: str) -> None:
-        """Record that a message to the seat is lost, and give its place on the link free."""
-        self._record("drop", seat, message, text=text)
-        self._make_room(message)
-
-    def write(self, kind: Kind, seat: Seat | None = None, message: Message | None = None, text: str = "") -> None:
-        """Write into the trace."""
-        self._record(kind, seat, message, text=text)
 
     def _broke(self, seat: Seat, error: Exception) -> None:
         """Blame a component that raised; under a plan of faults it has died of it, as a process would."""
@@ -428,9 +295,3 @@ class Exchange:
         after = next((e.transition for e in reversed(self._events) if e.transition and e.component == seat.name), "")
         remedy = f"it happened at {self._clock.now()} ns" + (f", after {after}" if after else ", before any transition")
         raise HostFailure(f"component {seat.name!r}", rule, remedy, slug="component-raised") from error
-
-
-def _not_negative(time: int, what: str) -> int:
-    if time < 0:
-        raise HostFailure(what, f"time never runs backwards, but {time} ns was drawn", slug="time-backwards")
-    return time

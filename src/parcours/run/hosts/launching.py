@@ -94,6 +94,18 @@ def _ensure_server() -> None:
         signal.pthread_sigmask(signal.SIG_SETMASK, masked)
 
 
+def _let_go_of_server() -> None:
+    """Close this process's copy of the pipe by which the server sees that its tester has ended.
+
+    A node that hangs or is frozen would keep it open, and so the server and itself alive for ever.
+    """
+    server = getattr(forkserver, "_forkserver", None)
+    alive = getattr(server, "_forkserver_alive_fd", None)
+    if alive is not None:
+        os.close(alive)
+        server._forkserver_alive_fd = None  # type: ignore[union-attr]
+
+
 def _send(process: BaseProcess, number: int) -> None:
     if process.pid is not None and process.is_alive():
         with contextlib.suppress(ProcessLookupError):  # it has ended this very moment
@@ -117,6 +129,7 @@ def _main(node: Node, line: Callable[..., Line], *arguments: object) -> None:
     end_with_parent()
     if os.getppid() != parent:
         return  # it ended before it could be asked for
+    _let_go_of_server()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the whole group; the tester says Quit
     prefer_real_time()
     mine = line(node, *arguments)

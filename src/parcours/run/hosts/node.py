@@ -35,7 +35,6 @@ from parcours.run.hosts.resident import Line, Node, Resident
 from parcours.run.instance import Begin, Instance, Outcome
 from parcours.run.port import Component, LinkKind, Send, Step
 
-
 _AT_ONCE = 1000
 """After so many commands a component gets to work, even if more are there."""
 

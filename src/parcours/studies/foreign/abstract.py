@@ -227,7 +227,7 @@ class AbstractDrive:
         if self._is_due(follows[0].event, done):
             return
         self._frozen.add(reference)
-        self._session.act(seat, "stop")
+        self._session.hold(seat)
         for component in seat.node.components:
             self._relay.note(STOPPED, seat.component(component))
 

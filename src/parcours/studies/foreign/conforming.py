@@ -27,6 +27,14 @@ SLACK = 500_000_000
 """So much later may a message arrive that was sent first, on another topic [ns]."""
 
 
+def _is_inert(transition: Transition) -> bool:
+    """Whether it only takes a message up: whether, and how often, it was taken then makes no difference."""
+    return transition.is_loop and not (transition.guard or transition.actions or transition.sends)
+
+
+LATEST = 10.0
+"""So long after the end of a case what was observed may still be followed [s]."""
+
 _recent: list[tuple[Binding, Cefsm]] = []
 
 
@@ -55,8 +63,19 @@ def _visible(binding: Binding) -> Cefsm:
         return replace(transition, sends=sends, event=None, guard=None, actions=())
 
     def of(component: Component) -> Component:
-        machines = tuple(replace(one, transitions=tuple(map(seen, one.transitions))) for one in component.machines)
-        return replace(component, machines=machines)
+        whole = replace(component, machines=tuple(
+            replace(one, transitions=tuple(map(seen, one.transitions))) for one in component.machines
+        ))  # fmt: skip
+        read = {one.event.channel for one in whole.transitions() if one.event is not None and not _is_inert(one)}
+        kept = tuple(
+            replace(one, transitions=tuple(
+                each for each in one.transitions
+                if not (_is_inert(each) and each.event is not None and each.event.channel not in read)
+            ))
+            for one in whole.machines
+        )  # fmt: skip
+        busy = tuple(one for one in kept if one.transitions)
+        return replace(whole, machines=busy or whole.machines)
 
     components = tuple(map(of, model.components))
     channels = tuple(channel for channel in model.channels if channel.name in bound)
@@ -236,12 +255,13 @@ class Beside:
         self._conformers = conformers
         self._queue: queue.SimpleQueue[TraceEvent | int | None] = queue.SimpleQueue()
         self._failed: list[BaseException] = []
+        self._is_late = False
         self._thread = threading.Thread(target=self._follow, daemon=True, name="conformance")
         self._thread.start()
 
     def _follow(self) -> None:
         try:
-            while (one := self._queue.get()) is not None:
+            while (one := self._queue.get()) is not None and not self._is_late:
                 if isinstance(one, int):
                     self._conformers.quiet(one)
                 else:
@@ -257,13 +277,15 @@ class Beside:
         """Take note that nothing else happened until now [ns], soon."""
         self._queue.put(now)
 
-    def close(self) -> None:
-        """Wait until everything has been taken note of. Again: do nothing.
+    def close(self) -> bool:
+        """Wait until everything has been taken note of; return whether it has, within `LATEST`. Again: do nothing.
 
         Raises:
             ParcoursError: a guard of the model has no value where the system stands.
         """
         self._queue.put(None)
-        self._thread.join()
+        self._thread.join(LATEST)
+        self._is_late = self._thread.is_alive()
         if self._failed:
             raise self._failed.pop()
+        return not self._is_late

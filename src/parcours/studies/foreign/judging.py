@@ -62,6 +62,7 @@ class _Watch:
         self.began = -1
         self.ended = -1
         self.is_faulty = False
+        self.is_unfinished = False
 
     def observe(self, event: TraceEvent) -> None:
         if event.kind == "note":
@@ -81,7 +82,7 @@ class _Watch:
 
     def close(self) -> None:
         if isinstance(self._follower, Beside):
-            self._follower.close()
+            self.is_unfinished = not self._follower.close()
             self._follower = self.conformers
 
     @property
@@ -101,6 +102,10 @@ class _Watch:
             return Judgement(Verdict.FAIL, f"does not conform: {sure[0]}")
         if self.deviations:
             return Judgement(Verdict.INCONCLUSIVE, f"may not conform: {self.deviations[0]}")
+        if self.is_unfinished:
+            return Judgement(
+                Verdict.INCONCLUSIVE, "the model allows so much that its states could not be followed in time"
+            )
         return None
 
 

@@ -23,13 +23,13 @@ from parcours.run.hosts.launching import Processes
 from parcours.run.hosts.processes import ending
 from parcours.run.hosts.resident import Node
 from parcours.run.hosts.ros1.ends import Caller, Kind, Publication, Server, Subscription
-from parcours.run.hosts.ros1.graph import ask
+from parcours.run.hosts.ros1.graph import leave, require_free
 from parcours.run.hosts.ros1.interfaces import Interface, write_package
 from parcours.run.hosts.ros1.line import Ros1Line
 from parcours.run.hosts.ros1.master import Master, require_master
 from parcours.run.hosts.ros1.messages import load
 from parcours.run.hosts.ros1.packing import Ros1Codec
-from parcours.run.hosts.ros1.participant import Participant, leave
+from parcours.run.hosts.ros1.participant import Participant
 from parcours.run.hosts.ros1.routes import (
     CALL,
     INLINE,
@@ -123,7 +123,7 @@ class Ros1Fabric:
             require_master(master, _MASTER)
             self.master = master
         names = [TESTER, *map(node_name, self._unsent)]
-        _require_free(self.master, names)
+        require_free(self.master, names)
         if master is not None:
             self._closing.callback(leave, self.master, names)
         self._participant = Participant(TESTER, self.master, self.refusals.append)
@@ -287,15 +287,3 @@ class Ros1Fabric:
             if time.perf_counter_ns() > deadline:
                 rule = f"nodes must start within {_START:g} s, but there is no {', '.join(sorted(missing))}"
                 raise HostFailure("ros1 host", rule, slug="node-start")
-
-
-def _require_free(master: str, names: Sequence[str]) -> None:
-    """Refuse names that a living node has on the graph: the master would tell that one to end."""
-    for name in names:
-        try:
-            uri = ask(master, "lookupNode", TESTER, name)
-            process = ask(uri, "getPid", TESTER, within=1.0)
-        except HostFailure:
-            continue
-        rule = f"must be free on the graph, but a node of that name runs (process {process})"
-        raise HostFailure(f"ROS 1 node {name}", rule, "stop it, or use a master of its own", slug="ros1-name")

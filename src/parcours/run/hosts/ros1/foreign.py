@@ -20,7 +20,6 @@ from parcours.run.hosts.ros1.foreign_graph import Middle
 from parcours.run.hosts.ros1.foreign_master import MasterEnd, plain_value
 from parcours.run.hosts.ros1.foreign_nodes import NodeProcess
 from parcours.run.hosts.ros1.foreign_types import ForeignTypes
-from parcours.run.hosts.ros1.participant import leave
 from parcours.run.hosts.ros1.master import Master, require_master
 
 NAME = "/parcours"
@@ -146,7 +145,7 @@ class ForeignHost:
                 self.middle.unwatch(process.descriptor)
             process.end(asked + min(seat.node.stop, patience) - time.monotonic())
             if process.was_killed and seat.ros_node and hasattr(self, "middle"):
-                leave(self._uri, [seat.ros_node])
+                self.master.forget(seat.ros_node)
 
     # Ends on the graph; made once for each name, whoever is behind them.
 

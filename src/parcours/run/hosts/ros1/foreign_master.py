@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from typing import Any
 
 from parcours.errors import HostFailure
@@ -91,3 +92,21 @@ class MasterEnd:
         """Give a node under another name the private parameters that it would have under its own."""
         if source and source != target and (values := self.parameter(source)) is not None:
             self.set_parameters({target: values})
+
+    def forget(self, node: str) -> None:
+        """Remove what a node that has ended has left registered."""
+        with contextlib.suppress(HostFailure):
+            at = self.address_of(node)
+            if not at:
+                return
+            state = self.state()
+            calls: list[tuple[str, tuple[object, ...]]] = []
+            for method, table in (
+                ("unregisterPublisher", state.publishers),
+                ("unregisterSubscriber", state.subscribers),
+            ):
+                calls += [(method, (node, topic, at)) for topic, nodes in table.items() if node in nodes]
+            for service in [name for name, nodes in state.servers.items() if node in nodes]:
+                where = ask(self._uri, "lookupService", self._name, service)
+                calls.append(("unregisterService", (node, service, where)))
+            ask_all(self._uri, calls)

@@ -111,6 +111,20 @@ class NodeProcess:
             with contextlib.suppress(OSError):
                 os.killpg(self.pid, _ACTS[what])
 
+    def await_stop(self, within: float = 0.2) -> bool:
+        """Return whether all its threads stand, after waiting for that [s]: a signal takes its time to reach them."""
+        until = time.monotonic() + within
+        while not (stands := self._stands()) and self.is_alive and time.monotonic() < until:
+            time.sleep(0.0002)
+        return stands
+
+    def _stands(self) -> bool:
+        try:
+            states = [(task / "stat").read_text() for task in Path(f"/proc/{self.pid}/task").iterdir()]
+        except OSError:
+            return False
+        return all(state.rpartition(")")[2].split()[0] in "Tt" for state in states)
+
     def how(self) -> str:
         """Return how it ended, in words, with the last lines that it has said."""
         if self.status is None:

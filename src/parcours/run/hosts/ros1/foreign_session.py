@@ -212,6 +212,11 @@ class Session:
         self._pinging = threading.Thread(target=ping, daemon=True, name="ros1-ping")
         self._pinging.start()
 
+    def hold(self, seat: Seat) -> bool:
+        """Stop a seat's process, and return whether all of it stands."""
+        self.act(seat, "stop")
+        return seat.name in self.host.running and self.host.running[seat.name][1].await_stop()
+
     def act(self, seat: Seat, what: str) -> None:
         """Stop, continue or kill a seat's process, if the tester has started it."""
         if seat.name in self.host.running:

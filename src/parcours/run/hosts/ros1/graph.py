@@ -24,6 +24,7 @@ from parcours.run.hosts.ros1.master import LOOPBACK
 WITHIN = 5.0
 """So long anybody may take to answer [s]."""
 
+_ASKER = "/parcours"
 _LONGEST_ANSWER = 4_000_000
 
 
@@ -135,3 +136,33 @@ def _method(answer: Callable[..., object]) -> Any:
             return [-1, str(refused), 0]
 
     return method
+
+
+def require_free(master: str, names: Sequence[str]) -> None:
+    """Refuse names that a living node has on the graph: the master would tell that one to end.
+
+    Raises:
+        HostFailure: one of them is taken.
+    """
+    for name in names:
+        try:
+            uri = ask(master, "lookupNode", _ASKER, name)
+            process = ask(uri, "getPid", _ASKER, within=1.0)
+        except HostFailure:
+            continue
+        rule = f"must be free on the graph, but a node of that name runs (process {process})"
+        raise HostFailure(f"ROS 1 node {name}", rule, "stop it, or use a master of its own", slug="ros1-name")
+
+
+def leave(master: str, names: list[str]) -> None:
+    """Remove all that nodes of these names have registered, as far as the master lets it be."""
+    with contextlib.suppress(HostFailure):
+        publishers, subscribers, services = ask(master, "getSystemState", _ASKER)
+        uris = dict(zip(names, ask_all(master, [("lookupNode", (_ASKER, name)) for name in names]), strict=True))
+        calls: list[tuple[str, tuple[object, ...]]] = []
+        for method, state in (("unregisterPublisher", publishers), ("unregisterSubscriber", subscribers)):
+            calls += [(method, (who, topic, uris[who])) for topic, all_ in state for who in all_ if uris.get(who)]
+        held = [(service, who) for service, all_ in services for who in all_ if who in uris]
+        where = ask_all(master, [("lookupService", (_ASKER, service)) for service, _ in held])
+        calls += [("unregisterService", (who, service, at)) for (service, who), at in zip(held, where, strict=True)]
+        ask_all(master, calls)

@@ -1,7 +1,7 @@
 """A name on a ROS 1 graph -> what it publishes, hears, serves and calls, as bytes, in the thread that waits for them.
 
-rospy hands each message from a thread of its own to whoever waits for it; here one thread reads all sockets itself, and
-others only form connections. Nor is a graph the process's, as in rospy: one process may have several.
+Of rospy a process has one node for good, and its publishers stand still while a reader is frozen, or drop; each message
+changes threads on its way. Here one thread reads all sockets itself, and others only form connections.
 """
 
 from __future__ import annotations
@@ -286,20 +286,6 @@ class Participant:
         else:
             server.admit(connection, header)
         return ""
-
-
-def leave(master: str, names: list[str]) -> None:
-    """Remove all that nodes of these names have registered, as far as the master lets it be."""
-    with contextlib.suppress(HostFailure):
-        publishers, subscribers, services = ask(master, "getSystemState", "/parcours")
-        uris = dict(zip(names, ask_all(master, [("lookupNode", ("/parcours", name)) for name in names]), strict=True))
-        calls: list[tuple[str, tuple[object, ...]]] = []
-        for method, state in (("unregisterPublisher", publishers), ("unregisterSubscriber", subscribers)):
-            calls += [(method, (who, topic, uris[who])) for topic, all_ in state for who in all_ if uris.get(who)]
-        held = [(service, who) for service, all_ in services for who in all_ if who in uris]
-        where = ask_all(master, [("lookupService", ("/parcours", service)) for service, _ in held])
-        calls += [("unregisterService", (who, service, at)) for (service, who), at in zip(held, where, strict=True)]
-        ask_all(master, calls)
 
 
 def _named(header: dict[str, str]) -> str:

@@ -175,7 +175,7 @@ class Stream:
         self._cut()
 
     def _cut(self) -> None:
-        buffer, mark, at = self._incoming, self._mark, 0
+        buffer, mark, at = memoryview(self._incoming), self._mark, 0
         while len(buffer) - at >= mark + _LENGTH.size:
             (size,) = _LENGTH.unpack_from(buffer, at + mark)
             if size > _MOST:
@@ -186,7 +186,8 @@ class Stream:
                 break
             self.arrived.append((bytes(buffer[at : at + mark]), bytes(buffer[end - size : end])))
             at = end
-        del buffer[:at]
+        buffer.release()
+        del self._incoming[:at]
 
     def close(self) -> None:
         """Let go of the socket. Again: do nothing."""

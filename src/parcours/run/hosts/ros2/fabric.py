@@ -15,6 +15,7 @@ from msgspec import structs
 
 from parcours.errors import HostFailure
 from parcours.run.hosts.frames import (
+    Broke,
     Command,
     Deliver,
     Died,
@@ -39,7 +40,7 @@ _START = 120.0
 _WATCH = 10_000_000
 """How often it is looked whether nodes still live [ns]."""
 
-_LAST_WORDS = 50_000_000
+_LAST_WORDS = 200_000_000
 """So long what a node said before it ended may be under way [ns]."""
 
 _PRELOAD = ("rclpy", "std_msgs.msg", "diagnostic_msgs.srv", "parcours.run.hosts.ros2.line")
@@ -264,6 +265,8 @@ class Ros2Fabric:
         deadline = time.perf_counter_ns() + int(_START * 1e9)
         while missing or not all(end.is_matched for end in self._ends):
             for node, said in self.poll(time.perf_counter_ns() + (_WATCH if missing else 1_000_000)):
+                if isinstance(said, Broke):
+                    raise HostFailure(f"node {node}", f"must start, but raised {said.text}", slug="node-start")
                 if isinstance(said, Died):
                     raise HostFailure(f"node {node}", f"must start, but its process ended: {ending(said.status)}",
                                       "its own words stand above", slug="node-start")  # fmt: skip

@@ -192,9 +192,9 @@ class Enforcement {
     run_.stamp(outcome.time);
     std::vector<std::string> names;
     for (const Message& message : outcome.sends) {
-      names.push_back(graph_.channel(message.channel).name);
+      names.push_back(message.name);
       run_.sent.push_back(message);
-      if (message.channel != event.sends || !event.to_reference) continue;
+      if (!event.to_reference || message.channel != event.sends) continue;
       const auto gate = std::find_if(gates_.begin(), gates_.end(), [&](const Gate& one) {
         return one.source == event.position && one.channel == message.channel;
       });

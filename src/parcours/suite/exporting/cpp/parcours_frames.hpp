@@ -121,8 +121,10 @@ class Unpacker {
   std::size_t at_ = 0;
 };
 
-/// A message: the place of its channel in the table of channels, and its bytes as ROS 1 serialises them.
+/// A message: its channel, that channel's place in the table (-1 if the model has none such), and its bytes as ROS 1
+/// serialises them.
 struct Message {
+  std::string name;
   int channel = -1;
   std::string data;
 };

@@ -51,7 +51,7 @@ class Fields {
 inline std::vector<Fields> on_channel(const Run& run, const std::vector<Message>& messages, std::string_view name) {
   std::vector<Fields> found;
   for (const Message& one : messages)
-    if (name == run.channels[one.channel].name) found.emplace_back(run.channels[one.channel], one.data);
+    if (one.channel >= 0 && name == one.name) found.emplace_back(run.channels[one.channel], one.data);
   return found;
 }
 
