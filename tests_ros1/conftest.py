@@ -30,7 +30,7 @@ def package(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def master() -> Iterator[str]:
     """The address of a master for all tests of a module: most of the time of a fabric goes into starting one."""
-    with Master() as started:
+    with Master(within=30.0) as started:
         yield started.uri
 
 

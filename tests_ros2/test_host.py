@@ -154,6 +154,16 @@ def test_several_graphs_of_one_machine_do_not_hear_each_other() -> None:
     other.close()
 
 
+def test_two_testers_do_not_share_a_graph() -> None:
+    first = desk()
+    with pytest.raises(HostFailure, match=r"ROS domain.*another tester.*ros2-occupied"):
+        desk()
+    first.command("Counting", Run(b"", time.perf_counter_ns()))
+    first.deliver("ask", 0, toys("").encode("ask", "a"))
+    assert not any(isinstance(one, Died) for one in heard(first, Idle(1)))
+    first.close()
+
+
 def test_a_domain_that_does_not_exist_is_refused() -> None:
     with pytest.raises(HostFailure, match=r"0 to 232, but 9999.*ros2-domain"):
         Ros2Fabric(nodes_of(DESK, ["Counting"], TOYS), domain=9999)

@@ -25,7 +25,7 @@ RESIDENT = "parcours.studies.ramp_system.live"
 def ramp_system() -> Iterator[Ros2Fabric]:
     nodes = nodes_of(system_links(), COMPONENTS, f"{RESIDENT}:SystemResident")
     with real_time():
-        fabric = Ros2Fabric(nodes, topics_of(component_model()), [RESIDENT])
+        fabric = Ros2Fabric(nodes, topics_of(component_model()), [RESIDENT], domain=43)  # the other RAMP still lives
         yield fabric
         fabric.close()
 

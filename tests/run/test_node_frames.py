@@ -38,10 +38,11 @@ FIELDS = {
 
 def any_of(kinds: object) -> st.SearchStrategy[object]:
     """Return any frame of a union of kinds, every field drawn."""
-    return st.one_of(
+    made: list[st.SearchStrategy[object]] = [
         st.builds(kind, **{field.name: FIELDS[field.type] for field in msgspec.structs.fields(kind)})
         for kind in get_args(kinds)
-    )
+    ]
+    return st.one_of(made)
 
 
 @given(any_of(Command))
@@ -82,7 +83,7 @@ def test_a_damaged_frame_is_refused_or_another_frame_but_nothing_else_is_raised(
 
 
 @pytest.mark.parametrize("content", [
-    b"", b"\xc1", b"\x92\xa4Look", b"\x92\xa4Look\xa1x", b"\x92\xa4Look\xcf" + b"\xff" * 8, b"\x92\xa1\xff\x00",
+    b"", b"\xc1", b"\x92\xa4Look", b"\x92\xa4Look\xa1x", b"\x92\xa1\xff\x00",
     b"\x93\xa7Deliver\x00\x92\xa1\xff\xc4\x00", b"\xdd\xff\xff\xff\xff", b"\x91" * 5000,
 ])  # fmt: skip
 def test_frames_cut_short_of_wrong_kinds_or_of_no_text_are_refused(content: bytes) -> None:
@@ -116,9 +117,15 @@ def heard(end: FrameSocket, n: int) -> list[bytes]:
 @pytest.mark.parametrize("sizes", [[0], [0, 1, 0, 65_536, 3], [65_531, 65_532, 65_533], [1] * 20_000])
 def test_frames_arrive_whole_and_in_order_whatever_their_sizes(pair: Pair, sizes: list[int]) -> None:
     sent = [k.to_bytes(4, "big") * (size // 4) + b"x" * (size % 4) for k, size in enumerate(sizes)]
+    got: list[bytes] = []
     for frame in sent:
         pair.one.send(frame)
-    assert heard(pair.other, len(sent)) == sent
+        if pair.one.waits:
+            got += heard(pair.other, 1)
+    while len(got) < len(sent):
+        pair.one.flush()
+        got += heard(pair.other, 1)
+    assert got == sent
 
 
 def test_what_nobody_reads_waits_here_and_keeps_nobody(pair: Pair) -> None:

@@ -54,14 +54,14 @@ def simulated() -> dict[str, Functional]:
 def fabric() -> Iterator[ProcessFabric]:
     model = component_model()
     names = [component.name for component in model.components]
-    with started("processes", links(model), names, RESIDENT, WARM) as fabric:
-        assert isinstance(fabric, ProcessFabric)
-        yield fabric
+    with started("component", "processes", links(model), names) as hosted:
+        assert isinstance(hosted.fabric, ProcessFabric)
+        yield hosted.fabric
 
 
 @pytest.fixture(scope="module", params=[True, False], ids=["strict", "as concurrent as allowed"])
 def ran(request: pytest.FixtureRequest, fabric: ProcessFabric) -> tuple[bool, list[Functional]]:
-    execute = on(fabric, strict=request.param)
+    execute = on(fabric, RampCodec(), strict=request.param)
     return request.param, [run_functional(case, execute) for case in CASES]
 
 
@@ -218,9 +218,9 @@ def test_a_planner_that_freezes_or_dies_in_the_middle_of_a_case_fails_it() -> No
             taken = transitions(execution.trace, instance_name(execution.deviation.event))
             assert execution.deviation.path == taken
             if number == signal.SIGSTOP:
-                assert run_functional(case, on(fabric)).judgement.passed, "let go on, it is as good as new"
+                assert run_functional(case, on(fabric, RampCodec())).judgement.passed, "let go on, it is as good as new"
         with pytest.raises(HostFailure, match=r"TrajectoryGenerator.*SIGKILL.*node-gone"):
-            on(fabric)(case)
+            on(fabric, RampCodec())(case)
     finally:
         fabric.close()
 
@@ -229,6 +229,6 @@ def test_nodes_give_what_the_same_case_gives_in_this_process_on_the_real_clock(f
     from parcours.run.clocks import WallClock
 
     for case in CASES[::20]:
-        mine, theirs = here(WallClock)(case), on(fabric)(case)
+        mine, theirs = here(WallClock)(case), on(fabric, RampCodec())(case)
         assert mine.completed and theirs.completed
         assert transitions(mine.trace) == transitions(theirs.trace)

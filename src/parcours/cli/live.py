@@ -13,12 +13,17 @@ if TYPE_CHECKING:
 
     from parcours.studies.ramp_components.study import Execute
 
-_COMPONENTS = "parcours.studies.ramp_components"
-_SYSTEM = "parcours.studies.ramp_system"
-
 
 def run_component_cases(
-    host: str, seed: int, cases: int | None, repeats: int, percent: float, record: str | None, out: Path, as_json: bool
+    host: str,
+    graph: str,
+    seed: int,
+    cases: int | None,
+    repeats: int,
+    percent: float,
+    record: str | None,
+    out: Path,
+    as_json: bool,
 ) -> None:
     """Run the component study, functional and timing, and keep its results."""
     from parcours.cli.options import print_json
@@ -36,7 +41,7 @@ def run_component_cases(
     archive = Archive(out / "recordings", record, host) if record else None  # type: ignore[arg-type]
     say_if_cold()
     functional, timing, wanted = [], [], len(plan) if cases is None else cases
-    with progress() as report, _executors(host) as (in_order, in_time):
+    with progress() as report, _executors(host, graph) as (in_order, in_time):
         for case in plan.cases(0, wanted):
             functional.append(run_functional(case, in_order))
             if archive and host != "simulated":
@@ -63,26 +68,28 @@ def run_component_cases(
 
 
 @contextlib.contextmanager
-def _executors(host: str) -> Iterator[tuple[Execute, Execute]]:
+def _executors(host: str, graph: str) -> Iterator[tuple[Execute, Execute]]:
     """Yield what executes functional cases, in their very order, and timing cases, in real time."""
     from parcours.run.clocks import WallClock
     from parcours.run.port import links
     from parcours.studies.hosting import started
     from parcours.studies.ramp_components.model import component_model
     from parcours.studies.ramp_components.study import here, on
+    from parcours.studies.ramp_system.component_form import system_links
 
     if host == "simulated":
         yield here(), here(WallClock)
         return
     model = component_model()
+    inner = links(model)
+    also = [link for link in system_links() if link.channel not in {one.channel for one in inner}]
     names = [component.name for component in model.components]
-    resident, warm = f"{_COMPONENTS}.resident:ComponentResident", f"{_COMPONENTS}.warm"
-    with started(host, links(model), names, resident, [warm]) as fabric:
-        yield on(fabric), on(fabric, strict=False)
+    with started("component", host, (*inner, *also), names, graph) as hosted:
+        yield on(hosted.fabric, hosted.codec), on(hosted.fabric, hosted.codec, strict=False)
 
 
 def run_system_cases(
-    host: str, schedule: str, seed: int, protocol: str, cases: int, time_limit: float, faults: str,
+    host: str, graph: str, schedule: str, seed: int, protocol: str, cases: int, time_limit: float, faults: str,
     record: str | None, out: Path, as_json: bool,
 ) -> None:  # fmt: skip
     """Run system cases in real time and keep their verdicts, each as soon as it is known; those that are there stay."""
@@ -106,14 +113,13 @@ def run_system_cases(
         plan.check([link.channel for link in system_links()], COMPONENTS)
     log = LiveLog(out, study, host, record, plan)  # type: ignore[arg-type]
     say_if_cold()
-    resident, preload = f"{_SYSTEM}.live:SystemResident", [f"{_SYSTEM}.live", f"{_SYSTEM}.warm"]
     with progress() as report:
         while left := [number for number in range(cases) if number not in log.done]:
             report(f"system cases, {schedule}, {host}", cases - len(left), cases)
-            with started(host, system_links(), COMPONENTS, resident, preload) as fabric:
+            with started("system", host, system_links(), COMPONENTS, graph) as hosted:
                 for number in left:
                     with log.recording(number) as listener:
-                        run = run_live(study, number, fabric, faults=plan, listener=listener)
+                        run = run_live(study, number, hosted.fabric, hosted.codec, faults=plan, listener=listener)
                         log.add(number, run)
                     report(f"system cases, {schedule}, {host}", len(log.done), cases)
                     if run.deaths:

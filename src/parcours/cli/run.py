@@ -45,6 +45,7 @@ if TYPE_CHECKING:
     help="navigation: an answer that takes longer is an error [s of wall clock].",
 )
 @click.option("--host", default="simulated", show_default=True, help="simulated, processes, ros1 or ros2 (RAMP).")
+@click.option("--graph", default="", help="ros1: address of a running master; ros2: a domain. Else one of its own.")
 @click.option("--repeats", type=click.IntRange(1, 100_000), default=60, show_default=True, help="of a timing case")
 @click.option("--percent", type=float, default=95.0, show_default=True, help="of repeats that must keep a limit [%]")
 @click.option(
@@ -63,8 +64,8 @@ if TYPE_CHECKING:
 def command(
     study: str, schedule: str, planner: str, protocol: str, cases: int | None, added_sensing: float,
     added_planning: float, added_stop: float, robot_radius: float, obstacle_radius: float, period: float,
-    command_delay: float, time_limit: float, watched_on: float, call_timeout: float, host: str, repeats: int,
-    percent: float, faults: str, record: str | None, seed: int, workers: int, out: Path, as_json: bool,
+    command_delay: float, time_limit: float, watched_on: float, call_timeout: float, host: str, graph: str,
+    repeats: int, percent: float, faults: str, record: str | None, seed: int, workers: int, out: Path, as_json: bool,
 ) -> None:  # fmt: skip
     """Execute a study. Ctrl-C keeps the system cases that were finished; the same command goes on from there.
 
@@ -83,15 +84,19 @@ def command(
 
     check_study(study)
     _refuse_options_of_others(study)
+    if host != "simulated":
+        from parcours.studies.hosting import isolate
+
+        isolate(host, graph)
     if study == "ramp_components":
         from parcours.cli.live import run_component_cases
 
-        run_component_cases(host, seed, cases, repeats, percent, record, out, as_json)
+        run_component_cases(host, graph, seed, cases, repeats, percent, record, out, as_json)
         return
     if host != "simulated":
         from parcours.cli.live import run_system_cases
 
-        run_system_cases(host, schedule, seed, protocol, cases or 20, time_limit, faults, record, out, as_json)
+        run_system_cases(host, graph, schedule, seed, protocol, cases or 20, time_limit, faults, record, out, as_json)
         return
     from parcours.run.campaign import run_campaign
     from parcours.studies.ramp_system.study import PUBLISHED_CASES, system_study
@@ -151,11 +156,12 @@ def _require_planner(planner: str) -> str:
 _SYSTEM = ("protocol", "robot_radius", "obstacle_radius", "workers")
 _DELAYS = ("added_sensing", "added_planning", "added_stop")
 _OPTIONS = {
-    "ramp_components": ("host", "repeats", "percent", "record"),
+    "ramp_components": ("host", "graph", "repeats", "percent", "record"),
     "ramp_system": (
         *_SYSTEM,
         "schedule",
         "host",
+        "graph",
         "record",
         "time_limit",
         "faults",

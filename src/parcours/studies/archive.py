@@ -10,7 +10,7 @@ from typing import Literal
 
 import msgspec
 
-from parcours.errors import BadResults
+from parcours.errors import BadRequest, BadResults
 from parcours.run.atomic import require_writable
 from parcours.run.recording import Recorder, Recording, read_recording, write_bag, write_mcap
 from parcours.run.repeats import Row, repeats
@@ -121,7 +121,7 @@ def _judged(path: Path, recording: Recording) -> Judgement:
                 return _system(about["system"], trace)
             case kind:
                 raise ValueError(f"its kind is {kind!r}")
-    except (KeyError, ValueError, TypeError, msgspec.DecodeError) as error:
+    except (KeyError, ValueError, TypeError, BadRequest, msgspec.DecodeError) as error:
         raise BadResults(str(path), f"a recording says of which case it is, but: {error}",
                          "only recordings of `parcours run --record` are judged again", slug="recording-case",
                          ) from error  # fmt: skip

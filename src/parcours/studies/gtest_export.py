@@ -87,12 +87,12 @@ def export_gtest(suite: Path, folder: Path, repeats: Repeats | None = None) -> E
     tests = [_test(case, timed.get(case.id)) for case in cases]
     model = component_model()
     channels = interfaces(model)
-    write_package(folder, PACKAGE, channels, FORMS)
     title = f"{len(tests)} cases of {STUDY}, {len(timed)} of them timed."
     program = tables(tests, gtest_channels(channels), [one.name for one in model.components], title)
     words = {"FUNCTIONAL": str(len(tests)), "TIMING": str(len(timed)), "SUITE": suite.name, "SHA256": seal}
     for name, text in folder_texts(program, words).items():
         write_text(folder / name, text)
+    write_package(folder, PACKAGE, channels, FORMS)
     (folder / "launch_nodes.sh").chmod(0o755)
     return Exported(folder, len(tests), len(timed))
 

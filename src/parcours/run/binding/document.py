@@ -75,6 +75,7 @@ class BindingReader(PartReader):
             self.system(items["system"]) if "system" in items else None,
             tuple((name, self.constant_of(value, f"constant {name!r}")) for name, value, _ in constants),
             self.data(items["data"]) if "data" in items else (),
+            str(self.path(items["data"], "'data'")) if "data" in items else "",
             tuple((name, plain(value)) for name, value, _ in parameters),
             self.actions(items, "before_case"),
             self.actions(items, "after_case"),

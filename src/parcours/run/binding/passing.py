@@ -14,6 +14,9 @@ BEGINS, ENDS = "the case begins", "the case ends"
 STOPPED, CONTINUED = "stopped by the tester", "continued by the tester"
 """Notes in a trace between which a component was kept from doing anything; nothing is owed meanwhile."""
 
+STALLED = "the machine stood still for [ns] "
+"""How the note begins that says for how long, from then on, an ordinary process was not let run."""
+
 Answered = Callable[[bytes | None, str], None]
 
 

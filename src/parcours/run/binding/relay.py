@@ -17,7 +17,7 @@ from parcours.run.binding.seats import Seat, Seating, Spoke
 from parcours.run.binding.structure import Binding
 from parcours.run.faults import FaultPlan
 from parcours.run.faults.corruption import corrupted_bytes
-from parcours.run.faults.fates import Fate, Fates
+from parcours.run.faults.fates import UNTOUCHED, Fate, Fates
 from parcours.run.recording import Raw
 from parcours.run.trace import Kind, TraceEvent
 
@@ -52,6 +52,8 @@ class Relay:
         self.arrived: Hook = self.release
         self.unserved: Hook = lambda message: self.fail(message, "nobody serves it")
         self.events: list[TraceEvent] = []
+        self.case_began = -1
+        """From when on messages are befallen [ns since the run began]; -1: not yet."""
         self.calls: list[Call] = []
         """Calls of nodes that wait for their response."""
         self._numbers = itertools.count()
@@ -97,7 +99,8 @@ class Relay:
         """Let a message go on by its fate, to all who shall have it, or to one seat."""
         k = self._count[message.channel]
         self._count[message.channel] += 1
-        fate = self._fates.fate(message.channel, k, message.time)
+        began = self.case_began
+        fate = self._fates.fate(message.channel, k, message.time - began) if 0 <= began <= message.time else UNTOUCHED
         if not fate.copies:
             self.fail(message, f"fault: {fate.why}")
             return

@@ -212,6 +212,8 @@ class Binding:
     constants: tuple[tuple[str, Constant], ...] = ()
     data: tuple[str, ...] = ()
     """The names of the test inputs that formulas may use."""
+    data_file: str = ""
+    """Where they come from; empty if there are none."""
     parameters: tuple[tuple[str, Value], ...] = ()
     before_case: tuple[Action, ...] = ()
     after_case: tuple[Action, ...] = ()

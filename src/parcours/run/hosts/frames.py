@@ -154,6 +154,8 @@ class Died(Frame, frozen=True):
 
 Report = Ready | Idle | Turned | Shown | Received | Dropped | Took | Broke | Died
 
+_UNREADABLE = msgspec.MsgspecError, ValueError, RecursionError  # text that is no UTF-8 is a ValueError
+
 _encoder = msgspec.msgpack.Encoder()
 _commands: msgspec.msgpack.Decoder[Command] = msgspec.msgpack.Decoder(Command)
 _reports: msgspec.msgpack.Decoder[Report] = msgspec.msgpack.Decoder(Report)
@@ -172,7 +174,7 @@ def command(data: bytes) -> Command:
     """Return the command. Raises HostFailure if these bytes are none."""
     try:
         return _commands.decode(data)
-    except msgspec.DecodeError as error:
+    except _UNREADABLE as error:
         raise _foreign("command", error) from error
 
 
@@ -180,7 +182,7 @@ def report(data: bytes) -> Report:
     """Return the report. Raises HostFailure if these bytes are none."""
     try:
         return _reports.decode(data)
-    except msgspec.DecodeError as error:
+    except _UNREADABLE as error:
         raise _foreign("report", error) from error
 
 

@@ -14,14 +14,14 @@ import signal
 import sys
 import time
 from collections.abc import Callable, Sequence
-from multiprocessing import forkserver
+from multiprocessing import forkserver, resource_tracker
 from multiprocessing.process import BaseProcess
 
 from parcours.errors import HostFailure
 from parcours.run.hosts.frames import Broke
 from parcours.run.hosts.node import live
 from parcours.run.hosts.resident import Line, Node, resident_of
-from parcours.run.hosts.scheduling import prefer_real_time
+from parcours.run.hosts.scheduling import ordinary, prefer_real_time
 
 _PARENT_DEATH = 1  # PR_SET_PDEATHSIG
 _GRACE = 2.0
@@ -87,9 +87,11 @@ class Processes:
 
 def _ensure_server() -> None:
     """Start the server that processes are forked from, deaf to Ctrl-C: that is the tester's alone to hear."""
+    resource_tracker.ensure_running()  # the server would start it, too, but hearing Ctrl-C again afterwards
     masked = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
     try:
-        forkserver.ensure_running()
+        with ordinary():  # what it loads and compiles must not stop the machine
+            forkserver.ensure_running()
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, masked)
 

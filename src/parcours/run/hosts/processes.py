@@ -32,6 +32,8 @@ class SocketLine:
     def poll(self, until: int | None) -> Command | None:
         """Return the next command; None at `until`. A tester that has gone says Quit."""
         while not self._arrived:
+            if until is None:
+                self._socket.wait(None)
             self._arrived.extend(self._socket.frames())
             if self._arrived:
                 break

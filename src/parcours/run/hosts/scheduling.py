@@ -37,3 +37,15 @@ def real_time() -> Iterator[str]:
     finally:
         with contextlib.suppress(OSError):
             os.sched_setscheduler(0, *before)
+
+
+@contextlib.contextmanager
+def ordinary() -> Iterator[None]:
+    """Run the block in the ordinary class, so that what it starts is of it; then go back to what was."""
+    before = os.sched_getscheduler(0), os.sched_getparam(0)
+    os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+    try:
+        yield
+    finally:
+        with contextlib.suppress(OSError):
+            os.sched_setscheduler(0, *before)

@@ -30,6 +30,8 @@ class FrameSocket:
             self._socket.setsockopt(socket.SOL_SOCKET, option, _BUFFER)
         self._incoming = bytearray()
         self._outgoing: deque[memoryview] = deque()
+        self._readable = select.poll()
+        self._readable.register(connection, select.POLLIN)
         self._writable = select.poll()
         self._writable.register(connection, select.POLLOUT)
         self.closed = False
@@ -53,8 +55,21 @@ class FrameSocket:
         if len(frame) > _MOST:
             rule = f"a frame has at most {_MOST >> 20} MiB, but this one has {len(frame)} bytes"
             raise HostFailure("node", rule, "send less at once", slug="frame-size")
-        self._outgoing.append(memoryview(len(frame).to_bytes(_LENGTH, "little") + frame))
-        self.flush()
+        whole = len(frame).to_bytes(_LENGTH, "little") + frame
+        if not self._outgoing:
+            try:
+                sent = self._socket.send(whole)
+            except BlockingIOError:
+                sent = 0
+            except OSError:
+                self.closed = True
+                return
+            if sent == len(whole):
+                return
+            self._outgoing.append(memoryview(whole)[sent:])
+        else:
+            self._outgoing.append(memoryview(whole))
+            self.flush()
         while wait and self._outgoing and not self.closed:
             self._writable.poll()
             self.flush()
@@ -80,6 +95,8 @@ class FrameSocket:
         try:
             chunk = self._socket.recv(_CHUNK)
             self.closed = not chunk
+            if not self._incoming and len(chunk) - _LENGTH == int.from_bytes(chunk[:_LENGTH], "little"):
+                return [chunk[_LENGTH:]]  # as a rule it is just one
             self._incoming += chunk
         except BlockingIOError:
             pass
@@ -105,7 +122,10 @@ class FrameSocket:
     def wait(self, until: int | None) -> None:
         """Return once something has arrived, or the monotonic clock shows `until` [ns]; None waits for ever."""
         left = None if until is None else max(0, until - time.perf_counter_ns()) * 1e-9
-        select.select([self._socket], [], [], left)
+        if left is None:
+            self._readable.poll()
+        else:
+            select.select([self._socket], [], [], left)
 
     def close(self) -> None:
         """Let go of the socket."""

@@ -108,7 +108,7 @@ class AbstractDrive:
             if now >= begin:
                 self._grant(now)
             session.poll(session.now() + 5_000_000)
-            self._judge.watch.quiet(session.drained)
+            self._judge.watch.quiet(session.horizon)
             self._expire(session.now())
         self._thaw(all_of_them=True)
         if self._failed:
@@ -117,7 +117,7 @@ class AbstractDrive:
 
     def _is_over(self) -> bool:
         watch = self._judge.watch
-        wrong = self._failed or watch.deviations or self._session.deaths or watch.error or watch.conformers.error
+        wrong = self._failed or watch.deviations or self._session.deaths or watch.unreadable
         return bool(wrong) or len(self._done) == len(self._events)
 
     def _tell_background(self, now: int) -> None:

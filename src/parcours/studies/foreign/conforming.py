@@ -17,7 +17,7 @@ from parcours.errors import HostFailure
 from parcours.model.structure import Cefsm, Component, Transition
 from parcours.run.binding import Compiled
 from parcours.run.binding.decoding import Decoder
-from parcours.run.binding.passing import BEGINS, CONTINUED, STOPPED
+from parcours.run.binding.passing import BEGINS, CONTINUED, STALLED, STOPPED
 from parcours.run.binding.structure import Binding
 from parcours.run.recording import Raw
 from parcours.run.trace import TraceEvent
@@ -93,7 +93,7 @@ class _Followed:
         self._number = 0
         self._waiting: deque[TraceEvent] = deque()
         self._stopped: int | None = 0  # nothing is owed before the case begins
-        self._away = 0
+        self._away = self._last = 0
 
     def stop(self, now: int) -> None:
         """Nothing is owed from now on [ns]."""
@@ -106,8 +106,13 @@ class _Followed:
             self._stopped = None
 
     def _own(self, now: int) -> int:
-        """Return the time without what it was stopped for [ns]."""
-        return (now if self._stopped is None else min(now, self._stopped)) - self._away
+        """Return the time without what it was stopped for [ns]; it never runs backwards."""
+        self._last = max(self._last, (now if self._stopped is None else min(now, self._stopped)) - self._away)
+        return self._last
+
+    def skip(self, time: int) -> None:
+        """For so long [ns], from now on, it could not do anything."""
+        self._away += time if self._stopped is None else 0
 
     def receive(self, event: TraceEvent) -> None:
         """Note what it was given."""
@@ -217,6 +222,9 @@ class Conformers:
         if event.kind == "note" and event.text == BEGINS:
             for each in self._followed.values():
                 each.go_on(event.time)
+        if event.kind == "note" and event.text.startswith(STALLED):
+            for each in self._followed.values():
+                each.skip(int(event.text.removeprefix(STALLED)))
         followed = self._followed.get(event.component)
         if followed is None:
             return

@@ -5,6 +5,8 @@ Live and offline go through the same code, event by event, so a recording is jud
 
 from __future__ import annotations
 
+import heapq
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -29,6 +31,9 @@ from parcours.verdict.navigation import VERDICT_OF, Outcome, explain, outcomes
 
 FAULTY = "under faults"
 """The note of a case under a plan of faults: the model does not know them, so it is followed, but not judged by."""
+
+
+_EVER = 1 << 62
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,6 +68,9 @@ class _Watch:
         self.ended = -1
         self.is_faulty = False
         self.is_unfinished = False
+        self._is_lost = False
+        self._later: list[tuple[int, int, TraceEvent]] = []
+        self._order = itertools.count()
 
     def observe(self, event: TraceEvent) -> None:
         if event.kind == "note":
@@ -73,14 +81,24 @@ class _Watch:
             elif event.text.startswith(DIED):
                 self.deaths.setdefault(event.component, event.text.removeprefix(DIED))
             self.is_faulty |= event.text == FAULTY
-        if not self.deaths and self.ended < 0:  # what a system without one of its parts does, no model says
-            self._follower.observe(event)
+        if self.ended < 0 or event.time < self.ended:
+            heapq.heappush(self._later, (event.time, next(self._order), event))
 
     def quiet(self, now: int) -> None:
+        """Everything that happened by now [ns] is known: follow it, in order of time."""
+        self._follow(now)
         if not self.deaths and self.ended < 0:
             self._follower.quiet(now)
 
+    def _follow(self, until: int) -> None:
+        while self._later and self._later[0][0] <= until:
+            event = heapq.heappop(self._later)[2]
+            self._is_lost |= event.kind == "note" and event.text.startswith(DIED)
+            if not self._is_lost:  # what a system without one of its parts does, no model says
+                self._follower.observe(event)
+
     def close(self) -> None:
+        self._follow(self.ended if self.ended >= 0 else _EVER)
         if isinstance(self._follower, Beside):
             self.is_unfinished = not self._follower.close()
             self._follower = self.conformers
@@ -89,9 +107,14 @@ class _Watch:
     def deviations(self) -> tuple[Deviation, ...]:
         return () if self.is_faulty else self.conformers.deviations
 
+    @property
+    def unreadable(self) -> HostFailure | None:
+        """The first message that could not be read."""
+        return self.error or self.conformers.error
+
     def first(self) -> Judgement | None:
         """Return the verdict on everything but what the case is about; None if nothing is wrong."""
-        error = self.error or self.conformers.error
+        error = self.unreadable
         if error is not None:
             return Judgement(Verdict.ERROR, str(error))
         if self.deaths:

@@ -51,12 +51,12 @@ class SystemDrive:
         while True:
             now = session.now() - began
             world.advance(now)
-            if world.is_over or now > limit:
+            if world.is_over or now > limit or self._judge.watch.unreadable:
                 break
             self._sense(now)
             due = min([*self._next.values(), now + 50_000_000])
             session.poll(began + due)
-            self._judge.watch.quiet(session.drained)
+            self._judge.watch.quiet(session.horizon)
         relay.note(ENDS)
 
     def _sense(self, now: int) -> None:

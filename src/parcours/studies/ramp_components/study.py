@@ -13,7 +13,7 @@ from parcours.run.clocks import Clock, WallClock
 from parcours.run.gated import Execution, disorder, enforce, instance_name
 from parcours.run.here import execute
 from parcours.run.hosts.driven import DrivenInstances
-from parcours.run.hosts.resident import Fabric
+from parcours.run.hosts.resident import Codec, Fabric
 from parcours.run.noise import Noise, NoiseMeter
 from parcours.run.trace import Trace, transitions
 from parcours.studies.ramp_components.components import view
@@ -89,17 +89,18 @@ def here(clock: Callable[[], Clock] | None = None) -> Execute:
     return run
 
 
-def on(fabric: Fabric, *, strict: bool = True) -> Execute:
+def on(fabric: Fabric, codec: Codec | None = None, *, strict: bool = True) -> Execute:
     """Return what executes cases on the nodes of a fabric.
 
     Args:
         fabric: started, with a node for each component that the cases visit.
+        codec: of the fabric's messages; MessagePack's if not given.
         strict: keep the serialised order itself; else any order that the case leaves open.
     """
 
     def run(case: Case) -> Execution:
         tester = ComponentTester(case)
-        instances = DrivenInstances(fabric, RampCodec(), tester)
+        instances = DrivenInstances(fabric, codec or RampCodec(), tester)
         return enforce(_events(case.abstract), instances, tester.supply, case=case.id, strict=strict)
 
     return run

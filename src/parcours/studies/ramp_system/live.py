@@ -25,7 +25,7 @@ from parcours.planners.ramp.trajectory_evaluation import TrajectoryEvaluation
 from parcours.planners.ramp.trajectory_generator import TrajectoryGenerator
 from parcours.run.faults import FaultPlan
 from parcours.run.hosts.realtime import DIED, RealTimeHost
-from parcours.run.hosts.resident import Fabric
+from parcours.run.hosts.resident import Codec, Fabric
 from parcours.run.port import Component, Step
 from parcours.run.trace import Trace, TraceEvent
 from parcours.studies.ramp_components.model import component_model
@@ -168,6 +168,7 @@ def run_live(
     study: SystemStudy,
     number: int,
     fabric: Fabric,
+    codec: Codec | None = None,
     *,
     faults: FaultPlan | None = None,
     listener: Callable[[TraceEvent], None] | None = None,
@@ -178,6 +179,7 @@ def run_live(
         study: its latencies are not applied: they are whatever they are.
         number: of the case.
         fabric: started, with a node for each of `COMPONENTS`; stays open, its nodes at rest.
+        codec: of the fabric's messages; MessagePack's if not given.
         faults: what befalls messages and nodes.
         listener: told of each event as soon as it is known.
 
@@ -188,8 +190,8 @@ def run_live(
     observer = Observer(study, number)
     told: Told = {"schedule": study.parameters.schedule, "seed": study.cases.seed, "number": number}
     host = RealTimeHost(
-        fabric, system_links(), RampCodec(), case=msgspec.json.encode(told), local=(observer.world,), faults=faults,
-        listener=listener,
+        fabric, system_links(), codec or RampCodec(), case=msgspec.json.encode(told), local=(observer.world,),
+        faults=faults, listener=listener,
     )  # fmt: skip
     until = 0
     while not observer.ended:

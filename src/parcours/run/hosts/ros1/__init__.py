@@ -10,6 +10,11 @@ from functools import cache
 from parcours.errors import HostFailure
 
 _DISTRIBUTION = "/usr/bin/python3"
+_PACKAGES = "/usr/lib/python3/dist-packages"
+"""Where Debian and Ubuntu keep Python packages; ROS's are among them, all of plain Python."""
+
+if importlib.util.find_spec("genpy") is None and _PACKAGES not in sys.path:
+    sys.path.append(_PACKAGES)  # behind all that this interpreter has itself
 
 
 @cache
@@ -25,7 +30,8 @@ def interpreter_with(module: str) -> str:
     >>> interpreter_with("json") == sys.executable
     True
     """
-    if importlib.util.find_spec(module) is not None:
+    found = importlib.util.find_spec(module)
+    if found is not None and not (found.origin or "").startswith(_PACKAGES):
         return sys.executable
     probe = [_DISTRIBUTION, "-c", f"import {module}"]
     try:

@@ -122,31 +122,39 @@ class Server:
 
     def __init__(self, owner: Owner, service: str, kind: Kind, client: str) -> None:
         self.service, self.kind, self.client, self._owner = service, kind, client, owner
+        self._lock = threading.Lock()
         self._stream: Stream | None = None
 
     def take(self, until: int | None) -> bytes | None:
         """Return the next request; None if there is none at `until` [ns]. Requests without content are skipped."""
-        while self._stream is not None:
-            arrival = self._stream.take(until)
+        stream = self._admitted()
+        while stream is not None:
+            arrival = stream.take(until)
             if arrival is None or arrival[1]:
                 return None if arrival is None else arrival[1]
         return None
 
     def answer(self, data: bytes | None) -> None:
         """Answer the oldest request that is not answered; None refuses it."""
-        if self._stream is not None:
+        stream = self._admitted()
+        if stream is not None:
             if data is None:
-                self._stream.send(b"not answered", mark=REFUSED)
+                stream.send(b"not answered", mark=REFUSED)
             else:
-                self._stream.send(data, mark=ANSWERED)
-            if self._stream.waits:
-                self._owner.await_room(self._stream)
+                stream.send(data, mark=ANSWERED)
+            if stream.waits:
+                self._owner.await_room(stream)
+
+    def _admitted(self) -> Stream | None:
+        with self._lock:
+            return self._stream
 
     def admit(self, connection: socket.socket, header: dict[str, str]) -> None:
         """Let the client in; one that comes again takes its own place."""
-        write_header(connection, header_of(self._owner, self.kind) | {"service": self.service})
-        self._stream = Stream(connection, header["callerid"])
-        self._owner.watch(self._stream, None, lambda: None)
+        with self._lock:  # who has read the header may ask, and is then heard
+            write_header(connection, header_of(self._owner, self.kind) | {"service": self.service})
+            stream = self._stream = Stream(connection, header["callerid"])
+        self._owner.watch(stream, None, lambda: None)
 
 
 class Caller:

@@ -274,9 +274,10 @@ class Ros1Fabric:
         self._dead.update(self._commands)
 
     def _await_nodes(self) -> None:
+        heard = [end for end in self._hearing.values() if isinstance(end, Subscription)]
         missing = set(self._commands)
         deadline = time.perf_counter_ns() + int(_START * 1e9)
-        while missing:
+        while missing or not all(end.streams for end in heard):
             said = self.poll(time.perf_counter_ns() + _WATCH)
             missing -= {node for node, what in said if isinstance(what, Ready)}
             for node in self._commands:

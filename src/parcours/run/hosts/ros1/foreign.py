@@ -23,6 +23,8 @@ from parcours.run.hosts.ros1.foreign_types import ForeignTypes
 from parcours.run.hosts.ros1.master import Master, require_master
 
 NAME = "/parcours"
+_MASTER = 3.0
+"""So long a master that shall run already may take to answer [s]."""
 
 
 class ForeignHost:
@@ -77,7 +79,7 @@ class ForeignHost:
     def __enter__(self) -> Self:
         self.folder.mkdir(parents=True, exist_ok=True)
         if self._uri:
-            require_master(self._uri)
+            require_master(self._uri, _MASTER)
             self.environment = {"ROS_MASTER_URI": self._uri, "ROS_IP": "127.0.0.1", "ROS_HOSTNAME": "127.0.0.1"}
         else:
             self._own = Master()

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import cast
 
 from parcours.errors import HostFailure
 from parcours.model.finding import Finding
-from parcours.run.binding.graph import graph_findings
-from parcours.run.binding.passing import BEGINS
+from parcours.run.binding.graph import Graph, graph_findings
+from parcours.run.binding.passing import BEGINS, STALLED
 from parcours.run.binding.relay import Relay
 from parcours.run.binding.seats import Seat, Seating
 from parcours.run.binding.structure import Ready
@@ -22,11 +26,18 @@ from parcours.run.hosts.ros1.foreign_nodes import NodeProcess
 from parcours.run.noise import Noise
 from parcours.run.trace import Trace, TraceEvent
 
+_CANARY = str(Path(__file__).with_name("foreign_canary.py"))
 _STEP = 5_000_000
 """So often [ns] it is looked whether nodes are ready."""
 
 _SETTLED = 100_000_000
 """A connection that has just been made may not yet be known at the other end: so long is waited [ns]."""
+
+_EARLIEST, _LOOK, _SAME = 1_500_000_000, 200_000_000, 1_000_000_000
+"""A graph that has not changed for `_SAME` counts as complete; when, and how often, it is looked at [ns]."""
+
+_BEAT, _STALL = 10_000_000, 20_000_000
+"""So often it is seen whether the machine lets processes run, and what is late by more is noted [ns]."""
 
 _QUICK = 0.2
 """So long a process that runs for one abstract case may take to end [s]."""
@@ -59,7 +70,12 @@ class Session:
         self.deaths: dict[str, str] = {}
         self.case_began = -1
         self.drained = 0
-        """All that had arrived by then [ns since the run began] has been heard."""
+        self.horizon = 0
+        """All that happened by then [ns since the run began] is in the trace, stalls of the machine, too."""
+        self._beat, self._beats = 0, b""
+        self._canary: subprocess.Popen[bytes] | None = None
+        self._line = -1
+        self._looked, self._changed, self._state = 0, 0, Graph()
         self._faults = faults or FaultPlan(0)
         self._lost: dict[str, int] = {}
         self._messages: set[str] = set()
@@ -85,6 +101,7 @@ class Session:
         self.host.refusals.clear()
         self.host.middle.spin(0)
         self.host.attach(self.seating, self.relay.heard, self.relay.asked)
+        self._listen_to_machine()
         self.host.start(list(self.seating.seats))
         began = self.now()
         waiting = {seat.name: list(seat.node.ready) for seat in self.seating.seats}
@@ -97,7 +114,7 @@ class Session:
                 (seat, one) for seat in self.seating.seats for one in waiting[seat.name]
                 if self.now() - began > one.timeout * 1e9
             ]  # fmt: skip
-            if late:
+            if late or (any(waiting.values()) and self._has_settled(began)):
                 raise self._not_ready(late)
         until = self.now() + _SETTLED
         while self.now() < until:
@@ -105,11 +122,43 @@ class Session:
         self._must_live()
         self.host.compile()
         self._watch_others()
-        self.case_began = self.now()
+        self.case_began = self.relay.case_began = self.now()
         self.relay.note(BEGINS)
         for seat in self.seating.seats:
             for component in seat.node.components:
                 self._next_signal(seat, component, signals(self._faults, component))
+
+    def _listen_to_machine(self) -> None:
+        self._line, other = os.pipe()
+        os.set_blocking(self._line, False)
+        words = [sys.executable, "-I", "-S", _CANARY, str(other), str(_BEAT)]
+        try:
+            self._canary = subprocess.Popen(words, pass_fds=(other,), start_new_session=True, stdin=subprocess.DEVNULL,
+                                            stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)  # fmt: skip
+        finally:
+            os.close(other)
+        self.host.middle.watch(self._line, self._hear_beats)
+
+    def _hear_beats(self) -> None:
+        *lines, self._beats = (self._beats + os.read(self._line, 65_536)).split(b"\n")
+        for line in lines:
+            when, late = (int(word) for word in line.split())
+            self._beat = when - self.zero
+            if late > _STALL:
+                self.relay.note(f"{STALLED}{late}", time=max(self._beat - late, 0))
+
+    def _has_settled(self, began: int) -> bool:
+        """Whether nodes that have the usual time to start have registered what they will, and something is missing."""
+        now = self.now()
+        if now - began < _EARLIEST or now - self._looked < _LOOK:
+            return False
+        self._looked = now
+        if any(one.kind != "bound" or one.timeout != 4.0 for seat in self.seating.seats for one in seat.node.ready):
+            return False
+        state = self.host.master.state()
+        if state != self._state:
+            self._state, self._changed = state, now
+        return now - self._changed > _SAME and bool(self.findings())
 
     def _holds(self, seat: Seat, one: Ready, began: int) -> bool:
         host = self.host
@@ -134,9 +183,11 @@ class Session:
         found = self.findings()
         where = self.host.binding.source or self.host.binding.name
         if found:
-            listed = "\n".join(str(one) for one in found)
-            slug = found[0].rule
-            return HostFailure(where, f"the running system must have what is bound, but:\n{listed}", slug=slug)
+            if len(found) == 1:
+                return HostFailure(found[0].where, found[0].message, found[0].remedy, slug=found[0].rule)
+            listed = "".join(f"\n  {one}" for one in found) + "\n "
+            rule = f"the running system must have what is bound, but {len(found)} things are wrong:{listed}"
+            return HostFailure(where, rule, "correct them from the first on", slug=found[0].rule)
         names = ", ".join(dict.fromkeys(f"{seat.name} ({_said(one)})" for seat, one in late))
         seat, one = late[0]
         process = self.host.running.get(seat.name)
@@ -144,6 +195,11 @@ class Session:
         why = "; ".join(self.host.refusals[:3]) or (f"its last lines: {' | '.join(said)}" if said else "no sign of it")
         rule = f"must be ready within {one.timeout:g} s, but is not: {why}"
         return HostFailure(f"{where}:{one.line}: node {names}", rule, "see 'ready' and 'timeout'", slug="foreign-ready")
+
+    def require_graph(self) -> None:
+        """Compare everything bound with what is registered. Raises HostFailure with all that is missing."""
+        if self.findings():
+            raise self._not_ready([])
 
     def findings(self) -> list[Finding]:
         """Return what the graph lacks, or has with another type, by now."""
@@ -168,6 +224,7 @@ class Session:
         if not self.host.middle.spin(0):
             self.drained = looked
             self.host.middle.spin(self.zero + (until if due is None else min(until, due)))
+        self.horizon = min(self.drained, self._beat)
         self.relay.do_what_is_due()
         self._see_deaths()
 
@@ -240,6 +297,12 @@ class Session:
         """Relay no more, and end the processes; with `keep`, not those that may be used again."""
         self._over.set()
         self.relay.close()
+        if self._canary is not None:
+            self.host.middle.unwatch(self._line)
+            self._canary.kill()
+            self._canary.wait()
+            os.close(self._line)
+            self._canary = None
         self.host.detach()
         stay = {
             seat.name for seat, process in self._processes()
@@ -249,7 +312,7 @@ class Session:
             self.host.running[name][1].act("continue")
         is_apart = any(seat.reference is not None for seat in self.seating.seats)
         going = [seat.name for seat in self.seating.seats if seat.name not in stay]
-        self.host.stop(going, _QUICK if is_apart else float("inf"))
+        self.host.stop(going, _QUICK if is_apart or self.case_began < 0 else float("inf"))
         if self._pinging is not None:
             self._pinging.join()
 

@@ -19,7 +19,7 @@ def writer(label: str) -> Callable[[bytes], bytes]:
 
     >>> message = writer("Odometry")(b"xyz")
     >>> len(message), read(message)
-    (47, b'xyz')
+    (43, b'xyz')
     """
     name = label.encode() + b"\x00"
     name += bytes(-len(name) % _ALIGNMENT)

@@ -82,7 +82,9 @@ class Ros2Fabric:
         self._closed = False
         self._processes = Processes([*_PRELOAD, *preload])
         self._participant = Participant("parcours", domain)
+        self._where = f"ROS domain {self._participant.domain}"
         self._ends: list[Sender | Subscription | Caller] = []
+        self._reports: list[Subscription] = []
         try:
             for node in nodes:
                 self._join(node.component)
@@ -95,6 +97,9 @@ class Ros2Fabric:
                 self._processes.start(node, Ros2Line, dict(topics), domain)
             self._await_nodes()
         except BaseException:
+            self._dead.update(self._incomplete)  # who hears them may belong to another
+            for name in self._processes.pids():
+                self._processes.signal(name, signal.SIGKILL)
             self.close()
             raise
 
@@ -102,6 +107,7 @@ class Ros2Fabric:
         self._commands[node] = self._participant.publish(command_topic(node), "command")
         reports = self._participant.subscribe(report_topic(node), lambda data: self._hear(node, report(data)))
         self._ends += [self._commands[node], reports]
+        self._reports.append(reports)
 
     def _hear_from(self, route: Route) -> None:
         if route.part is Part.TOPIC:
@@ -271,6 +277,10 @@ class Ros2Fabric:
                     raise HostFailure(f"node {node}", f"must start, but its process ended: {ending(said.status)}",
                                       "its own words stand above", slug="node-start")  # fmt: skip
                 missing.discard(node)
+            if any(one.speakers > 1 for one in self._reports):
+                rule = "must be alone with its nodes, but nodes of another tester report there, too"
+                raise HostFailure(self._where, rule, "use another ROS_DOMAIN_ID, or a network of your own",
+                                  slug="ros2-occupied")  # fmt: skip
             if time.perf_counter_ns() > deadline:
                 who = ", ".join(sorted(missing)) or "all topics matched"
                 rule = f"nodes must start within {_START:g} s, but there is no {who}"

@@ -58,6 +58,7 @@ class Participant:
             rule, remedy = f"needs rclpy, but: {error}", "run it in your ROS 2 distribution's environment"
             raise HostFailure("ROS 2 host", rule, remedy, slug="ros2-missing") from error
         number = _checked(os.environ.get("ROS_DOMAIN_ID") or 0 if domain is None else domain)
+        self.domain = number
         self._context: Any = Context()
         rclpy.init(args=[], context=self._context, domain_id=number, signal_handler_options=SignalHandlerOptions.NO)
         self.node: Any = Node(name, context=self._context, use_global_arguments=False, enable_rosout=False,
@@ -227,7 +228,12 @@ class Subscription:
     @property
     def is_matched(self) -> bool:
         """Whether somebody publishes."""
-        return bool(self._subscription.get_publisher_count())
+        return self.speakers > 0
+
+    @property
+    def speakers(self) -> int:
+        """How many publish."""
+        return int(self._subscription.get_publisher_count())
 
 
 class Caller:

@@ -10,7 +10,6 @@
 namespace parcours {
 
 constexpr int NONE = -1;
-constexpr std::int64_t NEVER = INT64_MAX;  // the duration of a repeat that deviated
 
 /// One transition of a serialised case. Places of channels and positions of events are NONE where there is none.
 struct Event {

@@ -3,7 +3,10 @@
 // Messages travel as they are, in bytes, under the type and checksum of the table.
 #pragma once
 
-#include <chrono>
+#include <netinet/in.h>
+#include <netinet/tcp.h>
+#include <sys/socket.h>
+
 #include <condition_variable>
 #include <deque>
 #include <map>
@@ -18,6 +21,7 @@
 #include <ros/service_callback_helper.h>
 #include <std_msgs/UInt8MultiArray.h>
 
+#include "parcours_clock.hpp"
 #include "parcours_frames.hpp"
 
 namespace parcours {
@@ -61,11 +65,12 @@ template <> struct Serializer<parcours::Raw> {
 
 namespace parcours {
 
-using Steady = std::chrono::steady_clock;
-using Until = Steady::time_point;
-
-inline std::int64_t steady_ns() {
-  return std::chrono::duration_cast<std::chrono::nanoseconds>(Steady::now().time_since_epoch()).count();
+/// roscpp leaves Nagle's algorithm on where services travel, which adds 40 ms to answers in a row. Connections inherit
+/// the option from the socket that listens.
+inline void send_at_once() {
+  const int on = 1;
+  for (int descriptor = 3; descriptor < 1024; ++descriptor)
+    setsockopt(descriptor, IPPROTO_TCP, TCP_NODELAY, &on, sizeof on);  // refused by what is no TCP socket
 }
 
 enum class Role { topic, request, response };
@@ -104,58 +109,54 @@ class Waiting {
   std::deque<std::string> messages_;
 };
 
-/// A service that a node calls. Its calls are held until they are answered; roscpp reads one call of a client at a time,
-/// so a call is given up as soon as the node is known to have made another. What is then to be answered goes to an
-/// empty call, which the node is asked to make.
+/// A service that a node calls. A call is held until there is an answer; the first answer goes to the first call, whose
+/// ever it is, since a node tells answers apart by their order. roscpp reads one call of a client at a time: the call
+/// that is held is given up (refused, which the node skips) if the node has said that it has made another. An answer for
+/// which there is no call any more, or never was one, goes to an empty call, which the node is asked to make.
 class Desk : public ros::ServiceCallbackHelper, public Waiting {
  public:
   bool call(ros::ServiceCallbackHelperCallParams& params) override {
     std::unique_lock<std::mutex> lock(mutex_);
-    if (params.request.num_bytes > 0) {
+    if (params.request.num_bytes > 0)
       messages_.emplace_back(reinterpret_cast<const char*>(params.request.message_start), params.request.num_bytes);
-      held_ = true;
-      answer_.reset();
-      there_.notify_all();
-      there_.wait(lock, [&] { return !held_ || closed_; });
-    } else {
-      there_.wait(lock, [&] { return !unasked_.empty() || closed_; });
-      answer_.reset();
-      if (!unasked_.empty()) {
-        answer_ = std::move(unasked_.front());
-        unasked_.pop_front();
-      }
+    held_ = true;
+    there_.notify_all();
+    there_.wait(lock, [&] { return !answers_.empty() || given_up_ || closed_ || (wanted_ && messages_.empty()); });
+    held_ = given_up_ = false;
+    const bool answered = !answers_.empty();
+    std::string told = "not answered";
+    if (answered) {
+      told = std::move(answers_.front());
+      answers_.pop_front();
     }
-    const std::string told = answer_.value_or("not answered");
     const std::uint32_t size = told.size();
     boost::shared_array<uint8_t> data(new uint8_t[5 + size]);
-    data[0] = answer_.has_value();
+    data[0] = answered;
     std::memcpy(data.get() + 1, &size, 4);  // little-endian, as ROS 1 is
     std::memcpy(data.get() + 5, told.data(), size);
     params.response = ros::SerializedMessage(data, 5 + size);
-    return answer_.has_value();
+    return answered;
   }
   std::optional<std::string> take(Until until) {
     std::unique_lock<std::mutex> lock(mutex_);
-    if (messages_.empty()) give_up();
-    if (!there_.wait_until(lock, until, [&] { return !messages_.empty(); })) return std::nullopt;
-    return pop();
+    wanted_ = true;
+    there_.notify_all();
+    const bool came = there_.wait_until(lock, until, [&] { return !messages_.empty(); });
+    wanted_ = false;
+    return came ? std::optional<std::string>(pop()) : std::nullopt;
   }
-  /// Answer the call that is held; return false if the node must first be asked to make one.
+  /// Answer the next call; return whether there is one already.
   bool answer(std::string data) {
     std::lock_guard<std::mutex> lock(mutex_);
-    const bool was_held = held_;
-    if (held_) {
-      answer_ = std::move(data);
-      held_ = false;
-    } else {
-      unasked_.push_back(std::move(data));
-    }
+    const bool is_there = held_ && answers_.empty();
+    answers_.push_back(std::move(data));
     there_.notify_all();
-    return was_held;
+    return is_there;
   }
   void decline() {
     std::lock_guard<std::mutex> lock(mutex_);
-    give_up();
+    given_up_ = held_;
+    there_.notify_all();
   }
   void close() {
     std::lock_guard<std::mutex> lock(mutex_);
@@ -164,13 +165,8 @@ class Desk : public ros::ServiceCallbackHelper, public Waiting {
   }
 
  private:
-  void give_up() {
-    held_ = false;
-    there_.notify_all();
-  }
-  bool held_ = false, closed_ = false;
-  std::optional<std::string> answer_;
-  std::deque<std::string> unasked_;
+  bool held_ = false, wanted_ = false, given_up_ = false, closed_ = false;
+  std::deque<std::string> answers_;
 };
 
 /// A client of a node's service, in a thread of its own, over one lasting connection.

@@ -18,44 +18,20 @@ inline double seconds_of(const char* name, double otherwise) {
   return given ? std::atof(given) : otherwise;
 }
 
-inline Until after_seconds(double seconds) {
-  return Steady::now() + std::chrono::duration_cast<Steady::duration>(std::chrono::duration<double>(seconds));
-}
-
 class Graph {
  public:
   /// Enter the graph, and wait for a node of each of these components. Throws HostError.
   Graph(const Channel* channels, int n_channels, const std::vector<std::string>& components)
-      : channels_(channels), n_channels_(n_channels) {
+      : channels_(channels), n_channels_(n_channels), nodes_(components.begin(), components.end()), ends_(n_channels) {
     await_master();
-    node_ = std::make_unique<ros::NodeHandle>();
-    node_->setCallbackQueue(&queue_);
-    for (const std::string& name : components) nodes_.insert(name);
-    ends_.resize(n_channels);
-    for (int k = 0; k < n_channels; ++k) connect(k);
-    for (const std::string& name : components) {
-      reports_[name] = node_->subscribe<std_msgs::UInt8MultiArray>(
-          TESTER + ("/" + name) + "/report", 0,
-          [this, name](const std_msgs::UInt8MultiArray::ConstPtr& said) {
-            said_.emplace_back(name, std::string(said->data.begin(), said->data.end()));
-          },
-          ros::VoidConstPtr(), ros::TransportHints().tcpNoDelay());
+    try {
+      enter();
+    } catch (...) {
+      leave();
+      throw;
     }
-    // Nodes wait for this last sign that the tester is complete.
-    for (const std::string& name : components)
-      commands_[name] = node_->advertise<std_msgs::UInt8MultiArray>(TESTER + ("/" + name) + "/command", 0);
-    await_nodes(seconds_of("PARCOURS_NODES_WITHIN", 60.0));
-    for (int k = 0; k < n_channels; ++k)
-      if (channels[k].role == Role::request && nodes_.count(channels[k].receiver)) call(k);
   }
-
-  ~Graph() {
-    for (End& end : ends_)
-      if (end.desk) end.desk->close();
-    for (auto& spinner : spinners_) spinner->stop();
-    ends_.clear();
-    ros::shutdown();
-  }
+  ~Graph() { leave(); }
 
   const Channel& channel(int k) const { return channels_[k]; }
   bool lives(const std::string& node) const { return !lost_.count(node); }
@@ -127,6 +103,39 @@ class Graph {
                         "(roscore), or correct ROS_MASTER_URI");
       std::this_thread::sleep_for(std::chrono::milliseconds(100));
     }
+  }
+
+  void enter() {
+    node_ = std::make_unique<ros::NodeHandle>();
+    node_->setCallbackQueue(&queue_);
+    send_at_once();
+    for (int k = 0; k < n_channels_; ++k) connect(k);
+    for (const std::string& name : nodes_) {
+      reports_[name] = node_->subscribe<std_msgs::UInt8MultiArray>(
+          TESTER + ("/" + name) + "/report", 0,
+          [this, name](const std_msgs::UInt8MultiArray::ConstPtr& said) {
+            said_.emplace_back(name, std::string(said->data.begin(), said->data.end()));
+          },
+          ros::VoidConstPtr(), ros::TransportHints().tcpNoDelay());
+    }
+    // Nodes wait for this last sign that the tester is complete.
+    for (const std::string& name : nodes_)
+      commands_[name] = node_->advertise<std_msgs::UInt8MultiArray>(TESTER + ("/" + name) + "/command", 0);
+    await_nodes(seconds_of("PARCOURS_NODES_WITHIN", 60.0));
+    for (int k = 0; k < n_channels_; ++k)
+      if (channels_[k].role == Role::request && nodes_.count(channels_[k].receiver)) call(k);
+    send_at_once();
+  }
+
+  void leave() {
+    for (End& end : ends_)
+      if (end.desk) end.desk->close();
+    spinners_.clear();
+    ends_.clear();
+    reports_.clear();
+    commands_.clear();
+    node_.reset();
+    ros::shutdown();
   }
 
   void connect(int k) {
@@ -250,15 +259,15 @@ class Graph {
   const Channel* channels_;
   int n_channels_;
   bool complete_ = false;
-  ros::CallbackQueue queue_;
-  std::unique_ptr<ros::NodeHandle> node_;
   std::set<std::string> nodes_, lost_;
-  std::vector<End> ends_;
+  std::deque<std::pair<std::string, std::string>> said_;
+  ros::CallbackQueue queue_;
   std::vector<std::unique_ptr<ros::CallbackQueue>> desk_queues_;
+  std::unique_ptr<ros::NodeHandle> node_;
+  std::vector<End> ends_;
   std::vector<std::unique_ptr<ros::AsyncSpinner>> spinners_;
   std::map<std::string, ros::Subscriber> reports_;
   std::map<std::string, ros::Publisher> commands_;
-  std::deque<std::pair<std::string, std::string>> said_;
 };
 
 }  // namespace parcours

@@ -1,0 +1,108 @@
+"""A binding -> the abstract cases of its model that can be run on its nodes, as serialised sequences of events."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from parcours.abtc import Emission, Event, Reception, abstract_cases, serialise
+from parcours.abtc.interactions import component_graph
+from parcours.data import draw, read_input_model
+from parcours.errors import BadRequest, one_of
+from parcours.paths.covering import internal_paths
+from parcours.paths.internal import InternalPath
+from parcours.run.binding.structure import Binding
+from parcours.suite import combine
+
+MOST = 100_000
+"""No more abstract cases are looked at."""
+
+
+@dataclass(frozen=True, slots=True)
+class AbstractScene:
+    """An abstract case with a row of test inputs.
+
+    Attributes:
+        id: of the abstract case, and the number of the row.
+        events: in their order.
+        inputs: names and values; empty if the binding has no `data`.
+    """
+
+    id: str
+    events: tuple[Event, ...]
+    inputs: tuple[tuple[str, float], ...] = ()
+
+    @property
+    def references(self) -> dict[int, str]:
+        """Reference -> its component."""
+        return {event.reference: event.component for event in self.events}
+
+
+def abstract_scenes(binding: Binding, seed: int) -> Iterator[AbstractScene]:
+    """Yield the abstract cases one by one, row of data by row, without end if there is data.
+
+    Interactions of components, where the model has several that talk to each other; each component's internal paths,
+    where it has not.
+
+    Args:
+        binding: whose model.
+        seed: of the values.
+    """
+    found = list(itertools.islice(_sequences(binding), MOST))
+    if not binding.data_file:
+        yield from (AbstractScene(f"{id}/0", events) for id, events in found)
+        return
+    inputs = read_input_model(Path(binding.data_file))
+    for row in itertools.count():
+        plan = combine(binding.name, [id for id, _ in found], inputs, seed=seed, n_cases=len(found) * (row + 1))
+        numbers = np.arange(row * len(found), (row + 1) * len(found))
+        values = draw(inputs, plan.blocks(numbers), numbers, seed=seed)
+        for (id, events), drawn in zip(found, values.tolist(), strict=True):
+            yield AbstractScene(f"{id}/{row}", events, tuple(zip(inputs.names, drawn, strict=True)))
+
+
+def find_scene(binding: Binding, seed: int, id: str) -> AbstractScene:
+    """Return the case with an id; the number of its row may be left out.
+
+    Raises:
+        BadRequest: there is none among the first of them.
+    """
+    wanted = id if id.rpartition("/")[2].isdigit() else f"{id}/0"
+    seen = []
+    for scene in itertools.islice(abstract_scenes(binding, seed), MOST):
+        if scene.id == wanted:
+            return scene
+        seen.append(scene.id)
+    raise BadRequest("--case", f"no abstract case is called {id!r}", one_of(id, seen[:40]), slug="unknown-abstract")
+
+
+def _sequences(binding: Binding) -> Iterator[tuple[str, tuple[Event, ...]]]:
+    model = binding.model
+    runs = {component for node in binding.nodes for component in node.components}
+    if component_graph(model):
+        for case in abstract_cases(model):
+            events = serialise(case)
+            if runs & {event.component for event in events}:
+                yield case.id, events
+        return
+    for component, paths in internal_paths(model).items():
+        if component in runs:
+            for path in paths:
+                yield f"{component}-{path.name}", _alone(path)
+
+
+def _alone(path: InternalPath) -> tuple[Event, ...]:
+    """Return an internal path as a sequence in which the environment sends and receives everything."""
+    return tuple(
+        Event(
+            position, position, 0, 0, path.component, path.machine, path.name, one.id,
+            None if one.event is None else Reception(one.event.channel),
+            tuple(Emission(send.channel) for send in one.sends),
+            () if position == 0 else (position - 1,),
+        )
+        for position, one in enumerate(path.transitions)
+    )  # fmt: skip

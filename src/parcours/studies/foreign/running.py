@@ -1,0 +1,264 @@
+"""A binding and what is wanted -> cases run one after the other on the nodes of others, each judged at once."""
+
+from __future__ import annotations
+
+import itertools
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from parcours.errors import BadRequest, HostFailure
+from parcours.report.timings import Timed
+from parcours.run.binding.seats import Seating, apart, whole
+from parcours.run.faults import FaultPlan
+from parcours.run.hosts.ros1.foreign import ForeignHost
+from parcours.run.hosts.ros1.foreign_session import Session
+from parcours.run.hosts.scheduling import real_time
+from parcours.run.noise import NoiseMeter
+from parcours.run.trace import TraceEvent
+from parcours.studies.foreign.abstract import AbstractDrive
+from parcours.studies.foreign.acting import act
+from parcours.studies.foreign.cases import AbstractScene, abstract_scenes, find_scene
+from parcours.studies.foreign.judging import FAULTY, AbstractJudge, Judged, SystemJudge
+from parcours.studies.foreign.made import Maker
+from parcours.studies.foreign.recorded import Tape
+from parcours.studies.foreign.system import SystemDrive
+from parcours.studies.foreign.timing import Exercise, durations, spans, timed
+from parcours.studies.foreign.world import ForeignWorld, Scene
+from parcours.verdict.judgement import Judgement, Verdict
+
+
+@dataclass(frozen=True, slots=True)
+class Wanted:
+    """What is to be run.
+
+    Attributes:
+        cases: so many abstract cases; None for each once.
+        case: the id of the only one; empty for all.
+        system: so many system cases.
+        repeats: so many repeats of each span that `timing` bounds and the tester can begin.
+        faults: what befalls messages and components, in every case.
+        record: "mcap", "bag" or empty.
+        seed: of obstacles and test inputs.
+        protocol: of the obstacles, or "empty".
+    """
+
+    cases: int | None = None
+    case: str = ""
+    system: int = 0
+    repeats: int = 0
+    faults: FaultPlan = field(default_factory=FaultPlan)
+    record: str = ""
+    seed: int = 1
+    protocol: str = "table-vii"
+
+
+@dataclass(frozen=True, slots=True)
+class Result:
+    """What became of one case, as it is kept.
+
+    Attributes:
+        kind: abstract, system or timing.
+        seconds: how long it ran [s], without starting the nodes.
+        recording: the file; empty if there is none.
+    """
+
+    id: str
+    kind: str
+    judged: Judged
+    seconds: float
+    recording: str = ""
+    timing: Timed | None = None
+
+    def document(self) -> dict[str, object]:
+        """Return it as JSON."""
+        judged = self.judged
+        return {
+            "id": self.id, "kind": self.kind, "verdict": str(judged.judgement.verdict), "why": judged.judgement.why,
+            "outcome": judged.outcome, "seconds": round(self.seconds, 3), "deaths": dict(judged.deaths),
+            "deviations": [
+                {"component": one.component, "time": one.time, "rule": one.rule,
+                 "expected": [str(each) for each in one.expected], "path": list(one.path[-50:]), "doubt": one.doubt}
+                for one in judged.deviations
+            ],
+            "held_ns": list(judged.held), "recording": self.recording,
+        }  # fmt: skip
+
+
+class _Ear:
+    """A session's listener: keeps what comes before anybody listens, and then tells all of it."""
+
+    def __init__(self) -> None:
+        self._early: list[TraceEvent] = []
+        self._told: list[Callable[[TraceEvent], None]] = []
+
+    def __call__(self, event: TraceEvent) -> None:
+        if not self._told:
+            self._early.append(event)
+        for tell in self._told:
+            tell(event)
+
+    def tell(self, *those: Callable[[TraceEvent], None]) -> None:
+        self._told.extend(those)
+        for event in self._early:
+            for tell in those:
+                tell(event)
+        self._early.clear()
+
+
+class ForeignStudy:
+    """Runs what is wanted.
+
+    Args:
+        host: entered.
+        wanted: what to run.
+        folder: for recordings.
+    """
+
+    def __init__(self, host: ForeignHost, wanted: Wanted, folder: Path) -> None:
+        self._host, self._wanted, self._folder = host, wanted, folder
+        self._spans = spans(host.binding)
+        self._passive: dict[str, list[int]] = {span.name: [] for span in self._spans}
+        self._n_run = 0
+        if wanted.system and host.binding.system is None:
+            rule = "system cases need a section 'system' in the binding, but it has none"
+            raise BadRequest("--system", rule, "see docs/bindings.md", slug="foreign-system")
+
+    def scenes(self) -> list[AbstractScene]:
+        """Return the abstract cases that are wanted. Raises BadRequest if there is none of the id."""
+        binding, wanted = self._host.binding, self._wanted
+        if wanted.case:
+            return [find_scene(binding, wanted.seed, wanted.case)]
+        every = abstract_scenes(binding, wanted.seed)
+        if wanted.cases is not None:
+            return list(itertools.islice(every, wanted.cases))
+        return list(itertools.takewhile(lambda scene: scene.id.endswith("/0"), every))
+
+    def run(self) -> Iterator[Result]:
+        """Yield the results, each as soon as it is known.
+
+        Raises:
+            HostFailure: the nodes do not even start the first time.
+            BadRequest: the binding does not fit what is running.
+        """
+        for scene in self.scenes():
+            yield self._guarded(f"{scene.id}", "abstract", lambda scene=scene: self._abstract(scene))  # type: ignore[misc]
+        for number in range(self._wanted.system):
+            where = Scene(self._wanted.seed, number, self._wanted.protocol)  # type: ignore[arg-type]
+            yield self._guarded(where.id, "system", lambda where=where: self._system(where))  # type: ignore[misc]
+        yield from self._timing()
+
+    def _guarded(self, id: str, kind: str, run: Callable[[], Result]) -> Result:
+        """Return the result of a case; what goes wrong with one after the first is its own error."""
+        try:
+            result = run()
+        except HostFailure as error:
+            if self._n_run == 0 and error.slug != "foreign-instances":
+                raise
+            verdict = Verdict.INCONCLUSIVE if error.slug == "foreign-instances" else Verdict.ERROR
+            result = Result(id, kind, Judged(Judgement(verdict, str(error))), 0.0)
+        self._n_run += 1
+        return result
+
+    def _abstract(self, scene: AbstractScene) -> Result:
+        seating = apart(self._host.binding, scene.references)
+        ear = _Ear()
+        session = Session(self._host, seating, faults=self._wanted.faults, listener=ear)
+        try:
+            self._begin(session)
+            compiled = self._host.compile()
+            names = _names(seating)
+            judge = AbstractJudge(compiled, scene.events, names, live=True)
+            tape = self._tape(session, scene.id, {"kind": "abstract", "names": " ".join(names)})
+            ear.tell(judge.observe, *([tape.write] if tape else []))
+            drive = AbstractDrive(session, judge, Maker(compiled, dict(scene.inputs)), scene.events)
+            with real_time():
+                drive.run()
+        finally:
+            session.end()
+        return self._result(scene.id, "abstract", session, judge.judged(), tape)
+
+    def _system(self, scene: Scene) -> Result:
+        system = self._host.binding.system
+        assert system is not None
+        warm = ForeignWorld(system, scene)  # compiled before anybody waits for it
+        warm.advance(100_000_000)
+        warm.items(0)
+        seating = whole(self._host.binding)
+        ear = _Ear()
+        session = Session(self._host, seating, faults=self._wanted.faults, listener=ear)
+        try:
+            self._begin(session)
+            compiled = self._host.compile()
+            names = _names(seating)
+            judge = SystemJudge(compiled, scene, names, live=True)
+            about = {
+                "kind": "system",
+                "names": " ".join(names),
+                "number": str(scene.number),
+                "protocol": scene.protocol,
+            }
+            tape = self._tape(session, scene.id, about)
+            ear.tell(judge.observe, *([tape.write] if tape else []))
+            with real_time():
+                SystemDrive(session, judge, Maker(compiled)).run()
+            act(session, Maker(compiled), "after_case")
+        finally:
+            session.end(keep=True)
+        for span in self._spans:
+            self._passive[span.name] += durations(session.relay.events, span)
+        return self._result(scene.id, "system", session, judge.judged(), tape)
+
+    def _begin(self, session: Session) -> None:
+        session.start()
+        act(session, Maker(self._host.compile()), "before_case")
+        if self._wanted.faults:
+            session.relay.note(FAULTY)
+
+    def _tape(self, session: Session, id: str, about: dict[str, str]) -> Tape | None:
+        if not self._wanted.record:
+            return None
+        path = self._folder / "recordings" / f"{id.replace('/', '_')}.{self._wanted.record}"
+        told = {"binding": self._host.binding.name, "seed": str(self._wanted.seed),
+                "faults": str(self._wanted.faults) if self._wanted.faults else ""}  # fmt: skip
+        return Tape(path, id, session.begin, told | about)
+
+    def _result(self, id: str, kind: str, session: Session, judged: Judged, tape: Tape | None) -> Result:
+        recording = ""
+        if tape is not None:
+            tape.close(judged.judgement)
+            recording = f"recordings/{id.replace('/', '_')}.{self._wanted.record}"
+        ended = max((event.time for event in session.relay.events), default=0)
+        return Result(id, kind, judged, max(ended - session.case_began, 0) * 1e-9, recording)
+
+    # Timing.
+
+    def _timing(self) -> Iterator[Result]:
+        wanted, binding = self._wanted, self._host.binding
+        if not self._spans or not (wanted.repeats or wanted.system):
+            return
+        took, noise = {name: list(times) for name, times in self._passive.items()}, None
+        began = time.monotonic()
+        if wanted.repeats:
+            ear = _Ear()
+            session = Session(self._host, whole(binding), listener=ear)
+            try:
+                session.start()
+                with NoiseMeter(trips=2, work=100_000) as meter, real_time():
+                    exercise = Exercise(session, Maker(self._host.compile()), meter)
+                    ear.tell(exercise.listen)
+                    for span in self._spans:
+                        if exercise.can(span):
+                            took[span.name] = exercise.run(span, wanted.repeats + binding.warm_up)
+                    noise = meter.noise()
+            finally:
+                session.end()
+        for span in self._spans:
+            for one in timed(span, took[span.name], binding.warm_up, noise):
+                id = f"timing/{span.name}/{one.bound}"
+                yield Result(id, "timing", Judged(one.judgement), time.monotonic() - began, timing=one)
+
+
+def _names(seating: Seating) -> Sequence[str]:
+    return [seat.component(component) for seat in seating.seats for component in seat.node.components]

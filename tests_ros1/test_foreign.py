@@ -1,0 +1,147 @@
+"""Nodes that know nothing of Parcours, on a real master: order, conformance, life, recordings."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+import subprocess
+from collections.abc import Sequence
+from pathlib import Path
+
+import pytest
+
+from parcours.run.binding import read_binding
+from parcours.run.hosts.ros1.foreign import ForeignHost
+from parcours.run.hosts.ros1.foreign_session import Session
+from parcours.run.recording import read_recording
+from parcours.run.trace import held
+from parcours.studies.foreign.recorded import rejudge
+from parcours.studies.foreign.running import ForeignStudy, Result, Wanted
+from parcours.studies.foreign.system import SystemDrive
+from parcours.verdict.judgement import Verdict
+
+EXAMPLES = Path(__file__).parents[1] / "examples"
+TOGETHER, SIDE_BY_SIDE = "ITP1-tp22.tp31.tp22-0.1.1", "plan-tp31.tp22.tp31-0.5.6"
+
+
+@pytest.fixture
+def nodes(tmp_path: Path) -> Path:
+    """A copy of the Python nodes, with a faster robot, to be changed."""
+    folder = shutil.copytree(EXAMPLES / "ros1_python", tmp_path / "nodes")
+    _edit(folder / "binding.yaml", ("/follower/speed: 0.25", "/follower/speed: 0.7"), ("v_max: 0.25", "v_max: 0.7"))
+    return folder
+
+
+def _edit(file: Path, *changes: tuple[str, str]) -> None:
+    text = file.read_text()
+    for old, new in changes:
+        assert text.count(old) == 1, old
+        text = text.replace(old, new)
+    file.write_text(text)
+
+
+def _run(binding: Path, out: Path, wanted: Wanted) -> list[Result]:
+    with ForeignHost(read_binding(binding), out / "nodes") as host:
+        return list(ForeignStudy(host, wanted, out).run())
+
+
+def _one(binding: Path, out: Path, case: str, record: str = "") -> Result:
+    [result] = _run(binding, out, Wanted(case=case, record=record))
+    return result
+
+
+@pytest.mark.parametrize("case", [TOGETHER, SIDE_BY_SIDE, "sense_to_motion-tp11.tp32-0.0"])
+def test_cases_of_the_model_pass_in_their_order_and_a_recording_says_so_again(
+    nodes: Path, tmp_path: Path, case: str
+) -> None:
+    result = _one(nodes / "binding.yaml", tmp_path, case, "mcap")
+    assert result.judged.judgement.passed, result.judged.judgement.why
+    assert result.judged.held
+    recording = read_recording(tmp_path / result.recording)
+    kept = held(recording.trace)
+    assert sorted(kept.values()) == sorted(result.judged.held)
+    again, recorded = rejudge(tmp_path / result.recording, read_binding(nodes / "binding.yaml"))
+    assert (again.judgement, recorded) == (result.judged.judgement, "pass")
+
+
+def test_what_cannot_be_kept_in_order_has_no_verdict(
+    nodes: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Session, "hold", lambda self, seat: False)  # as if its process were somebody else's
+    judgement = _one(nodes / "binding.yaml", tmp_path, SIDE_BY_SIDE).judged.judgement
+    assert judgement.verdict is Verdict.INCONCLUSIVE
+    assert "could not be enforced" in judgement.why
+
+
+PLANTED = {
+    "sends twice": ("obstacle_filter.py", "self.publisher.publish(kept)",
+                    "self.publisher.publish(kept)\n        rospy.sleep(0.1)\n        self.publisher.publish(kept)",
+                    "obstacles was sent, but nothing that it may do now sends it"),
+    "is silent": ("obstacle_filter.py", "self.publisher.publish(kept)", "pass",
+                  "nothing came on obstacles within 1000 ms, but must"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("planted", PLANTED)
+def test_a_planted_deviation_is_found_with_what_was_expected(nodes: Path, tmp_path: Path, planted: str) -> None:
+    file, old, new, found = PLANTED[planted]
+    _edit(nodes / file, (old, new))
+    result = _run(nodes / "binding.yaml", tmp_path, Wanted(cases=0, system=1, protocol="empty"))[0]
+    assert result.judged.judgement.verdict is Verdict.FAIL
+    deviation = next(one for one in result.judged.deviations if one.component == "ObstacleFilter")
+    assert found in deviation.rule
+    assert {str(one) for one in deviation.expected} <= {"receive detections", "send obstacles"}
+
+
+def _killed_when_half_way(monkeypatch: pytest.MonkeyPatch, node: str) -> None:
+    sense = SystemDrive._sense
+
+    def strike(self: SystemDrive, now: int) -> None:
+        sense(self, now)
+        process = self._session.host.running[node][1]
+        if now > 2_000_000_000 and process.is_alive:
+            os.kill(process.pid, signal.SIGKILL)
+
+    monkeypatch.setattr(SystemDrive, "_sense", strike)
+
+
+def test_a_dead_planner_fails_the_case_though_the_robot_coasts_to_its_goal(
+    nodes: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    _killed_when_half_way(monkeypatch, "Planner")
+    result = _run(nodes / "binding.yaml", tmp_path, Wanted(cases=0, system=1, protocol="empty", record="bag"))[0]
+    judged = result.judged
+    assert judged.judgement.verdict is Verdict.FAIL
+    assert judged.outcome == "reached"
+    assert "Planner (killed by SIGKILL" in judged.judgement.why
+    again, recorded = rejudge(tmp_path / result.recording, read_binding(nodes / "binding.yaml"))
+    assert (again.judgement, again.outcome, recorded) == (judged.judgement, "reached", "fail")
+
+
+def _built(folder: Path) -> Path:
+    """Return the binding of the C++ nodes, built by the one line that it names."""
+    shutil.copytree(EXAMPLES / "ros1_cpp", folder / "ros1_cpp")
+    shutil.copytree(EXAMPLES / "ros1_python", folder / "ros1_python")
+    (folder / "ros1_cpp" / "build").mkdir()
+    libraries = "-lroscpp -lroscpp_serialization -lrosconsole -lrostime -lboost_thread".split()
+    building = [
+        subprocess.Popen(["g++", "-std=c++17", f"{node}.cpp", "-o", f"build/{node}", *libraries],
+                         cwd=folder / "ros1_cpp")
+        for node in ("avoider", "follower")
+    ]  # fmt: skip
+    assert [one.wait() for one in building] == [0, 0]
+    return folder / "ros1_cpp" / "binding.yaml"
+
+
+def _verdicts(results: Sequence[Result]) -> dict[str, str]:
+    return {one.id: f"{one.judged.judgement.verdict}: {one.judged.judgement.why}" for one in results}
+
+
+def test_nodes_in_cpp_behind_the_same_model_pass(tmp_path: Path) -> None:
+    binding = _built(tmp_path)
+    _edit(binding, ("/follower/speed: 0.25", "/follower/speed: 0.7"), ("v_max: 0.25", "v_max: 0.7"))
+    results = _run(binding, tmp_path, Wanted(cases=3, system=1, protocol="empty"))
+    verdicts = _verdicts([one for one in results if one.kind != "timing"])
+    assert all(why.startswith("pass") for why in verdicts.values()), verdicts
+    assert len(verdicts) == 4
