@@ -93,13 +93,13 @@ def test_a_port_in_use_is_named() -> None:
 
 
 def test_a_message_of_the_wrong_size_is_an_error_with_the_line_of_its_channel(binding: Path, tmp_path: Path) -> None:
-    _spoil(binding.parent / "follower.py", ("class Follower:", "Twist.serialize = lambda self, to: to.write(b'xyz')\n\n\nclass Follower:"))  # fmt: skip
-    began = time.monotonic()
+    short = "Twist.serialize = lambda self, to: to.write(b'xyz')\n\n\nclass Follower:"
+    _spoil(binding.parent / "follower.py", ("class Follower:", short))
     with ForeignHost(read_binding(binding), tmp_path) as host:
         result = next(ForeignStudy(host, Wanted(cases=0, system=1, protocol="empty"), tmp_path).run())
     assert result.judged.judgement.verdict is Verdict.ERROR
     assert re.search(r"binding.yaml:\d+: channel 'command': .*these 3 bytes are none", result.judged.judgement.why)
-    assert result.seconds < WITHIN < time.monotonic() - began + WITHIN
+    assert result.seconds < WITHIN
 
 
 def test_nothing_that_a_node_has_started_outlives_it(tmp_path: Path) -> None:

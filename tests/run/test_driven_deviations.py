@@ -249,7 +249,7 @@ def test_a_node_that_is_lost_fails_its_case_and_the_next_case_says_so_at_once(
     assert (deviation.event.position, deviation.got, deviation.path) == (1, ENDS[how], ())
     assert deviation.held == (Held(2, "more", 0),)
     begun = time.monotonic()
-    with pytest.raises(HostFailure, match="node Answerer.*process ended"):
+    with pytest.raises(HostFailure, match=r"node Answerer.*process ended"):
         executed(fabric, "")
     assert time.monotonic() - begun < 5.0
     fabric.close()
@@ -274,7 +274,7 @@ def test_a_node_that_dies_while_it_waits_is_found_dead_not_silent(
 
 
 def test_a_component_without_a_node_is_named(start: Callable[[], ProcessFabric]) -> None:
-    with ProcessFabricOf(["Asker"]) as fabric, pytest.raises(HostFailure, match="Answerer has none.*node-missing"):
+    with ProcessFabricOf(["Asker"]) as fabric, pytest.raises(HostFailure, match=r"Answerer has none.*node-missing"):
         executed(fabric, "")
 
 

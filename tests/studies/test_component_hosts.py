@@ -127,6 +127,8 @@ def payloads(trace: Trace) -> dict[tuple[str, str, str], list[bytes]]:
                 numbers = np.array(values[k])
                 numbers[2:3] = 0  # when it begins
                 values[k] = numbers
+            elif entry.name in ("window_first", "window_last"):
+                values[k] = 0  # which of its samples are still to come
         found[event.kind, event.component, event.channel].append(b"".join(np.asarray(one).tobytes() for one in values))
     return found
 

@@ -155,10 +155,12 @@ def test_a_dead_component_fails_the_case_however_its_robot_fares_and_the_next_ca
 def test_a_frozen_component_is_let_go_on_for_the_next_case(study: SystemStudy, fabric: ProcessFabric) -> None:
     run = run_live(study, NUMBER, fabric, RampCodec(), faults=parse_plan("Control: freeze at 300 ms"))
     assert run.deaths == {}
-    late = [e for e in run.trace.events if e.component == "Control" and e.kind == "take" and e.time > 400_000_000]
-    assert late == [] and [e.text for e in run.trace.events if e.text.startswith("fault")] == ["fault: stop"]
+    [stopped] = [e.time for e in run.trace.events if e.text.startswith("fault")]
+    acting = [e.time for e in run.trace.events if e.component == "Control" and e.kind in ("take", "receive")]
+    assert acting and max(acting) < stopped + 50_000_000 < int(run.facts[0]["t_end"])
     again = run_live(study, NUMBER, fabric, RampCodec())
-    assert any(e.component == "Control" and e.kind == "take" and e.time > 400_000_000 for e in again.trace.events)
+    acting = [e.time for e in again.trace.events if e.component == "Control" and e.kind in ("take", "receive")]
+    assert again.deaths == {} and max(acting) > stopped + 50_000_000
 
 
 def test_a_node_killed_by_somebody_else_is_found_out(study: SystemStudy) -> None:

@@ -6,10 +6,12 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from click.testing import CliRunner
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from parcours.abtc import Event, serialise
+from parcours.cli.export import command
 from parcours.errors import BadRequest, BadSuite
 from parcours.studies.gtest_export import MOST_CASES, Repeats, export_gtest, timing_limits
 from parcours.studies.ramp_components.study import component_plan, interaction_cases, paper_sample
@@ -148,3 +150,17 @@ def test_what_is_no_case_of_the_study_is_refused(tmp_path: Path) -> None:
     with pytest.raises(BadSuite):
         export_gtest(suite, folder)
     assert not folder.exists()
+
+
+def test_the_command_says_what_it_wrote_and_what_it_refuses(tmp_path: Path) -> None:
+    suite, folder = tmp_path / "suite.jsonl", tmp_path / "out"
+    write_suite(suite, component_plan(0, 1).cases(0, 2))
+    done = CliRunner().invoke(
+        command, ["gtest", str(suite), "--out", str(folder), "--repeats", "20", "--percent", "80"]
+    )
+    assert done.exit_code == 0 and f"wrote 2 functional and 2 timing tests to {folder}" in done.output
+    program = (folder / "test_cases.cpp").read_text()
+    assert program.count('"p80 <') == 2 and ", 80.0, 20, 3, " in program
+    (tmp_path / "file").touch()
+    refused = CliRunner().invoke(command, ["gtest", str(suite), "--out", str(tmp_path / "file" / "out")])
+    assert isinstance(refused.exception, BadRequest) and refused.exception.slug == "folder-unwritable"

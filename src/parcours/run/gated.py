@@ -8,6 +8,7 @@ instances are does not matter: in this process (`execute`), in others, or on ROS
 
 from __future__ import annotations
 
+import contextlib
 from collections import Counter, deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -18,6 +19,7 @@ from parcours.run.driving import PATIENCE, Instances, Turn
 from parcours.run.instance import Outcome
 from parcours.run.port import ENVIRONMENT
 from parcours.run.trace import SHOWN, Kind, Trace, TraceEvent
+from parcours.run.uninterrupted import uninterrupted
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,7 +99,8 @@ def enforce(
         HostFailure: the host cannot go on.
     """
     _check(events)
-    return _Enforcement(events, instances, supply, case, strict, patience).run()
+    with uninterrupted() if instances.clock == "wall" else contextlib.nullcontext():
+        return _Enforcement(events, instances, supply, case, strict, patience).run()
 
 
 def _check(events: Sequence[Event]) -> None:
@@ -151,6 +154,7 @@ class _Enforcement:
                 self._barriers.setdefault(event.before, []).append(event.position)
         self._gates: dict[tuple[int, str], deque[tuple[int, object]]] = {}
         self._trace: list[TraceEvent] = []
+        self._payloads: dict[int, object] = {}
         self._sent = 0
 
     def run(self) -> Execution:
@@ -273,7 +277,9 @@ class _Enforcement:
     def _opened(self, event: TraceEvent) -> TraceEvent:
         if not event.channel:
             return event
-        return replace(event, payload=self._instances.opened(event.channel, event.payload))
+        if id(event.payload) not in self._payloads:
+            self._payloads[id(event.payload)] = self._instances.opened(event.channel, event.payload)
+        return replace(event, payload=self._payloads[id(event.payload)])
 
     def _number(self) -> int:
         self._sent += 1

@@ -1,6 +1,6 @@
 """Nodes -> processes on this machine, each joined to the tester by a Unix socket.
 
-Of what was measured here (bench/bench_transport.py), a socket has the shortest round trip; frames are MessagePack.
+Of what sleeps while it waits, a Unix socket has the shortest round trip (bench/bench_transport.py, docs/hosts.md).
 """
 
 from __future__ import annotations

@@ -27,6 +27,7 @@ from parcours.run.hosts.seats import Answer, Answering, silence
 from parcours.run.noise import Noise
 from parcours.run.port import ENVIRONMENT, Component, Link, Step
 from parcours.run.trace import Kind, Trace, TraceEvent
+from parcours.run.uninterrupted import uninterrupted
 
 _SIGNALS = {"stop": signal.SIGSTOP, "continue": signal.SIGCONT, "kill": signal.SIGKILL}
 _ANSWER = 5_000_000_000
@@ -164,14 +165,15 @@ class RealTimeHost:
         if not self._begun:
             self._begin()
         self._until = until
-        while (now := self._now()) < until:
-            self._do_what_is_due()
-            wake = self._next_wake()
-            if wake is None and self._is_at_rest():
-                return
-            target = until if wake is None else min(until, wake)
-            for node, said in self._fabric.poll(self._clock.zero + max(target, now)):
-                self._hear(node, said)
+        with uninterrupted():
+            while (now := self._now()) < until:
+                self._do_what_is_due()
+                wake = self._next_wake()
+                if wake is None and self._is_at_rest():
+                    return
+                target = until if wake is None else min(until, wake)
+                for node, said in self._fabric.poll(self._clock.zero + max(target, now)):
+                    self._hear(node, said)
 
     def _must_be_open(self) -> None:
         if not self._open:

@@ -17,6 +17,7 @@ from parcours.run.binding.passing import CONTINUED, ENDS, STOPPED, Call, Message
 from parcours.run.binding.seats import Seat
 from parcours.run.gated import instance_name
 from parcours.run.hosts.ros1.foreign_session import Session
+from parcours.studies.foreign.background import Background
 from parcours.studies.foreign.judging import AbstractJudge
 from parcours.studies.foreign.made import Maker
 from parcours.studies.foreign.system import answer_call
@@ -48,13 +49,14 @@ class AbstractDrive:
         judge: of the case; the session's listener is its `observe`.
         maker: makes the tester's messages.
         events: `serialise(abstract_case)`.
+        early: requests that came before the case began.
         patience: so long an event may take once it is its turn [ns].
     """
 
     def __init__(self, session: Session, judge: AbstractJudge, maker: Maker, events: Sequence[Event],
-                 patience: int = PATIENCE) -> None:  # fmt: skip
+                 early: Sequence[Message] = (), patience: int = PATIENCE) -> None:  # fmt: skip
         self._session, self._relay, self._judge, self._maker = session, session.relay, judge, maker
-        self._events, self._patience = events, patience
+        self._events, self._patience, self._early = events, patience, early
         self._seats: dict[int, Seat] = {
             seat.reference: seat for seat in session.seating.seats if seat.reference is not None
         }
@@ -77,22 +79,11 @@ class AbstractDrive:
             key: {send.channel for transition in one.transitions for send in transition.sends}
             for key, one in machines.items()
         }
-        self._background = self._sensed()
+        self._background = Background(session, maker, events)
         self._relay.arrived, self._relay.unserved = self._arrived, self._unserved
 
     def _is_bound(self, channel: str) -> bool:
         return any(one.name == channel and one.role == "model" for one in self._session.host.binding.channels)
-
-    def _sensed(self) -> list[list[object]]:
-        """Return [channel, seat or None, period, due] of what is told all the time, unless the case tells it."""
-        system = self._session.host.binding.system
-        found: list[list[object]] = []
-        for channel, period in system.sense if system else ():
-            told = {e.reference for e in self._events if e.receives is not None and e.receives.channel == channel}
-            for spoke in self._session.seating.speaking(channel):
-                if self._of_seat.get(spoke.seat, -1) not in told:
-                    found.append([channel, spoke.seat or None, round(period * 1e9), 0])
-        return found
 
     def run(self) -> None:
         """Run the case to its end, or to the first event that cannot be had.
@@ -102,9 +93,11 @@ class AbstractDrive:
         """
         session = self._session
         begin = session.case_began + _SETTLE
+        for message in self._early:
+            self._arrived(message)
         while not self._is_over():
             now = session.now()
-            self._tell_background(now)
+            self._background.tell(now)
             if now >= begin:
                 self._grant(now)
             session.poll(session.now() + 5_000_000)
@@ -119,14 +112,6 @@ class AbstractDrive:
         watch = self._judge.watch
         wrong = self._failed or watch.deviations or self._session.deaths or watch.unreadable
         return bool(wrong) or len(self._done) == len(self._events)
-
-    def _tell_background(self, now: int) -> None:
-        for entry in self._background:
-            channel, seat, period, due = entry
-            assert isinstance(channel, str) and isinstance(period, int) and isinstance(due, int)
-            if now >= due:
-                entry[3] = now + period
-                self._relay.inject(channel, self._made(channel), seat if isinstance(seat, str) else None)
 
     def _made(self, channel: str) -> bytes:
         now = self._session.now() - self._session.case_began
@@ -254,7 +239,7 @@ class AbstractDrive:
         turn.missing.remove(message.channel)
         turn.last = message.time
         self._gated(turn.event, message)
-        if not turn.missing and (turn.is_given or not self._is_due(turn.event)):
+        if not turn.missing:
             turn.is_given = True
             self._finish(reference, turn)
 

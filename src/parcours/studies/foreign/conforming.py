@@ -91,7 +91,7 @@ class _Followed:
         own = {channel: time for channel, time in quiescence.items() if channel in sends}
         self.checker = Checker(cefsm, component=self._base, observes="messages", quiescence=own, fields=fields)
         self._number = 0
-        self._waiting: deque[TraceEvent] = deque()
+        self._waiting: deque[tuple[int, TraceEvent]] = deque()  # since when, in its own time
         self._stopped: int | None = 0  # nothing is owed before the case begins
         self._away = self._last = 0
 
@@ -123,24 +123,18 @@ class _Followed:
     def send(self, event: TraceEvent) -> None:
         """Note what it sent."""
         self.expire(event.time)
-        if any(one.channel == event.channel for one in self._waiting) or not self._may_come(event):
-            self._waiting.append(event)
+        if any(one.channel == event.channel for _, one in self._waiting) or not self._may_come(event):
+            self._waiting.append((self._own(event.time), event))
         else:
             self._pass(self._base, "", event)
         self._try_again(event.time)
 
     def expire(self, now: int) -> None:
         """See whether something did not come, or came in vain, by now [ns]."""
-        while self._waiting and now - self._waiting[0].time > SLACK:
-            self._pass(self._base, "", self._waiting.popleft(), now)
+        while self._waiting and self._own(now) - self._waiting[0][0] > SLACK:
+            self._pass(self._base, "", self._waiting.popleft()[1], now)
         if not self._waiting:
             self.checker.quiet(self._own(now))
-
-    def finish(self, now: int) -> None:
-        """Note that it was watched until now [ns]."""
-        while self._waiting:
-            self._pass(self._base, "", self._waiting.popleft(), now)
-        self.checker.quiet(self._own(now))
 
     def deviation(self) -> Deviation | None:
         """Return the first deviation, at the time of the trace."""
@@ -155,9 +149,9 @@ class _Followed:
         while again:
             again = False
             seen: set[str] = set()
-            for one in list(self._waiting):
+            for since, one in list(self._waiting):
                 if one.channel not in seen and self._may_come(one):
-                    self._waiting.remove(one)
+                    self._waiting.remove((since, one))
                     self._pass(self._base, "", one, now)
                     again = True
                     break
@@ -243,11 +237,6 @@ class Conformers:
         """Take note that nothing else happened until now [ns]."""
         for followed in self._followed.values():
             followed.expire(now)
-
-    def finish(self, now: int) -> None:
-        """Take note that everything was watched until now [ns]."""
-        for followed in self._followed.values():
-            followed.finish(now)
 
     @property
     def deviations(self) -> tuple[Deviation, ...]:

@@ -99,6 +99,8 @@ class _Watch:
 
     def close(self) -> None:
         self._follow(self.ended if self.ended >= 0 else _EVER)
+        if self.ended >= 0 and not self._is_lost:
+            self._follower.quiet(self.ended)
         if isinstance(self._follower, Beside):
             self.is_unfinished = not self._follower.close()
             self._follower = self.conformers

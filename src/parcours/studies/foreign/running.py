@@ -10,6 +10,8 @@ from pathlib import Path
 
 from parcours.errors import BadRequest, HostFailure
 from parcours.report.timings import Timed
+from parcours.run.binding.passing import Message
+from parcours.run.binding.relay import Relay
 from parcours.run.binding.seats import Seating, apart, whole
 from parcours.run.faults import FaultPlan
 from parcours.run.hosts.ros1.foreign import ForeignHost
@@ -107,6 +109,21 @@ class _Ear:
         self._early.clear()
 
 
+class _Early:
+    """What is done with messages that come before a case begins: topics are noted, requests wait for it."""
+
+    def __init__(self, relay: Relay) -> None:
+        self.calls: list[Message] = []
+        self._relay = relay
+        relay.arrived = self._arrived
+
+    def _arrived(self, message: Message) -> None:
+        if message.call is not None:
+            self.calls.append(message)
+        else:
+            self._relay.collect(message)
+
+
 class ForeignStudy:
     """Runs what is wanted.
 
@@ -165,6 +182,7 @@ class ForeignStudy:
         seating = apart(self._host.binding, scene.references)
         ear = _Ear()
         session = Session(self._host, seating, faults=self._wanted.faults, listener=ear)
+        early = _Early(session.relay)
         try:
             self._begin(session)
             compiled = self._host.compile()
@@ -172,7 +190,7 @@ class ForeignStudy:
             judge = AbstractJudge(compiled, scene.events, names, live=True)
             tape = self._tape(session, scene.id, {"kind": "abstract", "names": " ".join(names)})
             ear.tell(judge.observe, *([tape.write] if tape else []))
-            drive = AbstractDrive(session, judge, Maker(compiled, dict(scene.inputs)), scene.events)
+            drive = AbstractDrive(session, judge, Maker(compiled, dict(scene.inputs)), scene.events, early.calls)
             with real_time():
                 drive.run()
         finally:
@@ -236,24 +254,25 @@ class ForeignStudy:
 
     def _timing(self) -> Iterator[Result]:
         wanted, binding = self._wanted, self._host.binding
-        if not self._spans or not (wanted.repeats or wanted.system):
+        if not self._spans or not wanted.repeats:
             return
-        took, noise = {name: list(times) for name, times in self._passive.items()}, None
+        took = {name: list(times) for name, times in self._passive.items()}
         began = time.monotonic()
-        if wanted.repeats:
-            ear = _Ear()
-            session = Session(self._host, whole(binding), listener=ear)
-            try:
-                session.start()
-                with NoiseMeter(trips=2, work=100_000) as meter, real_time():
-                    exercise = Exercise(session, Maker(self._host.compile()), meter)
-                    ear.tell(exercise.listen)
-                    for span in self._spans:
-                        if exercise.can(span):
-                            took[span.name] = exercise.run(span, wanted.repeats + binding.warm_up)
-                    noise = meter.noise()
-            finally:
-                session.end()
+        ear = _Ear()
+        session = Session(self._host, whole(binding), listener=ear)
+        try:
+            session.start()
+            with NoiseMeter(trips=2, work=100_000) as meter, real_time():
+                exercise = Exercise(session, Maker(self._host.compile()), meter)
+                ear.tell(exercise.listen)
+                for span in self._spans:
+                    if exercise.can(span):
+                        took[span.name] = exercise.run(span, wanted.repeats + binding.warm_up)
+                    else:
+                        meter.sample(wanted.repeats)
+                noise = meter.noise()
+        finally:
+            session.end()
         for span in self._spans:
             for one in timed(span, took[span.name], binding.warm_up, noise):
                 id = f"timing/{span.name}/{one.bound}"

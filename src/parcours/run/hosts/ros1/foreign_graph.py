@@ -9,16 +9,16 @@ from __future__ import annotations
 import contextlib
 import os
 import select
-import socket
 import threading
 import time
 from collections.abc import Callable
 
 from parcours.errors import HostFailure
+from parcours.run.hosts.ros1.foreign_door import Door
 from parcours.run.hosts.ros1.foreign_ends import ANY, WITHIN, Caller, Counter, Ear, Kind, Mouth, Reply, opened
 from parcours.run.hosts.ros1.graph import Slave, ask, ask_all
 from parcours.run.hosts.ros1.master import LOOPBACK
-from parcours.run.hosts.ros1.streams import ANSWERED, REFUSED, Stream, read_header, write_header
+from parcours.run.hosts.ros1.streams import Stream
 
 
 class Middle:
@@ -42,7 +42,7 @@ class Middle:
         self._poll.register(self._wake, select.EPOLLIN)
         self._watched: dict[int, Callable[[], None]] = {}
         self._closed = False
-        self._door = socket.create_server((LOOPBACK, 0))
+        self._door = Door(self, self._mouths, self._counters, refused)
         self._slave = Slave(master, {
             "requestTopic": self._where, "publisherUpdate": self._update, "shutdown": lambda *reason: 0,
             "getPublications": lambda: [[one.topic, one.kind.type] for one in self._mouths.values()],
@@ -50,8 +50,6 @@ class Middle:
             "getBusInfo": self._connections,
         })  # fmt: skip
         self.uri = self._slave.uri
-        self._doorman = threading.Thread(target=self._receive, daemon=True, name="ros1-door")
-        self._doorman.start()
 
     def publish(self, topic: str, kind: Kind, *, queue: int = 16, latch: bool = False) -> Mouth:
         """Offer a topic, at once. Raises HostFailure if the master refuses."""
@@ -70,7 +68,7 @@ class Middle:
     def serve(self, service: str, kind: Kind, asked: Callable[[str, bytes, Reply], None]) -> None:
         """Serve a service, from now on."""
         self._counters[service] = Counter(service, kind, asked)
-        at = f"rosrpc://{LOOPBACK}:{self._door.getsockname()[1]}"
+        at = f"rosrpc://{LOOPBACK}:{self._door.port}"
         ask(self.master, "registerService", self.name, service, at, self.uri)
 
     def call(self, service: str, kind: Kind) -> Caller:
@@ -79,7 +77,7 @@ class Middle:
 
     def leave(self, names: list[str]) -> None:
         """Withdraw topics and services of these names, and end what is connected to them."""
-        at = f"rosrpc://{LOOPBACK}:{self._door.getsockname()[1]}"
+        at = f"rosrpc://{LOOPBACK}:{self._door.port}"
         calls: list[tuple[str, tuple[object, ...]]] = []
         for name in names:
             if self._mouths.pop(name, None):
@@ -188,9 +186,6 @@ class Middle:
         with self._lock:
             self._closed = True
         self._slave.close()
-        with contextlib.suppress(OSError):
-            self._door.shutdown(socket.SHUT_RDWR)
-        self._doorman.join()
         self._door.close()
         for stream, _, _ in list(self._streams.values()):
             stream.close()
@@ -205,7 +200,7 @@ class Middle:
             raise HostFailure(self.name, f"does not publish {topic}", slug="ros1-header")
         if not any(protocol and protocol[0] == "TCPROS" for protocol in protocols):
             raise HostFailure(self.name, "speaks TCPROS only", slug="ros1-header")
-        return ["TCPROS", LOOPBACK, self._door.getsockname()[1]]
+        return ["TCPROS", LOOPBACK, self._door.port]
 
     def _update(self, topic: str, publishers: list[str]) -> int:
         if topic in self._ears:
@@ -256,62 +251,3 @@ class Middle:
                 del ear.streams[uri]
 
         self.attend(stream, lambda mark, data: ear.heard(stream.peer, data), lost)
-
-    def _receive(self) -> None:
-        while True:
-            try:
-                connection, _ = self._door.accept()
-            except OSError:
-                return
-            threading.Thread(target=self._welcome, args=(connection,), daemon=True, name="ros1-welcome").start()
-
-    def _welcome(self, connection: socket.socket) -> None:
-        connection.settimeout(WITHIN)
-        complaint = ""
-        with contextlib.suppress(OSError):
-            try:
-                complaint = self._admit(connection, read_header(connection))
-            except HostFailure as failure:
-                complaint = failure.rule
-            if complaint:
-                self._refused(complaint)
-                with contextlib.suppress(OSError):
-                    write_header(connection, {"error": complaint})
-                connection.close()
-
-    def _admit(self, connection: socket.socket, header: dict[str, str]) -> str:
-        """Let the other end in, or return why not."""
-        who = header.setdefault("callerid", "?")
-        if "topic" in header:
-            mouth = self._mouths.get(header["topic"])
-            if mouth is None:
-                return f"{header['topic']}: {who} wants to hear it, but {self.name} does not publish it"
-            if not mouth.kind.agrees(header):
-                theirs = f"{header.get('type', 'something')}, md5 {header.get('md5sum')}"
-                return f"{mouth.topic}: carries {mouth.kind.type}, but {who} wants {theirs}"
-            stream = mouth.join(connection, header)
-            self.attend(stream, lambda mark, data: None, lambda: mouth.leave(stream))
-            return ""
-        counter = self._counters.get(header.get("service", ""))
-        if counter is None:
-            return f"{header.get('service', 'a connection')}: {who} calls it, but {self.name} does not serve it"
-        told = counter.kind.fields() | {"callerid": self.name, "service": counter.service}
-        if not counter.kind.agrees(header):
-            return f"{counter.service}: is {counter.kind.type}, but {who} calls it with md5 {header.get('md5sum')}"
-        write_header(connection, told)
-        if header.get("probe") == "1":
-            connection.close()
-            return ""
-        stream = Stream(connection, who)
-        once = header.get("persistent") != "1"
-        self.attend(stream, lambda mark, data: counter.asked(who, data, self._replying(stream, once)), lambda: None)
-        return ""
-
-    def _replying(self, stream: Stream, once: bool) -> Reply:
-        def reply(data: bytes | None) -> None:
-            told = b"the call failed" if data is None else data
-            stream.send(told, mark=REFUSED if data is None else ANSWERED)
-            if stream.waits:
-                self.await_room(stream)
-
-        return reply

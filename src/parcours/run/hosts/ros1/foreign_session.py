@@ -165,6 +165,8 @@ class Session:
         match one.kind:
             case "bound":
                 spokes = [spoke for spoke in self.seating.spokes if spoke.seat == seat.name]
+                if any(call.client == seat.name for call in self.relay.calls) and self.now() - began > _EARLIEST:
+                    return True  # it waits for an answer before it goes on
                 return all(host.is_connected(spoke, seat.ros_node) for spoke in spokes)
             case "after":
                 return self.now() - began >= float(one.value) * 1e9

@@ -1,0 +1,97 @@
+"""Connections that others make -> listeners of the tester's topics, clients of its services, or told why not."""
+
+from __future__ import annotations
+
+import contextlib
+import socket
+import threading
+from collections.abc import Callable, Mapping
+
+from parcours.errors import HostFailure
+from parcours.run.hosts.ros1.foreign_ends import WITHIN, Counter, Mouth, Owner, Reply
+from parcours.run.hosts.ros1.master import LOOPBACK
+from parcours.run.hosts.ros1.streams import ANSWERED, REFUSED, Stream, read_header, write_header
+
+
+class Door:
+    """Where others connect, on loopback; each connection is welcomed in a thread of its own.
+
+    Args:
+        owner: to whom the ends belong.
+        mouths: topic -> where the tester publishes.
+        counters: service -> what the tester serves.
+        refused: told of connections that were declined, and why.
+    """
+
+    def __init__(self, owner: Owner, mouths: Mapping[str, Mouth], counters: Mapping[str, Counter],
+                 refused: Callable[[str], None]) -> None:  # fmt: skip
+        self._owner, self._mouths, self._counters, self._refused = owner, mouths, counters, refused
+        self._door = socket.create_server((LOOPBACK, 0))
+        self.port: int = self._door.getsockname()[1]
+        self._doorman = threading.Thread(target=self._receive, daemon=True, name="ros1-door")
+        self._doorman.start()
+
+    def close(self) -> None:
+        """Let nobody in any more."""
+        with contextlib.suppress(OSError):
+            self._door.shutdown(socket.SHUT_RDWR)
+        self._doorman.join()
+        self._door.close()
+
+    def _receive(self) -> None:
+        while True:
+            try:
+                connection, _ = self._door.accept()
+            except OSError:
+                return
+            threading.Thread(target=self._welcome, args=(connection,), daemon=True, name="ros1-welcome").start()
+
+    def _welcome(self, connection: socket.socket) -> None:
+        connection.settimeout(WITHIN)
+        complaint = ""
+        with contextlib.suppress(OSError):
+            try:
+                complaint = self._admit(connection, read_header(connection))
+            except HostFailure as failure:
+                complaint = failure.rule
+            if complaint:
+                self._refused(complaint)
+                with contextlib.suppress(OSError):
+                    write_header(connection, {"error": complaint})
+                connection.close()
+
+    def _admit(self, connection: socket.socket, header: dict[str, str]) -> str:
+        """Let the other end in, or return why not."""
+        who = header.setdefault("callerid", "?")
+        if "topic" in header:
+            mouth = self._mouths.get(header["topic"])
+            if mouth is None:
+                return f"{header['topic']}: {who} wants to hear it, but {self._owner.name} does not publish it"
+            if not mouth.kind.agrees(header):
+                theirs = f"{header.get('type', 'something')}, md5 {header.get('md5sum')}"
+                return f"{mouth.topic}: carries {mouth.kind.type}, but {who} wants {theirs}"
+            stream = mouth.join(connection, header)
+            self._owner.attend(stream, lambda mark, data: None, lambda: mouth.leave(stream))
+            return ""
+        counter = self._counters.get(header.get("service", ""))
+        if counter is None:
+            return f"{header.get('service', 'a connection')}: {who} calls it, but {self._owner.name} does not serve it"
+        told = counter.kind.fields() | {"callerid": self._owner.name, "service": counter.service}
+        if not counter.kind.agrees(header):
+            return f"{counter.service}: is {counter.kind.type}, but {who} calls it with md5 {header.get('md5sum')}"
+        write_header(connection, told)
+        if header.get("probe") == "1":
+            connection.close()
+            return ""
+        stream = Stream(connection, who)
+        self._owner.attend(stream, lambda mark, data: counter.asked(who, data, self._replying(stream)), lambda: None)
+        return ""
+
+    def _replying(self, stream: Stream) -> Reply:
+        def reply(data: bytes | None) -> None:
+            told = b"the call failed" if data is None else data
+            stream.send(told, mark=REFUSED if data is None else ANSWERED)
+            if stream.waits:
+                self._owner.await_room(stream)
+
+        return reply
