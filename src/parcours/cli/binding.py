@@ -76,7 +76,8 @@ def _check_live(binding: Binding, master: str) -> None:
         session = Session(host, whole(binding))
         try:
             session.start()
-            session.require_graph()
+            if session.readiness.findings():
+                raise session.readiness.complaint([])
         finally:
             session.end()
 

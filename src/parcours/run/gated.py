@@ -8,7 +8,6 @@ instances are does not matter: in this process (`execute`), in others, or on ROS
 
 from __future__ import annotations
 
-import contextlib
 from collections import Counter, deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -99,7 +98,7 @@ def enforce(
         HostFailure: the host cannot go on.
     """
     _check(events)
-    with uninterrupted() if instances.clock == "wall" else contextlib.nullcontext():
+    with uninterrupted(instances.clock == "wall"):
         return _Enforcement(events, instances, supply, case, strict, patience).run()
 
 

@@ -11,15 +11,16 @@ from collections.abc import Iterator
 
 
 @contextlib.contextmanager
-def uninterrupted() -> Iterator[None]:
-    """Run the block without garbage collection; afterwards it is as it was.
+def uninterrupted(wanted: bool = True) -> Iterator[None]:
+    """Run the block without garbage collection, if that is wanted; afterwards it is as it was.
 
     >>> with uninterrupted():
     ...     gc.isenabled()
     False
     """
     was = gc.isenabled()
-    gc.disable()
+    if wanted:
+        gc.disable()
     try:
         yield
     finally:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 import struct
 from collections.abc import Callable, Iterator, Sequence
-from typing import Any, Literal, Protocol, get_args
+from typing import Any, Literal, Protocol, cast, get_args
 
 import numpy as np
 
@@ -78,6 +78,32 @@ def corrupted_bytes(data: bytes, seed: int, how: How = "any") -> bytes:
     spoilt = bytearray(data)
     spoilt[place // 8] ^= 1 << (place % 8)
     return bytes(spoilt)
+
+
+class BytesCodec(Protocol):
+    """Payloads <-> bytes; with a flat form, too, messages are corrupted field by field."""
+
+    def encode(self, channel: str, payload: Any) -> bytes:
+        """Return the payload's bytes."""
+
+    def decode(self, channel: str, data: bytes) -> Any:
+        """Return the payload."""
+
+
+def corrupted_message(codec: BytesCodec, channel: str, data: bytes, seed: int, how: How = "any") -> tuple[bytes, str]:
+    """Return the bytes of a message with its content changed, and in words what was changed.
+
+    Where the codec also has a flat form, a field is changed; if no message can be made of that any more, or there is no
+    such form, bytes are.
+    """
+    if not hasattr(codec, "flatten"):
+        return corrupted_bytes(data, seed, how), "bytes changed"
+    flat = cast(FlatCodec, codec)
+    changed, said = corrupted(flat.flatten(channel, codec.decode(channel, data)), seed, how)
+    try:
+        return codec.encode(channel, flat.restore(channel, changed)), said
+    except Exception:
+        return corrupted_bytes(data, seed, "length"), f"{said}: no message any more, sent as bytes"
 
 
 def _words(seed: int) -> Words:

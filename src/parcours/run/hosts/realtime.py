@@ -11,22 +11,22 @@ import signal
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
 from typing import cast
 
 from parcours.errors import BadRequest, HostFailure, one_of
 from parcours.run.clocks import WallClock
-from parcours.run.faults.corruption import FlatCodec, corrupted, corrupted_bytes
+from parcours.run.faults.corruption import corrupted_message
 from parcours.run.faults.fates import UNTOUCHED, Fate, Fates
 from parcours.run.faults.plan import FaultPlan
 from parcours.run.faults.signals import Signal, signals
 from parcours.run.hosts.frames import Broke, Died, Dropped, Idle, Ready, Received, Report, Rest, Run, Took, Wire
+from parcours.run.hosts.ledger import Ledger
 from parcours.run.hosts.processes import ending
 from parcours.run.hosts.resident import Codec, Fabric
 from parcours.run.hosts.seats import Answer, Answering, silence
 from parcours.run.noise import Noise
 from parcours.run.port import ENVIRONMENT, Component, Link, Step
-from parcours.run.trace import Kind, Trace, TraceEvent
+from parcours.run.trace import Trace, TraceEvent
 from parcours.run.uninterrupted import uninterrupted
 
 _SIGNALS = {"stop": signal.SIGSTOP, "continue": signal.SIGCONT, "kill": signal.SIGKILL}
@@ -85,8 +85,8 @@ class RealTimeHost:
         self._clear()
 
     def _clear(self) -> None:
-        self._events: list[TraceEvent] = []
-        self._payloads: dict[int, object] = {}
+        self._ledger = Ledger(self._codec, self._listener)
+        self._record = self._ledger.record
         self._begun = False
         self._until = 0
         self._sent = self._order = 0
@@ -120,8 +120,7 @@ class RealTimeHost:
 
     def trace(self, case: str = "", noise: Noise | None = None) -> Trace:
         """Return what has happened since the beginning or the last reset; payloads included."""
-        events = sorted(map(self._opened, self._events), key=lambda event: event.time)
-        return Trace("wall", tuple(events), self.label, case, noise)
+        return Trace("wall", self._ledger.events(), self.label, case, noise)
 
     def note(self, text: str) -> None:
         """Write a remark of the tester's into the trace."""
@@ -281,7 +280,9 @@ class RealTimeHost:
         self._record("note", now, component=link.sender, wire=wire, number=number,
                      text=f"fault: {wire.channel} {fate.why}")  # fmt: skip
         if fate.corrupt is not None:
-            wire = self._corrupted(wire, fate)
+            data, said = corrupted_message(self._codec, wire.channel, wire.data, fate.corrupt, fate.how)
+            wire = Wire(wire.channel, data)
+            self._record("note", now, component=link.sender, text=f"fault: {wire.channel} {said}")
         arrival = now + fate.copies[0]
         for copy in fate.copies:
             later = copy - fate.copies[0]
@@ -289,19 +290,6 @@ class RealTimeHost:
                 self._at(arrival + later, lambda: self._hand_over(link, wire, number))
             else:
                 arrival = self._pass_on(link, wire, number, arrival)
-
-    def _corrupted(self, wire: Wire, fate: Fate) -> Wire:
-        assert fate.corrupt is not None
-        codec = cast(FlatCodec, self._codec)
-        if not hasattr(codec, "flatten"):
-            return Wire(wire.channel, corrupted_bytes(wire.data, fate.corrupt, fate.how))
-        values = codec.flatten(wire.channel, self._codec.decode(wire.channel, wire.data))
-        changed, said = corrupted(values, fate.corrupt, fate.how)
-        try:
-            return Wire(wire.channel, self._codec.encode(wire.channel, codec.restore(wire.channel, changed)))
-        except Exception:
-            self._record("note", self._now(), text=f"fault: {wire.channel} {said}: no message any more, sent as bytes")
-            return Wire(wire.channel, corrupted_bytes(wire.data, fate.corrupt, "length"))
 
     def _pass_on(self, link: Link, wire: Wire, number: int, when: int) -> int:
         """Hand over a message at a time, but not before those that are on their way; return when that will be."""
@@ -351,29 +339,6 @@ class RealTimeHost:
                 self._record("take", now, component=part.name, transition=step.transition)
             for channel, payload in step.sends:
                 self._send(part.name, Wire(channel, self._codec.encode(channel, payload)), now)
-
-    def _record(self, kind: Kind, when: int, *, component: str = "", wire: Wire | None = None, number: int = -1,
-                transition: str = "", text: str = "") -> None:  # fmt: skip
-        channel = wire.channel if wire else ""
-        event = TraceEvent(when, kind, component, transition, channel, number, text, wire)
-        self._events.append(event)
-        if self._listener is not None:
-            self._listener(self._opened(event))
-
-    def _opened(self, event: TraceEvent) -> TraceEvent:
-        if not isinstance(event.payload, Wire):
-            return event
-        return replace(event, payload=self._payload(event.payload))
-
-    def _payload(self, wire: Wire) -> object:
-        """Return what was sent; events of one message share it."""
-        if id(wire) not in self._payloads:
-            try:
-                payload = self._codec.decode(wire.channel, wire.data)
-            except BadRequest:
-                payload = None  # corrupted on purpose: no message any more
-            self._payloads[id(wire)] = payload
-        return self._payloads[id(wire)]
 
     def rest(self) -> None:
         """Let the nodes forget what they were doing; the trace stays.

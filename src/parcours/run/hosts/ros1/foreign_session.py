@@ -12,17 +12,15 @@ from pathlib import Path
 from typing import cast
 
 from parcours.errors import HostFailure
-from parcours.model.finding import Finding
-from parcours.run.binding.graph import Graph, graph_findings
 from parcours.run.binding.passing import BEGINS, STALLED
 from parcours.run.binding.relay import Relay
 from parcours.run.binding.seats import Seat, Seating
-from parcours.run.binding.structure import Ready
 from parcours.run.faults import FaultPlan
 from parcours.run.faults.signals import Signal, signals
 from parcours.run.hosts.realtime import DIED
 from parcours.run.hosts.ros1.foreign import ForeignHost
 from parcours.run.hosts.ros1.foreign_nodes import NodeProcess
+from parcours.run.hosts.ros1.foreign_ready import Readiness
 from parcours.run.noise import Noise
 from parcours.run.trace import Trace, TraceEvent
 
@@ -32,9 +30,6 @@ _STEP = 5_000_000
 
 _SETTLED = 100_000_000
 """A connection that has just been made may not yet be known at the other end: so long is waited [ns]."""
-
-_EARLIEST, _LOOK, _SAME = 1_500_000_000, 200_000_000, 1_000_000_000
-"""A graph that has not changed for `_SAME` counts as complete; when, and how often, it is looked at [ns]."""
 
 _BEAT, _STALL = 10_000_000, 20_000_000
 """So often it is seen whether the machine lets processes run, and what is late by more is noted [ns]."""
@@ -75,13 +70,11 @@ class Session:
         self._beat, self._beats = 0, b""
         self._canary: subprocess.Popen[bytes] | None = None
         self._line = -1
-        self._looked, self._changed, self._state = 0, 0, Graph()
         self._faults = faults or FaultPlan(0)
         self._lost: dict[str, int] = {}
-        self._messages: set[str] = set()
         self._over = threading.Event()
         self._pinging: threading.Thread | None = None
-        components = [component for seat in seating.seats for component in seat.node.components]
+        components = [component for node in host.binding.nodes for component in node.components]
         self._faults.check([channel.name for channel in host.binding.channels], components)
 
     def now(self) -> int:
@@ -103,19 +96,10 @@ class Session:
         self.host.attach(self.seating, self.relay.heard, self.relay.asked)
         self._listen_to_machine()
         self.host.start(list(self.seating.seats))
-        began = self.now()
-        waiting = {seat.name: list(seat.node.ready) for seat in self.seating.seats}
-        while any(waiting.values()):
+        self.readiness = Readiness(self.host, self.seating, self.relay, self.now)
+        while not self.readiness.looks():
             self.poll(self.now() + _STEP)
             self._must_live()
-            for seat in self.seating.seats:
-                waiting[seat.name] = [one for one in waiting[seat.name] if not self._holds(seat, one, began)]
-            late = [
-                (seat, one) for seat in self.seating.seats for one in waiting[seat.name]
-                if self.now() - began > one.timeout * 1e9
-            ]  # fmt: skip
-            if late or (any(waiting.values()) and self._has_settled(began)):
-                raise self._not_ready(late)
         until = self.now() + _SETTLED
         while self.now() < until:
             self.poll(until)
@@ -146,69 +130,6 @@ class Session:
             self._beat = when - self.zero
             if late > _STALL:
                 self.relay.note(f"{STALLED}{late}", time=max(self._beat - late, 0))
-
-    def _has_settled(self, began: int) -> bool:
-        """Whether nodes that have the usual time to start have registered what they will, and something is missing."""
-        now = self.now()
-        if now - began < _EARLIEST or now - self._looked < _LOOK:
-            return False
-        self._looked = now
-        if any(one.kind != "bound" or one.timeout != 4.0 for seat in self.seating.seats for one in seat.node.ready):
-            return False
-        state = self.host.master.state()
-        if state != self._state:
-            self._state, self._changed = state, now
-        return now - self._changed > _SAME and bool(self.findings())
-
-    def _holds(self, seat: Seat, one: Ready, began: int) -> bool:
-        host = self.host
-        match one.kind:
-            case "bound":
-                spokes = [spoke for spoke in self.seating.spokes if spoke.seat == seat.name]
-                if any(call.client == seat.name for call in self.relay.calls) and self.now() - began > _EARLIEST:
-                    return True  # it waits for an answer before it goes on
-                return all(host.is_connected(spoke, seat.ros_node) for spoke in spokes)
-            case "after":
-                return self.now() - began >= float(one.value) * 1e9
-            case "parameter":
-                return bool(host.master.parameter(one.name) == one.value)
-            case "node":
-                return bool(host.master.address_of(one.name))
-            case "message":
-                return any(one.name == host.binding.channel(event.channel).address for event in self.relay.events
-                           if event.kind == "send")  # fmt: skip
-        state = host.master.state()
-        tables = (state.servers,) if one.kind == "service" else (state.publishers, state.subscribers)
-        return any(table.get(one.name) for table in tables)
-
-    def _not_ready(self, late: list[tuple[Seat, Ready]]) -> HostFailure:
-        found = self.findings()
-        where = self.host.binding.source or self.host.binding.name
-        if found:
-            if len(found) == 1:
-                return HostFailure(found[0].where, found[0].message, found[0].remedy, slug=found[0].rule)
-            listed = "".join(f"\n  {one}" for one in found) + "\n "
-            rule = f"the running system must have what is bound, but {len(found)} things are wrong:{listed}"
-            return HostFailure(where, rule, "correct them from the first on", slug=found[0].rule)
-        names = ", ".join(dict.fromkeys(f"{seat.name} ({_said(one)})" for seat, one in late))
-        seat, one = late[0]
-        process = self.host.running.get(seat.name)
-        said = process[1].tail() if process else []
-        why = "; ".join(self.host.refusals[:3]) or (f"its last lines: {' | '.join(said)}" if said else "no sign of it")
-        rule = f"must be ready within {one.timeout:g} s, but is not: {why}"
-        return HostFailure(f"{where}:{one.line}: node {names}", rule, "see 'ready' and 'timeout'", slug="foreign-ready")
-
-    def require_graph(self) -> None:
-        """Compare everything bound with what is registered. Raises HostFailure with all that is missing."""
-        if self.findings():
-            raise self._not_ready([])
-
-    def findings(self) -> list[Finding]:
-        """Return what the graph lacks, or has with another type, by now."""
-        graph = self.host.master.graph(self.host.binding, {s.address for s in self.seating.spokes if s.is_service})
-        if any(seat.reference is not None for seat in self.seating.seats):
-            return []
-        return graph_findings(self.host.binding, graph, self.seating.absent)
 
     def _must_live(self) -> None:
         for seat, process in self._processes():
@@ -322,7 +243,3 @@ class Session:
         """Return what has happened, payloads as raw messages."""
         events = sorted(self.relay.events, key=lambda event: event.time)
         return Trace("wall", tuple(events), "ros1, foreign", case, noise)
-
-
-def _said(one: Ready) -> str:
-    return "all that is bound to it" if one.kind == "bound" else f"{one.kind} {one.name or one.value}"

@@ -1,0 +1,118 @@
+"""A seating whose processes are starting -> whether all of it is there, or what is missing, with its line."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from parcours.errors import HostFailure
+from parcours.model.finding import Finding
+from parcours.run.binding.graph import Graph, graph_findings
+from parcours.run.binding.relay import Relay
+from parcours.run.binding.seats import Seat, Seating
+from parcours.run.binding.structure import Ready
+from parcours.run.hosts.ros1.foreign import ForeignHost
+
+_EARLIEST, _LOOK, _SAME = 1_500_000_000, 200_000_000, 1_000_000_000
+"""A graph that has not changed for `_SAME` counts as complete; when, and how often, it is looked at [ns]."""
+
+
+class Readiness:
+    """What is still waited for, from now on.
+
+    Args:
+        host: whose processes start.
+        seating: who is waited for.
+        relay: where messages come.
+        now: the time since the run began [ns].
+    """
+
+    def __init__(self, host: ForeignHost, seating: Seating, relay: Relay, now: Callable[[], int]) -> None:
+        self._host, self._seating, self._relay, self._now = host, seating, relay, now
+        self._began = now()
+        self._waiting = {seat.name: list(seat.node.ready) for seat in seating.seats}
+        self._looked, self._changed, self._state = 0, 0, Graph()
+
+    def looks(self) -> bool:
+        """Return whether everything is there.
+
+        Raises:
+            HostFailure: something is not, in its time, or will not be; the message lists what is missing.
+        """
+        for seat in self._seating.seats:
+            self._waiting[seat.name] = [one for one in self._waiting[seat.name] if not self._holds(seat, one)]
+        if not any(self._waiting.values()):
+            return True
+        now = self._now()
+        late = [
+            (seat, one) for seat in self._seating.seats for one in self._waiting[seat.name]
+            if now - self._began > one.timeout * 1e9
+        ]  # fmt: skip
+        if late or self._has_settled():
+            raise self.complaint(late)
+        return False
+
+    def _has_settled(self) -> bool:
+        """Whether nodes that have the usual time to start have registered what they will, and something is missing."""
+        now = self._now()
+        if now - self._began < _EARLIEST or now - self._looked < _LOOK:
+            return False
+        self._looked = now
+        if any(one.kind != "bound" or one.timeout != 4.0 for seat in self._seating.seats for one in seat.node.ready):
+            return False
+        state = self._host.master.state()
+        if state != self._state:
+            self._state, self._changed = state, now
+        return now - self._changed > _SAME and bool(self.findings())
+
+    def _holds(self, seat: Seat, one: Ready) -> bool:
+        host = self._host
+        match one.kind:
+            case "bound":
+                spokes = [spoke for spoke in self._seating.spokes if spoke.seat == seat.name]
+                if (
+                    any(call.client == seat.name for call in self._relay.calls)
+                    and self._now() - self._began > _EARLIEST
+                ):
+                    return True  # it waits for an answer before it goes on
+                return all(host.is_connected(spoke, seat.ros_node) for spoke in spokes)
+            case "after":
+                return self._now() - self._began >= float(one.value) * 1e9
+            case "parameter":
+                return bool(host.master.parameter(one.name) == one.value)
+            case "node":
+                return bool(host.master.address_of(one.name))
+            case "message":
+                return any(one.name == host.binding.channel(event.channel).address for event in self._relay.events
+                           if event.kind == "send")  # fmt: skip
+        state = host.master.state()
+        tables = (state.servers,) if one.kind == "service" else (state.publishers, state.subscribers)
+        return any(table.get(one.name) for table in tables)
+
+    def complaint(self, late: list[tuple[Seat, Ready]]) -> HostFailure:
+        """Return what is missing by now; `late` is what has not come in its time."""
+        found = self.findings()
+        where = self._host.binding.source or self._host.binding.name
+        if found:
+            if len(found) == 1:
+                return HostFailure(found[0].where, found[0].message, found[0].remedy, slug=found[0].rule)
+            listed = "".join(f"\n  {one}" for one in found) + "\n "
+            rule = f"the running system must have what is bound, but {len(found)} things are wrong:{listed}"
+            return HostFailure(where, rule, "correct them from the first on", slug=found[0].rule)
+        names = ", ".join(dict.fromkeys(f"{seat.name} ({_said(one)})" for seat, one in late))
+        seat, one = late[0]
+        process = self._host.running.get(seat.name)
+        said = process[1].tail() if process else []
+        why = "; ".join(self._host.refusals[:3]) or (f"its last lines: {' | '.join(said)}" if said else "no sign of it")
+        rule = f"must be ready within {one.timeout:g} s, but is not: {why}"
+        return HostFailure(f"{where}:{one.line}: node {names}", rule, "see 'ready' and 'timeout'", slug="foreign-ready")
+
+    def findings(self) -> list[Finding]:
+        """Return what the graph lacks, or has with another type, by now."""
+        graph = self._host.master.graph(self._host.binding, {s.address for s in self._seating.spokes if s.is_service})
+        if any(seat.reference is not None for seat in self._seating.seats):
+            return []
+        return graph_findings(self._host.binding, graph, self._seating.absent)
+
+
+def _said(one: Ready) -> str:
+    return "all that is bound to it" if one.kind == "bound" else f"{one.kind} {one.name or one.value}"

@@ -1,0 +1,268 @@
+"""What needs no ROS of testing nodes of others: who sits where, the relay, conformance from outside, the world."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import pytest
+
+from parcours.errors import HostFailure
+from parcours.run.binding import Binding, compile_binding, parse_binding, read_binding
+from parcours.run.binding.decoding import Decoder
+from parcours.run.binding.definitions import defined_types
+from parcours.run.binding.passing import BEGINS, CONTINUED, STALLED, STOPPED, Answered, Message
+from parcours.run.binding.relay import Relay
+from parcours.run.binding.seats import Seating, Spoke, apart, whole
+from parcours.run.faults.text import parse_plan
+from parcours.run.trace import TraceEvent
+from parcours.studies.foreign.cases import abstract_scenes, find_scene
+from parcours.studies.foreign.conforming import SLACK, Conformers, visible
+from parcours.studies.foreign.timing import Span, durations, spans
+from parcours.studies.foreign.world import ForeignWorld, Scene
+from parcours.verdict.facts import NEVER
+
+EXAMPLE = Path(__file__).parents[2] / "examples" / "ros1_python" / "binding.yaml"
+MS = 1_000_000
+
+
+@pytest.fixture(scope="module")
+def binding() -> Binding:
+    """The example's."""
+    return read_binding(EXAMPLE)
+
+
+def test_each_reference_of_a_case_has_a_process_behind_names_of_its_own(binding: Binding) -> None:
+    seating = apart(binding, {0: "Follower", 1: "Planner", 2: "Follower"})
+    assert [seat.name for seat in seating.seats] == ["Follower#0", "Planner#1", "Follower#2"]
+    first, _, second = seating.seats
+    assert (first.ros_node, second.ros_node) == ("/follower", "/follower_2")
+    assert "__name:=follower_2" in second.arguments
+    names = [{name for _, name in seat.remap} for seat in (first, second)]
+    assert names[0].isdisjoint(names[1])
+    assert "/plan:=/parcours/out/Follower_2/plan" in second.arguments
+
+
+def test_a_node_of_somebody_else_cannot_be_two_references() -> None:
+    text = EXAMPLE.read_text().replace("command: [/usr/bin/python3, follower.py]", "running: true")
+    for topic in ("/obstacles", "/plan"):
+        text = text.replace(f": {topic}\n", f": {topic}\n    out: /theirs{topic}\n    in: /mine{topic}\n")
+    theirs = parse_binding(text, str(EXAMPLE))
+    with pytest.raises(HostFailure, match="it is not started here"):
+        apart(theirs, {0: "Follower", 1: "Planner", 2: "Follower"})
+
+
+@dataclass
+class _Graph:
+    """Ends that remember what they were given, at a time that stands until it is moved."""
+
+    time: int = 0
+    said: list[tuple[str, bytes]] = field(default_factory=list)
+    asked: list[tuple[str, bytes, Answered]] = field(default_factory=list)
+
+    def say(self, spoke: Spoke, data: bytes) -> int:
+        self.said.append((spoke.address, data))
+        return 0
+
+    def ask(self, spoke: Spoke, data: bytes, answered: Answered) -> None:
+        self.asked.append((spoke.address, data, answered))
+
+    def abandon(self, spoke: Spoke, answered: Answered) -> None:
+        self.asked.clear()
+
+    def now(self) -> int:
+        return self.time
+
+
+def _relay(binding: Binding, faults: str = "") -> tuple[Relay, _Graph, Seating]:
+    graph, seating = _Graph(), whole(binding)
+    relay = Relay(binding, seating, graph, lambda channel: (channel, "*", ""), graph.now, parse_plan(faults))
+    relay.case_began = 0
+    return relay, graph, seating
+
+
+def _out(seating: Seating, channel: str) -> Spoke:
+    return next(one for one in seating.spokes if one.side == "out" and channel in one.channels)
+
+
+def _told(relay: Relay) -> list[tuple[str, str, str]]:
+    return [(event.kind, event.component, event.channel) for event in relay.events]
+
+
+def test_one_topic_of_two_channels_reaches_both_receivers_unchanged(binding: Binding) -> None:
+    relay, graph, seating = _relay(binding)
+    relay.heard(_out(seating, "obstacles"), b"as it came")
+    assert graph.said == [("/parcours/in/Planner/obstacles", b"as it came"),
+                          ("/parcours/in/Follower/obstacles", b"as it came")]  # fmt: skip
+    assert _told(relay) == [
+        ("send", "ObstacleFilter", "obstacles"), ("receive", "Planner", "obstacles"),
+        ("send", "ObstacleFilter", "obstacles_near"), ("receive", "Follower", "obstacles_near"),
+    ]  # fmt: skip
+
+
+def test_a_call_is_passed_on_and_its_answer_comes_back(binding: Binding) -> None:
+    relay, graph, seating = _relay(binding)
+    answers: list[bytes | None] = []
+    relay.asked(_out(seating, "plan_request"), b"ask", answers.append)
+    [(address, data, answered)] = graph.asked
+    assert (address, data, answers) == ("/plan", b"ask", [])
+    answered(b"answer", "")
+    assert answers == [b"answer"]
+    assert _told(relay)[-1] == ("receive", "Follower", "plan_response")
+    assert not relay.calls
+
+
+@pytest.mark.parametrize(("faults", "late"), [("", 1000 * MS), ("plan_response: drop 100 %", 0)])
+def test_a_call_without_an_answer_fails_for_its_client(binding: Binding, faults: str, late: int) -> None:
+    relay, graph, seating = _relay(binding, faults)
+    answers: list[bytes | None] = []
+    relay.asked(_out(seating, "plan_request"), b"ask", answers.append)
+    if faults:
+        graph.asked[0][2](b"answer", "")
+    graph.time = late + 1
+    relay.do_what_is_due()
+    assert answers == [None]
+    assert "drop" in {event.kind for event in relay.events}
+
+
+def test_a_delayed_message_keeps_its_place(binding: Binding) -> None:
+    relay, graph, seating = _relay(binding, "obstacles: delay 20 ms messages 0 to 0")
+    for data in (b"first", b"second"):
+        relay.heard(_out(seating, "obstacles"), data)
+    assert [data for address, data in graph.said if "Planner" in address] == []
+    graph.time = 20 * MS
+    relay.do_what_is_due()
+    assert [data for address, data in graph.said if "Planner" in address] == [b"first", b"second"]
+
+
+def test_what_is_kept_by_a_hook_goes_nowhere_until_it_is_released(binding: Binding) -> None:
+    relay, graph, seating = _relay(binding)
+    kept: list[Message] = []
+    relay.arrived = kept.append
+    relay.heard(_out(seating, "obstacles"), b"x")
+    assert (len(kept), graph.said) == (2, [])
+    relay.release(kept[0])
+    assert graph.said == [("/parcours/in/Planner/obstacles", b"x")]
+
+
+TEXTS = {
+    "geometry_msgs/Point": "float64 x\nfloat64 y\nfloat64 z",
+    "geometry_msgs/Vector3": "float64 x\nfloat64 y\nfloat64 z",
+    "geometry_msgs/Quaternion": "float64 x\nfloat64 y\nfloat64 z\nfloat64 w",
+    "geometry_msgs/Pose": "Point position\nQuaternion orientation",
+    "geometry_msgs/PoseStamped": "Header header\nPose pose",
+    "geometry_msgs/PoseArray": "Header header\nPose[] poses",
+    "geometry_msgs/Twist": "Vector3 linear\nVector3 angular",
+    "geometry_msgs/PoseWithCovariance": "Pose pose\nfloat64[36] covariance",
+    "geometry_msgs/TwistWithCovariance": "Twist twist\nfloat64[36] covariance",
+    "nav_msgs/Odometry": "Header header\nstring child_frame_id\ngeometry_msgs/PoseWithCovariance pose\n"
+    "geometry_msgs/TwistWithCovariance twist",
+    "nav_msgs/Path": "Header header\ngeometry_msgs/PoseStamped[] poses",
+    "nav_msgs/GetPlan": "geometry_msgs/PoseStamped start\ngeometry_msgs/PoseStamped goal\nfloat32 tolerance\n---\n"
+    "nav_msgs/Path plan",
+    "std_msgs/Bool": "bool data",
+    "std_msgs/Header": "uint32 seq\ntime stamp\nstring frame_id",
+}
+
+
+@pytest.fixture
+def follow(binding: Binding) -> Callable[..., Conformers]:
+    """Follows a component through (time [ms], kind, channel) or (time [ms], note)."""
+    compiled = compile_binding(binding, defined_types(TEXTS))
+
+    def followed(name: str, events: Sequence[tuple[int, str, str]], until: int) -> Conformers:
+        conformers = Conformers(compiled, [name], Decoder(binding, compiled.types))
+        conformers.observe(TraceEvent(0, "note", text=BEGINS))
+        for time, kind, channel in events:
+            is_note = kind == "note"
+            component = "" if is_note and channel.startswith(STALLED) else name
+            conformers.observe(TraceEvent(
+                time * MS, kind, component, channel="" if is_note else channel, text=channel if is_note else ""  # type: ignore[arg-type]
+            ))  # fmt: skip
+        conformers.quiet(until * MS)
+        return conformers
+
+    return followed
+
+
+def test_messages_on_two_topics_may_come_in_the_other_order(follow: Callable[..., Conformers]) -> None:
+    swapped = [(10, "send", "stopped"), (11, "send", "command"), (60, "send", "command"), (61, "send", "stopped")]
+    assert not follow("Follower", swapped, 700).deviations
+
+
+def test_a_message_whose_partner_never_comes_deviates(follow: Callable[..., Conformers]) -> None:
+    late = 10 + SLACK // MS
+    alone = [(10, "send", "stopped"), (late + 20, "receive", "odometry")]
+    [found] = follow("Follower", alone, late + 30).deviations
+    assert "stopped was sent, but nothing that it may do now sends it" in found.rule
+    assert "send command" in {str(one) for one in found.expected}
+
+
+@pytest.mark.parametrize(
+    ("meanwhile", "is_silent"),
+    [
+        ([], True),
+        ([(20, "note", f"{STALLED}{900 * MS}")], False),
+        ([(20, "note", STOPPED), (920, "note", CONTINUED)], False),
+        ([(500, "send", "obstacles"), (500, "send", "obstacles_near")], False),
+    ],
+)
+def test_silence_counts_but_not_while_nothing_could_be_said(
+    follow: Callable[..., Conformers], meanwhile: list[tuple[int, str, str]], is_silent: bool
+) -> None:
+    found = follow("ObstacleFilter", [(10, "receive", "detections"), *meanwhile], 1500).deviations
+    assert [one.rule for one in found] == ["nothing came on obstacles within 1000 ms, but must"] * is_silent
+
+
+def test_what_is_not_bound_is_left_out_of_the_model() -> None:
+    text = EXAMPLE.read_text()
+    begin, end = text.index("  stopped:\n    topic"), text.index("\n# Each wheel step")
+    text = text[:begin] + text[end:]
+    text = text[: text.index("events:")] + text[text.index("timing:") : text.index("system:")]
+    seen = visible(parse_binding(text, str(EXAMPLE)))
+    sent = {send.channel for part in seen.components for one in part.transitions() for send in one.sends}
+    assert "stopped" not in sent
+    assert "command" in sent
+    assert "o1" not in {one.id for one in seen.component("Follower").transitions()}
+
+
+def test_the_robot_is_driven_by_commands_until_they_run_out(binding: Binding) -> None:
+    assert binding.system is not None
+    world = ForeignWorld(binding.system, Scene(1, 0, "empty"))
+    world.command(0.25, 0.0, 100 * MS)
+    world.advance(590 * MS)
+    assert world.values(0, 0.0)["robot.v"] == pytest.approx(0.25)
+    world.advance(1500 * MS)
+    assert world.values(0, 0.0)["robot.v"] == pytest.approx(0.0)
+    assert world.values(0, 0.0)["odom.y"] == pytest.approx(0.0, abs=1e-12)
+    assert world.facts(Scene(1, 0, "empty"))["t_goal"][0] == NEVER
+
+
+def test_how_often_the_world_is_asked_changes_nothing(binding: Binding) -> None:
+    assert binding.system is not None
+    worlds = [ForeignWorld(binding.system, Scene(3, 4)) for _ in range(2)]
+    for now in range(0, 3000, 7):
+        worlds[0].advance(now * MS)
+    for world in worlds:
+        world.command(0.2, 0.5, 3000 * MS)
+        world.advance(4000 * MS)
+    assert worlds[0].facts(Scene(3, 4)).tobytes() == worlds[1].facts(Scene(3, 4)).tobytes()
+
+
+def test_spans_run_from_the_first_hop_to_the_last(binding: Binding) -> None:
+    assert [(span.name, span.begin, span.end) for span in spans(binding)] == [
+        ("plan", "plan_request", "plan_response"), ("sense_to_motion", "detections", "obstacles_near"),
+        ("filtering", "detections", "obstacles"),
+    ]  # fmt: skip
+
+
+def test_a_period_is_a_span_from_a_channel_to_itself() -> None:
+    events = [TraceEvent(time, kind, channel="a") for time in (0, 30, 70) for kind in ("send", "receive")]
+    assert durations(events, Span("period", "a", "a", ())) == [30, 40]
+
+
+def test_abstract_cases_are_found_by_their_ids(binding: Binding) -> None:
+    ids = [scene.id for scene in abstract_scenes(binding, 1)]
+    assert len(ids) == len(set(ids)) == 29
+    assert find_scene(binding, 1, ids[-1].removesuffix("/0")).id == ids[-1]
