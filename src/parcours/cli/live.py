@@ -11,7 +11,10 @@ import click
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from parcours.studies.ramp_components.study import Execute
+    from parcours.run.gated import Execution
+    from parcours.studies.hosting import Hosted
+    from parcours.studies.ramp_components.study import Execute, Functional, Timing
+    from parcours.suite import Case
 
 
 def run_component_cases(
@@ -40,13 +43,17 @@ def run_component_cases(
     require_writable(out)
     archive = Archive(out / "recordings", record, host) if record else None  # type: ignore[arg-type]
     say_if_cold()
-    functional, timing, wanted = [], [], len(plan) if cases is None else cases
+    functional: list[Functional] = []
+    timing: list[Timing] = []
+    wanted = len(plan) if cases is None else cases
     with progress() as report, _executors(host, graph) as (in_order, in_time):
         for case in plan.cases(0, wanted):
             functional.append(run_functional(case, in_order))
             if archive and host != "simulated":
                 archive.functional(functional[-1])
             report(f"functional cases, {host}", len(functional), wanted)
+        where = "here" if host == "simulated" else host
+        write_components(out, component_results(where, functional, timing))
         sample = paper_sample(component_plan(seed))
         listener = archive.repeat if archive else lambda case, trace: None
         for one in run_timing(sample, in_time, repeats=repeats, percent=percent, listener=listener,
@@ -54,7 +61,9 @@ def run_component_cases(
             timing.append(one)
             if archive:
                 archive.timing(one)
-    results = component_results("here" if host == "simulated" else host, functional, timing)
+            if len(timing) % 10 == 0:
+                write_components(out, component_results(where, functional, timing))
+    results = component_results(where, functional, timing)
     write_components(out, results)
     if as_json:
         print_json([{"id": r.id, "verdict": r.verdict, "why": r.why, "bound": r.bound} for r in results.results])
@@ -69,7 +78,11 @@ def run_component_cases(
 
 @contextlib.contextmanager
 def _executors(host: str, graph: str) -> Iterator[tuple[Execute, Execute]]:
-    """Yield what executes functional cases, in their very order, and timing cases, in real time."""
+    """Yield what executes functional cases, in their very order, and timing cases, in real time.
+
+    A host that has lost a node is started anew for the next case.
+    """
+    from parcours.errors import HostFailure
     from parcours.run.clocks import WallClock
     from parcours.run.port import links
     from parcours.studies.hosting import started
@@ -84,8 +97,25 @@ def _executors(host: str, graph: str) -> Iterator[tuple[Execute, Execute]]:
     inner = links(model)
     also = [link for link in system_links() if link.channel not in {one.channel for one in inner}]
     names = [component.name for component in model.components]
-    with started("component", host, (*inner, *also), names, graph) as hosted:
-        yield on(hosted.fabric, hosted.codec), on(hosted.fabric, hosted.codec, strict=False)
+    with contextlib.ExitStack() as running:
+
+        def start() -> Hosted:
+            running.close()
+            return running.enter_context(started("component", host, (*inner, *also), names, graph))
+
+        hosted = start()
+
+        def execute(case: Case, strict: bool) -> Execution:
+            nonlocal hosted
+            try:
+                return on(hosted.fabric, hosted.codec, strict=strict)(case)
+            except HostFailure as failure:
+                if failure.slug not in ("node-gone", "node-silent"):
+                    raise
+                hosted = start()
+                return on(hosted.fabric, hosted.codec, strict=strict)(case)
+
+        yield lambda case: execute(case, True), lambda case: execute(case, False)
 
 
 def run_system_cases(

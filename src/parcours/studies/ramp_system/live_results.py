@@ -125,6 +125,10 @@ class LiveLog:
         """Read what is there; a last line that was cut off is taken away."""
         text = self._path.read_text(encoding="utf-8")
         whole, _, cut = text.rpartition("\n")
+        if not whole:  # killed while it wrote its first line
+            self._path.unlink()
+            self._append(self._head)
+            return
         lines = whole.split("\n")
         try:
             head = json.loads(lines[0])
