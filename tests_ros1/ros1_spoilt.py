@@ -1,53 +1,114 @@
-"""RAMP's components with faults planted: one is silent, one breaks, one says what is wrong."""
+"""RAMP's components with faults planted: some are silent or break, others keep their order and say what is wrong."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
-from parcours.planners.ramp.messages import EvaluationResponse
+from parcours.planners.ramp.messages import (
+    PATH,
+    POSE,
+    EvaluationResponse,
+    ModificationRequest,
+    ModificationResponse,
+    Report,
+    TrajectoryResponse,
+    many,
+    one,
+)
 from parcours.run.hosts.ros1.packing import Ros1Resident
 from parcours.run.port import Component, Step
 from parcours.studies.ramp_components.resident import ComponentResident
 from parcours.studies.ramp_components.ros1 import CODEC
 
+Change = Callable[[Any, object], Any]
+"""(a step, the message that was handed over) -> the step, changed."""
+
+
+def _silent(step: Any, message: object) -> Any:
+    return step._replace(sends=())
+
+
+def _breaking(step: Any, message: object) -> Any:
+    if step.sends:
+        raise ValueError("no operator \\ \"fits\" <&> 'here'")
+    return step
+
+
+def _lying(step: Any, message: object) -> Any:
+    return step._replace(sends=tuple((channel, _lie(payload, message)) for channel, payload in step.sends))
+
+
+def _lie(payload: object, message: object) -> object:
+    match payload:
+        case EvaluationResponse():
+            return payload._replace(fitness=payload.fitness + 9.0)
+        case TrajectoryResponse():
+            short = payload.trajectories.copy()
+            short["n"] = 5
+            return payload._replace(trajectories=short)
+        case ModificationResponse() if isinstance(message, ModificationRequest):
+            same = many(PATH, 1)
+            same[0] = message.modification.first
+            return payload._replace(paths=same)
+        case Report():
+            return payload._replace(pose=one(POSE))
+    return payload
+
 
 class _Spoilt:
     """A component whose steps are changed."""
 
-    def __init__(self, sound: Component) -> None:
-        self._sound = sound
-        self.name = sound.name
+    def __init__(self, sound: Component, change: Change) -> None:
+        self._sound, self._change = sound, change
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._sound, name)
 
     def handle(self, channel: str | None, message: object, now: int) -> Iterator[Step]:
         """Do what the sound one does, but for the fault."""
-        for step in self._sound.handle(channel, message, now):
-            yield self._changed(step)
-
-    def _changed(self, step: Any) -> Step:
-        if self.name == "TrajectoryGenerator" and step.sends:
-            return step._replace(sends=())  # type: ignore[no-any-return]
-        if self.name == "PathModification" and step.sends:
-            raise ValueError("no operator \\ \"fits\" <&> 'here'")
-        if self.name == "TrajectoryEvaluation":
-            sends = tuple((channel, _praised(payload)) for channel, payload in step.sends)
-            return step._replace(sends=sends)  # type: ignore[no-any-return]
-        return step  # type: ignore[no-any-return]
+        return (self._change(step, message) for step in self._sound.handle(channel, message, now))
 
 
-def _praised(payload: object) -> object:
-    return payload._replace(fitness=payload.fitness + 9.0) if isinstance(payload, EvaluationResponse) else payload
+class _SpoiltControl:
+    """A resident of a Control that always reports the same pose, and shows another trajectory than it was sent."""
+
+    def __init__(self, sound: ComponentResident) -> None:
+        self._sound = sound
+        self.instance, self.encode, self.decode = sound.instance, sound.encode, sound.decode
+
+    def prompt(self, name: str, component: Component, now: int) -> Iterator[Step]:
+        """Do what the sound one does, but for the fault."""
+        return (_lying(step, None) for step in self._sound.prompt(name, component, now))
+
+    def view(self, component: Component) -> tuple[str, object] | None:
+        """Show a trajectory elsewhere."""
+        shown: Any = self._sound.view(component)
+        shown[1].pieces.x += 1.0
+        return shown  # type: ignore[no-any-return]
 
 
 class _SpoiltResident(ComponentResident):
+    def __init__(self, component: str, change: Change) -> None:
+        super().__init__(component)
+        self._change = change
+
     def instance(self, case: bytes) -> Component:
-        return _Spoilt(super().instance(case))
+        """Return a component with the fault."""
+        return _Spoilt(super().instance(case), self._change)  # type: ignore[return-value]
 
 
-def resident(component: str) -> Ros1Resident:
-    """Return the resident of one of RAMP's components with a fault, if there is one for it."""
-    sound = component in ("Planner", "Control", "Sensing")
-    return Ros1Resident((ComponentResident if sound else _SpoiltResident)(component), CODEC)
+def deviating(component: str) -> Ros1Resident:
+    """Return a resident of one of RAMP's components: TrajectoryGenerator is silent, PathModification breaks."""
+    faults: dict[str, Change] = {"TrajectoryGenerator": _silent, "PathModification": _breaking}
+    sound = component not in faults
+    resident = ComponentResident(component) if sound else _SpoiltResident(component, faults[component])
+    return Ros1Resident(resident, CODEC)
+
+
+def lying(component: str) -> Ros1Resident:
+    """Return a resident of one of RAMP's components; those that answer or report tell what Table VIII does not expect."""
+    if component == "Control":
+        return Ros1Resident(_SpoiltControl(ComponentResident(component)), CODEC)
+    sound = component in ("Planner", "Sensing")
+    return Ros1Resident(ComponentResident(component) if sound else _SpoiltResident(component, _lying), CODEC)

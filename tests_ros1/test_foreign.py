@@ -17,7 +17,8 @@ from parcours.run.hosts.ros1.foreign_session import Session
 from parcours.run.recording import read_recording
 from parcours.run.trace import held
 from parcours.studies.foreign.recorded import rejudge
-from parcours.studies.foreign.running import ForeignStudy, Result, Wanted
+from parcours.studies.foreign.results import Result, Wanted
+from parcours.studies.foreign.running import ForeignStudy
 from parcours.studies.foreign.system import SystemDrive
 from parcours.verdict.judgement import Verdict
 

@@ -17,7 +17,8 @@ from parcours.run.hosts.ros1.foreign import ForeignHost
 from parcours.run.hosts.ros1.foreign_nodes import NodeProcess
 from parcours.run.hosts.ros1.foreign_session import Session
 from parcours.run.hosts.ros1.master import Master
-from parcours.studies.foreign.running import ForeignStudy, Wanted
+from parcours.studies.foreign.results import Wanted
+from parcours.studies.foreign.running import ForeignStudy
 from parcours.verdict.judgement import Verdict
 
 EXAMPLE = Path(__file__).parents[1] / "examples" / "ros1_python"

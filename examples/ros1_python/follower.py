@@ -24,7 +24,7 @@ class Follower:
         self.turn_rate = rospy.get_param("~turn_rate", 1.5)
         self.stop_distance = rospy.get_param("~stop_distance", 0.5)
         self.arrived = rospy.get_param("~arrived", 0.1)
-        self.lock = threading.Lock()
+        self.lock, self.asking = threading.Lock(), threading.Lock()
         self.pose = self.goal = None
         self.path, self.obstacles = [], []
         self.plan = rospy.ServiceProxy("/plan", GetPlan)
@@ -54,7 +54,12 @@ class Follower:
         self.ask(None)
 
     def ask(self, _event):
-        """Ask the planner for a path from here; keep the old one if it does not answer."""
+        """Ask the planner for a path from here, one question at a time; keep the old one if it does not answer."""
+        with self.asking:
+            self.ask_now()
+
+    def ask_now(self):
+        """Ask, and wait for the answer."""
         with self.lock:
             pose, goal = self.pose, self.goal
         if pose is None or goal is None:

@@ -77,7 +77,7 @@ def test_the_model_of_the_examples_has_nothing_wrong() -> None:
 @pytest.mark.parametrize("path", [PYTHON, CPP])
 def test_the_shipped_bindings_fit_the_standard_messages(path: Path) -> None:
     compiled = compile_binding(read_binding(path), TYPES)
-    assert set(compiled.writers) == {"detections", "odometry", "goal"}
+    assert set(compiled.writers) == {"detections", "odometry", "goal", "plan_request", "plan_response"}
 
 
 def test_the_example_nodes_import_nothing_of_parcours() -> None:

@@ -11,7 +11,7 @@ from parcours.cli.options import as_json, print_json, seed
 
 if TYPE_CHECKING:
     from parcours.run.binding import Binding
-    from parcours.studies.foreign.running import Result
+    from parcours.studies.foreign.results import Result
 
 _file = click.argument("file", type=click.Path(path_type=Path))
 _master = click.option("--master", default="", metavar="URI", help="A ROS 1 master that runs; else one of its own.")
@@ -120,7 +120,8 @@ def run(
     from parcours.run.atomic import require_writable
     from parcours.run.hosts.ros1.foreign import ForeignHost
     from parcours.studies.foreign.reporting import Folder, tables
-    from parcours.studies.foreign.running import ForeignStudy, Wanted
+    from parcours.studies.foreign.results import Wanted
+    from parcours.studies.foreign.running import ForeignStudy
 
     require_writable(out)
     plan = read_plan(faults) if faults else FaultPlan(0)

@@ -14,7 +14,7 @@ from parcours.report.timings import timing_table
 from parcours.report.writing import write_text
 from parcours.run.atomic import unwritable
 from parcours.run.binding.structure import Binding
-from parcours.studies.foreign.running import Result
+from parcours.studies.foreign.results import Result
 from parcours.verdict.judgement import Verdict
 
 _TONE: dict[Verdict, Tone] = {

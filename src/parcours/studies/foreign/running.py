@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
+import contextlib
 import itertools
+import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
 
 from parcours.errors import BadRequest, HostFailure
-from parcours.report.timings import Timed
 from parcours.run.binding.passing import Message
 from parcours.run.binding.relay import Relay
 from parcours.run.binding.seats import Seating, apart, whole
-from parcours.run.faults import FaultPlan
 from parcours.run.hosts.ros1.foreign import ForeignHost
 from parcours.run.hosts.ros1.foreign_session import Session
 from parcours.run.hosts.scheduling import real_time
@@ -25,67 +24,14 @@ from parcours.studies.foreign.cases import AbstractScene, abstract_scenes, find_
 from parcours.studies.foreign.judging import FAULTY, AbstractJudge, Judged, SystemJudge
 from parcours.studies.foreign.made import Maker
 from parcours.studies.foreign.recorded import Tape
+from parcours.studies.foreign.results import Result, Wanted
 from parcours.studies.foreign.system import SystemDrive
 from parcours.studies.foreign.timing import Exercise, durations, spans, timed
 from parcours.studies.foreign.world import ForeignWorld, Scene
 from parcours.verdict.judgement import Judgement, Verdict
 
-
-@dataclass(frozen=True, slots=True)
-class Wanted:
-    """What is to be run.
-
-    Attributes:
-        cases: so many abstract cases; None for each once.
-        case: the id of the only one; empty for all.
-        system: so many system cases.
-        repeats: so many repeats of each span that `timing` bounds and the tester can begin.
-        faults: what befalls messages and components, in every case.
-        record: "mcap", "bag" or empty.
-        seed: of obstacles and test inputs.
-        protocol: of the obstacles, or "empty".
-    """
-
-    cases: int | None = None
-    case: str = ""
-    system: int = 0
-    repeats: int = 0
-    faults: FaultPlan = field(default_factory=FaultPlan)
-    record: str = ""
-    seed: int = 1
-    protocol: str = "table-vii"
-
-
-@dataclass(frozen=True, slots=True)
-class Result:
-    """What became of one case, as it is kept.
-
-    Attributes:
-        kind: abstract, system or timing.
-        seconds: how long it ran [s], without starting the nodes.
-        recording: the file; empty if there is none.
-    """
-
-    id: str
-    kind: str
-    judged: Judged
-    seconds: float
-    recording: str = ""
-    timing: Timed | None = None
-
-    def document(self) -> dict[str, object]:
-        """Return it as JSON."""
-        judged = self.judged
-        return {
-            "id": self.id, "kind": self.kind, "verdict": str(judged.judgement.verdict), "why": judged.judgement.why,
-            "outcome": judged.outcome, "seconds": round(self.seconds, 3), "deaths": dict(judged.deaths),
-            "deviations": [
-                {"component": one.component, "time": one.time, "rule": one.rule,
-                 "expected": [str(each) for each in one.expected], "path": list(one.path[-50:]), "doubt": one.doubt}
-                for one in judged.deviations
-            ],
-            "held_ns": list(judged.held), "recording": self.recording,
-        }  # fmt: skip
+_SWITCH = 0.0005
+"""So long one thread of the tester goes on before another that waits may [s]."""
 
 
 class _Ear:
@@ -160,7 +106,7 @@ class ForeignStudy:
             BadRequest: the binding does not fit what is running.
         """
         for scene in self.scenes():
-            yield self._guarded(f"{scene.id}", "abstract", lambda scene=scene: self._abstract(scene))  # type: ignore[misc]
+            yield self._guarded(scene.id, "abstract", lambda scene=scene: self._abstract(scene))  # type: ignore[misc]
         for number in range(self._wanted.system):
             where = Scene(self._wanted.seed, number, self._wanted.protocol)  # type: ignore[arg-type]
             yield self._guarded(where.id, "system", lambda where=where: self._system(where))  # type: ignore[misc]
@@ -187,12 +133,13 @@ class ForeignStudy:
             self._begin(session)
             compiled = self._host.compile()
             names = _names(seating)
-            judge = AbstractJudge(compiled, scene.events, names, live=True)
-            tape = self._tape(session, scene.id, {"kind": "abstract", "names": " ".join(names)})
-            ear.tell(judge.observe, *([tape.write] if tape else []))
-            drive = AbstractDrive(session, judge, Maker(compiled, dict(scene.inputs)), scene.events, early.calls)
-            with real_time():
-                drive.run()
+            with _attentive():
+                judge = AbstractJudge(compiled, scene.events, names, live=True)
+                tape = self._tape(session, scene.id, {"kind": "abstract", "names": " ".join(names)})
+                ear.tell(judge.observe, *([tape.write] if tape else []))
+                maker = Maker(compiled, dict(scene.inputs))
+                AbstractDrive(session, judge, maker, scene.events, early.calls).run()
+            act(session, maker, "after_case")
         finally:
             session.end()
         return self._result(scene.id, "abstract", session, judge.judged(), tape)
@@ -210,16 +157,16 @@ class ForeignStudy:
             self._begin(session)
             compiled = self._host.compile()
             names = _names(seating)
-            judge = SystemJudge(compiled, scene, names, live=True)
             about = {
                 "kind": "system",
                 "names": " ".join(names),
                 "number": str(scene.number),
                 "protocol": scene.protocol,
             }
-            tape = self._tape(session, scene.id, about)
-            ear.tell(judge.observe, *([tape.write] if tape else []))
-            with real_time():
+            with _attentive():
+                judge = SystemJudge(compiled, scene, names, live=True)
+                tape = self._tape(session, scene.id, about)
+                ear.tell(judge.observe, *([tape.write] if tape else []))
                 SystemDrive(session, judge, Maker(compiled)).run()
             act(session, Maker(compiled), "after_case")
         finally:
@@ -277,6 +224,18 @@ class ForeignStudy:
             for one in timed(span, took[span.name], binding.warm_up, noise):
                 id = f"timing/{span.name}/{one.bound}"
                 yield Result(id, "timing", Judged(one.judgement), time.monotonic() - began, timing=one)
+
+
+@contextlib.contextmanager
+def _attentive() -> Iterator[None]:
+    """Put this thread and those it starts before ordinary processes, and let none of them wait long for another."""
+    before = sys.getswitchinterval()
+    sys.setswitchinterval(_SWITCH)
+    try:
+        with real_time():
+            yield
+    finally:
+        sys.setswitchinterval(before)
 
 
 def _names(seating: Seating) -> Sequence[str]:

@@ -119,6 +119,7 @@ class ForeignHost:
         Raises:
             HostFailure: a command cannot be run.
         """
+        self.stop([name for name, (_, process) in self.running.items() if not process.is_alive])
         fresh = [seat for seat in seats if seat.node.is_ours and seat.name not in self.running]
         for seat in fresh:
             self.master.copy_parameters(seat.node.ros_node, seat.ros_node)
@@ -179,7 +180,9 @@ class ForeignHost:
         if kind is None:
             remedy = "install its package, or name the folder of its .srv file under 'interfaces'"
             rule = f"a service's type must be known, but {spoke.type} is not"
-            raise BadRequest(f"service {spoke.address}", rule, remedy, slug="unknown-message-type")
+            channel = self.binding.channel(next(name for name in spoke.channels if name))
+            where = f"{self.binding.source}:{channel.line}: channel {channel.name!r}"
+            raise BadRequest(where, rule, remedy, slug="unknown-message-type")
         if spoke.side == "into":
             self._callers.setdefault(spoke.address, self.middle.call(spoke.address, kind))
         elif spoke.address not in self._served:
