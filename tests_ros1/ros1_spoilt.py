@@ -84,7 +84,7 @@ class _SpoiltControl:
     def view(self, component: Component) -> tuple[str, object] | None:
         """Show a trajectory elsewhere."""
         shown: Any = self._sound.view(component)
-        shown[1].pieces.x += 1.0
+        shown[1]["pieces"]["x"] += 1.0
         return shown  # type: ignore[no-any-return]
 
 
@@ -95,7 +95,7 @@ class _SpoiltResident(ComponentResident):
 
     def instance(self, case: bytes) -> Component:
         """Return a component with the fault."""
-        return _Spoilt(super().instance(case), self._change)  # type: ignore[return-value]
+        return _Spoilt(super().instance(case), self._change)
 
 
 def deviating(component: str) -> Ros1Resident:
@@ -107,7 +107,7 @@ def deviating(component: str) -> Ros1Resident:
 
 
 def lying(component: str) -> Ros1Resident:
-    """Return a resident of one of RAMP's components; those that answer or report tell what Table VIII does not expect."""
+    """Return a resident of one of RAMP's components; most tell what Table VIII does not expect."""
     if component == "Control":
         return Ros1Resident(_SpoiltControl(ComponentResident(component)), CODEC)
     sound = component in ("Planner", "Sensing")

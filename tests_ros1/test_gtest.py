@@ -185,7 +185,7 @@ def test_what_is_not_as_table_viii_expects_fails_as_it_does_here(folder: Path) -
         there = run(folder, environment, "Functional.*")
     here = verdicts_here(spoilt)
     assert {id.split()[1]: told.verdict for id, told in there.items()} == {id: one for id, (one, _) in here.items()}
-    failed = dict.fromkeys(("ITP1", "ITP2", "ITP3", "ITP5", "ITP6"), {"fail"})
+    failed = {itp: {"fail"} for itp in ("ITP1", "ITP2", "ITP3", "ITP5", "ITP6")}
     assert of_interactions(here) == failed | {"ITP4": {"pass"}}
     assert not any("event " in told.why for told in there.values())
     for words in (

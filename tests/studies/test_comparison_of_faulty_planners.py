@@ -85,7 +85,7 @@ def test_a_planner_that_takes_its_process_down_costs_its_cases_only(
 def test_what_fails_only_while_it_is_timed_is_told_in_the_table(
     faulty: Callable[[str], str], tmp_path: Path, fault: str, said: str
 ) -> None:
-    study = NavigationStudy(faulty(fault), CASES, Scenario(time_limit=1.0, call_timeout=0.1))
+    study = NavigationStudy(faulty(fault), CASES, Scenario(time_limit=1.0, call_timeout=0.5))
     taken, untimed = decision_times(study, [0])
     assert taken is None and untimed == said
     begun = [line.split() for line in (tmp_path / "log").read_text().splitlines()]

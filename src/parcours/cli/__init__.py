@@ -22,6 +22,8 @@ COMMANDS = {
     "export": "A suite as test scripts of other tools.",
     "suite": "Write the executable cases of a study to a file.",
     "run": "Execute a study and keep its results.",
+    "nodes": "Nodes of a study on a running ROS 1 graph, for testers of other tools.",
+    "binding": "Nodes of others, through a binding file: check, run, judge.",
     "faults": "RAMP under faults on purpose: fault x outcome.",
     "conform": "A trace against a model: first deviation, expected set, path.",
     "recording": "What a recording of a run holds; one format into the other.",

@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
 _file = click.argument("file", type=click.Path(path_type=Path))
 _master = click.option("--master", default="", metavar="URI", help="A ROS 1 master that runs; else one of its own.")
+_network = click.option("--network", type=click.Choice(["own", "shared"]), default="own", show_default=True,
+                        help="Whether its own master and the nodes are out of reach of everybody.")  # fmt: skip
 
 
 @click.group("binding")
@@ -22,15 +24,32 @@ def command() -> None:
     """Test nodes that know nothing of Parcours, through a binding file (docs/bindings.md)."""
 
 
+def _enter_network(file: Path, master: str, network: str) -> None:
+    """Enter a network of its own, unless there is a master to join: first of all, before anything starts threads."""
+    import contextlib
+    import re
+
+    text = ""
+    with contextlib.suppress(OSError, UnicodeDecodeError):
+        text = file.read_text(encoding="utf-8")
+    if network == "own" and not master and not re.search(r"(?m)^master\s*:", text):
+        from parcours.run.hosts.isolation import enter_own_network
+
+        enter_own_network()
+
+
 @command.command("check")
 @_file
 @click.option("--live", is_flag=True, help="Start the nodes, too, and compare what they register.")
 @_master
-def check(file: Path, live: bool, master: str) -> None:
+@_network
+def check(file: Path, live: bool, master: str, network: str) -> None:
     """Check a binding: its form, its model, message types; with --live the running system. Exit 2 if it is wrong.
 
     Example: parcours binding check examples/ros1_python/binding.yaml --live
     """
+    if live:
+        _enter_network(file, master, network)
     from parcours.run.binding import check_binding, read_binding
 
     binding = read_binding(file)
@@ -64,10 +83,6 @@ def _check_types(binding: Binding) -> None:
 def _check_live(binding: Binding, master: str) -> None:
     import tempfile
 
-    from parcours.run.hosts.isolation import enter_own_network
-
-    if not (master or binding.master):
-        enter_own_network()
     from parcours.run.binding.seats import whole
     from parcours.run.hosts.ros1.foreign import ForeignHost
     from parcours.run.hosts.ros1.foreign_session import Session
@@ -94,12 +109,13 @@ def _check_live(binding: Binding, master: str) -> None:
 @click.option("--faults", "faults", default="", metavar="TEXT", help="A plan of faults, or a file (docs/faults.md).")
 @click.option("--record", type=click.Choice(["mcap", "bag"]), help="Record each case.")
 @_master
+@_network
 @seed
 @click.option("--out", type=click.Path(path_type=Path), required=True, help="Folder for results.")
 @as_json
 def run(
     file: Path, cases: int | None, case: str, system: int, protocol: str, repeats: int, faults: str,
-    record: str | None, master: str, seed: int, out: Path, as_json: bool,
+    record: str | None, master: str, network: str, seed: int, out: Path, as_json: bool,
 ) -> None:  # fmt: skip
     """Run abstract cases, system cases and timing on the nodes of a binding. Exit 0 if all pass, else 1.
 
@@ -108,14 +124,12 @@ def run(
 
     Example: parcours binding run examples/ros1_python/binding.yaml --system 2 --record mcap --out out/small
     """
+    _enter_network(file, master, network)
     from parcours.run.binding import read_binding
     from parcours.run.faults import FaultPlan
     from parcours.run.faults.text import read_plan
-    from parcours.run.hosts.isolation import enter_own_network
 
     binding = read_binding(file)
-    if not (master or binding.master):
-        enter_own_network()
     from parcours.report.terminal import print_table
     from parcours.run.atomic import require_writable
     from parcours.run.hosts.ros1.foreign import ForeignHost

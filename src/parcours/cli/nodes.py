@@ -25,7 +25,3 @@ def command(study: str, master: str, resident: str) -> None:
     with contextlib.suppress(KeyboardInterrupt), StandingNodes(master, resident or RESIDENT, click.echo) as nodes:
         click.echo(f"nodes wait for a tester at {master}; Ctrl-C ends them")
         nodes.stay()
-
-
-if __name__ == "__main__":
-    command()

@@ -221,7 +221,7 @@ def test_what_would_grow_without_bound_is_refused_at_once(declarations: str, sys
     began = time.process_time()
     with pytest.raises(BadModel, match=r"net.xml:\d+"):
         read(declarations, system, template)
-    assert time.process_time() - began < 2
+    assert time.process_time() - began < 5
 
 
 def test_an_old_file_reads_as_a_new_one() -> None:

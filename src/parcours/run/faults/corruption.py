@@ -160,7 +160,9 @@ def _changed(value: Any, way: How, words: Words) -> tuple[object, str]:
 
 
 def _sign(value: Any, words: Words) -> tuple[Any, str]:
-    return (not value, " inverted") if isinstance(value, bool | np.bool_) else (-value, " negated")
+    if isinstance(value, bool | np.bool_):
+        return not value, " inverted"
+    return (-value, " negated") if value else (type(value)(-1), " made -1")  # nothing is the negative of nothing
 
 
 def _bit(value: Any, words: Words) -> tuple[Any, str]:
@@ -176,7 +178,7 @@ def _bit(value: Any, words: Words) -> tuple[Any, str]:
 
 def _scale(value: Any, words: Words) -> tuple[Any, str]:
     factor = (10, 100, 1000)[next(words) % 3]
-    return value * factor, f" times {factor}"
+    return (value * factor, f" times {factor}") if value else (type(value)(factor), f" made {factor}")
 
 
 def _nan(value: Any, words: Words) -> tuple[Any, str]:

@@ -97,8 +97,7 @@ class _Life:
             case Grant(reference, turns):
                 self._take(reference, turns)
             case Look(reference):
-                shown = self._resident.view(self._instances[reference].component)
-                self._line.report(Shown(reference, None if shown is None else self._wire(shown)))
+                self._line.report(Shown(reference, self._shown(reference)))
             case Run(case, zero):
                 self._forget()
                 self._clock = WallClock(zero)
@@ -110,6 +109,14 @@ class _Life:
             case Rest():
                 self._forget()
                 self._line.report(Ready())
+
+    def _shown(self, reference: int) -> Wire | None:
+        """Return what an instance shows of itself; nothing of one that raises instead."""
+        try:
+            shown = self._resident.view(self._instances[reference].component)
+            return None if shown is None else self._wire(shown)
+        except Exception:
+            return None
 
     # Driven: turns are granted.
 

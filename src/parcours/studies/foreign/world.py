@@ -9,14 +9,13 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from parcours.arena.obstacles import motion_at, place_at
 from parcours.arena.world import WORLD, advance, begin
-from parcours.kernels import Record
 from parcours.run.binding.structure import System
 from parcours.run.binding.worlds import body, odometry
 from parcours.studies.ramp_system.cases import Protocol, SystemCases
@@ -31,6 +30,8 @@ LIMITS = {"radius": 0.2, "v_max": 0.33, "w_max": 0.5 * math.pi, "a_max": 1.0, "a
 """What the robot is where the binding says nothing [m, m/s, rad/s, m/s2, rad/s2]."""
 
 Values = dict[str, object]
+Record: TypeAlias = Any
+"""One entry of a numpy record array."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,7 +17,7 @@ def folder_texts(program: str, words: dict[str, str]) -> dict[str, str]:
         words: what stands for @NAME@ in the README; letters, digits and _ . , - are left of it.
 
     >>> sorted(folder_texts("", dict.fromkeys(("FUNCTIONAL", "TIMING", "SUITE", "SHA256"), "?")))[:3]
-    ['CMakeLists.txt', 'README.md', 'launch_nodes.sh']
+    ['CMakeLists.txt', 'README.md', 'cases.test']
     """
     texts = {PROGRAM: program}
     for source in (files(__package__) / "cpp").iterdir():
