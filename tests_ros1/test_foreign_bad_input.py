@@ -22,7 +22,7 @@ from parcours.studies.foreign.running import ForeignStudy
 from parcours.verdict.judgement import Verdict
 
 EXAMPLE = Path(__file__).parents[1] / "examples" / "ros1_python"
-WITHIN = 5.0
+WITHIN = 30.0
 
 
 @pytest.fixture
