@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from parcours.errors import BadRequest
-from parcours.report.distributions import cumulative, durations, histogram
+from parcours.report.distributions import cumulative, histogram
 from parcours.report.drawing import MARKERS, SERIES, TONES, label_ink
 from parcours.report.pieces import Figure
 from parcours.report.rates import coverage, intervals, shares
@@ -34,7 +34,6 @@ CHARTS: dict[str, Callable[[], Figure]] = {
         "Time left", {"original": [1.0, 2.0, np.nan, 99.0]}, [0, 5, 10], "[s]", {"published": [(0.5, 4.8)]}
     ),
     "cumulative": lambda: cumulative("Time left", {"original": [1.0, 2.0]}, "[s]", {"published": [(0.5, 4.8)]}),
-    "durations": lambda: durations("Durations", {"ITP1": [0.001, 0.002], "ITP2": []}, {"ITP1": (0.005, 0.05)}),
     "coverage": lambda: coverage(
         "Taken", {"Planner": {"p11": 3, "p12": 0}, "Large": dict.fromkeys("abcdefghijklmnopqrs", 1)}
     ),
@@ -110,12 +109,6 @@ def test_shares_are_percentages_of_each_series() -> None:
     assert "1.0% stuck" in CHARTS["shares"]().alt, "what is too thin for a label is told in words"
 
 
-def test_durations_are_told_in_milliseconds_and_an_empty_group_is_told() -> None:
-    alt = CHARTS["durations"]().alt
-    assert "ITP1: n 2, median 1.5 ms" in alt
-    assert "ITP2: no durations" in alt
-
-
 def test_coverage_names_what_was_not_met() -> None:
     figure = CHARTS["coverage"]()
     assert "Planner: 1 of 2 met, not p12" in figure.alt
@@ -134,8 +127,6 @@ def test_histogram_leaves_out_what_is_not_known_and_keeps_what_is_beyond() -> No
         (lambda: shares("t", ["a"], {"s": [-1]}, ["good"]), "not negative"),
         (lambda: shares("t", ["a"], {"s": [1]}, []), "'tones' must have one value a group"),
         (lambda: histogram("t", {"s": [1]}, [2, 1], "x"), "edges must increase"),
-        (lambda: durations("t", {"s": [0.0]}), "above 0 s"),
-        (lambda: durations("t", {"s": [1.0]}, {"q": (1, 2)}), "'q' is none"),
         (lambda: coverage("t", {"g": {}}), "must have items"),
     ],
 )

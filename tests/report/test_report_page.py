@@ -15,7 +15,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from parcours.errors import BadRequest
-from parcours.report.distributions import durations
 from parcours.report.page import to_html
 from parcours.report.pieces import (
     Code,
@@ -33,7 +32,10 @@ from parcours.report.pieces import (
 from parcours.report.rates import shares
 from parcours.report.recording import embedded, steps
 from parcours.report.still import moments, stays, still
+from parcours.report.timings import Timed, timing_figure
 from parcours.report.writing import write_text
+from parcours.verdict.judgement import Judgement, Verdict
+from parcours.verdict.timing import Bound
 
 HOSTILE = '</script><script>alert("1")</script><img src=x onerror=alert(2)>\'"&'
 VOID = {"meta", "link", "input", "br", "img", "hr"}
@@ -95,7 +97,7 @@ def whole_page(word: str = "word") -> Page:
         Code(word, word),
         Code(word, word, folded=True),
         shares(word, [word, "rest"], {word: [3, 1]}, ["good", "bad"], note=word),
-        durations(word, {word: [0.001, 0.002]}, {word: (0.005, 0.05)}),
+        timing_figure(word, [Timed(word, (1_000_000, 2_000_000), Bound(5_000_000), Judgement(Verdict.PASS, word))]),
         run(word),
         run(word, halted_from=5),
     )

@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 
 from parcours.errors import BadRequest, HostFailure
 from parcours.run import noise as module
-from parcours.run.noise import Noise, NoiseMeter, lost, pooled
+from parcours.run.noise import Noise, NoiseMeter, lost
 
 
 def children(of: int) -> list[int]:
@@ -60,11 +60,6 @@ def test_noise_tells_its_quantiles_in_whatever_order_it_was_measured(times: list
 def test_no_sample_or_a_negative_one_is_no_noise(times: tuple[int, ...]) -> None:
     with pytest.raises(BadRequest, match=r"\[noise-samples\]"):
         Noise(times)
-
-
-def test_noise_of_unlike_samples_is_not_pooled() -> None:
-    with pytest.raises(BadRequest, match=r"'1 round trip', '2 round trips'.*\[noise-kinds\]"):
-        pooled([Noise((1,), "1 round trip"), Noise((2,), "2 round trips")])
 
 
 @pytest.mark.parametrize(("trips", "work"), [(-1, 5), (0, 0), (1, -1)])

@@ -85,61 +85,6 @@ def histogram(
     return Figure(title, svg, f"{axis}. " + "; ".join(told), note)
 
 
-def durations(
-    title: str,
-    groups: Mapping[str, ArrayLike],
-    limits: Mapping[str, tuple[float, float]] | None = None,
-    note: str = "",
-) -> Figure:
-    """Return durations on a logarithmic axis: each group's range, middle 90 %, median and limits (Fig. 5a).
-
-    Args:
-        title: what the chart shows.
-        groups: name -> durations [s], above 0, any shape; NaN is left out.
-        limits: name -> the lower and the upper limit set for the group [s], above 0.
-        note: small print below it.
-
-    Raises:
-        BadRequest: there is no group, a duration or limit is not above 0, or a limit names no group.
-    """
-    limits = limits or {}
-    require_data(title, list(groups), groups)
-    if unknown := [name for name in limits if name not in groups]:
-        raise bad_data(title, f"limits must name a group, but {unknown[0]!r} is none")
-    known = {name: _known(values) * 1e3 for name, values in groups.items()}
-    for values in (*known.values(), *(np.asarray(pair) for pair in limits.values())):
-        if not (np.isfinite(values).all() and (values > 0.0).all()):
-            raise bad_data(title, "durations and limits must be finite and above 0 s on a logarithmic axis")
-    told = []
-    with canvas(0.95 + 0.36 * len(groups)) as (figure, (panel,)):
-        for row, (name, values) in enumerate(known.items()):
-            if name in limits:
-                low, high = (1e3 * limit for limit in limits[name])
-                panel.fill_betweenx([row - 0.36, row + 0.36], low, high, color=TONES["poor"], alpha=0.22, linewidth=0)
-                panel.vlines([low, high], row - 0.36, row + 0.36, color=SERIES[0], linewidth=1.4)
-            if not values.size:
-                told.append(f"{name}: no durations")
-                continue
-            p5, median, p95 = (float(q) for q in np.quantile(values, (0.05, 0.5, 0.95)))
-            panel.hlines(row, values.min(), values.max(), color=SERIES[1], linewidth=1.2)
-            panel.hlines(row, p5, p95, color=SERIES[1], linewidth=6.5, alpha=0.45)
-            panel.vlines(p95, row - 0.2, row + 0.2, color=SERIES[1], linewidth=1.6)
-            panel.plot([median], [row], "o", color=SERIES[1], markersize=6, markeredgecolor=PAPER)
-            panel.plot([values.max()], [row], "|", color=SERIES[1], markersize=7)
-            told.append(
-                f"{name}: n {values.size}, median {median:.3g} ms, p95 {p95:.3g} ms, largest {values.max():.3g} ms"
-            )
-        panel.set_xscale("log")
-        panel.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
-        panel.set_yticks(range(len(known)), list(known))
-        panel.set_ylim(len(known) - 0.5, -0.5)
-        panel.grid(visible=False, axis="y")
-        panel.set_xlabel("duration [ms], logarithmic")
-        _legend_of_durations(figure, limited=bool(limits))
-        svg = svg_of(figure)
-    return Figure(title, svg, "; ".join(told), note)
-
-
 def cumulative(
     title: str,
     series: Mapping[str, ArrayLike],

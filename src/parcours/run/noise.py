@@ -13,7 +13,7 @@ import socket
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass
 from types import TracebackType
 from typing import Self, cast
@@ -90,27 +90,6 @@ def noise_of(listed: object) -> Noise:
         case [str(of), int(), *_] if all(type(one) is int and one >= 0 for one in listed[1:]):
             return Noise(tuple(cast("list[int]", listed[1:])), of)
     raise ValueError("noise is what a sample was, and then its times")
-
-
-def pooled(parts: Iterable[Noise]) -> Noise:
-    """Return the noise of a whole run from its parts.
-
-    Raises:
-        BadRequest: there is no part, or two differ in what a sample was.
-
-    >>> pooled([Noise((1, 5), "2 round trips"), Noise((3,), "2 round trips")]).times
-    (1, 3, 5)
-    """
-    parts = tuple(parts)
-    kinds = sorted({part.of for part in parts})
-    if len(kinds) > 1:
-        raise BadRequest(
-            "noise",
-            f"parts must be of one kind of sample, but are of {', '.join(map(repr, kinds))}",
-            "measure all of them with the same trips and work",
-            slug="noise-kinds",
-        )
-    return Noise(tuple(value for part in parts for value in part.times), kinds[0] if kinds else "")
 
 
 class NoiseMeter:

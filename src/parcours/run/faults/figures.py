@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 from decimal import Decimal
-from typing import Literal
-
-Unit = Literal["s", "ms", "us", "ns"]
 
 NANOSECONDS: dict[str, int] = {"s": 10**9, "ms": 10**6, "us": 10**3, "ns": 1}
 """Unit of time -> how many nanoseconds it has."""

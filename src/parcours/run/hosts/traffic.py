@@ -6,6 +6,7 @@ The part of an exchange that is about links: room on them, passages, faults, arr
 from __future__ import annotations
 
 import heapq
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 
 from parcours.errors import HostFailure
@@ -23,7 +24,7 @@ LIVELOCK = 100_000
 """So many events at one instant of simulated time are taken for an endless loop."""
 
 
-class Traffic:
+class Traffic(ABC):
     """Messages under way. `Exchange` makes it, and works off what arrives."""
 
     _clock: Clock
@@ -41,8 +42,9 @@ class Traffic:
         self._caused = self._sent = self._instant = self._at_instant = 0
         self._acting = ""
 
+    @abstractmethod
     def _work(self, seat: Seat, *, rung: bool = False) -> None:
-        raise NotImplementedError
+        """Let a component go on until it waits for time, for room, or for something to do."""
 
     def _watch(self, now: int) -> None:
         self._at_instant = self._at_instant + 1 if now == self._instant else 0

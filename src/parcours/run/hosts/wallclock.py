@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -20,7 +19,8 @@ from parcours.run.hosts.passage import Passage
 from parcours.run.hosts.seats import Answer, silence
 from parcours.run.noise import Noise
 from parcours.run.port import Component, Link
-from parcours.run.trace import REPEAT, Trace, TraceEvent
+from parcours.run.repeats import Row
+from parcours.run.trace import Trace, TraceEvent
 
 
 class WallClockHost(Exchange):
@@ -85,19 +85,11 @@ def measure(
         exercise(host)
     quiet = _empty_loop(noise_samples // 2)
     events: list[TraceEvent] = []
-    elapsed, number = 0, 0
+    row = Row()
     for _ in range(repeats):
         host.reset()
-        host.note(REPEAT)
         exercise(host)
-        # Each repeat began at zero: put it behind the one before, and let message numbers go on.
-        one = host.trace().events
-        events.extend(
-            replace(event, time=event.time + elapsed, message=event.message + number if event.message >= 0 else -1)
-            for event in one
-        )
-        elapsed = events[-1].time
-        number = max(number, 1 + max(event.message for event in events[-len(one) :]))
+        events += row.next(host.trace().events)
     quiet += _empty_loop(noise_samples - noise_samples // 2)
     return Trace("wall", tuple(events), host.label, noise=Noise(tuple(quiet), "reading the clock"))
 

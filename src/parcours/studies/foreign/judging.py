@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from parcours.abtc import Event
 from parcours.errors import HostFailure
-from parcours.model.structure import ENVIRONMENT
 from parcours.run.binding import Compiled
 from parcours.run.binding.decoding import Decoder
 from parcours.run.binding.passing import BEGINS, ENDS
@@ -252,14 +251,3 @@ class AbstractJudge:
         kept = f"; {len(times)} messages held, at most {max(times) * 1e-6:.1f} ms" if times else ""
         assumed = f"; not visible, so assumed: {' '.join(unseen)}" if unseen else ""
         return Judgement(Verdict.PASS, f"{len(taken)} transitions in their order{kept}{assumed}")
-
-
-def names_of(compiled: Compiled, seats: Sequence[tuple[str, int | None]]) -> tuple[str, ...]:
-    """Return how traces call the components of (node, reference) pairs."""
-    runs = {node.name: node.components for node in compiled.binding.nodes}
-    return tuple(
-        component if reference is None else f"{component}#{reference}"
-        for node, reference in seats
-        for component in runs[node]
-        if component != ENVIRONMENT
-    )

@@ -7,10 +7,9 @@ import socket
 import threading
 from collections.abc import Callable, Mapping
 
-from parcours.errors import HostFailure
 from parcours.run.hosts.ros1.foreign_ends import WITHIN, Counter, Mouth, Owner, Reply
 from parcours.run.hosts.ros1.master import LOOPBACK
-from parcours.run.hosts.ros1.streams import ANSWERED, REFUSED, Stream, read_header, write_header
+from parcours.run.hosts.ros1.streams import ANSWERED, REFUSED, Stream, welcome, write_header
 
 
 class Door:
@@ -44,21 +43,9 @@ class Door:
                 connection, _ = self._door.accept()
             except OSError:
                 return
-            threading.Thread(target=self._welcome, args=(connection,), daemon=True, name="ros1-welcome").start()
-
-    def _welcome(self, connection: socket.socket) -> None:
-        connection.settimeout(WITHIN)
-        complaint = ""
-        with contextlib.suppress(OSError):
-            try:
-                complaint = self._admit(connection, read_header(connection))
-            except HostFailure as failure:
-                complaint = failure.rule
-            if complaint:
-                self._refused(complaint)
-                with contextlib.suppress(OSError):
-                    write_header(connection, {"error": complaint})
-                connection.close()
+            threading.Thread(
+                target=welcome, args=(connection, WITHIN, self._admit, self._refused), daemon=True, name="ros1-welcome"
+            ).start()
 
     def _admit(self, connection: socket.socket, header: dict[str, str]) -> str:
         """Let the other end in, or return why not."""

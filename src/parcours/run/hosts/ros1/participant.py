@@ -18,7 +18,7 @@ from parcours.errors import HostFailure
 from parcours.run.hosts.ros1.ends import ANY, Caller, Kind, Publication, Server, Subscription, header_of, opened
 from parcours.run.hosts.ros1.graph import WITHIN, Slave, ask, ask_all
 from parcours.run.hosts.ros1.master import LOOPBACK
-from parcours.run.hosts.ros1.streams import Stream, read_header, write_header
+from parcours.run.hosts.ros1.streams import Stream, welcome, write_header
 
 Heard = Callable[[bytes], None]
 Lost = Callable[[], None]
@@ -247,20 +247,9 @@ class Participant:
                 connection, _ = self._door.accept()
             except OSError:
                 return
-            threading.Thread(target=self._welcome, args=(connection,), daemon=True, name="ros1-welcome").start()
-
-    def _welcome(self, connection: socket.socket) -> None:
-        connection.settimeout(WITHIN)
-        with contextlib.suppress(OSError):
-            try:
-                complaint = self._admit(connection, read_header(connection))
-            except HostFailure as failure:
-                complaint = str(failure)
-            if complaint:
-                self._refused(complaint)
-                with contextlib.suppress(OSError):
-                    write_header(connection, {"error": complaint})
-                connection.close()
+            threading.Thread(
+                target=welcome, args=(connection, WITHIN, self._admit, self._refused), daemon=True, name="ros1-welcome"
+            ).start()
 
     def _admit(self, connection: socket.socket, header: dict[str, str]) -> str:
         """Let the other end in, or return why not."""
