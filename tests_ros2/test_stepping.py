@@ -87,10 +87,12 @@ def running(*names: str) -> Iterator[list[subprocess.Popen[bytes]]]:
             subprocess.Popen([sys.executable, str(EXAMPLE / f"{name}.py"), "--ros-args", "-p", "use_sim_time:=true"])
             for name in names
         ]
-    yield nodes
-    for node in nodes:
-        node.kill()
-        node.wait()
+    try:
+        yield nodes
+    finally:
+        for node in nodes:
+            node.kill()
+            node.wait()
 
 
 @pytest.fixture

@@ -12,6 +12,7 @@ from parcours.abtc import serialise
 from parcours.data import cover
 from parcours.errors import BadRequest
 from parcours.planners.ramp.messages import EvaluationResponse, ModificationResponse, TrajectoryResponse
+from parcours.run.clocks import ClockName, SimulatedClock
 from parcours.run.trace import transitions
 from parcours.studies.ramp_components.model import component_inputs
 from parcours.studies.ramp_components.oracles import ORACLES
@@ -20,6 +21,7 @@ from parcours.studies.ramp_components.study import (
     LIMITS,
     Functional,
     component_plan,
+    here,
     interaction_cases,
     interaction_of,
     limits,
@@ -42,6 +44,21 @@ def test_all_67_abstract_cases_with_three_rows_each_complete_in_order_and_pass()
     assert len(results()) == 67 * ROWS
     assert [(r.case.id, r.judgement.why) for r in results() if not r.judgement.passed] == []
     assert all(result.execution.completed for result in results())
+
+
+class SlowClock(SimulatedClock):
+    """The clock of a machine so slow that half a second passes between any two looks at it."""
+
+    name: ClockName = "wall"
+
+    def now(self) -> int:
+        return self.advance(super().now() + 500_000_000)
+
+
+def test_no_case_depends_on_how_fast_the_machine_is() -> None:
+    slow = [run_functional(case, here(SlowClock)) for case in component_plan(seed=4, rows=1).cases()]
+    assert [(r.case.id, r.judgement.why) for r in slow if not r.judgement.passed] == []
+    assert min(duration(result.execution.trace) for result in slow) > 1_000_000_000
 
 
 def test_what_was_taken_is_the_serialised_case_transition_by_transition() -> None:

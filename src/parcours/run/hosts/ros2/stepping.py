@@ -93,6 +93,11 @@ class SteppedClock:
         """The time [ns]."""
         return self._instant - self._zero
 
+    @property
+    def instant(self) -> int:
+        """What /clock shows, and what nodes stamp their messages with [ns]."""
+        return self._instant
+
     def advance(self, until: int) -> int:
         """Step on to `until` [ns], unless it is past; return once all nodes are quiet.
 
