@@ -44,7 +44,7 @@ class Middle:
         self._closed = False
         self._door = Door(self, self._mouths, self._counters, refused)
         self._slave = Slave(master, {
-            "requestTopic": self._where, "publisherUpdate": self._update, "shutdown": lambda *reason: 0,
+            "requestTopic": self._where, "publisherUpdate": self._update,
             "getPublications": lambda: [[one.topic, one.kind.type] for one in self._mouths.values()],
             "getSubscriptions": lambda: [[one.topic, one.kind.type] for one in self._ears.values()],
             "getBusInfo": self._connections,

@@ -52,7 +52,10 @@ class Readiness:
         return False
 
     def _has_settled(self) -> bool:
-        """Whether nodes that have the usual time to start have registered what they will, and something is missing."""
+        """Whether nodes that have the usual time to start have registered what they will, and something is missing.
+
+        A node that has registered nothing at all is still starting.
+        """
         now = self._now()
         if now - self._began < _EARLIEST or now - self._looked < _LOOK:
             return False
@@ -62,7 +65,8 @@ class Readiness:
         state = self._host.master.state()
         if state != self._state:
             self._state, self._changed = state, now
-        return now - self._changed > _SAME and bool(self.findings())
+        starting = {seat.ros_node for seat in self._seating.seats if seat.node.is_ours and seat.ros_node} - state.nodes
+        return not starting and now - self._changed > _SAME and bool(self.findings())
 
     def _holds(self, seat: Seat, one: Ready) -> bool:
         host = self._host

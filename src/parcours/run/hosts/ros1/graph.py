@@ -94,6 +94,17 @@ class _Server(ThreadingMixIn, SimpleXMLRPCServer):
     daemon_threads = True
     block_on_close = False
 
+    def __init__(self, ended: Callable[[], None]) -> None:
+        super().__init__((LOOPBACK, 0), allow_none=True, logRequests=False)
+        self.is_told_to_end = False
+        self._ended = ended
+
+    def shutdown_request(self, request: Any) -> None:
+        """Close a connection; by now its answer has left."""
+        super().shutdown_request(request)
+        if self.is_told_to_end:
+            self._ended()
+
 
 Answers = Mapping[str, Callable[..., object]]
 """Method -> its answer; a HostFailure is told as a refusal."""
@@ -104,21 +115,27 @@ class Slave:
 
     Args:
         answers: beside those that every node gives; without the caller's name as first argument.
+        ended: called, in any thread, after it was told to shut down (rosnode kill) and has answered.
     """
 
-    def __init__(self, master: str, answers: Answers) -> None:
-        self._server = _Server((LOOPBACK, 0), allow_none=True, logRequests=False)
+    def __init__(self, master: str, answers: Answers, ended: Callable[[], None] = lambda: None) -> None:
+        self._server = _Server(ended)
         self.uri = f"http://{LOOPBACK}:{self._server.server_address[1]}/"
         usual: dict[str, Callable[..., object]] = {
             "getPid": os.getpid,
             "getMasterUri": lambda: master,
             "getBusStats": lambda: [[], [], []],
             "paramUpdate": lambda key, value: 0,
+            "shutdown": self._end,
         }
         for name, answer in {**usual, **answers}.items():
             self._server.register_function(_method(answer), name)
         self._thread = threading.Thread(target=self._server.serve_forever, args=(0.05,), daemon=True, name="ros1-graph")
         self._thread.start()
+
+    def _end(self, reason: str = "") -> int:
+        self._server.is_told_to_end = True
+        return 0
 
     def close(self) -> None:
         """Answer no more."""

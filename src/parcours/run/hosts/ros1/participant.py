@@ -52,11 +52,11 @@ class Participant:
         self._closed = False
         self._door = socket.create_server((LOOPBACK, 0))
         self._slave = Slave(master, {
-            "requestTopic": self._where, "publisherUpdate": self._update, "shutdown": self._end,
+            "requestTopic": self._where, "publisherUpdate": self._update,
             "getPublications": lambda: [[one.topic, one.kind.type] for one in self._publications.values()],
             "getSubscriptions": lambda: [[one.topic, one.kind.type] for one in self._subscriptions.values()],
             "getBusInfo": self._connections,
-        })  # fmt: skip
+        }, self._end)  # fmt: skip
         self._doorman = threading.Thread(target=self._receive, daemon=True, name="ros1-door")
         self._doorman.start()
 
@@ -196,11 +196,10 @@ class Participant:
             self._connect(self._subscriptions[topic], publishers)
         return 0
 
-    def _end(self, reason: str = "") -> int:
+    def _end(self) -> None:
         self.is_ended = True
         with contextlib.suppress(OSError):
             os.eventfd_write(self._wake, 1)
-        return 0
 
     def _connections(self) -> list[list[object]]:
         out = [(peer, "o", one.topic) for one in self._publications.values() for peer in one.peers]
