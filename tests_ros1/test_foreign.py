@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
 import shutil
 import signal
 import subprocess
@@ -12,6 +11,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
+from tests_ros1.conftest import patient
 
 from parcours.run.binding import read_binding
 from parcours.run.hosts.ros1.foreign import ForeignHost
@@ -41,9 +41,7 @@ def _hasten(binding: Path) -> None:
     """Make the robot faster, and give the nodes all the time that they may need on a busy machine."""
     _edit(binding, ("/follower/speed: 0.25", "/follower/speed: 1.2"), ("v_max: 0.25", "v_max: 1.2"),
           ("quiescence: 1 s", "quiescence: 3 s"))  # fmt: skip
-    patient, n = re.subn(r"^( +)(ros_node: \S+)$", r"\1\2\n\1timeout: 30 s", binding.read_text(), flags=re.MULTILINE)
-    assert n == 3
-    binding.write_text(patient)
+    patient(binding)
 
 
 def _edit(file: Path, *changes: tuple[str, str]) -> None:
@@ -102,7 +100,7 @@ PLANTED = {
                       '        self.least_gap = rospy.get_param("~least_gap", 0.05)',
                       "obstacles was sent, but nothing that it may do now sends it"),
     "is silent": ("obstacle_filter.py", "self.publisher.publish(kept)", "pass",
-                  "nothing came on obstacles within 3000 ms, but must"),
+                  "nothing came on obstacles within 1000 ms, but must"),
 }  # fmt: skip
 
 
@@ -110,6 +108,7 @@ PLANTED = {
 def test_a_planted_deviation_is_found_with_what_was_expected(nodes: Path, tmp_path: Path, planted: str) -> None:
     file, old, new, found = PLANTED[planted]
     _edit(nodes / file, (old, new))
+    _edit(nodes / "binding.yaml", ("quiescence: 3 s", "quiescence: 1 s"))
     result = _run(nodes / "binding.yaml", tmp_path, Wanted(cases=0, system=1, protocol="empty"))[0]
     assert result.judged.judgement.verdict is Verdict.FAIL
     deviation = next(one for one in result.judged.deviations if one.component == "ObstacleFilter")

@@ -9,6 +9,7 @@ import time
 from pathlib import Path
 
 import pytest
+from tests_ros1.conftest import patient
 
 from parcours.errors import HostFailure
 from parcours.run.binding import read_binding
@@ -96,6 +97,7 @@ def test_a_port_in_use_is_named() -> None:
 def test_a_message_of_the_wrong_size_is_an_error_with_the_line_of_its_channel(binding: Path, tmp_path: Path) -> None:
     short = "Twist.serialize = lambda self, to: to.write(b'xyz')\n\n\nclass Follower:"
     _spoil(binding.parent / "follower.py", ("class Follower:", short))
+    patient(binding)
     with ForeignHost(read_binding(binding), tmp_path) as host:
         result = next(ForeignStudy(host, Wanted(cases=0, system=1, protocol="empty"), tmp_path).run())
     assert result.judged.judgement.verdict is Verdict.ERROR

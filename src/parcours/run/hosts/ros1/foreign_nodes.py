@@ -125,6 +125,14 @@ class NodeProcess:
             return False
         return all(state.rpartition(")")[2].split()[0] in "Tt" for state in states)
 
+    def worked(self) -> float:
+        """Return how much processor time it has used, itself, not what it has started [s]; 0 if it is gone."""
+        try:
+            fields = Path(f"/proc/{self.pid}/stat").read_text().rpartition(")")[2].split()
+        except OSError:
+            return 0.0
+        return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
     def how(self) -> str:
         """Return how it ended, in words, with the last lines that it has said."""
         if self.status is None:

@@ -15,6 +15,9 @@ from parcours.run.hosts.ros1.foreign import ForeignHost
 _EARLIEST, _LOOK, _SAME = 1_500_000_000, 200_000_000, 1_000_000_000
 """A graph that has not changed for `_SAME` counts as complete; when, and how often, it is looked at [ns]."""
 
+_AT_WORK = 0.15
+"""So much of a processor is used by nodes that still load what they need; what is complete waits, most of the time."""
+
 
 class Readiness:
     """What is still waited for, from now on.
@@ -30,7 +33,7 @@ class Readiness:
         self._host, self._seating, self._relay, self._now = host, seating, relay, now
         self._began = now()
         self._waiting = {seat.name: list(seat.node.ready) for seat in seating.seats}
-        self._looked, self._changed, self._state = 0, 0, Graph()
+        self._looked, self._changed, self._state, self._worked = 0, 0, Graph(), 0.0
 
     def looks(self) -> bool:
         """Return whether everything is there.
@@ -52,21 +55,18 @@ class Readiness:
         return False
 
     def _has_settled(self) -> bool:
-        """Whether nodes that have the usual time to start have registered what they will, and something is missing.
-
-        A node that has registered nothing at all is still starting.
-        """
+        """Whether nodes that have the usual time to start have registered what they will, and something is missing."""
         now = self._now()
         if now - self._began < _EARLIEST or now - self._looked < _LOOK:
             return False
-        self._looked = now
+        elapsed, self._looked = now - self._looked, now
         if any(one.kind != "bound" or one.timeout != 4.0 for seat in self._seating.seats for one in seat.node.ready):
             return False
-        state = self._host.master.state()
-        if state != self._state:
-            self._state, self._changed = state, now
-        starting = {seat.ros_node for seat in self._seating.seats if seat.node.is_ours and seat.ros_node} - state.nodes
-        return not starting and now - self._changed > _SAME and bool(self.findings())
+        state, worked = self._host.master.state(), sum(process.worked() for _, process in self._host.running.values())
+        if state != self._state or worked - self._worked > _AT_WORK * elapsed * 1e-9:
+            self._changed = now
+        self._state, self._worked = state, worked
+        return now - self._changed > _SAME and bool(self.findings())
 
     def _holds(self, seat: Seat, one: Ready) -> bool:
         host = self._host

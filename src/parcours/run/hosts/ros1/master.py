@@ -44,7 +44,7 @@ class Master:
         HostFailure: there is no ROS 1, the port is taken, or the master does not answer in time.
     """
 
-    def __init__(self, port: int | None = None, *, within: float = 5.0) -> None:
+    def __init__(self, port: int | None = None, *, within: float = 30.0) -> None:
         self.port = _free_port() if port is None else port
         self.uri = f"http://{LOOPBACK}:{self.port}/"
         self._within = within
