@@ -43,8 +43,8 @@ COMPONENTS = ("Planner", "TrajectoryGenerator", "TrajectoryEvaluation", "PathMod
 _OUTSIDE = Allowance(unmodelled=frozenset({"trajectory_request", "evaluation_request"}), conversations=True)
 """What RAMP does that Table II leaves out: it also asks its services in planning and control cycles."""
 
-QUIESCENCE = dict.fromkeys(("trajectory_response", "evaluation_response", "modification_response"), 500_000_000)
-"""So long [ns] a service may keep silent that owes an answer."""
+QUIESCENCE = dict.fromkeys(("trajectory_response", "evaluation_response", "modification_response"), 2_000_000_000)
+"""So long [ns] a service may keep silent that owes an answer: it needs milliseconds, and a busy machine more."""
 
 _STRETCH = 100_000_000
 """So long [ns] the host runs on before it is asked whether the case has ended."""
