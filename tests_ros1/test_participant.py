@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
@@ -88,6 +89,24 @@ def test_a_server_that_comes_again_is_called_again(node: Join) -> None:
         assert caller.take(_soon()) is None, "its end is noticed"
     with pytest.raises(HostFailure, match=r"must be reachable.*\[ros1-header\]$"):
         caller.ask(b"third")
+
+
+def test_a_request_is_taken_of_a_client_that_is_still_on_its_way_in(node: Join) -> None:
+    server, client = node("/server"), node("/client")
+    served = server.serve("/s", ASK, "/client")
+    server.join()
+    caller = client.call("/s", ASK)
+
+    def come() -> None:
+        time.sleep(0.3)
+        caller.connect()
+        caller.ask(b"late")
+
+    coming = threading.Thread(target=come)
+    coming.start()
+    assert served.take(time.perf_counter_ns()) is None
+    assert served.take(None) == b"late"
+    coming.join()
 
 
 def test_another_type_is_declined_and_a_call_that_the_master_refuses_is_told(node: Join, master: str) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import socket
 import threading
+import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Protocol
@@ -122,12 +123,18 @@ class Server:
 
     def __init__(self, owner: Owner, service: str, kind: Kind, client: str) -> None:
         self.service, self.kind, self.client, self._owner = service, kind, client, owner
-        self._lock = threading.Lock()
+        self._admission = threading.Condition()
         self._stream: Stream | None = None
 
     def take(self, until: int | None) -> bytes | None:
-        """Return the next request; None if there is none at `until` [ns]. Requests without content are skipped."""
-        stream = self._admitted()
+        """Return the next request; None if there is none at `until` [ns]. Requests without content are skipped.
+
+        A client that says elsewhere that it has asked may still be on its way in.
+        """
+        with self._admission:
+            within = WITHIN if until is None else min(WITHIN, (until - time.perf_counter_ns()) * 1e-9)
+            self._admission.wait_for(lambda: self._stream is not None, within)
+            stream = self._stream
         while stream is not None:
             arrival = stream.take(until)
             if arrival is None or arrival[1]:
@@ -136,7 +143,8 @@ class Server:
 
     def answer(self, data: bytes | None) -> None:
         """Answer the oldest request that is not answered; None refuses it."""
-        stream = self._admitted()
+        with self._admission:
+            stream = self._stream
         if stream is not None:
             if data is None:
                 stream.send(b"not answered", mark=REFUSED)
@@ -145,15 +153,12 @@ class Server:
             if stream.waits:
                 self._owner.await_room(stream)
 
-    def _admitted(self) -> Stream | None:
-        with self._lock:
-            return self._stream
-
     def admit(self, connection: socket.socket, header: dict[str, str]) -> None:
         """Let the client in; one that comes again takes its own place."""
-        with self._lock:  # who has read the header may ask, and is then heard
+        with self._admission:  # who has read the header may ask, and is then heard
             write_header(connection, header_of(self._owner, self.kind) | {"service": self.service})
             stream = self._stream = Stream(connection, header["callerid"])
+            self._admission.notify_all()
         self._owner.watch(stream, None, lambda: None)
 
 
