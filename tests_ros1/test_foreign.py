@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import shutil
 import signal
+import socket
 import subprocess
 import time
 from collections.abc import Sequence
@@ -15,7 +16,12 @@ from tests_ros1.conftest import patient
 
 from parcours.run.binding import read_binding
 from parcours.run.hosts.ros1.foreign import ForeignHost
+from parcours.run.hosts.ros1.foreign_ends import Kind
+from parcours.run.hosts.ros1.foreign_graph import Middle
 from parcours.run.hosts.ros1.foreign_session import Session
+from parcours.run.hosts.ros1.graph import Slave, ask
+from parcours.run.hosts.ros1.master import Master
+from parcours.run.hosts.ros1.streams import Stream, read_header, write_header
 from parcours.run.recording import read_recording
 from parcours.run.trace import held
 from parcours.studies.foreign.abstract import AbstractDrive, _Turn
@@ -214,3 +220,32 @@ def test_a_type_that_only_the_node_knows_is_learned_from_its_connection(tmp_path
     assert (result.id, result.judged.judgement.verdict) == ("Gauge-tp11/0", Verdict.PASS), result.judged.judgement.why
     again, _ = rejudge(tmp_path / "out" / result.recording, read_binding(tmp_path / "binding.yaml"))
     assert again.judgement == result.judged.judgement
+
+
+def test_a_publisher_that_hangs_up_at_first_is_heard_all_the_same() -> None:
+    kind = Kind("std_msgs/String", "992ce8a1687cec8c8bd883ec73ca41d1", "string data\n")
+    refused: list[str] = []
+    heard: list[tuple[str, bytes]] = []
+    with Master() as master, socket.create_server(("127.0.0.1", 0)) as door:
+        door.settimeout(30.0)
+        where = ["TCPROS", *door.getsockname()]
+        speaker = Slave(master.uri, {"requestTopic": lambda topic, protocols: where})
+        middle = Middle("/parcours", master.uri, refused.append)
+        try:
+            ask(master.uri, "registerPublisher", "/speaker", "/said", kind.type, speaker.uri)
+            middle.subscribe("/said", kind, lambda who, data: heard.append((who, data)))
+            door.accept()[0].close()
+            connection, _ = door.accept()
+            assert read_header(connection)["topic"] == "/said"
+            write_header(connection, kind.fields() | {"callerid": "/speaker", "topic": "/said"})
+            said = Stream(connection, "/parcours")
+            said.send(b"now")
+            until = time.perf_counter_ns() + 30_000_000_000
+            while not heard and time.perf_counter_ns() < until:
+                middle.spin(until)
+            said.close()
+        finally:
+            middle.close()
+            speaker.close()
+    assert heard == [("/speaker", b"now")]
+    assert len(refused) == 1 and refused[0].startswith("/said: no connection to the publisher at ")

@@ -84,6 +84,7 @@ def test_a_command_that_cannot_be_run_is_named(binding: Path, tmp_path: Path) ->
 
 def test_a_node_that_dies_at_once_is_quoted(binding: Path, tmp_path: Path) -> None:
     _spoil(binding.parent / "avoider.py", ('rospy.init_node("avoider")', 'raise SystemExit("no map")'))
+    patient(binding)
     error = _complaint(binding, tmp_path)
     assert error.slug == "foreign-start"
     assert "exit status 1; its last lines: no map" in str(error)

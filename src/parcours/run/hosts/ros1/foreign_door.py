@@ -7,9 +7,12 @@ import socket
 import threading
 from collections.abc import Callable, Mapping
 
-from parcours.run.hosts.ros1.foreign_ends import WITHIN, Counter, Mouth, Owner, Reply
+from parcours.run.hosts.ros1.foreign_ends import Counter, Mouth, Owner, Reply
 from parcours.run.hosts.ros1.master import LOOPBACK
 from parcours.run.hosts.ros1.streams import ANSWERED, REFUSED, Stream, welcome, write_header
+
+_PATIENCE = 10.0
+"""So long who connects may take to say what it wants [s]."""
 
 
 class Door:
@@ -44,7 +47,10 @@ class Door:
             except OSError:
                 return
             threading.Thread(
-                target=welcome, args=(connection, WITHIN, self._admit, self._refused), daemon=True, name="ros1-welcome"
+                target=welcome,
+                args=(connection, _PATIENCE, self._admit, self._refused),
+                daemon=True,
+                name="ros1-welcome",
             ).start()
 
     def _admit(self, connection: socket.socket, header: dict[str, str]) -> str:

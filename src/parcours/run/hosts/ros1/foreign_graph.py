@@ -20,6 +20,9 @@ from parcours.run.hosts.ros1.graph import Slave, ask, ask_all
 from parcours.run.hosts.ros1.master import LOOPBACK
 from parcours.run.hosts.ros1.streams import Stream
 
+_TRIES, _PAUSE = 10, 0.5
+"""So often a publisher is asked to let the tester hear it, and how long after another [s]."""
+
 
 class Middle:
     """The tester's name on the graph, on loopback.
@@ -220,16 +223,26 @@ class Middle:
         threading.Thread(target=self._connect, args=arguments, daemon=True, name="ros1-join").start()
 
     def _connect(self, ear: Ear, publishers: list[str]) -> None:
-        with ear.lock:
-            for uri in publishers:
-                known = ear.streams.get(uri)
-                if uri == self.uri or (known is not None and not known.closed) or ear.topic not in self._ears:
-                    continue
-                try:
-                    self._listen(ear, uri)
-                except HostFailure as failure:
-                    if not self._closed:
-                        self._refused(f"{ear.topic}: no connection to the publisher at {uri}: {failure.rule}")
+        """Connect with publishers; again, if one does not answer: a busy machine may keep it from that."""
+        for _ in range(_TRIES):
+            with ear.lock:
+                publishers = [uri for uri in publishers if not self._is_connected(ear, uri)]
+            if not publishers:
+                return
+            time.sleep(_PAUSE)
+
+    def _is_connected(self, ear: Ear, uri: str) -> bool:
+        """Whether nothing is left to do for this publisher, after trying."""
+        known = ear.streams.get(uri)
+        if uri == self.uri or (known is not None and not known.closed) or self._ears.get(ear.topic) is not ear:
+            return True
+        try:
+            self._listen(ear, uri)
+        except HostFailure as failure:
+            if not self._closed:
+                self._refused(f"{ear.topic}: no connection to the publisher at {uri}: {failure.rule}")
+            return self._closed
+        return True
 
     def _listen(self, ear: Ear, uri: str) -> None:
         found = ask(uri, "requestTopic", self.name, ear.topic, [["TCPROS"]], within=WITHIN)

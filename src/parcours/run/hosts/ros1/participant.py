@@ -125,9 +125,10 @@ class Participant:
             stream, heard, lost = watched
             if what & select.EPOLLOUT:
                 stream.flush()
-                if not stream.waits:
-                    self._crowded.discard(stream)
-                    self._poll.modify(descriptor, select.EPOLLIN if heard else 0)
+                with self._lock:
+                    if not stream.waits:
+                        self._crowded.discard(stream)
+                        self._poll.modify(descriptor, _wanted(stream, heard))
             if what & ~select.EPOLLOUT:
                 stream.read()
                 while heard and stream.arrived:
@@ -143,10 +144,11 @@ class Participant:
 
     def await_room(self, stream: Stream) -> None:
         """See to it that the stream sends on what waits, as soon as there is room."""
-        self._crowded.add(stream)
-        watched = self._watched.get(stream.fileno())
-        if watched is not None:
-            self._poll.modify(stream.fileno(), select.EPOLLOUT | (select.EPOLLIN if watched[1] else 0))
+        with self._lock:
+            self._crowded.add(stream)
+            watched = self._watched.get(stream.fileno())
+            if watched is not None:
+                self._poll.modify(stream.fileno(), _wanted(stream, watched[1]))
 
     def flush(self, peer: str) -> None:
         """Wait until all that is meant for `peer` has left."""
@@ -165,7 +167,7 @@ class Participant:
                 stream.close()
                 return
             self._watched[stream.fileno()] = stream, heard, lost
-            self._poll.register(stream.fileno(), select.EPOLLIN if heard else 0)
+            self._poll.register(stream.fileno(), _wanted(stream, heard))
 
     def close(self) -> None:
         """Leave: nothing is heard any more, and the threads end. The master is told by `leave`."""
@@ -274,6 +276,11 @@ class Participant:
         else:
             server.admit(connection, header)
         return ""
+
+
+def _wanted(stream: Stream, heard: Heard | None) -> int:
+    """Return what an epoll shall tell of the stream."""
+    return (select.EPOLLIN if heard else 0) | (select.EPOLLOUT if stream.waits else 0)
 
 
 def _named(header: dict[str, str]) -> str:
