@@ -36,7 +36,7 @@ def test_cases_run_to_their_end_as_the_model_allows(ramp_system: Ros2Fabric) -> 
         assert run.conformance.verdict is Verdict.PASS, run.conformance
         assert not run.deaths
         assert run.judgement.verdict in (Verdict.PASS, Verdict.FAIL)
-        assert run.track["x"].max() - run.track["x"].min() > 0.5
+        assert run.track["x"].max() - run.track["x"].min() > 0.1
         for component in set(COMPONENTS) - {
             "PathModification"
         }:  # a Planner that is kept busy by sensing asks it nothing
