@@ -7,6 +7,7 @@ belongs to the k-th message of its channel, since all topics are reliable and ke
 from __future__ import annotations
 
 import signal
+import socket
 import time
 from collections import deque
 from collections.abc import Mapping, Sequence
@@ -30,6 +31,7 @@ from parcours.run.hosts.frames import (
 from parcours.run.hosts.launching import Processes
 from parcours.run.hosts.processes import ending
 from parcours.run.hosts.resident import Node
+from parcours.run.hosts.ros2.claiming import claim, occupied
 from parcours.run.hosts.ros2.line import CALL, Ros2Line, commands
 from parcours.run.hosts.ros2.names import Part, Route, Topic, command_topic, report_topic, routes
 from parcours.run.hosts.ros2.participant import Caller, Participant, Reply, Sender, Subscription
@@ -56,7 +58,7 @@ class Ros2Fabric:
         domain: the graph's number; that of the environment, or 0, if not given.
 
     Raises:
-        HostFailure: rclpy is not there, or a node did not start.
+        HostFailure: rclpy is not there, a node did not start, or another tester's nodes have the same names.
         BadRequest: channels share a topic.
     """
 
@@ -82,7 +84,7 @@ class Ros2Fabric:
         self._closed = False
         self._processes = Processes([*_PRELOAD, *preload])
         self._participant = Participant("parcours", domain)
-        self._where = f"ROS domain {self._participant.domain}"
+        self._claims: list[socket.socket] = []
         self._ends: list[Sender | Subscription | Caller] = []
         self._reports: list[Subscription] = []
         try:
@@ -104,6 +106,7 @@ class Ros2Fabric:
             raise
 
     def _join(self, node: str) -> None:
+        self._claims.append(claim(self._participant.domain, node))
         self._commands[node] = self._participant.publish(command_topic(node), "command")
         reports = self._participant.subscribe(report_topic(node), lambda data: self._hear(node, report(data)))
         self._ends += [self._commands[node], reports]
@@ -264,6 +267,8 @@ class Ros2Fabric:
         self._flush()
         self._processes.stop()
         self._participant.close()
+        for one in self._claims:
+            one.close()
         self._dead.update(self._incomplete)
 
     def _await_nodes(self) -> None:
@@ -278,9 +283,7 @@ class Ros2Fabric:
                                       "its own words stand above", slug="node-start")  # fmt: skip
                 missing.discard(node)
             if any(one.speakers > 1 for one in self._reports):
-                rule = "must be alone with its nodes, but nodes of another tester report there, too"
-                raise HostFailure(self._where, rule, "use another ROS_DOMAIN_ID, or a network of your own",
-                                  slug="ros2-occupied")  # fmt: skip
+                raise occupied(self._participant.domain)
             if time.perf_counter_ns() > deadline:
                 who = ", ".join(sorted(missing)) or "all topics matched"
                 rule = f"nodes must start within {_START:g} s, but there is no {who}"
