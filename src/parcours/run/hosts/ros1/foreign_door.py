@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-import contextlib
 import socket
-import threading
 from collections.abc import Callable, Mapping
 
+from parcours.run.hosts.ros1.doorway import Doorway
 from parcours.run.hosts.ros1.foreign_ends import Counter, Mouth, Owner, Reply
-from parcours.run.hosts.ros1.master import LOOPBACK
-from parcours.run.hosts.ros1.streams import ANSWERED, REFUSED, Stream, welcome, write_header
+from parcours.run.hosts.ros1.streams import ANSWERED, REFUSED, Stream, write_header
 
 _PATIENCE = 10.0
 """So long who connects may take to say what it wants [s]."""
 
 
 class Door:
-    """Where others connect, on loopback; each connection is welcomed in a thread of its own.
+    """Who may come in to the tester's ends, on loopback.
 
     Args:
         owner: to whom the ends belong.
@@ -27,31 +25,13 @@ class Door:
 
     def __init__(self, owner: Owner, mouths: Mapping[str, Mouth], counters: Mapping[str, Counter],
                  refused: Callable[[str], None]) -> None:  # fmt: skip
-        self._owner, self._mouths, self._counters, self._refused = owner, mouths, counters, refused
-        self._door = socket.create_server((LOOPBACK, 0))
-        self.port: int = self._door.getsockname()[1]
-        self._doorman = threading.Thread(target=self._receive, daemon=True, name="ros1-door")
-        self._doorman.start()
+        self._owner, self._mouths, self._counters = owner, mouths, counters
+        self._doorway = Doorway(_PATIENCE, self._admit, refused)
+        self.port = self._doorway.port
 
     def close(self) -> None:
         """Let nobody in any more."""
-        with contextlib.suppress(OSError):
-            self._door.shutdown(socket.SHUT_RDWR)
-        self._doorman.join()
-        self._door.close()
-
-    def _receive(self) -> None:
-        while True:
-            try:
-                connection, _ = self._door.accept()
-            except OSError:
-                return
-            threading.Thread(
-                target=welcome,
-                args=(connection, _PATIENCE, self._admit, self._refused),
-                daemon=True,
-                name="ros1-welcome",
-            ).start()
+        self._doorway.close()
 
     def _admit(self, connection: socket.socket, header: dict[str, str]) -> str:
         """Let the other end in, or return why not."""

@@ -126,12 +126,18 @@ class Mouth:
 
 @dataclass(eq=False, slots=True)
 class Ear:
-    """A topic that the tester hears, of whoever publishes it. `heard` gets the publisher and the message."""
+    """A topic that the tester hears, of whoever publishes it. `heard` gets the publisher and the message.
+
+    Attributes:
+        publishers: the addresses that the master told last.
+        streams: by the publisher's address.
+    """
 
     topic: str
     kind: Kind
     heard: Callable[[str, bytes], None]
     joined: Callable[[Kind], None] = lambda kind: None
+    publishers: frozenset[str] = frozenset()
     streams: dict[str, Stream] = field(default_factory=dict)
     lock: threading.Lock = field(default_factory=threading.Lock)
 

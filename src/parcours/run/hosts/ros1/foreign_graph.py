@@ -219,8 +219,8 @@ class Middle:
         return found
 
     def _connect_later(self, ear: Ear, publishers: list[str]) -> None:
-        arguments = (ear, list(publishers))
-        threading.Thread(target=self._connect, args=arguments, daemon=True, name="ros1-join").start()
+        ear.publishers = frozenset(publishers)
+        threading.Thread(target=self._connect, args=(ear, publishers), daemon=True, name="ros1-join").start()
 
     def _connect(self, ear: Ear, publishers: list[str]) -> None:
         """Connect with publishers; again, if one does not answer: a busy machine may keep it from that."""
@@ -234,7 +234,8 @@ class Middle:
     def _is_connected(self, ear: Ear, uri: str) -> bool:
         """Whether nothing is left to do for this publisher, after trying."""
         known = ear.streams.get(uri)
-        if uri == self.uri or (known is not None and not known.closed) or self._ears.get(ear.topic) is not ear:
+        is_gone = uri not in ear.publishers or self._ears.get(ear.topic) is not ear
+        if is_gone or uri == self.uri or (known is not None and not known.closed):
             return True
         try:
             self._listen(ear, uri)

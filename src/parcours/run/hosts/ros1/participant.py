@@ -15,10 +15,11 @@ import time
 from collections.abc import Callable
 
 from parcours.errors import HostFailure
+from parcours.run.hosts.ros1.doorway import Doorway
 from parcours.run.hosts.ros1.ends import ANY, Caller, Kind, Publication, Server, Subscription, header_of, opened
 from parcours.run.hosts.ros1.graph import WITHIN, Slave, ask, ask_all
 from parcours.run.hosts.ros1.master import LOOPBACK
-from parcours.run.hosts.ros1.streams import Stream, welcome, write_header
+from parcours.run.hosts.ros1.streams import Stream, write_header
 
 Heard = Callable[[bytes], None]
 Lost = Callable[[], None]
@@ -50,15 +51,13 @@ class Participant:
         self.is_ended = False
         """Whether somebody has told it to shut down (rosnode kill)."""
         self._closed = False
-        self._door = socket.create_server((LOOPBACK, 0))
+        self._door = Doorway(WITHIN, self._admit, refused)
         self._slave = Slave(master, {
             "requestTopic": self._where, "publisherUpdate": self._update,
             "getPublications": lambda: [[one.topic, one.kind.type] for one in self._publications.values()],
             "getSubscriptions": lambda: [[one.topic, one.kind.type] for one in self._subscriptions.values()],
             "getBusInfo": self._connections,
         }, self._end)  # fmt: skip
-        self._doorman = threading.Thread(target=self._receive, daemon=True, name="ros1-door")
-        self._doorman.start()
 
     # What it offers and wants; `join` tells the master.
 
@@ -88,7 +87,7 @@ class Participant:
         Raises:
             HostFailure: the master does not answer, or refuses.
         """
-        at, uri = f"rosrpc://{LOOPBACK}:{self._door.getsockname()[1]}", self._slave.uri
+        at, uri = f"rosrpc://{LOOPBACK}:{self._door.port}", self._slave.uri
         wanted = list(self._subscriptions.values())
         answers = ask_all(self.master, [
             *(("registerService", (self.name, one.service, at, uri)) for one in self._servers.values()),
@@ -176,9 +175,6 @@ class Participant:
         with self._lock:
             self._closed = True
         self._slave.close()
-        with contextlib.suppress(OSError):
-            self._door.shutdown(socket.SHUT_RDWR)
-        self._doorman.join()
         self._door.close()
         for stream, _, _ in self._watched.values():
             stream.close()
@@ -191,7 +187,7 @@ class Participant:
     def _where(self, topic: str, protocols: list[list[object]]) -> object:
         if topic not in self._publications:
             raise HostFailure(self.name, f"does not publish {topic}", slug="ros1-header")
-        return ["TCPROS", LOOPBACK, self._door.getsockname()[1]]
+        return ["TCPROS", LOOPBACK, self._door.port]
 
     def _update(self, topic: str, publishers: list[str]) -> int:
         if topic in self._subscriptions:
@@ -241,16 +237,6 @@ class Participant:
         whose = f"it belongs to {sub.sender}" if sender != sub.sender else f"it carries {sub.kind.type}"
         self._refused(f"{sub.topic}: {sender} publishes {_named(told)} there, but {whose}; it is not heard")
         return None
-
-    def _receive(self) -> None:
-        while True:
-            try:
-                connection, _ = self._door.accept()
-            except OSError:
-                return
-            threading.Thread(
-                target=welcome, args=(connection, WITHIN, self._admit, self._refused), daemon=True, name="ros1-welcome"
-            ).start()
 
     def _admit(self, connection: socket.socket, header: dict[str, str]) -> str:
         """Let the other end in, or return why not."""

@@ -5,20 +5,16 @@
 
 from __future__ import annotations
 
-import contextlib
 import select
 import socket
 import struct
 import time
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 
 from parcours.errors import HostFailure
 
 Header = Mapping[str, str]
-
-Admit = Callable[[socket.socket, dict[str, str]], str]
-"""Lets the other end of a connection in by its header; returns why not, else nothing."""
 
 Arrival = tuple[bytes, bytes]
 """A mark and a message."""
@@ -62,28 +58,6 @@ def read_header(connection: socket.socket) -> dict[str, str]:
         raise HostFailure("ROS 1 connection", f"begins with a header, but: {str(error) or 'it ended'}",
                           slug="ros1-header") from error  # fmt: skip
     return header
-
-
-def welcome(connection: socket.socket, within: float, admit: Admit, refused: Callable[[str], None]) -> None:
-    """Let the other end of a new connection in, or tell it, and whoever keeps account, why not.
-
-    Args:
-        connection: just accepted.
-        within: so long it may take to say what it wants [s].
-        admit: lets it in by its header, or returns the complaint.
-        refused: told of the complaint.
-    """
-    connection.settimeout(within)
-    with contextlib.suppress(OSError):
-        try:
-            complaint = admit(connection, read_header(connection))
-        except HostFailure as failure:
-            complaint = str(failure)
-        if complaint:
-            refused(complaint)
-            with contextlib.suppress(OSError):
-                write_header(connection, {"error": complaint})
-            connection.close()
 
 
 def _exactly(connection: socket.socket, n: int) -> bytes:
