@@ -20,13 +20,11 @@ import numpy as np
 
 from parcours.run.clocks import WallClock
 from parcours.run.hosts.scheduling import real_time
-from parcours.run.port import links
 from parcours.run.trace import Trace
-from parcours.studies.hosting import started
-from parcours.studies.ramp_components.model import component_model
 from parcours.studies.ramp_components.study import (
     CASES_OF_PAPER,
     Execute,
+    component_nodes,
     component_plan,
     duration_of,
     here,
@@ -34,9 +32,10 @@ from parcours.studies.ramp_components.study import (
     on,
     paper_sample,
 )
-from parcours.studies.ramp_system.component_form import system_links
 from parcours.studies.ramp_system.live import COMPONENTS, run_live
+from parcours.studies.ramp_system.live_running import system_nodes
 from parcours.studies.ramp_system.study import system_study
+from parcours.study.hosting import started
 
 WARM_UP = 2
 
@@ -58,9 +57,7 @@ def durations(execute: Execute, repeats: int) -> dict[str, list[int]]:
 
 
 def components(repeats: int) -> None:
-    model = component_model()
-    names = [component.name for component in model.components]
-    with started("component", "processes", links(model), names) as hosted:
+    with started(component_nodes(), "processes") as hosted:
         nodes = hosted.fabric, hosted.codec
         executes = {"here": here(WallClock), "strict": on(*nodes), "concurrent": on(*nodes, strict=False)}
         results = {name: durations(execute, repeats) for name, execute in executes.items()}
@@ -86,7 +83,7 @@ def relayed(trace: Trace) -> list[int]:
 
 def system(seconds: float) -> None:
     study = replace(system_study("guarded", seed=1), time_limit=seconds)
-    with started("system", "processes", system_links(), COMPONENTS) as hosted:
+    with started(system_nodes(), "processes") as hosted:
         nodes = hosted.fabric, hosted.codec
         run_live(replace(study, time_limit=1.0), 0, *nodes)
         for what, listener in (("not recorded", None), ("recorded", lambda event: None)):

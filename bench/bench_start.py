@@ -47,7 +47,8 @@ def wait(arguments: tuple[str, ...], cache: str | None = None) -> tuple[float, f
 def run(arguments: tuple[str, ...], cases: int, cache: str | None = None) -> tuple[float, float, str]:
     """Return the same of `parcours run` with so many cases."""
     with tempfile.TemporaryDirectory() as folder:
-        return wait(("run", *arguments, "--cases", str(cases), "--out", f"{folder}/out"), cache)
+        more = ("--cases", str(cases), "--out", f"{folder}/out", "--fail-if", "errors > 0")  # cases may fail
+        return wait(("run", *arguments, *more), cache)
 
 
 def best(arguments: tuple[str, ...], cases: int, tries: int) -> tuple[float, float]:

@@ -18,7 +18,7 @@ from parcours.run.hosts.scheduling import real_time
 from parcours.run.port import links
 from parcours.studies.ramp_components.model import component_model
 from parcours.studies.ramp_components.ros1 import CODEC
-from parcours.studies.ramp_components.study import _events, component_plan, run_functional
+from parcours.studies.ramp_components.study import component_plan, component_study, run_functional
 from parcours.studies.ramp_components.tester import ComponentTester
 from parcours.suite import Case
 
@@ -40,7 +40,7 @@ def test_all_component_cases_keep_their_order_and_pass(fabric: Ros1Fabric, stric
     def execute(case: Case) -> Execution:
         tester = ComponentTester(case)
         instances = DrivenInstances(fabric, CODEC, tester)
-        return enforce(_events(case.abstract), instances, tester.supply, case=case.id, strict=strict)
+        return enforce(component_study().events(case), instances, tester.supply, case=case.id, strict=strict)
 
     done = [run_functional(case, execute) for case in component_plan(0, 1).cases(0, 67)]
     assert len(done) == 67

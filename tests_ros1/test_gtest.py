@@ -31,7 +31,7 @@ from parcours.run.port import links
 from parcours.studies.gtest_export import Repeats, export_gtest, gtest_channels, timing_limits
 from parcours.studies.ramp_components.model import component_model
 from parcours.studies.ramp_components.ros1 import CODEC
-from parcours.studies.ramp_components.study import _events, component_plan, run_functional
+from parcours.studies.ramp_components.study import component_plan, component_study, run_functional
 from parcours.studies.ramp_components.tester import ComponentTester
 from parcours.studies.standing_nodes import RESIDENT
 from parcours.suite import Case, write_suite
@@ -131,7 +131,9 @@ def verdicts_here(resident: str) -> dict[str, tuple[str, str]]:
 
     def execute(case: Case) -> Execution:
         tester = ComponentTester(case)
-        return enforce(_events(case.abstract), DrivenInstances(fabric, CODEC, tester), tester.supply, case=case.id)
+        return enforce(
+            component_study().events(case), DrivenInstances(fabric, CODEC, tester), tester.supply, case=case.id
+        )
 
     try:
         judged = {case.id: run_functional(case, execute).judgement for case in CASES}

@@ -1,4 +1,4 @@
-"""The cases of a study -> pytest items: `pytest --parcours-study ramp_system --parcours-cases 50`.
+"""The cases of a study -> pytest items: `pytest --parcours-study examples/lift --parcours-cases 50`.
 
 Inert unless a study or a suite is asked for. Nothing of Parcours but the options is loaded before that.
 """
@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 if TYPE_CHECKING:
-    from parcours.studies.judging import Judged
+    from parcours.study import Judged, Study
     from parcours.suite import Case
 
 DEFAULT_CASES = 50
@@ -22,12 +22,18 @@ DEFAULT_CASES = 50
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     """Declare the options."""
-    group = parser.getgroup("parcours", "test cases of motion planners")
-    group.addoption("--parcours-study", metavar="STUDY", help="collect the cases of a study: ramp_system, ...")
+    group = parser.getgroup("parcours", "test cases of studies")
+    group.addoption("--parcours-study", metavar="STUDY", help="collect the cases of a study: a name, folder or file")
     group.addoption("--parcours-suite", metavar="FILE", help="collect the cases of a suite file (parcours suite)")
+    group.addoption("--parcours-planner", metavar="NAME", default="",
+                    help="the planner under test: module:Name or file.py:Name, for a study that has one")  # fmt: skip
+    group.addoption("--parcours-set", metavar="NAME=VALUE", action="append", default=[],
+                    help="a parameter of the study; may be repeated")  # fmt: skip
+    group.addoption(
+        "--parcours-case", metavar="ID", action="append", default=[], help="this case only; may be repeated"
+    )
     group.addoption("--parcours-cases", metavar="N", type=int, help=f"how many, the first N [{DEFAULT_CASES}]")
     group.addoption("--parcours-seed", metavar="N", type=int, default=1, help="campaign seed of the study [1]")
-    group.addoption("--parcours-schedule", default="", help="ramp_system: original or guarded [original]")
     group.addoption(
         "--parcours-inconclusive",
         choices=("xfail", "fail"),
@@ -37,7 +43,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def _is_asked(config: pytest.Config) -> bool:
-    return bool(config.getoption("--parcours-study") or config.getoption("--parcours-suite"))
+    return any(config.getoption(f"--parcours-{name}") for name in ("study", "suite", "planner"))
 
 
 @pytest.hookimpl(trylast=True)
@@ -48,15 +54,27 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def pytest_report_header(config: pytest.Config) -> list[str]:
-    """Say what is run, and that compiling comes first if it does."""
+    """Say what is run."""
     if not _is_asked(config):
         return []
+    given = [config.getoption(f"--parcours-{name}") for name in ("suite", "study", "planner")]
+    source = ", ".join(str(one) for one in given if one)
+    settings = ", ".join(config.getoption("--parcours-set")) or "default settings"
+    return [f"parcours: {source}, seed {config.getoption('--parcours-seed')}, {settings}"]
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_sessionstart(session: pytest.Session) -> None:
+    """Say that compiling comes first if it does: at once, also where -q leaves the header out."""
+    config = session.config
+    if not _is_asked(config) or config.option.collectonly or hasattr(config, "workerinput"):
+        return
     from parcours.kernels import is_warm
 
-    source = config.getoption("--parcours-suite") or config.getoption("--parcours-study")
-    cold = [] if is_warm() else ["parcours: compiling for this machine first, once: about a minute"]
-    schedule = config.getoption("--parcours-schedule") or "its own"
-    return [f"parcours: {source}, seed {config.getoption('--parcours-seed')}, schedule {schedule}", *cold]
+    reporter = config.pluginmanager.get_plugin("terminalreporter")
+    if reporter is not None and not is_warm():
+        reporter.write_line("parcours: compiling for this machine first, once: about a minute")
+        reporter.flush()
 
 
 @pytest.hookimpl(tryfirst=True)
@@ -71,35 +89,72 @@ def pytest_collection_modifyitems(session: pytest.Session, config: pytest.Config
     except ParcoursError as error:
         raise pytest.UsageError(str(error)) from None
     suites: dict[str, CaseSuite] = {}
-    for case in cases:
+    for case, study, settings in cases:
         if case.study not in suites:
             suites[case.study] = CaseSuite.from_parent(session, name=case.study, nodeid=case.study)
-        items.append(CaseItem.from_parent(suites[case.study], name=f"{case.abstract}/{case.row}", case=case))
+        name = f"{case.abstract}/{case.row}"
+        items.append(CaseItem.from_parent(suites[case.study], name=name, case=case, study=study, settings=settings))
 
 
-def _cases(config: pytest.Config) -> Iterator[Case]:
-    """Yield the cases asked for. Raises ParcoursError."""
+def _study(config: pytest.Config) -> Study | None:
+    """Return the study that is named, or the one that has a planner if one is named; None if only a suite is."""
     from parcours.errors import BadRequest
-    from parcours.studies import suite_of
-    from parcours.studies.judging import check_schedule
+    from parcours.study.finding import find, registered
+
+    if config.getoption("--parcours-study"):
+        return find(config.getoption("--parcours-study"))
+    if not config.getoption("--parcours-planner"):
+        return None
+    for one in registered():
+        study = find(one.name)
+        if any(parameter.name == "planner" for parameter in study.parameters):
+            return study
+    raise BadRequest("--parcours-planner", "no registered study has a planner", slug="option-study")
+
+
+def _settings(config: pytest.Config, study: Study) -> dict[str, Any]:
+    from parcours.study.parameters import settings_from
+
+    planner = config.getoption("--parcours-planner")
+    given = [*config.getoption("--parcours-set"), *([f"planner={planner}"] if planner else [])]
+    return settings_from(study.parameters, given, study.name)
+
+
+def _cases(config: pytest.Config) -> Iterator[tuple[Case, Study, dict[str, Any]]]:
+    """Yield the cases asked for, each with its study and settings. Raises ParcoursError."""
+    from parcours.errors import BadRequest
+    from parcours.study.finding import find
+    from parcours.study.selection import named
     from parcours.suite import read_suite
 
-    file, study = config.getoption("--parcours-suite"), config.getoption("--parcours-study")
+    file, study = config.getoption("--parcours-suite"), _study(config)
     wanted, seed = config.getoption("--parcours-cases"), config.getoption("--parcours-seed")
     if wanted is not None and wanted < 1:
         raise BadRequest("--parcours-cases", f"must be at least 1, but is {wanted}", slug="case-count")
     if not 0 <= seed < 2**63:
         raise BadRequest("--parcours-seed", f"must lie in 0 .. 2**63 - 1, but is {seed}", slug="seed")
-    schedule = config.getoption("--parcours-schedule")
-    if study:
-        check_schedule(study, schedule)
+    chosen = config.getoption("--parcours-case")
+    known: dict[str, tuple[Study, dict[str, Any]]] = {}
+    if study is not None:
+        known[study.name] = study, _settings(config, study)
     if not file:
-        yield from suite_of(study, seed=seed, n_cases=wanted or DEFAULT_CASES)
+        assert study is not None
+        settings = known[study.name][1]
+        if chosen:
+            cases = named(study.suite(settings, seed, wanted), chosen)
+        else:  # of an endless family of cases the first ones, of a study that ends no more than it has
+            n = wanted if wanted is not None or study.kind == "components" else DEFAULT_CASES
+            cases = islice(study.suite(settings, seed, n), wanted or DEFAULT_CASES)
+        yield from ((case, study, settings) for case in cases)
         return
-    for case in islice(read_suite(Path(config.invocation_params.dir, file)), wanted):
-        check_schedule(case.study, schedule)
-        if not study or case.study == study:
-            yield case
+    cases = read_suite(Path(config.invocation_params.dir, file))
+    for case in islice(named(cases, chosen) if chosen else cases, wanted):
+        if case.study not in known:
+            if study is not None:
+                continue
+            found = find(case.study)
+            known[case.study] = found, _settings(config, found)
+        yield case, *known[case.study]
 
 
 class CaseSuite(pytest.Collector):
@@ -120,17 +175,16 @@ class CaseFailedError(Exception):
 class CaseItem(pytest.Item):
     """One case: executed anew and judged."""
 
-    def __init__(self, *, case: Case, **keywords: Any) -> None:
+    def __init__(self, *, case: Case, study: Study, settings: dict[str, Any], **keywords: Any) -> None:
         super().__init__(**keywords)
-        self.case = case
+        self.case, self.study, self.settings = case, study, settings
         self.user_properties += [("abstract", case.abstract), ("row", case.row), ("seed", case.seed)]
 
     def runtest(self) -> None:
         """Execute the case: fail raises, inconclusive is xfail unless it is to fail."""
-        from parcours.studies.judging import judge_case
         from parcours.verdict.judgement import Verdict
 
-        judged = judge_case(self.case, schedule=self.config.getoption("--parcours-schedule"))
+        judged = self.study.judge(self.case, self.settings)
         self.user_properties.append(("verdict", str(judged.verdict)))
         if judged.verdict is Verdict.INCONCLUSIVE and self.config.getoption("--parcours-inconclusive") == "xfail":
             pytest.xfail(judged.why)
@@ -152,9 +206,9 @@ class CaseItem(pytest.Item):
         return self.config.rootpath, None, self.case.id
 
     def _again(self) -> str:
-        file = self.config.getoption("--parcours-suite")
-        source = f"--parcours-suite {file}" if file else f"--parcours-study {self.case.study}"
-        seed = "" if file else f" --parcours-seed {self.case.seed} --parcours-cases {self.case.number + 1}"
-        schedule = self.config.getoption("--parcours-schedule")
-        tail = f" --parcours-schedule {schedule}" if schedule else ""
-        return f"pytest {source}{seed}{tail} -k '{self.name}'"
+        file, planner = self.config.getoption("--parcours-suite"), self.config.getoption("--parcours-planner")
+        source = [f"--parcours-suite {file}"] if file else [f"--parcours-seed {self.case.seed}"]
+        named = self.config.getoption("--parcours-study")
+        source += [f"--parcours-study {named}"] * bool(named) + [f"--parcours-planner {planner}"] * bool(planner)
+        source += [f"--parcours-set {one}" for one in self.config.getoption("--parcours-set")]
+        return f"pytest {' '.join(source)} --parcours-case {self.case.id}"

@@ -18,13 +18,13 @@ DOMAINS = ROOT / "src/parcours/studies/ramp_system/domains.yaml"
 
 
 def parcours(*arguments: object, code: int = 0) -> str:
-    """Run the command and return what it printed: standard output, or standard error if it is to fail."""
+    """Run the command and return what it printed: standard output, or standard error if it is to be refused."""
     done = subprocess.run(
-        [sys.executable, "-m", "parcours.cli", *map(str, arguments)], capture_output=True, text=True, check=False
+        [sys.executable, "-m", "parcours", *map(str, arguments)], capture_output=True, text=True, check=False
     )
     assert done.returncode == code, done.stderr
     assert "Traceback" not in done.stderr
-    return done.stdout if code == 0 else done.stderr
+    return done.stderr if code == 2 else done.stdout
 
 
 def test_help_names_every_stage_and_imports_nothing_heavy() -> None:
@@ -93,7 +93,7 @@ def test_a_broken_model_is_reported_with_its_lines_and_code_2(tmp_path: Path) ->
     text = MODEL.read_text().replace("guard: tcp_socket,", "guard: tcp_sockett,", 1)
     broken.write_text(text.replace("event: odometry(", "event: odometri("))
     done = subprocess.run(
-        [sys.executable, "-m", "parcours.cli", "model", "check", str(broken)],
+        [sys.executable, "-m", "parcours", "model", "check", str(broken)],
         capture_output=True,
         text=True,
         check=False,
@@ -137,18 +137,29 @@ def test_a_suite_is_written_and_reads_back(tmp_path: Path) -> None:
     [
         (("run", "ramp_sytem", "--out", "x"), "did you mean 'ramp_system'"),
         (("run", "ramp_system", "--cases", "-3", "--out", "x"), "-3"),
-        (("run", "ramp_system", "--schedule", "fast", "--out", "x"), "unknown-schedule"),
-        (("run", "ramp_system", "--protocol", "nobody", "--out", "x"), "unknown-protocol"),
-        (("run", "ramp_system", "--obstacle-radius", "-1", "--out", "x"), "radius-range"),
+        (("run", "ramp_system", "--schedule", "fast", "--out", "x"), "parameter-choice"),
+        (("run", "ramp_system", "--protocol", "nobody", "--out", "x"), "parameter-choice"),
+        (("run", "ramp_system", "--obstacle-radius", "-1", "--out", "x"), "parameter-range"),
         (("run", "ramp_system", "--robot-radius", "0", "--out", "x"), "radius-range"),
-        (("run", "ramp_system", "--added-stop", "-1", "--out", "x"), "latency-range"),
-        (("run", "navigation", "--planner", "orca", "--robot-radius", "nan", "--out", "x"), "radius-range"),
-        (("run", "navigation", "--planner", "orca", "--time-limit", "0", "--out", "x"), "scenario-range"),
-        (("run", "navigation", "--planner", "ramp-guarded", "--time-limit", "-1", "--out", "x"), "scenario-range"),
+        (("run", "ramp_system", "--added-stop", "-1", "--out", "x"), "parameter-range"),
+        (("run", "ramp_system", "--added-stop", "6", "--out", "x"), "latency-range"),
+        (("run", "ramp_system", "--workers", "many", "--out", "x"), "parameter-kind"),
+        (("run", "ramp_system", "--faults", "Planner: crash at 3 s", "--out", "x"), "option-study"),
+        (("run", "ramp_system", "--case", "nobody/7", "--out", "x"), "case-unknown"),
+        (("run", "ramp_system", "--case", "3", "--cases", "9", "--out", "x"), "option-study"),
+        (("run", "ramp_system", "--fail-if", "stuck", "--out", "x"), "gate-form"),
+        (("run", "navigation", "--planner", "orca", "--robot-radius", "nan", "--out", "x"), "parameter-kind"),
+        (("run", "navigation", "--planner", "orca", "--time-limit", "0", "--out", "x"), "parameter-range"),
+        (("run", "navigation", "--planner", "ramp-guarded", "--time-limit", "-1", "--out", "x"), "parameter-range"),
+        (("run", "navigation", "--out", "x"), "planner-unknown"),
         (("run", "ramp_system", "--cases", "1", "--out", "/proc/nowhere"), "folder-unwritable"),
         (("demo", "--cases", "1", "--out", "/proc/nowhere"), "folder-unwritable"),
-        (("run", "ramp_components", "--protocol", "published", "--out", "x"), "option-study"),
+        (("run", "ramp_components", "--protocol", "published", "--out", "x"), "No such option"),
+        (("run", "ramp_components", "--percent", "9", "--out", "x"), "parameter-range"),
+        (("run", "ramp_components", "--case", "ITP1", "--out", "x"), "case-unknown"),
+        (("run", "/nowhere/study.yaml", "--out", "x"), "unreadable-file"),
         (("report", "/nowhere"), "results-manifest"),
+        (("replay", "/nowhere", "3"), "results-manifest"),
         (("model", "check"), "Missing argument"),
         (("nonsense",), "No such command"),
     ],
@@ -162,11 +173,12 @@ def test_a_mistake_costs_one_paragraph_and_code_2(arguments: tuple[str, ...], sa
 def test_a_campaign_is_run_judged_resumed_and_replayed(tmp_path: Path) -> None:
     out = tmp_path / "results"
     run = ("run", "ramp_system", "--schedule", "original", "--cases", "9", "--workers", "1", "--out", out, "--json")
-    first = parcours(*run)
+    first = parcours(*run, code=1)
     assert json.loads(first)[str(out)]["cases"] == 9
-    assert parcours(*run) == first
-    parcours("report", out, "--html", tmp_path / "r.html", "--junit", tmp_path / "r.xml")
+    assert parcours(*run, "--fail-if", "errors > 0") == first
+    parcours("report", out, "--html", tmp_path / "r.html", "--junit", tmp_path / "r.xml", code=1)
     assert "<html" in (tmp_path / "r.html").read_text() and 'tests="9"' in (tmp_path / "r.xml").read_text()
+    assert 'classname="ramp_system" name="together-' in (tmp_path / "r.xml").read_text()
     assert "ramp_system/" in parcours("replay", out, 4, "--html", tmp_path / "case.html")
     assert "0 .. 8" in parcours("replay", out, 9, "--html", tmp_path / "case.html", code=2)
     shard = next(out.glob("shard-*.npy"))
@@ -176,9 +188,12 @@ def test_a_campaign_is_run_judged_resumed_and_replayed(tmp_path: Path) -> None:
 
 def test_component_results_are_read_by_a_later_command(tmp_path: Path) -> None:
     out = tmp_path / "components"
-    assert "results in" in parcours("run", "ramp_components", "--cases", "3", "--out", out)
-    assert "ITP6" in parcours("report", out, "--junit", tmp_path / "r.xml")
-    assert 'tests="63"' in (tmp_path / "r.xml").read_text()
+    run = ("run", "ramp_components", "--cases", "3", "--repeats", "1", "--out", out)
+    told = parcours(*run, "--junit", tmp_path / "first.xml", code=3)  # one repeat is too few to judge a duration
+    assert f"all 63 cases are finished in {out}" in told
+    assert "ITP6" in parcours("report", out, "--junit", tmp_path / "r.xml", code=3)
+    assert 'tests="63"' in (tmp_path / "r.xml").read_text() == (tmp_path / "first.xml").read_text()
+    assert 'classname="functional.ramp_components" name="ITP1-' in (tmp_path / "r.xml").read_text()
     (out / "components.json").write_text((out / "components.json").read_text()[:-200])
     assert "results-components" in parcours("report", out, code=2)
 
@@ -186,7 +201,7 @@ def test_component_results_are_read_by_a_later_command(tmp_path: Path) -> None:
 def test_a_demo_that_is_refused_leaves_the_report_that_is_there(tmp_path: Path) -> None:
     out = tmp_path / "demo"
     other = ("run", "ramp_system", "--cases", "9", "--workers", "1", "--out", out / "table-vii-original")
-    parcours(*other)
+    parcours(*other, "--fail-if", "errors > 0")
     (out / "report.html").write_text("a finished report")
     assert "results-other" in parcours("demo", "--cases", "18", "--out", out, code=2)
     assert (out / "report.html").read_text() == "a finished report"
@@ -194,12 +209,12 @@ def test_a_demo_that_is_refused_leaves_the_report_that_is_there(tmp_path: Path) 
 
 def test_an_unfinished_campaign_says_so_and_misplaced_or_foreign_results_are_refused(tmp_path: Path) -> None:
     out = tmp_path / "results"
-    parcours("run", "ramp_system", "--cases", "128", "--workers", "1", "--out", out)
+    parcours("run", "ramp_system", "--cases", "128", "--workers", "1", "--out", out, code=1)
     first, second = out / "shard-000000.npy", out / "shard-000001.npy"
     sum_of_second = Path(f"{second}.sha256")
     kept = second.read_bytes(), sum_of_second.read_bytes()
     sum_of_second.unlink()
-    assert "64 of 128, unfinished" in parcours("report", out)
+    assert "64 of 128, unfinished" in parcours("report", out, code=1)
     second.write_bytes(first.read_bytes())
     sum_of_second.write_text(f"{hashlib.sha256(first.read_bytes()).hexdigest()}  {second.name}\n")
     assert "results-order" in parcours("report", out, code=2)
@@ -213,3 +228,8 @@ def test_an_unfinished_campaign_says_so_and_misplaced_or_foreign_results_are_ref
     manifest = out / "campaign.json"
     manifest.write_text(manifest.read_text().replace('"seed": 1,', '"seed": 7,'))
     assert "was changed since" in parcours("report", out, code=2)
+
+
+def test_the_package_runs_as_the_command_does() -> None:
+    done = subprocess.run([sys.executable, "-m", "parcours", "--version"], capture_output=True, text=True, check=True)
+    assert done.stdout.startswith("parcours, version ")

@@ -153,12 +153,16 @@ def test_the_tables_come_as_markdown_ready_for_a_document(compared: tuple[Path, 
 
 def test_added_delays_are_kept_with_the_campaign_and_only_for_ramp(tmp_path: Path) -> None:
     words = ("run", "ramp_system", "--cases", 3, "--workers", 1, "--added-sensing", 0.25, "--out", tmp_path / "late")
-    summary = json.loads(call(*words, "--json").stdout)
+    ran = call(*words, "--json")
+    summary = json.loads(ran.stdout)
     (late,) = summary.values()
     assert late["measures"]["min_clearance"]["n"] == 3 and 0.0 < late["measures"]["survivability"]["median"] < 1.0
     kept = json.loads((tmp_path / "late" / "campaign.json").read_text())
     assert kept["parameters"]["latencies"]["added_sensing"] == 0.25
-    told = call("report", tmp_path / "late").stdout
+    reported = call("report", tmp_path / "late")
+    told = reported.stdout
+    assert reported.exit_code == ran.exit_code
     assert "time in imminent collision" in told and "least time to collision" in told
-    with pytest.raises(BadRequest, match=r"--added-stop: it belongs to ramp_system.*\[option-study\]"):
-        call("run", "navigation", "--planner", "orca", "--added-stop", 0.1, "--out", tmp_path / "x")
+    refused = call("run", "navigation", "--planner", "orca", "--added-stop", 0.1, "--out", tmp_path / "x")
+    assert refused.exit_code == 2 and "No such option" in refused.output and "--added-stop" in refused.output
+    assert not (tmp_path / "x").exists()

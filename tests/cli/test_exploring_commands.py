@@ -127,7 +127,7 @@ def test_sequences_of_one_case_are_counted_sampled_and_listed() -> None:
 @pytest.mark.parametrize("arguments", [("--policy", "every-transition"), ("--sequences", "all"),
                                        ("--policy", "every-transition", "--json")])  # fmt: skip
 def test_millions_of_cases_are_streamed(arguments: tuple[str, ...]) -> None:
-    command = [sys.executable, "-m", "parcours.cli", "abtc", str(MODEL), *arguments]
+    command = [sys.executable, "-m", "parcours", "abtc", str(MODEL), *arguments]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
         lines = [process.stdout.readline() for _ in range(500)]

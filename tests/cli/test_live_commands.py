@@ -16,8 +16,9 @@ import pytest
 
 from parcours.cli import main
 from parcours.run.recording import read_recording
-from parcours.studies.archive import rejudge
 from parcours.studies.ramp_components.resident import RampCodec
+from parcours.studies.ramp_components.study import component_study
+from parcours.studies.ramp_system.live_results import rejudge
 from parcours.verdict.judgement import Verdict
 
 _PATIENCE = 240.0
@@ -29,7 +30,7 @@ class Command:
 
     def __init__(self, *arguments: str, folder: Path) -> None:
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "parcours.cli", *arguments], cwd=folder, text=True, start_new_session=True,
+            [sys.executable, "-m", "parcours", *arguments], cwd=folder, text=True, start_new_session=True,
             stdout=subprocess.PIPE, stderr=subprocess.PIPE,
         )  # fmt: skip
         self.pid = self._process.pid
@@ -112,12 +113,13 @@ def test_ctrl_c_in_the_middle_of_component_cases_leaves_nobody_and_no_traceback(
     command = parcours(*COMPONENTS)
     command.wait_for(lambda: len(list((tmp_path / "out" / "recordings").glob("*.mcap"))) >= 5)
     command.signal(signal.SIGINT, group=True)
-    code, _, complaint = command.ended()
+    code, said, complaint = command.ended()
     assert (code, "Traceback" in complaint) == (130, False), complaint
-    assert complaint.rstrip().endswith("parcours: interrupted")
+    kept = len((tmp_path / "out" / "cases.jsonl").read_text().splitlines())
+    assert kept >= 4 and f"interrupted: {kept} of 261 cases are finished and kept in out" in said
     assert nobody_is_left(command.pid)
     for path in sorted((tmp_path / "out" / "recordings").glob("functional-*.mcap")):
-        assert rejudge(path).agrees
+        assert component_study().rejudge(path).agrees
 
 
 def test_ctrl_c_while_the_nodes_are_being_started_leaves_nobody_and_no_traceback(
@@ -133,7 +135,7 @@ def test_ctrl_c_while_the_nodes_are_being_started_leaves_nobody_and_no_traceback
 
 
 SYSTEM = ("run", "ramp_system", "--host", "processes", "--schedule", "guarded", "--cases", "3", "--time-limit", "0.5",
-          "--record", "mcap", "--out", "out")  # fmt: skip
+          "--record", "mcap", "--out", "out", "--fail-if", "deaths > 0")  # fmt: skip
 
 
 def test_a_killed_run_keeps_what_was_finished_and_goes_on_from_there(
@@ -161,21 +163,21 @@ def test_a_killed_run_keeps_what_was_finished_and_goes_on_from_there(
     assert code == 0, complaint
     lines = log.read_text().splitlines()
     assert lines[:2] == [head, first] and [json.loads(line)["number"] for line in lines[1:]] == [0, 1, 2]
-    assert "results in out" in out and nobody_is_left(again.pid)
+    assert "all 3 cases are finished in out" in out and nobody_is_left(again.pid)
 
     monkeypatch.chdir(tmp_path)
     code, out, complaint = here("judge", "out/recordings")
     assert code == 0 and "3 of 3 recordings earn the verdict that was recorded" in out, complaint
     code, _, complaint = here(*SYSTEM, "--seed", "9")
-    assert code == 2 and "results-other" in complaint
+    assert code == 2 and "results-other" in complaint and "seed" in complaint
 
 
 @pytest.mark.parametrize(("arguments", "slug"), [
-    (("run", "ramp_components", "--host", "nowhere", "--out", "out"), "unknown-host"),
-    (("run", "ramp_system", "--host", "nowhere", "--out", "out"), "unknown-host"),
-    (("run", "navigation", "--planner", "orca", "--host", "processes", "--out", "out"), "option-study"),
+    (("run", "ramp_components", "--host", "nowhere", "--out", "out"), "parameter-choice"),
+    (("run", "ramp_system", "--host", "nowhere", "--out", "out"), "parameter-choice"),
     (("judge", "."), "recording-case"),
     (("judge", "absent.mcap"), "recording-"),
+    (("run", "ramp_system", "--host", "processes", "--faults", "Planer: crash at 3 s", "--out", "out"), "fault-"),
 ])  # fmt: skip
 def test_what_cannot_be_done_is_refused_in_one_paragraph(
     here: Here, arguments: tuple[str, ...], slug: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -183,3 +185,9 @@ def test_what_cannot_be_done_is_refused_in_one_paragraph(
     monkeypatch.chdir(tmp_path)
     code, _, complaint = here(*arguments)
     assert code == 2 and slug in complaint and complaint.count("parcours:") == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_study_whose_cases_are_not_in_real_time_has_no_host(here: Here) -> None:
+    code, _, complaint = here("run", "navigation", "--planner", "orca", "--host", "processes", "--out", "out")
+    assert code == 2 and "No such option" in complaint and "--host" in complaint

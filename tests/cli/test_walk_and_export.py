@@ -15,7 +15,7 @@ MODEL = Path(__file__).parents[2] / "src/parcours/studies/ramp_components/model.
 
 def parcours(*arguments: object, code: int = 0) -> tuple[str, str]:
     """Run the command and return what it wrote on standard output and on standard error."""
-    command = [sys.executable, "-m", "parcours.cli", *map(str, arguments)]
+    command = [sys.executable, "-m", "parcours", *map(str, arguments)]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == code and "Traceback" not in done.stderr, done.stderr
     return done.stdout, done.stderr
@@ -76,5 +76,10 @@ def test_a_suite_becomes_a_script_beside_it_or_far_from_it(tmp_path: Path) -> No
     parcours("suite", "ramp_components", "--cases", "5", "--out", suite)
     assert "wrote 5 tests" in parcours("export", "pytest", suite, "--out", script, "--refer")[0]
     assert "Path(__file__).parent / '../suite.jsonl'" in script.read_text()
-    assert "option-study" in parcours("export", "pytest", suite, "--out", script, "--schedule", "guarded", code=2)[1]
+    for given, says in (
+        ("schedule=guarded", "parameter-unknown"),
+        ("host", "parameter-form"),
+        ("percent=9", "parameter-range"),
+    ):
+        assert says in parcours("export", "pytest", suite, "--out", script, "--set", given, code=2)[1]
     assert "unreadable-file" in parcours("export", "pytest", tmp_path / "none", "--out", script, code=2)[1]

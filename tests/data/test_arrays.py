@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+import time
 
 import numpy as np
 import pytest
@@ -76,6 +77,19 @@ def test_without_a_budget_a_seed_gives_the_same_array_and_another_seed_another()
     first, again, other = (covering_array(goals, seed=seed).rows for seed in (3, 3, 4))
     assert (first == again).all() and len(first) == 12
     assert first.tobytes() != other.tobytes()
+
+
+def test_without_a_budget_a_slow_machine_finds_the_same_array(monkeypatch: pytest.MonkeyPatch) -> None:
+    goals = goals_of([4, 3, 3, 3, 2], 2)
+    swift = covering_array(goals, seed=3)
+    ticks = itertools.count(step=1000.0)
+    monkeypatch.setattr(time, "perf_counter", lambda: next(ticks))
+    slow = covering_array(goals, seed=3)
+    assert "covertable" in {stage.name for stage in swift.stages}
+    assert [stage.name for stage in slow.stages] == [stage.name for stage in swift.stages]
+    assert (slow.rows == swift.rows).all()
+    hurried = covering_array(goals, seed=3, budget=1.0)
+    assert "covertable" not in {stage.name for stage in hurried.stages}
 
 
 def test_groups_have_a_strength_of_their_own() -> None:

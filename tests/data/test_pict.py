@@ -53,6 +53,8 @@ def test_a_model_arrives_with_everything_it_says() -> None:
         "line 2: parameter 'Kind': the weight of 'Span' is not kept",
         "line 2: parameter 'Kind': of the aliases of 'Stripe' only that one is kept",
         "line 4: parameter 'Format tool': it is called Format_tool here",
+        "line 7: sub-model of 3 parameters: PICT crosses whole rows of a sub-model with other values; "
+        "here it is a group of mixed strength",
     ]
 
 
@@ -73,8 +75,12 @@ def test_what_pict_can_say_comes_back_as_it_was() -> None:
     first = parse_pict(DISK, "disk.pict").model
     written = write_pict(first)
     again = parse_pict(written.text, "disk.pict")
-    assert not again.losses
-    assert [str(loss) for loss in written.losses] == ["parameter 'Size': its bases are not written"]
+    crossed = "PICT crosses whole rows of a sub-model with other values; here it is a group of mixed strength"
+    assert [str(loss) for loss in again.losses] == [f"line 5: sub-model of 3 parameters: {crossed}"]
+    assert [str(loss) for loss in written.losses] == [
+        "parameter 'Size': its bases are not written",
+        f"group of 3 parameters: {crossed}",
+    ]
     assert replace(again.model.domains[1], bases=(1,)) == first.domains[1]
     domains = tuple(replace(d, bases=(0,)) for d in first.domains)
     assert again.model.domains == domains and again.model.groups == first.groups
@@ -116,7 +122,9 @@ def test_what_pict_cannot_say_is_written_as_forbidden_blocks_or_reported() -> No
     [
         ("", 0, "parameters-none"),
         ("# only a comment\n", 0, "parameters-none"),
-        ("A 1, 2\n", 1, "pict-syntax"),
+        ("A 1 2\n", 1, "pict-syntax"),
+        (", 1, 2\n", 1, "pict-syntax"),
+        ("A,\n", 1, "pict-syntax"),
         ("A:\n", 1, "pict-syntax"),
         ("A: 1,, 2\n", 1, "name"),
         ("A: 1, 1\n", 1, "values-double"),
@@ -180,6 +188,58 @@ def test_values_taken_over_keep_their_negative_mark() -> None:
     model = parse_pict("A: ~x, a\nB: <A>, c, ~y", "m.pict").model
     assert model.domains[1].labels == ("a", "c", "x", "y") and model.sizes == (1, 2)
     assert choose(model, "each_choice").n_negative == 3
+
+
+FONT = """\
+# Tabs and blanks as people type them.
+Font,Times,Arial
+Style , Regular, Italic, ~Bold (3)
+Size @ 1, 10, 12
+If, Yes, No
+Address: http, https
+Link, see:here, there
+IF [Font] = "Times" THEN [Size] < 12;
+"""
+
+
+def test_a_parameter_may_be_set_apart_by_a_comma() -> None:
+    reading = parse_pict(FONT, "font.pict")
+    labels = {domain.name: domain.labels for domain in reading.model.domains}
+    assert labels["Font"] == ("Times", "Arial") and labels["Style"] == ("Regular", "Italic", "Bold")
+    assert labels["Size"] == ("10", "12") and labels["If"] == ("Yes", "No")
+    assert str(reading.model.constraints[0]) == "line_8: !(Font == 'Times') || Size < 12"
+    colon = FONT.replace("Font,", "Font:").replace("Style ,", "Style:").replace("Size @ 1,", "Size @ 1:")
+    assert parse_pict(colon.replace("If,", "If:"), "font.pict") == reading
+
+
+def test_a_colon_goes_before_a_comma_as_pict_has_it() -> None:
+    reading = parse_pict(FONT, "font.pict")
+    assert reading.titles[4:] == ("Address", "Link, see")
+    assert reading.model.domains[5].labels == ("here", "there")
+
+
+@pytest.mark.parametrize(
+    ("line", "group"),
+    [
+        ("{A}", Group(("A",), 1)),
+        ("{ A }@1", Group(("A",), 1)),
+        ("{A, B, C}", Group(("A", "B", "C"), 2)),
+        ("{\tA,B , C } @\t3", Group(("A", "B", "C"), 3)),
+        ("{A, B, C}@   3", Group(("A", "B", "C"), 3)),
+    ],
+)
+def test_sub_models_may_have_one_parameter_and_blanks_anywhere(line: str, group: Group) -> None:
+    reading = parse_pict(f"A: 1, 2\nB: 1, 2\nC: 1, 2\n{line}\n", "m.pict")
+    assert reading.model.groups == (group,)
+    assert len(reading.losses) == (len(group.inputs) > 1)
+    assert choose(reading.model, "pairwise").rows.shape[1] == 3
+
+
+@pytest.mark.parametrize("title", ["A @ 3", "A @3", "A@ 3", "A@3", "A  @\t3"])
+def test_an_order_of_a_parameter_is_no_part_of_its_name(title: str) -> None:
+    reading = parse_pict(f"{title}: 1, 2", "m.pict")
+    assert reading.titles == ("A",) and reading.model.names == ("A",)
+    assert [str(loss) for loss in reading.losses] == ["line 1: parameter 'A': its own order 3 is not kept"]
 
 
 def test_result_parameters_and_orders_of_one_parameter_are_losses() -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from parcours.errors import BadModel
@@ -136,7 +136,24 @@ def can_still_take(twin: Naive, cefsm: Cefsm, channel: str) -> set[Configuration
     return able
 
 
+def doubtful() -> Cefsm:
+    """The environment may say more than `n` can hold, and nobody ever sends what Am1 waits for."""
+    takes = Transition("Am0", "x", "x", Receive("in", "got"), actions=(Assignment("n", parse_expression("got.k")),))
+    waits = Transition("Am1", "x", "y", Receive("ba", "got"))
+    a = Component("A", (Machine("m", "x", ("x", "y"), (takes, waits)),), (Variable("n", "int", 1, domain=range(3)),))
+    b = Component("B", (Machine("m", "x", ("x",), (Transition("Bm0", "x", "x"),)),))
+    channels = (Channel("ba", "B", "A", "M"), Channel("in", "environment", "A", "M"))
+    return Cefsm("doubtful", (a, b), channels, (MessageClass("M", (Field("k", "int"),)),))
+
+
+def test_nothing_is_called_dead_where_not_every_value_was_tried() -> None:
+    space = explore(doubtful())
+    assert space.complete and space.doubts and not space.exact
+    assert not [each for each in space.findings if each.kind == "dead-transition"]
+
+
 @given(models())
+@example(doubtful())
 @settings(max_examples=150)
 def test_states_moves_and_findings_are_those_of_a_naive_search(cefsm: Cefsm) -> None:
     twin = Naive(cefsm)
@@ -195,4 +212,7 @@ def check_findings(cefsm: Cefsm, twin: Naive, space: Space) -> None:
         for t in m.transitions
         if t.id not in taken and (at, t.source) in stood
     }
-    assert {each.message for each in space.findings if each.kind == "dead-transition"} == dead
+    # Of values that were not tried nobody knows what they let happen (docs/composition.md).
+    assert {each.message for each in space.findings if each.kind == "dead-transition"} == (
+        dead if space.exact else set()
+    )

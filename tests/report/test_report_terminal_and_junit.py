@@ -135,9 +135,11 @@ def test_junit_keeps_the_reason_word_for_word_and_spells_out_control_characters(
 
 
 def test_junit_lists_a_case_under_the_parts_of_its_id() -> None:
-    cases = list(ET.fromstring(to_junit("ramp", RESULTS)).iter("testcase"))
+    deeper = CaseResult("guarded/timing/study/abtc/3", Verdict.PASS, 0.0)
+    cases = list(ET.fromstring(to_junit("ramp", [*RESULTS, deeper])).iter("testcase"))
     assert [(case.get("classname"), case.get("name")) for case in cases] == [
-        ("study.abtc", "0"), ("study.abtc", "1"), ("study.abtc", "2"), ("ramp", "alone"),
+        ("study", "abtc/0"), ("study", "abtc/1"), ("study", "abtc/2"), ("ramp", "alone"),
+        ("guarded.timing.study", "abtc/3"),
     ]  # fmt: skip
 
 

@@ -250,11 +250,11 @@ def test_a_shard_whose_sum_fits_but_whose_content_does_not_is_refused(tmp_path: 
 @pytest.mark.parametrize(
     ("other", "says"),
     [
-        (campaign(seed=8), "seed 7 instead of 8"),
-        (campaign(n_cases=96), "n_cases 95 instead of 96"),
+        (campaign(seed=8), "seed is 8, but was 7"),
+        (campaign(n_cases=96), "n_cases is 96, but was 95"),
         (
             Campaign("toy", "guarded", 7, 95, DTYPE, {"latency": 0.25, "modes": ["a"]}, 10),
-            "'original' instead of",
+            'schedule is "guarded", but was "original"',
         ),
         (Campaign("toy", "original", 7, 95, DTYPE, {"latency": 0.5, "modes": ["a"]}, 10), "parameters"),
     ],

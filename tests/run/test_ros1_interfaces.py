@@ -111,6 +111,16 @@ def test_a_folder_without_a_package_is_told(tmp_path: Path) -> None:
             read_index(tmp_path)
 
 
+def test_an_index_whose_names_lead_out_of_its_folder_is_refused(tmp_path: Path) -> None:
+    write_package(tmp_path, "parcours_ramp", interfaces(_MODEL), _FORMS)
+    index = tmp_path / "channels.json"
+    whole = index.read_text()
+    for name in ("parcours_ramp", "ObstacleList"):
+        index.write_text(whole.replace(f'"{name}"', '"../../OUTSIDE"'))
+        with pytest.raises(HostFailure, match="OUTSIDE"):
+            read_index(tmp_path)
+
+
 def _told(uri: str, within: float) -> str:
     began = time.monotonic()
     with pytest.raises(HostFailure) as caught:

@@ -14,21 +14,32 @@ from parcours.planners.ramp.messages import TrajectoryResponse
 from parcours.run.clocks import WallClock
 from parcours.run.recording import Recorder, read_recording, write_bag, write_mcap
 from parcours.run.trace import TraceEvent
-from parcours.studies.archive import Archive, Form, rejudge
 from parcours.studies.ramp_components.resident import RampCodec
 from parcours.studies.ramp_components.study import (
     Functional,
     component_plan,
+    component_study,
     here,
     interaction_of,
     paper_sample,
     run_functional,
     run_timing,
 )
+from parcours.study.components.archive import Archive, Form
+from parcours.study.components.archive import rejudge as rejudge_of
+from parcours.study.protocol import Rejudged
 from parcours.verdict.judgement import Judgement, Verdict
 
 WRITE = {"mcap": write_mcap, "bag": write_bag}
 both = pytest.mark.parametrize("form", tuple(WRITE))
+
+
+def archive_in(folder: Path, form: str) -> Archive:
+    return Archive(component_study(), folder, form, "here", {})
+
+
+def rejudge(path: Path) -> Rejudged:
+    return rejudge_of(component_study(), path)
 
 
 def one_case(itp: str) -> Functional:
@@ -38,7 +49,7 @@ def one_case(itp: str) -> Functional:
 
 @both
 def test_functional_cases_earn_their_verdict_again(form: Form, tmp_path: Path) -> None:
-    archive = Archive(tmp_path, form, "here")
+    archive = archive_in(tmp_path, form)
     for itp in ("ITP1", "ITP2", "ITP3", "ITP4", "ITP5", "ITP6"):
         run = one_case(itp)
         archive.functional(run)
@@ -53,7 +64,7 @@ def test_a_failed_case_is_failed_again(form: Form, tmp_path: Path) -> None:
     events = (*run.execution.trace.events, TraceEvent(10**12, "deviation", text="x"))
     deviated = replace(run.execution.trace, events=events)
     failed = Functional(run.case, replace(run.execution, trace=deviated), Judgement(Verdict.FAIL, "x"))
-    archive = Archive(tmp_path, form, "here")
+    archive = archive_in(tmp_path, form)
     archive.functional(failed)
     judged = rejudge(archive.path("functional", run.case.id))
     assert judged.agrees and judged.judgement == failed.judgement
@@ -61,7 +72,7 @@ def test_a_failed_case_is_failed_again(form: Form, tmp_path: Path) -> None:
 
 @both
 def test_a_timing_case_of_many_repeats_earns_its_verdict_again(form: Form, tmp_path: Path) -> None:
-    archive = Archive(tmp_path, form, "here")
+    archive = archive_in(tmp_path, form)
     timed = list(
         run_timing(paper_sample(component_plan(3)), here(WallClock), repeats=1, warm_up=0, listener=archive.repeat)
     )
@@ -74,7 +85,7 @@ def test_a_timing_case_of_many_repeats_earns_its_verdict_again(form: Form, tmp_p
 
 
 def test_a_timing_case_that_was_cut_off_is_inconclusive(tmp_path: Path) -> None:
-    archive = Archive(tmp_path, "mcap", "here")
+    archive = archive_in(tmp_path, "mcap")
     run = one_case("ITP4")
     archive.repeat(run.case, run.execution.trace)
     archive.repeat(run.case, run.execution.trace)
@@ -131,7 +142,7 @@ def test_what_was_changed_in_a_recording_changes_its_verdict(form: str, what: st
     run = one_case("ITP1")
     change, verdict = CHANGES[what]
     events = sorted(change(run.execution.trace.events), key=lambda event: event.time)
-    whole = Archive(tmp_path, "mcap", "here")
+    whole = archive_in(tmp_path, "mcap")
     whole.functional(run)
     about = dict(read_recording(whole.path("functional", run.case.id), RampCodec()).about)
     path = tmp_path / f"changed.{form}"

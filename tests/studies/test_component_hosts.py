@@ -23,11 +23,11 @@ from parcours.run.hosts.processes import ProcessFabric
 from parcours.run.hosts.resident import nodes_of
 from parcours.run.port import links
 from parcours.run.trace import Trace, TraceEvent, held, transitions
-from parcours.studies.hosting import started
 from parcours.studies.ramp_components.model import component_model
 from parcours.studies.ramp_components.resident import RampCodec
 from parcours.studies.ramp_components.study import (
     Functional,
+    component_nodes,
     component_plan,
     here,
     interaction_cases,
@@ -37,6 +37,7 @@ from parcours.studies.ramp_components.study import (
     run_functional,
 )
 from parcours.studies.ramp_components.tester import ComponentTester
+from parcours.study.hosting import started
 from parcours.suite import Case
 from parcours.verdict.judgement import Verdict
 
@@ -52,9 +53,7 @@ def simulated() -> dict[str, Functional]:
 
 @pytest.fixture(scope="module")
 def fabric() -> Iterator[ProcessFabric]:
-    model = component_model()
-    names = [component.name for component in model.components]
-    with started("component", "processes", links(model), names) as hosted:
+    with started(component_nodes(), "processes") as hosted:
         assert isinstance(hosted.fabric, ProcessFabric)
         yield hosted.fabric
 

@@ -5,18 +5,25 @@ from dataclasses import replace
 import pytest
 
 from parcours.errors import BadRequest, BadSuite
-from parcours.studies import suite_of
-from parcours.studies.judging import judge_case
 from parcours.studies.ramp_components.model import component_inputs
 from parcours.studies.ramp_components.study import interaction_cases, run_functional
 from parcours.studies.ramp_system.cases import SystemCases
 from parcours.studies.ramp_system.study import system_study
-from parcours.suite import combine
+from parcours.study import judge_case
+from parcours.study.finding import find
+from parcours.study.parameters import settings_of
+from parcours.suite import Case, combine
 from parcours.verdict.judgement import Verdict
 from parcours.verdict.navigation import VERDICT_OF, Outcome, explain, outcomes
 
-SYSTEM = list(suite_of("ramp_system", seed=3, n_cases=12))
-COMPONENTS = list(suite_of("ramp_components", seed=3, n_cases=67))
+
+def suite_of(name: str, n_cases: int) -> list[Case]:
+    study = find(name)
+    return list(study.suite(settings_of(study.parameters, {}), 3, n_cases))
+
+
+SYSTEM = suite_of("ramp_system", 12)
+COMPONENTS = suite_of("ramp_components", 67)
 
 
 @pytest.mark.parametrize("schedule", ["original", "guarded"])
@@ -43,7 +50,11 @@ def test_an_explanation_holds_the_case_the_reason_the_facts_and_a_replay() -> No
     case = SYSTEM[0]
     said = str(judged := judge_case(case))
     assert said.startswith(f"{judged.verdict}: {judged.why}\n") and case.id in said
-    assert "x1 = " in said and "t_end = " in said and f"parcours replay out {case.number}" in said
+    assert (
+        "x1 = " in said
+        and "t_end = " in said
+        and f"--case {case.number} --out out && parcours replay out {case.number}" in said
+    )
 
 
 def test_cases_of_the_published_protocol_are_known_by_their_ids() -> None:
@@ -58,8 +69,11 @@ def test_a_case_that_is_not_the_studys_own_is_refused() -> None:
         replace(case, number=1),
         replace(COMPONENTS[0], abstract="ITP9"),
     ):
-        with pytest.raises(BadSuite, match=r"write the suite anew.*\[foreign-case\]"):
+        with pytest.raises(BadSuite, match=r"write the suite again.*\[foreign-case\]"):
             judge_case(foreign)
-    for case, schedule, slug in ((COMPONENTS[0], "guarded", "option-study"), (SYSTEM[0], "fast", "unknown-schedule")):
+    for case, schedule, slug in (
+        (COMPONENTS[0], "guarded", r"it has no parameter 'schedule'.*\[parameter-unknown\]"),
+        (SYSTEM[0], "fast", r"--schedule: .*'fast' was given.*\[parameter-choice\]"),
+    ):
         with pytest.raises(BadRequest, match=slug):
             judge_case(case, schedule=schedule)

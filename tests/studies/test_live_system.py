@@ -18,10 +18,10 @@ from parcours.run.hosts.processes import ProcessFabric
 from parcours.run.hosts.resident import nodes_of
 from parcours.run.recording import Recorder, read_recording
 from parcours.run.trace import Trace, TraceEvent
-from parcours.studies.archive import rejudge, system_about
 from parcours.studies.ramp_components.resident import RampCodec
 from parcours.studies.ramp_system.component_form import system_links
 from parcours.studies.ramp_system.live import COMPONENTS, LiveRun, rerun, run_live
+from parcours.studies.ramp_system.live_results import rejudge, system_about
 from parcours.studies.ramp_system.study import SystemStudy, system_study
 from parcours.verdict.judgement import Verdict
 

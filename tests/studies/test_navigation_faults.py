@@ -221,15 +221,14 @@ def test_hangs_and_crashes_cost_only_their_cases(file: Path, tmp_path: Path) -> 
 def test_what_a_planner_prints_does_not_reach_the_json(file: Path, tmp_path: Path) -> None:
     command = ["run", "navigation", "--planner", f"{file}:ticking", "--cases", "3", "--json", "--workers", "1"]
     ran = CliRunner().invoke(parcours, [*command, "--time-limit", "1", "--out", str(tmp_path / "o")])
-    assert ran.exit_code == 0, ran.output
+    assert ran.exit_code == 1, ran.output  # no case reaches its goal
     told = json.loads(ran.stdout)[str(tmp_path / "o")]
     assert told["planner"] == f"{file}:ticking" and told["cases"] == 3 and told["errors"] == {}
     page = tmp_path / "page.html"
     drawn = CliRunner().invoke(parcours, ["replay", str(tmp_path / "o"), "2", "--html", str(page)])
     assert drawn.exit_code == 0 and page.read_text().startswith("<!")
-    assert (
-        CliRunner().invoke(parcours, ["report", str(tmp_path / "o"), "--junit", str(tmp_path / "j.xml")]).exit_code == 0
-    )
+    told = CliRunner().invoke(parcours, ["report", str(tmp_path / "o"), "--junit", str(tmp_path / "j.xml")])
+    assert told.exit_code == 1 and 'failures="3"' in (tmp_path / "j.xml").read_text()
 
 
 @pytest.mark.parametrize(

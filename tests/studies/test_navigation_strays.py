@@ -23,13 +23,14 @@ from parcours.studies.navigation.facts import PlannerFault
 from parcours.studies.navigation.planners import load_planner
 from parcours.studies.navigation.scenario import Scenario
 from parcours.studies.navigation.study import NavigationStudy
-from parcours.studies.ramp_system.campaigns import campaigns_page
+from parcours.studies.ramp_system.campaigns import campaign_pieces
 from parcours.studies.ramp_system.cases import SystemCases
 from parcours.studies.ramp_system.outcome_tables import outcome_table
 from parcours.studies.ramp_system.study import system_study
 
 CASES = SystemCases(1)
 SHORT = Scenario(time_limit=1.0)
+NO_ERRORS = ("--fail-if", "errors > 0")
 
 PLANNERS = """
 import os
@@ -79,7 +80,7 @@ def ignoring_ctrl_c() -> Iterator[None]:
 
 def test_a_planner_that_changes_the_folder_loses_no_results(here: Path) -> None:
     command = ["run", "navigation", "--planner", "stray_planner.py:Wanderer", "--cases", "9", "--time-limit", "1"]
-    ran = CliRunner().invoke(parcours, [*command, "--workers", "2", "--json", "--out", "results"])
+    ran = CliRunner().invoke(parcours, [*command, *("--workers", "2", "--json", "--out", "results"), *NO_ERRORS])
     assert ran.exit_code == 0, ran.output
     told = json.loads(ran.stdout)["results"]
     assert told["cases"] == 9 and told["errors"] == {} and told["planner"] == "stray_planner.py:Wanderer"
@@ -190,7 +191,7 @@ def test_what_is_told_of_a_planner_is_the_sound_outcomes_and_no_signal_it_cannot
     collided = int(np.sum((straight.facts["n_robot_contacts"] > 0) | (straight.facts["n_shared_contacts"] > 0)))
     assert collided > 0 and str(rows["failed"][0]).startswith(f"{collided / 30:.1%} [")
     assert not {"feasible", "imminent_collision", "stuck"} & set(summary(straight))
-    assert "verdicts" in repr(campaigns_page({"s": straight}))
+    assert "verdicts" in repr(campaign_pieces({"s": straight}))
     both = {str(row[0]): row[1:] for row in outcome_table({"s": straight, "g": guarded}).rows}
     assert both["reached goal"][0] == "–" and str(both["reached goal"][1]).endswith("%]")
     assert list(both).index("passed") < list(both).index("reached goal")

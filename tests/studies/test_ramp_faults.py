@@ -275,15 +275,26 @@ def test_page_and_document_hold_every_row_and_nothing_of_a_message_is_taken_for_
 
 
 def test_the_command_lists_runs_and_writes_what_it_is_asked_for(tmp_path: Path) -> None:
-    listed = CliRunner().invoke(command, ["--list", "--only", "freeze"])
+    listed = CliRunner().invoke(command, ["ramp_system", "--list", "--only", "freeze"])
     assert listed.output.splitlines() == [str(entry) for entry in catalogue() if "freeze" in str(entry)]
     ran = CliRunner().invoke(
         command,
-        ["--only", "Planner: freeze at 4 s for 500", "--cases", "1", "--schedule", "guarded", "--out", str(tmp_path)],
+        [
+            "ramp_system",
+            "--only",
+            "Planner: freeze at 4 s for 500",
+            "--cases",
+            "1",
+            "--set",
+            "schedule=guarded",
+            "--out",
+            str(tmp_path),
+        ],
     )
     assert ran.exit_code == 0, ran.output
     assert "Planner: freeze at 4 s for 500 ms" in ran.output
     assert json.loads((tmp_path / "faults.json").read_text())["rows"][0]["schedule"] == "guarded"
     assert "RAMP under faults" in (tmp_path / "faults.html").read_text()
-    for wrong in (["--only", "nobody"], ["--schedule", "best"]):
-        assert isinstance(CliRunner().invoke(command, wrong).exception, BadRequest)
+    for wrong, slug in ((["--only", "nobody"], "fault-only"), (["--set", "schedule=best"], "parameter-choice")):
+        refused = CliRunner().invoke(command, ["ramp_system", *wrong]).exception
+        assert isinstance(refused, BadRequest) and refused.slug == slug

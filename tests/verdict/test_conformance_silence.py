@@ -2,9 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from time import sleep
+from typing import get_args
+
 import pytest
 
+from parcours.abtc import abstract_cases, serialise
 from parcours.model import parse_model
+from parcours.planners.ramp.messages import Step
+from parcours.run.clocks import WallClock
+from parcours.run.here import execute
 from parcours.run.trace import Trace, TraceEvent
 from parcours.verdict.conformance import Checker, check
 from parcours.verdict.conformance.tracking import Observes
@@ -132,3 +140,120 @@ def test_a_component_that_never_appears_is_missed_if_it_was_named() -> None:
     nothing = Trace("wall", ())
     assert not check(nothing, WORKER, component="Heart", quiescence={"beat": MS}, until=2 * MS).judgement.passed
     assert check(nothing, WORKER, quiescence={"beat": MS}, until=2 * MS).judgement.verdict is Verdict.INCONCLUSIVE
+
+
+SHOP = parse_model("""
+parcours: model/1
+name: shop
+messages: {Note: {fields: {text: {type: text}}}}
+channels:
+  ask: {from: Client, to: Server, message: Note}
+  reply: {from: Server, to: Client, message: Note}
+components:
+  Client:
+    machines:
+      m:
+        initial: idle
+        transitions:
+          put: {from: idle, to: waiting, message: ask('a')}
+          get: {from: waiting, to: idle, event: reply(r)}
+  Server:
+    machines:
+      m:
+        initial: idle
+        transitions:
+          hear: {from: idle, to: busy, event: ask(a)}
+          answer: {from: busy, to: idle, message: reply('r')}
+      log:
+        initial: empty
+        transitions:
+          keep: {from: empty, to: empty}
+""")
+
+
+class Part:
+    """A component of SHOP that answers a poll or a message with fixed steps, after a while [s]."""
+
+    name = "part"
+
+    def __init__(self, poll: tuple[Step, ...] = (), message: tuple[Step, ...] = (), after: float = 0.0) -> None:
+        self._poll, self._message, self._after = poll, message, after
+
+    def handle(self, channel: str | None, message: object, now: int) -> Iterator[Step]:
+        sleep(self._after)
+        yield from self._poll if channel is None else self._message
+
+    def wake(self, now: int) -> Iterator[Step]:
+        yield from ()
+
+    def next_wake(self) -> int | None:
+        return None
+
+    def reset(self) -> None:
+        pass
+
+
+def gated(server: Part) -> Trace:
+    case = next(case for case in abstract_cases(SHOP) if "keep" not in str(serialise(case)))
+    client = Part((Step("put", (("ask", "a"),)),), (Step("get"),))
+    made = {"Client": client, "Server": server}
+    done = execute(serialise(case), lambda name: made[name], lambda event: "", clock=WallClock())
+    assert done.completed == (done.trace.events[-1].kind != "deviation")
+    return done.trace
+
+
+HEAR, ANSWER = Step("hear"), Step("answer", (("reply", "r"),))
+
+
+def test_a_component_that_is_silent_at_its_turn_fails_where_the_model_wants_an_answer() -> None:
+    assert check(gated(Part((), (HEAR, ANSWER))), SHOP).judgement.passed
+    for server, path in ((Part(after=0.02), ()), (Part((), (HEAR,)), ("hear",))):
+        found = check(gated(server), SHOP)
+        assert found.judgement.verdict is Verdict.FAIL
+        assert found.deviation is not None
+        assert (found.deviation.event, found.deviation.component) == (None, "Server#1")
+        assert "nothing came on reply within" in found.deviation.rule
+        assert found.path == path
+
+
+def test_the_time_that_a_silent_component_was_given_is_said() -> None:
+    silence = TraceEvent(505 * MS, "deviation", "Server#1", "hear", text="nothing within 0.5 s")
+    put = (
+        TraceEvent(1 * MS, "take", "Client#0", "put"), TraceEvent(1 * MS, "send", "Client#0", "", "ask", 0),
+        TraceEvent(1 * MS, "hold", "Client#0", "", "ask", 0), TraceEvent(5 * MS, "release", "Server#1", "", "ask", 0),
+    )  # fmt: skip
+    for observes in get_args(Observes):
+        found = check(Trace("wall", (*put, silence)), SHOP, observes=observes)
+        assert found.judgement.verdict is Verdict.FAIL
+        assert found.deviation is not None
+        assert found.deviation.rule == "nothing came on reply within 500 ms of its turn, but must"
+        assert str(found.deviation).startswith("event 4 at 505.000 ms, Server#1:")
+
+
+@pytest.mark.parametrize(
+    ("component", "transition", "text"),
+    [
+        ("Server#1", "hear", "the model lets it be silent there"),  # nothing was handed to it
+        ("Server#1", "keep", "the model lets it be silent there"),  # a machine that sends nothing
+        ("Server#1", "", "the host stopped the case"),  # something else came, which the model may allow
+        ("Server#1", "absent", "the host stopped the case"),
+        ("Robot#3", "hear", "the host stopped the case"),
+    ],
+)
+def test_silence_that_the_model_may_allow_is_undecided(component: str, transition: str, text: str) -> None:
+    lines = (TraceEvent(0, "take", "Client#0", "put"), TraceEvent(0, "send", "Client#0", "", "ask", 0),
+             TraceEvent(0, "hold", "Client#0", "", "ask", 0))  # fmt: skip
+    found = check(Trace("wall", (*lines, TraceEvent(MS, "deviation", component, transition, text="x"))), SHOP)
+    assert found.judgement.verdict is Verdict.INCONCLUSIVE
+    assert text in found.judgement.why
+
+
+def test_a_silent_component_without_a_timeout_is_undecided_and_told_which_option_decides() -> None:
+    heard = (TraceEvent(0, "send", "environment", "", "job", 0), TraceEvent(0, "receive", "Worker", "", "job", 0))
+    found = check(Trace("wall", heard), WORKER)
+    assert found.judgement.verdict is Verdict.INCONCLUSIVE
+    nothing = check(Trace("wall", ()), WORKER, component="Heart")
+    assert "Heart must send on beat: a timeout (--quiet beat=MS) and --until decide" in nothing.judgement.why
+    assert "--component" in check(Trace("wall", ()), WORKER).judgement.why
+    late = check(Trace("wall", ()), WORKER, component="Heart", quiescence={"beat": MS}, until=2 * MS)
+    assert late.judgement.verdict is Verdict.FAIL

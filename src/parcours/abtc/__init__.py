@@ -8,6 +8,7 @@ from parcours.abtc.notation import notation
 from parcours.abtc.order import Order
 from parcours.abtc.points import POLICIES, Policy
 from parcours.abtc.rendezvous import Meeting, Rendezvous, meetings, rendezvous_pairs
+from parcours.abtc.requiring import require_cases
 from parcours.abtc.sequencing import Emission, Event, Reception, serialise
 from parcours.abtc.serialising import AbstractCase, Start, abstract_cases, case_counts, find_case, serialisations
 from parcours.abtc.symmetry import interchangeable, representatives
@@ -43,6 +44,7 @@ __all__ = [
     "order_of_case",
     "rendezvous_pairs",
     "representatives",
+    "require_cases",
     "sample_sequences",
     "sequences",
     "serialisations",

@@ -11,6 +11,10 @@ from parcours import __version__
 from parcours.errors import ParcoursError
 
 COMMANDS = {
+    "studies": "List the studies that are there.",
+    "new": "Write a study of your own that passes at once.",
+    "study": "Check a study of your own.",
+    "example": "Copy a shipped example.",
     "model": "Check a model file, draw its machines.",
     "convert": "Models in other tools' formats, in and out.",
     "explore": "The state space of a model: deadlocks, lost messages, dead transitions.",
@@ -24,14 +28,14 @@ COMMANDS = {
     "run": "Execute a study and keep its results.",
     "nodes": "Nodes of a study on a running ROS 1 graph, for testers of other tools.",
     "binding": "Nodes of others, through a binding file: check, run, judge.",
-    "faults": "RAMP under faults on purpose: fault x outcome.",
+    "faults": "A study under faults on purpose: fault x outcome.",
     "conform": "A trace against a model: first deviation, expected set, path.",
     "recording": "What a recording of a run holds; one format into the other.",
-    "judge": "Recordings of real-time runs, judged again.",
-    "report": "Results of campaigns as tables, HTML and JUnit.",
-    "compare": "Planners on the same cases, with paired tests.",
+    "judge": "Recordings of runs, judged again.",
+    "report": "Results of runs as tables, HTML and JUnit.",
+    "compare": "Planners or runs on the same cases, with paired tests.",
     "planner": "Check a planner of your own.",
-    "replay": "One case of a campaign, run again and drawn.",
+    "replay": "One case of a run, executed again and drawn.",
     "compile": "Compile all kernels now, on all processors.",
     "demo": "The whole study of the paper, as one report.",
 }
@@ -58,9 +62,12 @@ class _Stages(click.Group):
 @click.command(cls=_Stages, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(__version__, prog_name="parcours")
 def parcours() -> None:
-    """Turn a model of behaviour into executed, judged, replayable tests of real-time motion planners.
+    """Turn a model of behaviour into executed, judged, replayable tests of systems that run in real time.
 
-    Example: parcours demo --out out/demo
+    Exit codes of all commands: 0 all passed, 1 something failed, 2 the question was wrong, 3 inconclusive only, 130
+    interrupted.
+
+    Example: parcours new mine && parcours run mine --out out/mine
     """
 
 

@@ -40,9 +40,11 @@ def command(
 ) -> None:  # fmt: skip
     """Print interactions, combinations and abstract test cases, one a line, however many there are.
 
+    A model without any case is an error: exit code 2, with the line of the model file that would give one.
+
     Example: parcours abtc model.yaml --case ITP1-tp12.tp21.tp12-0.0.0 --sequences count
     """
-    from parcours.abtc import abstract_cases, combinations, find_case, interaction_paths, representatives
+    from parcours.abtc import abstract_cases, combinations, find_case, interaction_paths, representatives, require_cases
     from parcours.model.formats import read_any
 
     cefsm = read_any(file).cefsm
@@ -50,7 +52,11 @@ def command(
         for itp in interaction_paths(cefsm):
             for one in combinations(cefsm, itp).dropped:
                 click.echo(str(one))
-    elif policies:
+    if wanted is None:
+        require_cases(cefsm, str(file))
+    if dropped:
+        return
+    if policies:
         _compare(cefsm, as_json)
     elif sequences is not None:
         _sequences(_orders(cefsm, wanted), sequences, number, seed, as_json)

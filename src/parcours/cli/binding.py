@@ -117,7 +117,8 @@ def run(
     file: Path, cases: int | None, case: str, system: int, protocol: str, repeats: int, faults: str,
     record: str | None, master: str, network: str, seed: int, out: Path, as_json: bool,
 ) -> None:  # fmt: skip
-    """Run abstract cases, system cases and timing on the nodes of a binding. Exit 0 if all pass, else 1.
+    """Run abstract cases, system cases and timing on the nodes of a binding. Exit 0 if all pass, 1 if one fails,
+    3 if some are inconclusive and none fails.
 
     Results are kept case by case: Ctrl-C keeps what is finished. Without --master, master and nodes run in a network of
     their own, out of reach of everybody.
@@ -162,8 +163,11 @@ def run(
         click.echo(f"results in {out}")
     if interrupted:
         raise click.exceptions.Exit(130)
-    if not results or not all(result.judged.judgement.passed for result in results):
+    verdicts = {str(result.judged.judgement.verdict) for result in results}
+    if verdicts & {"fail", "error"}:
         raise click.exceptions.Exit(1)
+    if verdicts != {"pass"}:  # what could not be judged, or no case at all, is no pass
+        raise click.exceptions.Exit(3)
 
 
 @command.command("judge")

@@ -1,4 +1,4 @@
-"""`parcours compare`: planners on the same cases, with paired tests."""
+"""`parcours compare`: planners, or runs of any study, on the same cases, with paired tests."""
 
 from __future__ import annotations
 
@@ -52,13 +52,22 @@ def command(
     planners: tuple[str, ...], cases: int, protocol: str, command_delay: float, measured: int, timed: int, seed: int,
     workers: int, out: Path, html: Path | None, markdown: bool, as_json: bool,
 ) -> None:  # fmt: skip
-    """Run PLANNERS on the same cases, and test each against the first.
+    """Run PLANNERS on the same cases, and test each against the first; or compare folders of runs that are there.
 
-    A planner is ramp-guarded, ramp-original, another shipped name, package.module:Name, or path/to/file.py:Name.
+    Folders are of one study: their cases are paired by their ids, rates are tested on the pairs, and the cases that
+    flipped are named. A planner is ramp-guarded, ramp-original, another shipped name, package.module:Name, or
+    path/to/file.py:Name.
     RAMP runs with its published durations of work; the others answer at once unless --command-delay is given.
 
     Example: parcours compare ramp-guarded orca dwa mppi --cases 10000 --html out/compare.html
+
+    Example: parcours compare out/lift-before out/lift-now
     """
+    if all(Path(one).is_dir() for one in planners):
+        from parcours.cli.verdicts import compare_folders
+
+        compare_folders([Path(one) for one in planners], as_json)
+        return
     from parcours.cli.progress import progress, say_if_cold
     from parcours.errors import BadRequest
     from parcours.report.page import to_html

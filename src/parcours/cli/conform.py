@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from parcours.cli.options import as_json, print_json
+from parcours.cli.options import StudyFile, as_json, print_json
 
 if TYPE_CHECKING:
     from parcours.verdict.conformance import Conformance, Expectation
@@ -16,7 +16,9 @@ if TYPE_CHECKING:
 
 @click.command("conform")
 @click.argument("trace", type=click.Path(path_type=Path))
-@click.option("--model", "model", type=click.Path(path_type=Path), required=True, help="The model file.")
+@click.option(
+    "--model", "model", type=StudyFile("model"), required=True, help="The model file, or a study that has one."
+)
 @click.option(
     "--component", "components", multiple=True, help="Follow this component only; repeatable.  [default: all]"
 )

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 from click.exceptions import Exit
 
-from parcours.cli.options import as_json, model_file, print_json, seed
+from parcours.cli.options import as_json, data_file, print_json, seed
 
 if TYPE_CHECKING:
     import numpy as np
@@ -36,7 +36,7 @@ def command() -> None:
 
 
 @command.command("draw")
-@model_file
+@data_file
 @click.option("--criterion", default="each_choice", show_default=True, help="How blocks are combined.")
 @click.option("--rows", type=click.IntRange(1, 1_000_000), help="How many rows; by default one set of the criterion.")
 @click.option("--must", type=click.Path(path_type=Path), help="Table of rows that must be there, and count.")
@@ -56,7 +56,7 @@ def draw_rows(
 ) -> None:
     """Draw rows of values from the blocks of an input model, and say which blocks they hit.
 
-    With --rows, further sets of the criterion follow the first one, or it is cut off. Exit code 1 if combinations were
+    With --rows, further sets of the criterion follow the first one, or it is cut off. Exit code 3 if combinations were
     not decided within the budget.
 
     Example: parcours data draw src/parcours/studies/ramp_system/domains.yaml --criterion 3-wise --budget 10
@@ -84,10 +84,10 @@ def draw_rows(
             "undecided": chosen.undecided, "n_undecided": chosen.n_undecided,
             "stages": [{"name": s.name, "rows": s.n_rows} for s in chosen.stages],
         })  # fmt: skip
-        raise Exit(1 if chosen.n_undecided else 0)
+        raise Exit(3 if chosen.n_undecided else 0)
     _print_rows(chosen, values)
     click.echo(f"{hit.n_hit} of {hit.n_blocks} blocks hit" + "".join(f"\nnot hit: {block}" for block in hit.uncovered))
-    raise Exit(1 if chosen.n_undecided else 0)
+    raise Exit(3 if chosen.n_undecided else 0)
 
 
 def _cells(model: InputModel, values: NDArray[np.float64]) -> list[list[float | int | str]]:
@@ -175,7 +175,7 @@ def measure_table(table: Path, file: Path, strength: int, show: int, as_json: bo
 
 
 @command.command("criteria")
-@model_file
+@data_file
 @as_json
 def compare_criteria(file: Path, as_json: bool) -> None:
     """Say how many rows each combination criterion takes, and the fewest it could take.

@@ -7,6 +7,8 @@ from pathlib import Path
 
 import click
 
+from parcours.cli.options import set_parameters
+
 
 @click.group("export")
 def command() -> None:
@@ -19,23 +21,37 @@ def command() -> None:
 @command.command("pytest")
 @click.argument("suite", type=click.Path(path_type=Path))
 @click.option("--out", type=click.Path(path_type=Path), required=True, help="Python file to write: test_*.py.")
-@click.option("--schedule", default="", help="original or guarded (ramp_system).")
+@click.option("--study", default="", metavar="STUDY", help="Where the study is, if it is not a registered one.")
+@set_parameters
 @click.option("--refer", is_flag=True, help="Let the script read the suite file, and check it, instead of holding it.")
-def export_pytest(suite: Path, out: Path, schedule: str, refer: bool) -> None:
+def export_pytest(suite: Path, out: Path, study: str, settings: tuple[str, ...], refer: bool) -> None:
     """Write one test a case, its id naming the abstract case and the row; a failure explains itself.
 
     Example: parcours export pytest suite.jsonl --out test_suite.py
+
+    Example: parcours export pytest suite.jsonl --study examples/lift --out test_lift.py
+
+    Example: parcours export pytest suite.jsonl --set schedule=guarded --out test_guarded.py
     """
     from parcours.report.writing import write_text
-    from parcours.studies.judging import check_schedule
+    from parcours.study.finding import find
+    from parcours.study.parameters import pairs_of, settings_of
     from parcours.suite import read_suite
     from parcours.suite.exporting import checksum, to_pytest
 
     cases = list(read_suite(suite))
-    for study in dict.fromkeys(case.study for case in cases):
-        check_schedule(study, schedule)
-    place = Path(os.path.relpath(suite.resolve(), out.resolve().parent)).as_posix() if refer else ""
-    text = to_pytest(cases, out.name, schedule=schedule, suite=place, sha256=checksum(suite) if refer else "")
+    given: dict[str, object] = {}
+    for name in dict.fromkeys(case.study for case in cases):
+        found = find(study or name)
+        pairs = pairs_of(settings)
+        checked = settings_of(found.parameters, pairs, found.name)
+        given = {key: checked[key] for key in pairs}
+    beside = out.resolve().parent
+    where = study
+    if study and Path(study).exists():
+        where = "./" + Path(os.path.relpath(Path(study).resolve(), beside)).as_posix()
+    place = Path(os.path.relpath(suite.resolve(), beside)).as_posix() if refer else ""
+    text = to_pytest(cases, out.name, study=where, settings=given, suite=place, sha256=checksum(suite) if refer else "")
     write_text(out, text)
     click.echo(f"wrote {len(cases)} tests to {out}")
 

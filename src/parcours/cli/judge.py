@@ -1,4 +1,4 @@
-"""`parcours judge`: recordings of real-time runs, judged again by what is recorded alone."""
+"""`parcours judge`: recordings of runs, judged again by what is recorded alone."""
 
 from __future__ import annotations
 
@@ -6,13 +6,14 @@ from pathlib import Path
 
 import click
 
-from parcours.cli.options import as_json, print_json
+from parcours.cli.options import as_json, named_study, print_json
 
 
 @click.command("judge")
 @click.argument("recordings", nargs=-1, required=True, type=click.Path(path_type=Path))
+@named_study
 @as_json
-def command(recordings: tuple[Path, ...], as_json: bool) -> None:
+def command(recordings: tuple[Path, ...], study: str, as_json: bool) -> None:
     """Judge recordings (MCAP, ROS 1 bag) again; exit 1 if a verdict differs from the recorded one.
 
     A folder stands for the recordings in it.
@@ -20,13 +21,21 @@ def command(recordings: tuple[Path, ...], as_json: bool) -> None:
     Example: parcours judge out/components/recordings
     """
     from parcours.errors import BadResults
-    from parcours.studies.archive import rejudge
+    from parcours.run.recording import read_recording
+    from parcours.study.components.archive import not_ours
+    from parcours.study.finding import find
 
     files = [one for path in recordings for one in (sorted(path.glob("*.[mb]*")) if path.is_dir() else [path])]
     if not files:
         raise BadResults(", ".join(map(str, recordings)), "at least one recording is needed, but there is none",
                          slug="recording-case")  # fmt: skip
-    judged = [rejudge(path) for path in files]
+    judged = []
+    for path in files:
+        about = read_recording(path).about
+        where = study or about.get("where", "") or about.get("study", "")
+        if not where:
+            raise not_ours(path, "it names no study")
+        judged.append(find(where).rejudge(path))
     if as_json:
         print_json([
             {"recording": str(one.path), "case": one.case, "recorded": one.recorded,

@@ -64,6 +64,7 @@ def show(file: Path, folder: Path | None, dot: bool) -> None:
 
     Example: parcours model show model.yaml --svg pictures
     """
+    from parcours.filenames import file_name
     from parcours.model import to_dot, to_svg, to_text
     from parcours.model.formats import read_any
     from parcours.report.writing import write_text
@@ -76,6 +77,6 @@ def show(file: Path, folder: Path | None, dot: bool) -> None:
     if folder is not None:
         for component in cefsm.components:
             for machine in component.machines:
-                path = folder / f"{component.name}-{machine.name}.svg"
+                path = folder / f"{file_name(f'{component.name}-{machine.name}')}.svg"
                 write_text(path, to_svg(machine, f"{component.name}: {machine.name}"))
                 click.echo(f"wrote {path}")

@@ -1,20 +1,40 @@
-"""A progress bar on the terminal, and nothing where there is none."""
+"""How far the work is: a bar on the terminal, and elsewhere a plain line now and then, both on standard error."""
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
+
+PERIOD = 10.0
+"""So long at least lies between two lines about the same work [s]."""
+
+Report = Callable[[str, int, int], None]
+"""Told (what, done, in all)."""
 
 
 @contextmanager
-def progress() -> Iterator[Callable[[str, int, int], None]]:
-    """Yield a function (what, done, in all) that draws one bar for each `what`."""
+def progress(clock: Callable[[], float] = time.monotonic) -> Iterator[Report]:
+    """Yield a function (what, done, in all) that shows how far each `what` is.
+
+    Args:
+        clock: tells the time [s]; it decides only when a line is printed, and what it says of time.
+    """
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
 
+    console = Console(stderr=True)
+    if not console.is_terminal:
+        lines = _Lines(clock)
+        try:
+            yield lines.report
+        finally:
+            lines.end()
+        return
     bars: dict[str, TaskID] = {}
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=Console(stderr=True)) as display:
+    with Progress(*columns, console=console) as display:
 
         def report(what: str, done: int, total: int) -> None:
             if what not in bars:
@@ -22,6 +42,79 @@ def progress() -> Iterator[Callable[[str, int, int], None]]:
             display.update(bars[what], completed=done)
 
         yield report
+
+
+@dataclass(slots=True)
+class _Work:
+    """One kind of work: when it began and with how much done, what was told last, and when a line was printed."""
+
+    begun: float
+    done_before: int
+    done: int
+    total: int
+    printed: float
+    is_printed: bool = True
+
+
+class _Lines:
+    """Prints a line when a work begins, at most every PERIOD while it goes on, and when it is over."""
+
+    def __init__(self, clock: Callable[[], float]) -> None:
+        self._clock = clock
+        self._works: dict[str, _Work] = {}
+
+    def report(self, what: str, done: int, total: int) -> None:
+        now = self._clock()
+        work = self._works.get(what)
+        if work is None:
+            work = self._works[what] = _Work(now, done, done, total, now)
+            self._print(what, work, now)
+            return
+        is_new = (done, total) != (work.done, work.total)
+        work.done, work.total, work.is_printed = done, total, work.is_printed and not is_new
+        if not work.is_printed and (now - work.printed >= PERIOD or done == total):
+            self._print(what, work, now)
+
+    def end(self) -> None:
+        now = self._clock()
+        for what, work in self._works.items():
+            if not work.is_printed:
+                self._print(what, work, now)
+
+    def _print(self, what: str, work: _Work, now: float) -> None:
+        import click
+
+        click.echo(progress_line(what, work.done, work.total, now - work.begun, work.done_before), err=True)
+        work.printed, work.is_printed = now, True
+
+
+def progress_line(what: str, done: int, total: int, seconds: float, before: int = 0) -> str:
+    """Return how far a work is, how long it took, and about how long it will take on.
+
+    Args:
+        what: its name.
+        done: units that are done.
+        total: units in all; there may turn out to be more.
+        seconds: since it began [s].
+        before: units that were done when it began.
+
+    >>> progress_line("navigation, orca", 3200, 10_000, 41.0)
+    'navigation, orca: 3200 of 10000, 32 %, 41 s, about 87 s left'
+    >>> progress_line("states", 300, 200, 4000.0), progress_line("checks", 0, 9, 0.0)
+    ('states: 300 of 200, 67 min', 'checks: 0 of 9')
+    """
+    said = [f"{what}: {done} of {total}"]
+    if 0 < done <= total:
+        said.append(f"{100 * done // total} %")
+    if seconds >= 0.5:
+        said.append(_spoken(seconds))
+    if before < done < total and seconds >= 0.5:
+        said.append(f"about {_spoken(seconds * (total - done) / (done - before))} left")
+    return ", ".join(said)
+
+
+def _spoken(seconds: float) -> str:
+    return f"{seconds:.0f} s" if seconds < 600.0 else f"{seconds / 60.0:.0f} min"
 
 
 def say_if_cold() -> None:

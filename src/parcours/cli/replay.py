@@ -1,4 +1,4 @@
-"""`parcours replay`: one case of a campaign, run again and drawn."""
+"""`parcours replay`: one case of a run, executed again and drawn."""
 
 from __future__ import annotations
 
@@ -6,35 +6,31 @@ from pathlib import Path
 
 import click
 
+from parcours.cli.options import named_study
+
 
 @click.command("replay")
 @click.argument("folder", type=click.Path(path_type=Path))
-@click.argument("number", type=click.IntRange(0))
-@click.option("--html", type=click.Path(path_type=Path), required=True, help="Page to write.")
-def command(folder: Path, number: int, html: Path) -> None:
-    """Run one case of a campaign again from its number, and draw it.
+@click.argument("case")
+@click.option("--html", type=click.Path(path_type=Path), help="Page to write; without it the case is printed.")
+@named_study
+def command(folder: Path, case: str, html: Path | None, study: str) -> None:
+    """Run one CASE of a run again, by its id or number, and draw it, or print what happened.
 
     Example: parcours replay out/original 17 --html out/case-17.html
-    """
-    from parcours.errors import BadRequest
-    from parcours.report.page import to_html
-    from parcours.report.pieces import Page, Section
-    from parcours.report.writing import write_text
-    from parcours.studies.navigation.campaigns import load_results
 
-    campaign = load_results(folder)
-    finished = campaign.facts["number"]
-    if number not in finished:
-        rule = f"the campaign has cases 0 .. {campaign.planned - 1}, but case {number} was asked for"
-        if number < campaign.planned:
-            rule = f"{len(finished) or 'no'} of {campaign.planned} cases are finished, and case {number} is not yet"
-        if not len(finished):
-            rule = f"no case is finished yet, but case {number} was asked for"
-        raise BadRequest("replay", rule, "run the campaign on, or name another case", slug="case-number")
-    drawn = campaign.replay(number)
-    section = Section("Replay", "Run again from the case number: the same bits as in the campaign.", (drawn,))
-    write_text(
-        html,
-        to_html(Page(drawn.title, drawn.subtitle, (("folder", str(folder)), ("case", str(number))), (section,))),
-    )
-    click.echo(f"{drawn.subtitle}\nwrote {html}")
+    Example: parcours replay out/lift lift/ITP1-tp21.tp11.tp21-0.0.0/0
+    """
+    from parcours.study.folders import study_of
+
+    page = study_of(folder, study).read(folder).replay(case)
+    if html is None:
+        from parcours.report.terminal import print_page
+
+        print_page(page)
+        return
+    from parcours.report.page import to_html
+    from parcours.report.writing import write_text
+
+    write_text(html, to_html(page))
+    click.echo(f"{page.subtitle}\nwrote {html}")

@@ -61,7 +61,8 @@ class Rules:
         source: what the rules belong to, for messages.
 
     Raises:
-        BadDomain: no row at all is allowed.
+        BadDomain: no row at all is allowed, and lists and what is struck out at once show it; `require_row` decides
+            the rest.
 
     >>> unlike = RuleTable("unlike", (0, 1), ~np.eye(2, dtype=bool))
     >>> rules = Rules((2, 2, 3), [unlike])

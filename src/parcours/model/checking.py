@@ -163,12 +163,12 @@ class _Check:
                 self.error(message.line, "message-cycle", rule, "give the field a shape, so that it is a list")
 
     def links(self) -> None:
-        known = [ENVIRONMENT, *self.components]
         for channel in self.cefsm.channels:
             for end in (channel.sender, channel.receiver):
-                if end not in known:
+                if end != ENVIRONMENT and end not in self.components:
                     rule = f"channel {channel.name!r} must link components, but {end!r} is none"
-                    self.error(channel.line, "unknown-component", rule, self.advice(end, known))
+                    advice = self.advice(end, [ENVIRONMENT, *self.components])
+                    self.error(channel.line, "unknown-component", rule, advice)
             if channel.sender == channel.receiver == ENVIRONMENT:
                 rule = f"channel {channel.name!r} must touch a component, but both its ends are the environment"
                 self.error(channel.line, "channel-ends", rule, "delete it")

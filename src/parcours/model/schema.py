@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Literal, cast
 
 from parcours.errors import BadModel
-from parcours.model.documents import Node, Scalar
+from parcours.model.documents import Mapping, Node, Scalar
 from parcours.model.expression import Expression, Name, parse_actions, parse_calls, parse_expression
 from parcours.model.expression.evaluation import INTEGER_LIMIT
 from parcours.model.nodes import NodeReader, shown
@@ -41,6 +41,10 @@ class SchemaReader(NodeReader):
 
     def model(self, node: Node) -> Cefsm:
         """Return the model the document holds."""
+        if (chart := _sismic(node)) is not None:
+            rule = "a model has the key 'parcours', but 'statechart' makes this a sismic statechart, which is not read"
+            self.add(chart, "sismic-statechart", rule, "write it as SCXML, or in the format of docs/model-format.md")
+            return Cefsm("", ())
         optional = ("doc", "messages", "channels", "interactions", "serialisation")
         items = self.record(node, "a model", ("parcours", "name", "components"), optional)
         version = self.text(items.get("parcours"), "'parcours'", FORMAT)
@@ -220,6 +224,13 @@ class SchemaReader(NodeReader):
             return None
         least, most = (self.number(end, f"an end of the duration of {what}") for end in ends)
         return least, most
+
+
+def _sismic(node: Node) -> Scalar | None:
+    """Return the key that tells a statechart of sismic, or None: that is YAML too, but another language."""
+    keys = [key for key, _ in node.items] if isinstance(node, Mapping) else []
+    ours = any(key.text == "parcours" for key in keys)
+    return None if ours else next((key for key in keys if key.text == "statechart"), None)
 
 
 def _event(text: str, where: str) -> Receive:

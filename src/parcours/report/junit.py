@@ -25,7 +25,8 @@ class CaseResult:
     """What became of one case.
 
     Attributes:
-        id: the case's stable id; its parts before the last slash name the class it is listed under.
+        id: the case's stable id, study/abstract case/row: its last two parts are its name, what stands before them is
+            the class it is listed under.
         verdict: what the judge says; inconclusive cases are listed as skipped.
         seconds: how long it took [s].
         why: the judge's reason, in words.
@@ -52,8 +53,8 @@ def to_junit(suite: str, results: Iterable[CaseResult]) -> str:
     <?xml version="1.0" encoding="UTF-8"?>
     <testsuites name="ramp" tests="2" failures="1" errors="0" time="20.500">
       <testsuite name="ramp" tests="2" failures="1" errors="0" skipped="0" time="20.500">
-        <testcase classname="ramp.abtc1" name="0" time="20.000"/>
-        <testcase classname="ramp.abtc1" name="1" time="0.500">
+        <testcase classname="ramp" name="abtc1/0" time="20.000"/>
+        <testcase classname="ramp" name="abtc1/1" time="0.500">
           <failure message="stuck at 3 s" type="fail">stuck at 3 s</failure>
         </testcase>
       </testsuite>
@@ -84,8 +85,8 @@ def to_junit(suite: str, results: Iterable[CaseResult]) -> str:
 
 def _case(result: CaseResult, suite: str) -> str:
     """Return the testcase element of one result."""
-    owner, _, name = result.id.rpartition("/")
-    dotted = owner.replace("/", ".") or suite
+    parts = result.id.split("/")
+    name, dotted = "/".join(parts[-2:]), ".".join(parts[:-2]) or suite
     head = f'    <testcase classname={_attribute(dotted)} name={_attribute(name)} time="{result.seconds:.3f}"'
     element = _ELEMENT.get(result.verdict)
     if element is None:

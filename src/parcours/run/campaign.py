@@ -105,7 +105,7 @@ def run_campaign(
         return f"shard {shard} (cases {cases.start}..{cases.stop - 1})"
 
     try:
-        with _terminable(), contextlib.closing(_done(function, task, missing, workers, name)) as done:
+        with terminable(), contextlib.closing(_done(function, task, missing, workers, name)) as done:
             for shard in done:
                 finished += len(campaign.cases(shard))
                 report(finished, campaign.n_cases)
@@ -161,7 +161,7 @@ def _without(function: Simulate, lost: tuple[LostCase, ...]) -> Simulate:
 
 
 @contextlib.contextmanager
-def _terminable() -> Iterator[None]:
+def terminable() -> Iterator[None]:
     """Let SIGTERM end the block as Ctrl-C does."""
     if threading.current_thread() is not threading.main_thread():
         yield

@@ -131,8 +131,8 @@ def disorder(events: Sequence[Event], trace: Trace) -> str:
 
 
 class _DeviationError(Exception):
-    def __init__(self, event: Event, expected: str, got: str) -> None:
-        self.event, self.expected, self.got = event, expected, got
+    def __init__(self, event: Event, expected: str, got: str, *, silent: bool = False) -> None:
+        self.event, self.expected, self.got, self.silent = event, expected, got, silent
 
 
 class _Enforcement:
@@ -171,7 +171,8 @@ class _Enforcement:
         except _DeviationError as found:
             path = tuple(self._paths[found.event.reference])
             deviation = Deviation(found.event, found.expected, found.got, path, self._held())
-            self._record("deviation", found.event, text=str(deviation))
+            missing = found.event.transition if found.silent else ""
+            self._record("deviation", found.event, transition=missing, text=str(deviation))
         self._show(self._instances.views() if deviation is None else {})
         self._instances.end()
         events = sorted(map(self._opened, self._trace), key=lambda event: event.time)
@@ -222,7 +223,7 @@ class _Enforcement:
         if not outcomes:
             waiting = next(granted[0] for granted in self._granted.values() if granted)
             raise _DeviationError(
-                waiting.event, waiting.event.transition, f"nothing within {self._patience * 1e-9:g} s"
+                waiting.event, waiting.event.transition, f"nothing within {self._patience * 1e-9:g} s", silent=True
             )
         for reference, outcome in outcomes:
             if not self._granted[reference]:
@@ -240,7 +241,8 @@ class _Enforcement:
             assert event.receives is not None
             raise _DeviationError(event, f"{event.transition} on receiving {event.receives.channel}", "it unasked")
         if outcome.manner != "taken":
-            raise _DeviationError(event, event.transition, outcome.text or "no transition")
+            is_silent = outcome.manner == "nothing"
+            raise _DeviationError(event, event.transition, outcome.text or "no transition", silent=is_silent)
         if outcome.transition != event.transition:
             raise _DeviationError(event, event.transition, outcome.transition)
         self._record("take", event, outcome.time, transition=outcome.transition)

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import replace
 
 from parcours.abtc import Event
+from parcours.errors import ParcoursError
 from parcours.run.clocks import Clock, ClockName, SimulatedClock
 from parcours.run.driving import Turn
 from parcours.run.gated import Execution, enforce
@@ -37,6 +40,8 @@ def execute(
     view: View = lambda component: None,
     clock: Clock | None = None,
     case: str = "",
+    watch: Callable[[Event], AbstractContextManager[None]] = lambda event: nullcontext(),
+    checked: Callable[[str, object], object] | None = None,
 ) -> Execution:
     """Execute a serialised case in this process and return its trace and first deviation.
 
@@ -50,11 +55,14 @@ def execute(
         view: what an instance shows of itself at the end, as a payload of some channel; by default nothing.
         clock: simulated by default; with a WallClock durations are real.
         case: id of the case, for the trace.
+        watch: entered around every turn; it may end a component that hangs by raising there.
+        checked: (channel, payload) -> the payload as it travels; what it raises is blamed on the sender.
 
     Raises:
         BadRequest: an event receives from an event that is not before it.
     """
-    return enforce(events, _Here(component, prompt, prepare, view, clock or SimulatedClock()), supply, case=case)
+    here = _Here(component, prompt, prepare, view, clock or SimulatedClock(), watch, checked)
+    return enforce(events, here, supply, case=case)
 
 
 class _Here:
@@ -64,17 +72,27 @@ class _Here:
 
     def __init__(self, component: Callable[[str], Component], prompt: Prompt,
                  prepare: Callable[[Event, Component], None] | None, view: View,
-                 clock: Clock) -> None:  # fmt: skip
+                 clock: Clock, watch: Callable[[Event], AbstractContextManager[None]],
+                 checked: Callable[[str, object], object] | None) -> None:  # fmt: skip
+        self._watch, self._checked = watch, checked
         self._make, self._prompt, self._prepare, self._clock = component, prompt, prepare, clock
         self._view = view
         self._instances: dict[int, Instance] = {}
+        self._unmade: dict[int, Exception] = {}
         self._outcomes: list[tuple[int, Outcome]] = []
         self.label: str = "here"
         self.clock: ClockName = clock.name
 
     def begin(self, case: str, events: Sequence[Event]) -> None:
         references = {event.reference: event.component for event in events}
-        self._instances = {reference: Instance(self._make(name)) for reference, name in references.items()}
+        self._instances, self._unmade = {}, {}
+        for reference, name in references.items():
+            try:
+                self._instances[reference] = Instance(self._make(name))
+            except ParcoursError:
+                raise
+            except Exception as error:  # it is blamed in its first turn, as in a node
+                self._unmade[reference] = error
         self._clock.restart()
         self._tick()
 
@@ -89,6 +107,16 @@ class _Here:
 
     def grant(self, turns: Sequence[Turn]) -> None:
         [turn] = turns
+        try:
+            with self._watch(turn.event):
+                outcome = self._turn(turn)
+        except Exception as error:
+            outcome = Outcome("raised", self._clock.now(), text=f"{type(error).__name__}: {error}")
+        self._outcomes.append((turn.event.reference, outcome))
+
+    def _turn(self, turn: Turn) -> Outcome:
+        if turn.event.reference in self._unmade:
+            raise self._unmade[turn.event.reference]
         event, part = turn.event, self._instances[turn.event.reference]
         if self._prepare is not None:
             self._prepare(event, part.component)
@@ -99,7 +127,13 @@ class _Here:
             channel = event.receives.channel
             outcome = part.turn(event.transition, self._clock,
                                 message=lambda now: part.component.handle(channel, turn.payload, now))  # fmt: skip
-        self._outcomes.append((event.reference, outcome))
+        if self._checked is None:
+            return outcome
+        return replace(
+            outcome,
+            sends=tuple((channel, self._checked(channel, payload)) for channel, payload in outcome.sends),
+            asides=tuple((at, (channel, self._checked(channel, one))) for at, (channel, one) in outcome.asides),
+        )
 
     def outcomes(self, patience: int) -> Sequence[tuple[int, Outcome]]:
         over, self._outcomes = self._outcomes, []
@@ -115,4 +149,6 @@ class _Here:
         return {reference: one for reference, one in shown if one is not None}
 
     def end(self) -> None:
+        for part in self._instances.values():
+            part.close()
         self._instances.clear()

@@ -89,6 +89,13 @@ class Instance:
         for _ in begin(clock.now()):
             pass
 
+    def close(self) -> None:
+        """Let go of what the component holds, if it holds anything: a process, a thread."""
+        self._work = None
+        close = getattr(self.component, "close", None)
+        if close is not None:
+            close()
+
     def _outcome(self, manner: Manner, clock: Clock, step: Step, received: int = -1) -> Outcome:
         return Outcome(manner, clock.now(), step.transition, tuple(step.sends), received, tuple(self._asides))
 

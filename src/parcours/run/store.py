@@ -215,16 +215,36 @@ def create(folder: Path, campaign: Campaign) -> Store:
         write_atomically(folder / _MANIFEST, content.encode())
         return Store(folder, campaign)
     store = open_results(folder)
-    ours, theirs = campaign.manifest(), store.campaign.manifest()
-    differing = [f"{key} {theirs[key]!r} instead of {ours[key]!r}" for key in ours if ours[key] != theirs[key]]
+    differing = differences(campaign.manifest(), store.campaign.manifest())
     if differing:
-        rule = f"holds another campaign: {'; '.join(differing)}"
-        raise BadResults(str(folder), rule, "name another folder, or ask for the same campaign", slug="results-other")
+        rule = f"holds another campaign: {'; '.join(differing[:5])}"
+        remedy = "name another folder, or give --fresh to discard what is there and start again"
+        raise BadResults(str(folder), rule, remedy, slug="results-other")
     write_atomically(folder / ".writable", b"")
     (folder / ".writable").unlink(missing_ok=True)
     sweep(folder)
     store.verify()
     return store
+
+
+def differences(ours: object, theirs: object, path: str = "") -> list[str]:
+    """Return the leaves in which two JSON values differ, in words.
+
+    >>> differences({"a": {"x": 1, "y": 2}, "b": 3}, {"a": {"x": 1, "y": 5}, "b": 3})
+    ['a.y is 2, but was 5']
+    """
+    if isinstance(ours, Mapping) and isinstance(theirs, Mapping):
+        keys = dict.fromkeys([*ours, *theirs])
+        inner = [differences(ours.get(key), theirs.get(key), f"{path}.{key}" if path else str(key)) for key in keys]
+        return [one for found in inner for one in found]
+    if ours == theirs and type(ours) is type(theirs):
+        return []
+    return [f"{path} is {_brief(ours)}, but was {_brief(theirs)}"]
+
+
+def _brief(value: object) -> str:
+    text = "absent" if value is None else json.dumps(value, ensure_ascii=False)
+    return text if len(text) <= 80 else text[:77] + "..."
 
 
 def _manifest_sum(document: Mapping[str, object]) -> str:

@@ -19,8 +19,8 @@ from parcours.run.noise import Noise, noise_of
 
 Kind = Literal["take", "send", "receive", "hold", "release", "drop", "deviation", "note"]
 """take: a transition was completed. send, receive: a message left its sender, was taken up. hold, release: a
-gate kept a message back, let it go. drop: it was lost. deviation: something else than demanded. note: any
-remark."""
+gate kept a message back, let it go. drop: it was lost. deviation: something else than demanded; if nothing
+came at all, its transition is the one that was demanded. note: any remark."""
 
 FORMAT = "trace/2"
 SHOWN = "shown"

@@ -43,7 +43,7 @@ class Plan:
     @property
     def n_rows(self) -> int:
         """How many rows of data satisfy the combination criterion, for one abstract case."""
-        return count(self.criterion, self.inputs.sizes)
+        return _rows(self.criterion, self.inputs)
 
     def number(self, abstract: str, row: int) -> int:
         """Return the number of the case with this abstract case and row.
@@ -72,6 +72,8 @@ class Plan:
             BadRequest: a number lies outside the plan.
         """
         self._check(numbers)
+        if not self.inputs.domains:
+            return np.zeros((len(numbers), 0), np.int64)
         row, abstract = np.divmod(numbers, len(self.abstracts))
         # Every abstract case has repetitions of the criterion for itself: no two share one.
         repetition, place = np.divmod(row // len(self.time_budgets), self.n_rows)
@@ -91,6 +93,8 @@ class Plan:
             BadDomain: the constraints cannot be met within the blocks of a case.
         """
         rows = self.blocks(numbers)
+        if not self.inputs.domains:
+            return np.zeros((len(numbers), 0))
         row, abstract = np.divmod(numbers, len(self.abstracts))
         data = row // len(self.time_budgets) * len(self.abstracts) + abstract
         return draw(self.inputs, rows, data, seed=self.seed)
@@ -138,7 +142,7 @@ def combine(
     Args:
         study: its name.
         abstracts: the abstract cases or their ids, all different.
-        inputs: the input model whose rows fill them.
+        inputs: the input model whose rows fill them; without any domain each abstract case has one row, without values.
         criterion: how blocks are combined, a name in `parcours.data.CRITERIA`.
         time_budgets: how long a run may take [s]; every row of data is run with each, shape (n_budgets,).
         seed: the campaign's seed, 0 <= seed < 2**64.
@@ -173,7 +177,7 @@ def combine(
                 f"an id must consist of letters, digits and _ . + @ = , -, but one is {part[:60]!r}",
                 slug="case-id",
             )
-    least = len(ids) * len(time_budgets) * count(criterion, inputs.sizes)
+    least = len(ids) * len(time_budgets) * _rows(criterion, inputs)
     wanted = least if n_cases is None else n_cases
     if not 1 <= wanted < 2**63:
         raise BadRequest(
@@ -185,3 +189,8 @@ def combine(
     for budget in time_budgets:  # an impossible one is refused here, not when its first case is built
         Case(study, 0, ids[0], 0, (), (), budget, seed)
     return Plan(study, ids, inputs, criterion, tuple(map(float, time_budgets)), seed, wanted)
+
+
+def _rows(criterion: str, inputs: InputModel) -> int:
+    """Return how many rows satisfy the criterion: one, without values, where there are no inputs."""
+    return count(criterion, inputs.sizes) if inputs.domains else 1

@@ -51,6 +51,37 @@ def test_a_file_of_no_format_is_refused(name: str, text: str, slug: str, tmp_pat
         read_any(file)
 
 
+SISMIC = """\
+# A microwave, as sismic writes it.
+statechart:
+  name: microwave
+  preamble: power = 0
+  root state:
+    name: controller
+    initial: closed
+    states:
+      - name: closed
+        transitions: [{target: opened, event: door_opened, guard: power > 0}]
+      - name: opened
+"""
+
+
+def test_a_sismic_statechart_is_called_one(tmp_path: Path) -> None:
+    file = tmp_path / "microwave.yaml"
+    file.write_text(SISMIC)
+    for reader in (read_any, read_model):
+        with pytest.raises(BadModel) as caught:
+            reader(file)
+        assert caught.value.slug == "sismic-statechart"
+        assert str(caught.value) == (
+            f"{file}:2: a model has the key 'parcours', but 'statechart' makes this a sismic statechart, "
+            "which is not read; write it as SCXML, or in the format of docs/model-format.md [sismic-statechart]"
+        )
+    file.write_text("parcours: model/1\n" + SISMIC)
+    with pytest.raises(BadModel, match="a model has no key 'statechart'"):
+        read_model(file)
+
+
 @pytest.mark.parametrize("name", [name for name, each in FORMATS.items() if each.reads])
 def test_a_hundred_megabytes_are_refused_before_they_are_read(name: str, tmp_path: Path) -> None:
     file = tmp_path / f"large{FORMATS[name].suffixes[0]}"

@@ -235,7 +235,7 @@ def test_descriptors_match_by_their_parts() -> None:
         ('<state id="a"><transition cond="n > 1" target="a"/></state>', "'n' is not"),
         ('<state id="a"><transition event="e" cond="_event.data.n > 1" target="a"/></state>', "a field 'n'"),
         ('<state id="a"><onentry><script src="x.js"/></onentry></state>', "a script in another file"),
-        ('<datamodel><data id="d" expr="{a: 1}"/></datamodel><state id="a"><transition cond="d" target="a"/></state>',
+        ('<datamodel><data id="d" expr="null + 1"/></datamodel><state id="a"><transition cond="d" target="a"/></state>',
          "'d' cannot be used"),
         ('<datamodel><data id="d"/></datamodel><state id="a"><transition cond="d" target="a"/></state>',
          "'d' without a value"),
@@ -248,7 +248,7 @@ def test_what_cannot_be_said_is_refused_by_name_and_line(body: str, named: str) 
 
 
 def test_data_that_nothing_uses_are_a_loss_not_an_error() -> None:
-    reading = read('<datamodel><data id="d" expr="{a: 1}"/><data id="e"><x/></data></datamodel><state id="a"/>')
+    reading = read('<datamodel><data id="d" expr="new Date()"/><data id="e"><x/></data></datamodel><state id="a"/>')
     assert reading.cefsm.components[0].variables == ()
     assert [loss.where for loss in reading.losses] == ["data 'd'", "data 'e'"]
 

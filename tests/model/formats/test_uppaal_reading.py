@@ -224,6 +224,70 @@ def test_what_would_grow_without_bound_is_refused_at_once(declarations: str, sys
     assert time.process_time() - began < 5
 
 
+@pytest.mark.parametrize("name", ["switch", "case", "enum", "deadlock", "numOf", "invariant", "rate", "location_"])
+def test_names_that_are_words_elsewhere_are_names(name: str) -> None:
+    cefsm = read(
+        f"int {name}; chan c;",
+        f"P = {name}_(1); system P, T;",
+        f"{name}_(const int k) | | {name} | {name} -> b: guard {name} < k ;; assignment {name}++",
+        f"T | | {name} | {name} -> b: assignment {name} = 0",
+    ).cefsm
+    assert predicates(cefsm)["P.1"] == f"(-/[{name} < 1]/{name} := {name} + 1/-)"
+    assert read("", f"system {name};", f"{name} | | s | s -> s").cefsm.components[0].name == name
+
+
+def test_words_of_the_language_are_no_names() -> None:
+    for word in ("while", "return", "exit", "xor"):
+        with pytest.raises(BadModel, match=rf"here is (the loop )?'{word}'"):
+            read(f"int {word};", "system T;", "T | | s | s -> s")
+
+
+@pytest.mark.parametrize(
+    ("declarations", "system", "templates", "last"),
+    [
+        ("", "system Car;", ["Car(const int[0,4999] id) | clock x; int[0,9] y; | a | a -> b: guard y < 5 ;; "
+         "assignment y = y + 1, x = 0 | b -> a"], "(-/[y < 5]/y := y + 1; x := 0/-)"),
+        ("", "{lines}system {names};", ["Car(const int id) | | a | a -> b: guard id < 5000"], "(-/-/-/-)"),
+        ("chan go[5000];", "system Gate, Car;", ["Car(const int[0,4999] id) | | a | a -> b: synchronisation go[id]?",
+         "Gate | | s | s -> s: select e : int[0,4999] ;; synchronisation go[e]!"], "(go_4999/-/-/-)"),
+        ("chan go;", "system Gate, Car;", ["Car(const int[0,4999] id) | | a | a -> b: synchronisation go?",
+         "Gate | | s | s -> s: synchronisation go!"], "(go_Gate_Car_4999/-/-/-)"),
+        ("int[0,9] y;", "system Car;", ["Car(const int[0,4999] id) | | a | a -> b: guard y < 5 ;; assignment y++"],
+         "(-/[y < 5]/y := y + 1/-)"),
+    ],
+)  # fmt: skip
+def test_thousands_of_processes_are_read_in_linear_time(
+    declarations: str, system: str, templates: list[str], last: str
+) -> None:
+    names = [f"a_process_with_a_long_name_{number}" for number in range(5000)]
+    lines = "".join(f"{name} = Car({number});\n" for number, name in enumerate(names))
+    began = time.process_time()
+    cefsm = read(declarations, system.format(lines=lines, names=", ".join(names)), *templates).cefsm
+    assert time.process_time() - began < 30  # where each process looks at each other one it takes minutes
+    machines = [machine for component in cefsm.components for machine in component.machines]
+    assert len(machines) == 5000 + (len(templates) > 1)
+    assert predicate(machines[-1].transitions[0]) == last
+
+
+@pytest.mark.parametrize(
+    ("declarations", "templates", "rule"),
+    [
+        ("", ["T(const int[0,299] a, const int[0,299] b) | | s | s -> s"],
+         "a system has at most 50000 processes, but this one has 90000 or more; make the ranges of the parameters"),
+        ("chan c;", ["T(const int[0,999] a) | | s | s -> s: synchronisation c! | s -> s: synchronisation c?"],
+         "at most 200000 in all, but channel 'c' joins 1000 processes that send with 1000 that receive; instantiate"),
+    ],
+)  # fmt: skip
+def test_a_system_too_large_is_refused_with_the_limit_and_a_way_out(
+    declarations: str, templates: list[str], rule: str
+) -> None:
+    began = time.process_time()
+    with pytest.raises(BadModel, match=r"net.xml:\d+") as caught:
+        read(declarations, "system T;", *templates)
+    assert rule in str(caught.value) and caught.value.slug == "expansion-size"
+    assert time.process_time() - began < 5
+
+
 def test_an_old_file_reads_as_a_new_one() -> None:
     old = read(
         "const N 3; int n := 0;",

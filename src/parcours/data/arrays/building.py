@@ -6,6 +6,7 @@ of work, so that a seed gives the same array on every machine; with one, the clo
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -16,7 +17,7 @@ from parcours.data.arrays.bounds import fewest_rows
 from parcours.data.arrays.constructions import constructions
 from parcours.data.arrays.goals import Goals, Ints
 from parcours.data.arrays.growing import grow
-from parcours.data.arrays.other_engine import MAX_TUPLES, covertable_rows
+from parcours.data.arrays.other_engine import MAX_MUST, MAX_TUPLES, covertable_rows
 from parcours.data.arrays.shrinking import repair, table_of
 from parcours.data.rules import UndecidedError
 from parcours.data.streams import ROWS, starts
@@ -40,7 +41,6 @@ _ANY = 1_000_000  # rows
 _PIECE = 3_000_000  # tuples looked up between two looks at the clock
 _COUNTS = 4  # how often all tuples of an array are looked up to take a row away and to verify the result
 _CANDIDATES, _GROWTH = 50, 200_000_000
-_OTHER_ENGINE_SECONDS = 2.0
 
 Told = Callable[[str, int, int], None]
 """Is told what goes on, the number of rows found, and the fewest there can be."""
@@ -167,8 +167,8 @@ class _Search:
         strengths = {len(each) for each in sets}
         if len(strengths) == 1 and not len(self.must):
             yield from constructions(sizes, strengths.pop(), self.seed, most)
-        if self.goals.n_tuples <= MAX_TUPLES and len(self.best) > self.fewest:
-            deadline = time.perf_counter() + _OTHER_ENGINE_SECONDS
+        if self.goals.n_tuples <= MAX_TUPLES and len(self.must) <= MAX_MUST and len(self.best) > self.fewest:
+            deadline = math.inf if self.budget is None else self.search_begun + self.budget
             rows = covertable_rows(self.goals, self.must, seed=self.seed, deadline=deadline)
             if rows is not None:
                 yield "covertable", rows

@@ -1,7 +1,8 @@
 """Goals become an array by covertable, a package of its own authors: a second opinion on small goals.
 
-Its greedy criterion often starts from fewer rows than ours; it takes seconds where there are many tuples, so it is
-stopped at a deadline, and whatever it returns is verified like everything else.
+Its greedy criterion often starts from fewer rows than ours. It takes seconds where there are many tuples or must-have
+rows, so goals with more than MAX_TUPLES or MAX_MUST are not given to it: a limit on its work that is the same on every
+machine. Whatever it returns is verified like everything else.
 """
 
 from __future__ import annotations
@@ -17,6 +18,9 @@ from parcours.data.rules import RuleTable
 MAX_TUPLES = 3_000
 """Most tuples that are given to covertable: more take it longer than a second."""
 
+MAX_MUST = 3_000
+"""Most must-have rows that are given to covertable: as many take it a second."""
+
 
 def covertable_rows(goals: Goals, must: Ints, *, seed: int, deadline: float) -> Ints | None:
     """Return the rows that covertable finds for these goals, or None if it found none in time.
@@ -25,7 +29,7 @@ def covertable_rows(goals: Goals, must: Ints, *, seed: int, deadline: float) -> 
         goals: what must be held.
         must: rows that come first, shape (n_must, n_columns).
         seed: salts the order in which tuples are taken.
-        deadline: when to stop [s], by `time.perf_counter`.
+        deadline: when to stop [s], by `time.perf_counter`; `math.inf` where the user gave no time.
     """
     from covertable import Controller
 

@@ -1,6 +1,7 @@
 """The text of a PICT model becomes an input model: parameters, sub-models, constraints (PICT's own user's guide).
 
     PLATFORM: x86, arm64 (5), ~mips        ~ marks values of negative tests; weights in brackets are not kept
+    BITS, 32, 64                           the same with a comma; where the line has a colon, that one counts
     SIZE: 10, 100, <OTHER>                 numbers only: a parameter of numbers; <OTHER>: the values of that parameter
     { PLATFORM, SIZE } @ 2                 a strength of their own
     IF [PLATFORM] = "x86" THEN [SIZE] < 100 ELSE [SIZE] > 10;
@@ -34,9 +35,12 @@ MAX_VALUES = 10_000
 
 _WEIGHT = re.compile(r"\(\s*[0-9]{1,9}\s*\)$")
 _NUMBER = re.compile(r"[-+]?(?:[0-9]{1,19}(?:\.[0-9]{0,19})?|\.[0-9]{1,19})(?:[eE][-+]?[0-9]{1,3})?", re.ASCII)
-_ORDER = re.compile(r"\s@\s*([0-9]{1,9})$", re.ASCII)
+_ORDER = re.compile(r"([^@]*)@\s*([0-9]{1,9})")
 _GROUP = re.compile(r"\{([^{}]*)\}(?:\s*@\s*([0-9]{1,9}))?")
-_CONSTRAINT = re.compile(r"(?:IF|NOT|IsNegative|IsPositive)\b|[\[(]", re.IGNORECASE)
+_CONSTRAINT = re.compile(r"(?:IF|NOT|IsNegative|IsPositive)\b(?!\s*[:,@])|[\[(]", re.IGNORECASE)
+
+CROSSED = "PICT crosses whole rows of a sub-model with other values; here it is a group of mixed strength"
+"""How a sub-model of PICT differs from a group, in both directions."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,13 +116,14 @@ class _Reader:
         return PictReading(model, tuple(self.losses), titles)
 
     def parameter(self, line: str) -> None:
-        title, colon, listed = line.partition(":")
+        title, _, listed = line.partition(":" if ":" in line else ",")
         title = title.strip()
-        if order := _ORDER.search(title):
-            title = title[: order.start()].strip()
-            self.losses.append(Loss(f"parameter {title[:60]!r}", self.line, f"its own order {order[1]} is not kept"))
-        if not colon or not title or not listed.strip():
-            self.fail(f"a parameter must be written NAME: value, value, but this is {brief(line)}", slug="pict-syntax")
+        if order := _ORDER.fullmatch(title):
+            title = order[1].strip()
+            self.losses.append(Loss(f"parameter {title[:60]!r}", self.line, f"its own order {order[2]} is not kept"))
+        if not title or not listed.strip():
+            rule = f"a parameter must be written NAME: value, value or NAME, value, value, but this is {brief(line)}"
+            self.fail(rule, slug="pict-syntax")
         if title.casefold() in self.parameters:
             self.fail(f"a parameter must be named once, but {brief(title)} is twice", slug="duplicate-name")
         if len(self.parameters) >= MAX_COLUMNS:
@@ -206,10 +211,12 @@ class _Reader:
         names = tuple(parameter.domain.name for parameter in known if parameter)
         if len(names) < len(titles) or len(set(names)) < len(names):
             self.fail(f"a sub-model must name parameters, each once, but this is {brief(line)}", slug="group")
-        strength = int(parts[2] or 2)
+        strength = int(parts[2] or min(2, len(names)))
         if not 1 <= strength <= min(len(names), MAX_STRENGTH):
             most = min(len(names), MAX_STRENGTH)
             self.fail(f"the order of this sub-model must be 1 to {most}, but is {strength}", slug="group")
+        if len(names) > 1:
+            self.losses.append(Loss(f"sub-model of {len(names)} parameters", self.line, CROSSED))
         self.groups.append(Group(names, strength))
 
     def fail(self, rule: str, remedy: str = "", *, slug: str) -> NoReturn:

@@ -10,6 +10,7 @@ import numpy as np
 from parcours.data.constraints import Constraint
 from parcours.data.domains import Domain
 from parcours.data.inputs import InputModel, rules_of
+from parcours.data.pict.reading import CROSSED
 from parcours.errors import ParcoursError
 from parcours.model.expression import Binary, Expression, Literal, Name, Unary, parse_expression
 from parcours.model.formats.reading import Loss, Writing
@@ -50,6 +51,8 @@ class _Writer:
         lines = [self.parameter(domain) for domain in self.model.domains]
         for group in self.model.groups:
             lines.append(f"{{ {', '.join(group.inputs)} }} @ {group.strength}")
+            if len(group.inputs) > 1:
+                self.lose(f"group of {len(group.inputs)} parameters", CROSSED)
         for constraint in self.model.constraints:
             lines += self.constraint(constraint)
         if any(domain.unit != "1" or domain.doc for domain in self.model.domains):

@@ -21,7 +21,7 @@ from parcours.errors import HostFailure
 from parcours.run.hosts.frames import Broke
 from parcours.run.hosts.node import live
 from parcours.run.hosts.resident import Line, Node, resident_of
-from parcours.run.hosts.scheduling import ordinary, prefer_real_time
+from parcours.run.hosts.scheduling import NODE_PRIORITY, ordinary, prefer_real_time
 
 _PARENT_DEATH = 1  # PR_SET_PDEATHSIG
 _GRACE = 2.0
@@ -82,6 +82,9 @@ class Processes:
             if process.is_alive():
                 process.kill()
                 process.join()
+            if process.pid is not None:
+                with contextlib.suppress(ProcessLookupError, PermissionError):
+                    os.killpg(process.pid, signal.SIGKILL)
         self._running.clear()
 
 
@@ -131,9 +134,10 @@ def _main(node: Node, line: Callable[..., Line], *arguments: object) -> None:
     end_with_parent()
     if os.getppid() != parent:
         return  # it ended before it could be asked for
+    os.setpgrp()  # so that what a component starts can be ended with it
     _let_go_of_server()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the whole group; the tester says Quit
-    prefer_real_time()
+    prefer_real_time(NODE_PRIORITY)
     mine = line(node, *arguments)
     try:
         resident = resident_of(node)

@@ -51,11 +51,14 @@ class _Life:
         self._node, self._resident, self._line = node, resident, line
         self._capacity = {one.channel: one.capacity for one in node.links
                           if one.kind is LinkKind.TOPIC and one.receiver == node.component}  # fmt: skip
+        self._instances: dict[int, Instance] = {}
         self._forget()
 
     def _forget(self) -> None:
+        for part in self._instances.values():
+            part.close()
         self._clock = WallClock()
-        self._instances: dict[int, Instance] = {}
+        self._instances = {}
         self._unmade: Exception | None = None
         self._component: Component | None = None
         self._inbox: deque[Deliver] = deque()

@@ -164,4 +164,7 @@ def ending(status: int) -> str:
     >>> ending(-9), ending(3)
     ('killed by SIGKILL', 'exit status 3')
     """
-    return f"killed by {signal.Signals(-status).name}" if status < 0 else f"exit status {status}"
+    if status >= 0:
+        return f"exit status {status}"
+    known = {one.value: one.name for one in signal.Signals}
+    return f"killed by {known.get(-status, f'signal {-status}')}"

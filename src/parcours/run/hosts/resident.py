@@ -89,17 +89,19 @@ class Node:
         component: its component's name in the model.
         resident: dotted name `module:callable`; called in the process with the component's name, returns its Resident.
         links: those it sends or receives on.
+        given: a second argument of the callable, such as the file of a study; left out if empty.
     """
 
     component: str
     resident: str
     links: tuple[Link, ...] = field(repr=False)
+    given: str = ""
 
 
-def nodes_of(links: Sequence[Link], components: Sequence[str], resident: str) -> tuple[Node, ...]:
+def nodes_of(links: Sequence[Link], components: Sequence[str], resident: str, given: str = "") -> tuple[Node, ...]:
     """Return a node for each component, with its links."""
     return tuple(
-        Node(name, resident, tuple(link for link in links if name in (link.sender, link.receiver)))
+        Node(name, resident, tuple(link for link in links if name in (link.sender, link.receiver)), given)
         for name in components
     )
 
@@ -112,7 +114,7 @@ def resident_of(node: Node) -> Resident:
     except (ImportError, AttributeError, ValueError) as error:
         rule = f"a resident is named module:callable, but {node.resident!r} leads nowhere: {error}"
         raise BadRequest(f"node {node.component}", rule, slug="resident-unknown") from error
-    return cast(Resident, make(node.component))
+    return cast(Resident, make(node.component, node.given) if node.given else make(node.component))
 
 
 class Plain:

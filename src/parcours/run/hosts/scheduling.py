@@ -17,8 +17,11 @@ _LATENCY = Path("/dev/cpu_dma_latency")
 PRIORITY = 10
 """Of SCHED_FIFO; above ordinary processes, below the threads of the system itself."""
 
+NODE_PRIORITY = PRIORITY - 1
+"""Of nodes: a component that never rests on every processor must not keep its tester from ending it."""
 
-def prefer_real_time() -> str:
+
+def prefer_real_time(priority: int = PRIORITY) -> str:
     """Put this process into the real-time class, and return under which rule it runs now.
 
     >>> with real_time() as rule:
@@ -26,10 +29,10 @@ def prefer_real_time() -> str:
     True
     """
     try:
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
     except OSError:
         return "SCHED_OTHER"
-    return f"SCHED_FIFO {PRIORITY}"
+    return f"SCHED_FIFO {priority}"
 
 
 @contextlib.contextmanager

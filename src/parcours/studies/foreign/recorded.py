@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from parcours.errors import BadResults, HostFailure, ParcoursError
+from parcours.filenames import file_name
 from parcours.run.binding import Binding, MessageTypes, compile_binding
 from parcours.run.hosts.ros1.foreign_ends import Kind
 from parcours.run.hosts.ros1.foreign_types import ForeignTypes
@@ -65,6 +66,15 @@ class Tape:
         self._recorder.close()
 
 
+def recording_place(id: str, form: str) -> str:
+    """Return where the recording of a case lies in the folder of results.
+
+    >>> recording_place("ITP1-tp1.tp2-0.0/0", "mcap")
+    'recordings/ITP1-tp1.tp2-0.0~0.mcap'
+    """
+    return f"recordings/{file_name(id)}.{form}"
+
+
 def rejudge(path: Path, binding: Binding) -> tuple[Judged, str]:
     """Return what a recording is judged to be, and what was recorded as the verdict.
 
@@ -107,4 +117,4 @@ def rejudge(path: Path, binding: Binding) -> tuple[Judged, str]:
     return judged, about.get("verdict", "")
 
 
-__all__ = ["HostFailure", "Tape", "rejudge"]
+__all__ = ["HostFailure", "Tape", "recording_place", "rejudge"]

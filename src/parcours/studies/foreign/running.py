@@ -6,9 +6,10 @@ import contextlib
 import itertools
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 
+from parcours.abtc import require_cases
 from parcours.errors import BadRequest, HostFailure
 from parcours.run.binding.passing import Message
 from parcours.run.binding.relay import Relay
@@ -23,7 +24,7 @@ from parcours.studies.foreign.acting import act
 from parcours.studies.foreign.cases import AbstractScene, abstract_scenes, find_scene
 from parcours.studies.foreign.judging import FAULTY, AbstractJudge, Judged, SystemJudge
 from parcours.studies.foreign.made import Maker
-from parcours.studies.foreign.recorded import Tape
+from parcours.studies.foreign.recorded import Tape, recording_place
 from parcours.studies.foreign.results import Result, Wanted
 from parcours.studies.foreign.system import SystemDrive
 from parcours.studies.foreign.timing import Exercise, durations, spans, timed
@@ -77,22 +78,33 @@ class ForeignStudy:
         host: entered.
         wanted: what to run.
         folder: for recordings.
+        about: what recordings say besides.
+
+    Attributes:
+        passive: name of a span that `timing` bounds -> its durations in the system cases so far [ns].
     """
 
-    def __init__(self, host: ForeignHost, wanted: Wanted, folder: Path) -> None:
-        self._host, self._wanted, self._folder = host, wanted, folder
+    def __init__(self, host: ForeignHost, wanted: Wanted, folder: Path, about: Mapping[str, str] | None = None) -> None:
+        self._host, self._wanted, self._folder, self._about = host, wanted, folder, dict(about or {})
         self._spans = spans(host.binding)
-        self._passive: dict[str, list[int]] = {span.name: [] for span in self._spans}
+        self.passive: dict[str, list[int]] = {span.name: [] for span in self._spans}
         self._n_run = 0
         if wanted.system and host.binding.system is None:
             rule = "system cases need a section 'system' in the binding, but it has none"
             raise BadRequest("--system", rule, "see docs/bindings.md", slug="foreign-system")
 
     def scenes(self) -> list[AbstractScene]:
-        """Return the abstract cases that are wanted. Raises BadRequest if there is none of the id."""
+        """Return the abstract cases that are wanted.
+
+        Raises:
+            BadRequest: there is none of the id.
+            BadModel: the model has no abstract case, and nothing else is wanted.
+        """
         binding, wanted = self._host.binding, self._wanted
         if wanted.case:
             return [find_scene(binding, wanted.seed, wanted.case)]
+        if wanted.cases != 0 and not wanted.system and not wanted.repeats:
+            require_cases(binding.model, binding.model.source)
         every = abstract_scenes(binding, wanted.seed)
         if wanted.cases is not None:
             return list(itertools.islice(every, wanted.cases))
@@ -106,11 +118,19 @@ class ForeignStudy:
             BadRequest: the binding does not fit what is running.
         """
         for scene in self.scenes():
-            yield self._guarded(scene.id, "abstract", lambda scene=scene: self._abstract(scene))  # type: ignore[misc]
+            yield self.abstract(scene)
         for number in range(self._wanted.system):
-            where = Scene(self._wanted.seed, number, self._wanted.protocol)  # type: ignore[arg-type]
-            yield self._guarded(where.id, "system", lambda where=where: self._system(where))  # type: ignore[misc]
-        yield from self._timing()
+            yield self.system(number)
+        yield from self.timing()
+
+    def abstract(self, scene: AbstractScene) -> Result:
+        """Run an abstract case. Raises as `run`, if it is the first case."""
+        return self._guarded(scene.id, "abstract", lambda: self._abstract(scene))
+
+    def system(self, number: int) -> Result:
+        """Run a system case. Raises as `run`, if it is the first case."""
+        scene = Scene(self._wanted.seed, number, self._wanted.protocol)  # type: ignore[arg-type]
+        return self._guarded(scene.id, "system", lambda: self._system(scene))
 
     def _guarded(self, id: str, kind: str, run: Callable[[], Result]) -> Result:
         """Return the result of a case; what goes wrong with one after the first is its own error."""
@@ -172,7 +192,7 @@ class ForeignStudy:
         finally:
             session.end(keep=True)
         for span in self._spans:
-            self._passive[span.name] += durations(session.relay.events, span)
+            self.passive[span.name] += durations(session.relay.events, span)
         return self._result(scene.id, "system", session, judge.judged(), tape)
 
     def _begin(self, session: Session) -> None:
@@ -184,26 +204,27 @@ class ForeignStudy:
     def _tape(self, session: Session, id: str, about: dict[str, str]) -> Tape | None:
         if not self._wanted.record:
             return None
-        path = self._folder / "recordings" / f"{id.replace('/', '_')}.{self._wanted.record}"
+        path = self._folder / recording_place(id, self._wanted.record)
         told = {"binding": self._host.binding.name, "seed": str(self._wanted.seed),
                 "faults": str(self._wanted.faults) if self._wanted.faults else ""}  # fmt: skip
-        return Tape(path, id, session.begin, told | about)
+        return Tape(path, id, session.begin, self._about | told | about)
 
     def _result(self, id: str, kind: str, session: Session, judged: Judged, tape: Tape | None) -> Result:
         recording = ""
         if tape is not None:
             tape.close(judged.judgement)
-            recording = f"recordings/{id.replace('/', '_')}.{self._wanted.record}"
+            recording = recording_place(id, self._wanted.record)
         ended = max((event.time for event in session.relay.events), default=0)
         return Result(id, kind, judged, max(ended - session.case_began, 0) * 1e-9, recording)
 
     # Timing.
 
-    def _timing(self) -> Iterator[Result]:
+    def timing(self) -> Iterator[Result]:
+        """Yield the verdict on each limit: spans that the tester can begin are repeated as often as is wanted."""
         wanted, binding = self._wanted, self._host.binding
         if not self._spans or not wanted.repeats:
             return
-        took = {name: list(times) for name, times in self._passive.items()}
+        took = {name: list(times) for name, times in self.passive.items()}
         began = time.monotonic()
         ear = _Ear()
         session = Session(self._host, whole(binding), listener=ear)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from parcours.errors import BadRequest, BadResults
 from parcours.planners.protocol import Limits
 from parcours.report.pieces import Column, Replay, Table
-from parcours.run.store import Store, open_results
+from parcours.run.store import open_results
 from parcours.studies.navigation.facts import FACTS, PlannerFault
 from parcours.studies.navigation.scenario import Scenario
 from parcours.studies.navigation.study import NavigationStudy
@@ -22,6 +22,7 @@ from parcours.studies.ramp_system.campaigns import load_campaign
 from parcours.studies.ramp_system.campaigns import summary as common_summary
 from parcours.studies.ramp_system.cases import Protocol, SystemCases
 from parcours.studies.ramp_system.outcome_tables import Results
+from parcours.study.campaign.running import facts_of
 from parcours.verdict.facts import FACTS as BASE
 from parcours.verdict.navigation import explain
 
@@ -123,17 +124,7 @@ def load_results(folder: Path) -> Results:
     except (KeyError, TypeError, ValueError, BadRequest) as error:
         rule = f"the manifest must hold the study's parameters, but: {error}"
         raise BadResults(str(folder), rule, "run the campaign anew", slug="results-parameters") from error
-    return NavigationResults(campaign.schedule, cases, scenario, source, _ordered(store), campaign.n_cases)
-
-
-def _ordered(store: Store) -> NDArray[np.void]:
-    """Return the facts of the finished cases, once they are found to be those that the shards' numbers say."""
-    facts, absent = store.load(partial=True), set(store.missing())
-    finished = [n for shard in store.campaign.shards if shard not in absent for n in store.campaign.cases(shard)]
-    if facts["number"].tolist() != finished:
-        rule = "shards must hold the cases that their numbers say, but do not"
-        raise BadResults(str(store.folder), rule, "run the campaign anew", slug="results-order")
-    return facts
+    return NavigationResults(campaign.schedule, cases, scenario, source, facts_of(store, folder), campaign.n_cases)
 
 
 def summary(result: Results) -> dict[str, object]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 from importlib.resources import files
+from pathlib import Path
 
 from parcours.data import InputModel, parse_input_model
 from parcours.model import parse_model
@@ -22,3 +23,9 @@ def component_inputs() -> InputModel:
     """Return the input domains of the messages: five parameters, ten blocks (section IV-C)."""
     text = (files(__package__) / "domains.yaml").read_text(encoding="utf-8")
     return parse_input_model(text, "ramp_components/domains.yaml")
+
+
+def component_files() -> dict[str, Path]:
+    """Return where the model and the input domains lie."""
+    here = Path(__file__).parent
+    return {"model": here / "model.yaml", "data": here / "domains.yaml"}

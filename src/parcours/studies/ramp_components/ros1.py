@@ -10,6 +10,11 @@ CODEC = Ros1Codec(FORMS, flatten, restore)
 """RAMP's payloads <-> ROS 1 messages."""
 
 
+def codec() -> Ros1Codec:
+    """Return the codec."""
+    return CODEC
+
+
 def resident(component: str) -> Ros1Resident:
     """Return the resident of one of RAMP's components, for component cases.
 

@@ -3,27 +3,32 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
 
 import numpy as np
 
-from parcours.abtc import AbstractCase, Event, abstract_cases, serialise
+from parcours.abtc import AbstractCase, abstract_cases
 from parcours.run.clocks import Clock, WallClock
-from parcours.run.gated import Execution, disorder, enforce, instance_name
-from parcours.run.here import execute
-from parcours.run.hosts.driven import DrivenInstances
+from parcours.run.here import View
 from parcours.run.hosts.resident import Codec, Fabric
-from parcours.run.noise import Noise, NoiseMeter
-from parcours.run.trace import Trace, transitions
+from parcours.run.port import links
+from parcours.run.recording import Codec as RecordingCodec
+from parcours.run.trace import Trace
 from parcours.studies.ramp_components.components import view
-from parcours.studies.ramp_components.model import component_inputs, component_model
+from parcours.studies.ramp_components.model import component_files, component_inputs, component_model
 from parcours.studies.ramp_components.oracles import ORACLES
 from parcours.studies.ramp_components.resident import RampCodec
 from parcours.studies.ramp_components.tester import ComponentTester
-from parcours.suite import Case, Plan, combine
-from parcours.verdict.judgement import Judgement, Verdict
-from parcours.verdict.timing import NEVER, Bound, duration, judge
+from parcours.study.components import executing
+from parcours.study.components.executing import Execute, Functional, Timing, TimingGroup
+from parcours.study.components.results import interaction_of as interaction_named
+from parcours.study.components.study import ComponentStudy
+from parcours.study.components.tester import Tester
+from parcours.study.hosting import Nodes
+from parcours.study.parameters import Parameter, Settings
+from parcours.suite import Case, Plan
+from parcours.verdict.judgement import Judgement
+from parcours.verdict.timing import Bound
 
 CASES_OF_PAPER = {"ITP1": 8, "ITP2": 8, "ITP3": 8, "ITP4": 12, "ITP5": 9, "ITP6": 15}
 """Executable cases per interaction test path (Table VIII), for function and for time each."""
@@ -38,22 +43,103 @@ LIMITS = {
 }
 """Least and greatest injected upper limit of each interaction test path [s] (Table VIII)."""
 
+REPEATS = 60
+"""So many repeats show with 95 % confidence that 95 % of all stay within a limit, if none of them misses it."""
+
+PERCENT = 95.0
+"""So many of all repeats must stay within the limit [%]."""
+
+duration_of = executing.whole_case
+"""How long a repeat took [ns]."""
+
+__all__ = ["Execute", "Functional", "RampComponents", "Timing", "duration_of"]
+
+
+class RampComponents(ComponentStudy):
+    """RAMP's components: the paper's tester, oracles and limits in the place of defaults."""
+
+    trusted = True
+    compiles = True
+
+    @functools.cached_property
+    def abstracts(self) -> Mapping[str, AbstractCase]:
+        """The 67 abstract cases, as the paper has them: guards are not asked."""
+        return {case.id: case for case in abstract_cases(self.model)}
+
+    @functools.cached_property
+    def infeasible(self) -> Mapping[str, str]:
+        """None is left out."""
+        return {}
+
+    @property
+    def recorded(self) -> RecordingCodec:
+        """RAMP's own payloads."""
+        return RampCodec()
+
+    def nodes(self) -> Nodes:
+        """Return the six components as nodes, with the channels of the system, too."""
+        return component_nodes()
+
+    def tester(self, case: Case, settings: Settings) -> Tester:
+        """Return the tester of a case."""
+        return ComponentTester(case)
+
+    def view(self) -> View:
+        """Return what shows the trajectory that a Control follows."""
+        return view
+
+    def oracle(self, case: Case, trace: Trace, settings: Settings) -> Judgement:
+        """Judge by Table VIII."""
+        return ORACLES[interaction_of(case)](trace)
+
+    def timing(self, seed: int, settings: Settings) -> list[TimingGroup]:
+        """Return the paper's sample: 60 cases against limits from the greatest down."""
+        return timing_groups(paper_sample(self.plan(seed)), float(settings.get("percent", PERCENT)))
+
+
+def component_nodes(kind: str = "component") -> Nodes:
+    """Return RAMP's components as nodes, for component cases or for system cases."""
+    from parcours.studies.ramp_system.component_form import system_links
+
+    model = component_model()
+    inner, names = links(model), tuple(component.name for component in model.components)
+    also = tuple(link for link in system_links() if link.channel not in {one.channel for one in inner})
+    room = "parcours.studies.ramp_components"
+    return Nodes(
+        model, (*inner, *also), names, f"{room}.resident:ComponentResident", RampCodec(), f"{room}.ros1:resident",
+        f"{room}.ros1:codec", (f"{room}.warm",),
+    )  # fmt: skip
+
 
 @functools.cache
-def interaction_cases() -> dict[str, AbstractCase]:
+def component_study() -> RampComponents:
+    """Return the study."""
+    percent = Parameter("percent", "real", PERCENT, "of repeats that must keep a limit", "%", low=50.0, high=99.999)
+    return RampComponents(
+        "ramp_components", component_model(), None, component_inputs(), where="ramp_components", own=(percent,),
+        files=component_files(),
+        doc="RAMP's six components: 67 abstract cases, and 60 against limits (Tables III to VIII)",
+    )  # fmt: skip
+
+
+@functools.cache
+def _exercise() -> executing.Exercise:
+    return component_study().exercise({})
+
+
+def interaction_cases() -> Mapping[str, AbstractCase]:
     """Return the 67 abstract cases by id."""
-    return {case.id: case for case in abstract_cases(component_model())}
+    return component_study().abstracts
 
 
 def component_plan(seed: int = 0, rows: int = 3) -> Plan:
     """Return the plan of 67 * rows cases; three rows satisfy Each Choice for every abstract case."""
-    ids = tuple(interaction_cases())
-    return combine("ramp_components", ids, component_inputs(), seed=seed, n_cases=len(ids) * rows)
+    return component_study().plan(seed, len(interaction_cases()) * rows)
 
 
 def interaction_of(case: Case) -> str:
     """Return the interaction test path of a case, e.g. ITP1."""
-    return interaction_cases()[case.abstract].interaction.name
+    return interaction_named(case.abstract)
 
 
 def paper_sample(plan: Plan) -> list[Case]:
@@ -67,26 +153,9 @@ def paper_sample(plan: Plan) -> list[Case]:
     return sample
 
 
-@functools.lru_cache(maxsize=128)
-def _events(abstract: str) -> tuple[Event, ...]:
-    return serialise(interaction_cases()[abstract])
-
-
-Execute = Callable[[Case], Execution]
-"""Runs a case on some host."""
-
-
 def here(clock: Callable[[], Clock] | None = None) -> Execute:
     """Return what executes cases in this process, in simulated time, or on the clocks it is given."""
-
-    def run(case: Case) -> Execution:
-        tester = ComponentTester(case)
-        return execute(
-            _events(case.abstract), tester.component, tester.supply, prompt=tester.move, prepare=tester.prepare,
-            view=view, clock=clock() if clock else None, case=case.id,
-        )  # fmt: skip
-
-    return run
+    return executing.in_process(_exercise(), clock)
 
 
 def on(fabric: Fabric, codec: Codec | None = None, *, strict: bool = True) -> Execute:
@@ -97,64 +166,17 @@ def on(fabric: Fabric, codec: Codec | None = None, *, strict: bool = True) -> Ex
         codec: of the fabric's messages; MessagePack's if not given.
         strict: keep the serialised order itself; else any order that the case leaves open.
     """
-
-    def run(case: Case) -> Execution:
-        tester = ComponentTester(case)
-        instances = DrivenInstances(fabric, codec or RampCodec(), tester)
-        return enforce(_events(case.abstract), instances, tester.supply, case=case.id, strict=strict)
-
-    return run
-
-
-@dataclass(frozen=True, slots=True)
-class Functional:
-    """One case executed, and what the oracle says of it."""
-
-    case: Case
-    execution: Execution
-    judgement: Judgement
+    return executing.on_fabric(_exercise(), fabric, codec or RampCodec(), strict=strict)
 
 
 def run_functional(case: Case, execute: Execute | None = None) -> Functional:
-    """Execute one case in its serialised order, in simulated time if not told otherwise, and judge it by Table VIII.
-
-    A case whose order could not be enforced is inconclusive, whatever came of it.
-    """
-    execution = (execute or here())(case)
-    return Functional(case, execution, judge_trace(case, execution.trace))
+    """Execute one case in its serialised order, in simulated time by default, and judge it by Table VIII."""
+    return executing.run_functional(_exercise(), case, execute or here())
 
 
 def judge_trace(case: Case, trace: Trace) -> Judgement:
     """Judge a case by its trace alone: did it deviate, was its order kept, does Table VIII's expectation hold."""
-    deviation = next((event.text for event in trace.events if event.kind == "deviation"), "")
-    if deviation:
-        return Judgement(Verdict.FAIL, deviation)
-    events = _events(case.abstract)
-    for instance in dict.fromkeys(map(instance_name, events)):
-        wanted = tuple(event.transition for event in events if instance_name(event) == instance)
-        if (taken := transitions(trace, instance)) != wanted:
-            rule = f"{instance} must take {' '.join(wanted)}, but the trace says {' '.join(taken) or 'nothing'}"
-            return Judgement(Verdict.FAIL, rule)
-    if found := disorder(events, trace):
-        return Judgement(Verdict.INCONCLUSIVE, f"order not enforced: {found}")
-    return ORACLES[interaction_of(case)](trace)
-
-
-@dataclass(frozen=True, slots=True)
-class Timing:
-    """One case executed again and again in real time, warm-up left out.
-
-    Attributes:
-        bound: the injected upper limit, and of how many repeats.
-        durations: [ns], in the order in which they were measured; `NEVER` of a repeat that deviated.
-        noise: of the machine, between the repeats of all cases of this interaction path.
-    """
-
-    case: Case
-    bound: Bound
-    durations: tuple[int, ...]
-    noise: Noise
-    judgement: Judgement
+    return executing.judge_trace(_exercise(), case, trace)
 
 
 def limits(itp: str) -> np.ndarray:
@@ -163,8 +185,14 @@ def limits(itp: str) -> np.ndarray:
     return np.linspace(high, low, CASES_OF_PAPER[itp])
 
 
-REPEATS = 60
-"""So many repeats show with 95 % confidence that 95 % of all stay within a limit, if none of them misses it."""
+def timing_groups(sample: Sequence[Case], percent: float = PERCENT) -> list[TimingGroup]:
+    """Return the cases of a sample with their limits, by interaction path."""
+    groups = []
+    for itp in CASES_OF_PAPER:
+        cases = [case for case in sample if interaction_of(case) == itp]
+        bounds = [Bound(round(limit * 1e9), percent, strict=False) for limit in limits(itp)]
+        groups.append(TimingGroup(itp, tuple(zip(cases, bounds, strict=True)), duration_of))
+    return groups
 
 
 def run_timing(
@@ -172,7 +200,7 @@ def run_timing(
     execute: Execute | None = None,
     *,
     repeats: int = REPEATS,
-    percent: float = 95.0,
+    percent: float = PERCENT,
     warm_up: int = 3,
     listener: Callable[[Case, Trace], None] = lambda case, trace: None,
     progress: Callable[[int], None] = lambda done: None,
@@ -182,35 +210,13 @@ def run_timing(
     Args:
         sample: as `paper_sample` gives it.
         execute: by default in this process on the wall clock.
-        repeats: of each case, beside `warm_up` that are forgotten.
+        repeats: of each case, beside `warm_up` that are not counted.
         percent: so many of all repeats must stay within the limit [%].
-        listener: told of each repeat that counts.
-        progress: told how many cases are measured.
+        warm_up: repeats before those that count.
+        listener: given each repeat that counts.
+        progress: given the number of cases measured so far.
     """
-    execute = execute or here(WallClock)
-    done = 0
-    for itp in CASES_OF_PAPER:
-        cases = [case for case in sample if interaction_of(case) == itp]
-        measured: list[tuple[int, ...]] = []
-        trips = len(_events(cases[0].abstract)) // 2
-        with NoiseMeter(trips=trips, work=1_000_000) as meter:
-            for case in cases:
-                taken = []
-                for repeat in range(warm_up + repeats):
-                    execution = execute(case)
-                    if repeat >= warm_up:
-                        meter.sample()
-                        taken.append(duration_of(execution.trace))
-                        listener(case, execution.trace)
-                measured.append(tuple(taken))
-                done += 1
-                progress(done)
-        noise = meter.noise()
-        for case, limit, durations in zip(cases, limits(itp), measured, strict=True):
-            bound = Bound(round(limit * 1e9), percent, strict=False)
-            yield Timing(case, bound, durations, noise, judge(durations, bound, noise))
-
-
-def duration_of(trace: Trace) -> int:
-    """Return how long a repeat took [ns]; `NEVER` if it deviated."""
-    return NEVER if any(event.kind == "deviation" for event in trace.events) else duration(trace)
+    return executing.run_timing(
+        _exercise(), timing_groups(sample, percent), execute or here(WallClock), repeats=repeats, warm_up=warm_up,
+        listener=listener, progress=progress,
+    )  # fmt: skip

@@ -2,7 +2,7 @@
 
 from parcours.studies.ramp_components.study import component_plan, interaction_cases, run_functional
 
-_FIRST = {case.interaction.name: abstract for abstract, case in reversed(interaction_cases().items())}
+_FIRST = {case.interaction.name: abstract for abstract, case in reversed(list(interaction_cases().items()))}
 
 for _case in component_plan(0, 1).cases(0, len(interaction_cases())):
     if _case.abstract in _FIRST.values():

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import cast
 
@@ -15,7 +15,7 @@ from parcours.errors import BadRequest, BadResults
 from parcours.planners.ramp.latency import Duration, Latencies
 from parcours.planners.ramp.parameters import Parameters
 from parcours.report.junit import CaseResult
-from parcours.report.pieces import Page, Piece, Replay, Section, Table
+from parcours.report.pieces import Piece, Replay, Table
 from parcours.run.store import open_results
 from parcours.studies.ramp_system.cases import Protocol, SystemCases
 from parcours.studies.ramp_system.distribution import (
@@ -28,6 +28,7 @@ from parcours.studies.ramp_system.distribution import (
 from parcours.studies.ramp_system.facts import FACTS
 from parcours.studies.ramp_system.outcome_tables import Results, outcome_figure, outcome_table
 from parcours.studies.ramp_system.study import SystemStudy
+from parcours.study.campaign.running import facts_of
 from parcours.verdict.facts import FACTS as BASE
 from parcours.verdict.judgement import Verdict
 from parcours.verdict.navigation import VERDICT_OF, Outcome, explain, outcomes, published
@@ -91,14 +92,7 @@ def load_campaign(folder: Path) -> SystemResults:
             str(folder), f"the manifest must hold the study's parameters, but: {error}", "run the campaign anew",
             slug="results-parameters",
         ) from error  # fmt: skip
-    facts = store.load(partial=True)
-    finished = [n for shard in campaign.shards if shard not in set(store.missing()) for n in campaign.cases(shard)]
-    if facts["number"].tolist() != finished:
-        raise BadResults(
-            str(folder), "shards must hold the cases that their numbers say, but do not", "run the campaign anew",
-            slug="results-order",
-        )  # fmt: skip
-    return SystemResults(study, facts, campaign.n_cases)
+    return SystemResults(study, facts_of(store, folder), campaign.n_cases)
 
 
 def known_of(result: Results) -> dict[str, NDArray[np.float64]]:
@@ -180,22 +174,28 @@ def replay(campaign: SystemResults, number: int, words: str = "") -> Replay:
     )
 
 
-def campaigns_page(results: Mapping[str, Results], first: Sequence[Piece] = ()) -> Page:
-    """Return a page on campaigns: the pieces given first, their outcomes, and replays of two failed cases each."""
-    pieces: list[Piece] = [*first]
-    if results:
-        pieces += [outcome_table(results), outcome_figure(results), measure_table(results)]
+def campaign_pieces(results: Mapping[str, Results]) -> list[Piece]:
+    """Return what a page shows of campaigns: their outcomes, and replays of two failed cases each."""
+    if not results:
+        return []
+    pieces: list[Piece] = [outcome_table(results), outcome_figure(results), measure_table(results)]
     for result in results.values():
         codes = outcomes(result.facts)
         failed = np.flatnonzero([VERDICT_OF[Outcome(int(code))] is Verdict.FAIL for code in codes])
         pieces += [result.replay(int(result.facts["number"][k])) for k in failed[:2]]
-    facts = tuple((name, result.label) for name, result in results.items())
-    return Page("System campaigns", "", facts, (Section("Outcomes", "", tuple(pieces)),))
+    return pieces
+
+
+def case_results(result: Results) -> list[CaseResult]:
+    """Return the sound verdict of every case of a campaign."""
+    return [
+        CaseResult(result.cases.id(int(record["number"])), VERDICT_OF[Outcome(int(code))],
+                   float(record["t_end"]) * 1e-9, explain(record))
+        for record, code in zip(result.facts, outcomes(result.facts), strict=True)
+    ]  # fmt: skip
 
 
 def junit_results(results: Mapping[str, Results]) -> Iterable[CaseResult]:
-    """Yield the sound verdict of every case, its id led by the campaign it belongs to."""
+    """Yield the sound verdict of every case, its id led by the name given to its campaign."""
     for name, result in results.items():
-        for record, code in zip(result.facts, outcomes(result.facts), strict=True):
-            case = f"{name}/{result.cases.id(int(record['number']))}"
-            yield CaseResult(case, VERDICT_OF[Outcome(int(code))], float(record["t_end"]) * 1e-9, explain(record))
+        yield from (replace(one, id=f"{name}/{one.id}") for one in case_results(result))

@@ -118,6 +118,23 @@ class SystemCases:
         abstract = start_cases()[number % len(start_cases())]
         return f"ramp_system/{abstract.id}/{number // len(start_cases())}"
 
+    def number(self, id: str) -> int | None:
+        """Return the number of a case by its id, with or without the study, or by the number itself; None if unknown.
+
+        >>> cases = SystemCases(0)
+        >>> cases.number(cases.id(10)), cases.number("10"), cases.number("together-tp11.tp21.tp31-0.0.1/1")
+        (10, 10, 10)
+        """
+        if id.isdecimal():
+            return int(id) if len(id) < 16 else None
+        abstract, _, row = "/".join(id.split("/")[-2:]).partition("/")
+        if not (row.isdecimal() and len(row) < 16):
+            return None
+        if self.protocol == "published":
+            return int(row) if self.id(int(row)).endswith(f"/{abstract}/{row}") else None
+        ids = [case.id for case in start_cases()]
+        return int(row) * len(ids) + ids.index(abstract) if abstract in ids else None
+
     def values(self, numbers: NDArray[np.int64]) -> NDArray[np.float64]:
         """Return the drawn values of the cases in the order of `inputs.names`, shape (n, n_inputs)."""
         model = self.inputs

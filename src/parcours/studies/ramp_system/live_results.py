@@ -6,21 +6,24 @@ import contextlib
 import json
 import os
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
-from parcours.errors import BadResults
+import numpy as np
+
+from parcours.errors import BadRequest, BadResults
 from parcours.report.junit import CaseResult
-from parcours.report.pieces import Column, Table
+from parcours.report.pieces import Column, Page, Table
 from parcours.run.atomic import require_writable
 from parcours.run.faults import FaultPlan
-from parcours.run.recording import Recorder
+from parcours.run.recording import Recorder, read_recording
 from parcours.run.trace import TraceEvent
-from parcours.studies.archive import Form, system_about
 from parcours.studies.ramp_components.resident import RampCodec
-from parcours.studies.ramp_system.live import LiveRun, outcome_of
-from parcours.studies.ramp_system.study import SystemStudy
+from parcours.studies.ramp_system.live import LiveRun, outcome_of, rerun
+from parcours.studies.ramp_system.study import SystemStudy, system_study
+from parcours.study.components.archive import Form, incomplete, not_ours
+from parcours.study.protocol import Measure, Rejudged
 from parcours.verdict.judgement import Verdict
 
 FILE = "live.jsonl"
@@ -150,3 +153,74 @@ def live_table(results: Sequence[LiveResult], title: str) -> Table:
     counts = Counter((one.outcome, one.verdict) for one in results)
     rows = tuple((outcome, verdict, n) for (outcome, verdict), n in sorted(counts.items()))
     return Table(title, (Column("outcome"), Column("verdict"), Column("cases")), rows)
+
+
+@dataclass(frozen=True, slots=True)
+class LiveResults:
+    """The live cases of a folder, as every command wants them (`parcours.study.protocol.Results`)."""
+
+    found: tuple[LiveResult, ...]
+    label: str
+
+    @property
+    def planned(self) -> int:
+        """As many as there are: a folder of live cases does not say how many more were wanted."""
+        return len(self.found)
+
+    def cases(self) -> Sequence[CaseResult]:
+        """Return the verdict of every finished case."""
+        return [one.junit() for one in self.found]
+
+    def measures(self) -> Mapping[str, Measure]:
+        """Return the rates of failures and deaths, and the least clearance [m]."""
+        clearance = np.array([one.min_clearance for one in self.found])
+        return {
+            "failed": Measure(np.array([one.verdict in ("fail", "error") for one in self.found], float)),
+            "deaths": Measure(np.array([bool(one.deaths) for one in self.found], float)),
+            "min_clearance": Measure(np.where(np.isfinite(clearance), clearance, np.nan), "quantity", "m", "less"),
+        }
+
+    def replay(self, case: str) -> Page:
+        """Refuse: a live case is judged again from its recording."""
+        rule = f"case {case} ran in real time, which does not come again"
+        raise BadRequest("replay", rule, "record it, and use `parcours judge`", slug="replay-live")
+
+
+def read_live(folder: Path) -> LiveResults:
+    """Return the live cases of a folder. Raises BadResults if a line is damaged."""
+    path = folder / FILE
+    try:
+        lines = path.read_text(encoding="utf-8").rpartition("\n")[0].split("\n")
+        head = json.loads(lines[0])
+        if head["parcours"] != _FORMAT:
+            raise ValueError(f"its format is {head['parcours']!r}, not {_FORMAT!r}")
+        found = sorted((LiveResult(**json.loads(line)) for line in lines[1:]), key=lambda one: one.number)
+        return LiveResults(tuple(found), f"{head['schedule']}, {head['host']}")
+    except (OSError, ValueError, TypeError, KeyError) as error:
+        raise BadResults(str(path), f"results of live cases must be readable, but: {error}", "run them again",
+                         slug="results-components") from error  # fmt: skip
+
+
+def system_about(schedule: str, seed: int, number: int, protocol: str, time_limit: float) -> dict[str, str]:
+    """Return what a recording must say of a system case."""
+    said = {"schedule": schedule, "seed": seed, "number": number, "protocol": protocol, "time_limit": time_limit}
+    return {"study": "ramp_system", "kind": "system", "system": json.dumps(said)}
+
+
+def rejudge(path: Path) -> Rejudged:
+    """Judge a recording of a live case by what is recorded alone.
+
+    Raises:
+        BadResults: the file is no recording, or not one of a system case.
+    """
+    recording = read_recording(path, RampCodec())
+    judgement = incomplete(recording)
+    if judgement is None:
+        try:
+            given = json.loads(recording.about["system"])
+            study = system_study(given["schedule"], seed=given["seed"], protocol=given["protocol"])
+            limited = replace(study, time_limit=given["time_limit"])
+            judgement = rerun(limited, given["number"], recording.trace).judgement
+        except (KeyError, ValueError, TypeError, BadRequest) as error:
+            raise not_ours(path, error) from error
+    return Rejudged(path, recording.trace.case, recording.about.get("verdict", ""), judgement)

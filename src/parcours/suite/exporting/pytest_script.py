@@ -6,7 +6,7 @@ it. The cases stand in the script itself, or it names the suite file and remembe
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import PurePath
 
 from parcours.errors import BadRequest
@@ -18,8 +18,8 @@ MOST_EMBEDDED = 10_000
 _SCRIPT = '''\
 """{title}
 
-Written by `parcours export pytest`. Each test executes its case anew and judges it: a case that fails says why, and how
-to see its run. A case that cannot be judged (verdict inconclusive) is reported as xfail.
+Written by `parcours export pytest`. Each test executes its case again and judges it: a case that fails says why, and
+how to see its run. A case that cannot be judged (verdict inconclusive) is reported as xfail.
 
     pytest {name}                    all cases
     pytest {name} -k {some}
@@ -32,7 +32,7 @@ to see its run. A case that cannot be judged (verdict inconclusive) is reported 
 
 @pytest.mark.parametrize("case", CASES, ids=[case.id for case in CASES])
 def test_case(case: Case) -> None:
-    judged = judge_case(case{schedule})
+    judged = judge_case(case{arguments})
     if judged.verdict == "inconclusive":
         pytest.xfail(judged.why)
     if judged.verdict != "pass":
@@ -40,13 +40,22 @@ def test_case(case: Case) -> None:
 '''
 
 
-def to_pytest(cases: Sequence[Case], name: str, *, schedule: str = "", suite: str = "", sha256: str = "") -> str:
+def to_pytest(
+    cases: Sequence[Case],
+    name: str,
+    *,
+    study: str = "",
+    settings: Mapping[str, object] | None = None,
+    suite: str = "",
+    sha256: str = "",
+) -> str:
     """Return the text of a pytest file for some cases.
 
     Args:
         cases: those of one suite, at least one, all of one study.
         name: what the file will be called, for its docstring.
-        schedule: what `judge_case` is told of the system under test; nothing if empty.
+        study: how a command line names the study; a file or folder counts from the script. The cases' name if empty.
+        settings: of the study's parameters, where they differ from the defaults.
         suite: the suite file's place relative to the script; if empty, the cases stand in the script.
         sha256: checksum of the suite file.
 
@@ -57,7 +66,7 @@ def to_pytest(cases: Sequence[Case], name: str, *, schedule: str = "", suite: st
     >>> print("\\n".join(to_pytest([case], "test_demo.py").splitlines()[9:19]))
     import pytest
     <BLANKLINE>
-    from parcours.studies.judging import judge_case
+    from parcours.study import judge_case
     from parcours.suite import Case
     <BLANKLINE>
     NAMES = ('v',)
@@ -73,17 +82,21 @@ def to_pytest(cases: Sequence[Case], name: str, *, schedule: str = "", suite: st
     if not suite and len(cases) > MOST_EMBEDDED:
         rule = f"a script holds at most {MOST_EMBEDDED} cases, but the suite has {len(cases)}"
         raise BadRequest("export", rule, "let the script read the suite file: --refer", slug="export-size")
-    imports = ["import pytest", "", "from parcours.studies.judging import judge_case"]
-    imports += ["from parcours.suite import Case"]
+    imports = ["import pytest", "", "from parcours.study import judge_case", "from parcours.suite import Case"]
+    is_place = "/" in study or study.endswith((".yaml", ".yml")) or study.startswith(".")
     if suite:
-        imports = ["from pathlib import Path", "", *imports, "from parcours.suite.exporting import sealed_cases"]
+        imports += ["from parcours.suite.exporting import sealed_cases"]
+    if suite or is_place:
+        imports = ["from pathlib import Path", "", *imports]
+    arguments = [f"study=str(Path(__file__).parent / {study!r})" if is_place else f"study={study!r}"] if study else []
+    arguments += [f"{key}={value!r}" for key, value in (settings or {}).items()]
     return _SCRIPT.format(
         title=f"{len(cases)} cases of {studies[0]}, {len({case.abstract for case in cases})} abstract cases.",
         name=_plain(name),
         some=f"{cases[0].abstract!r}    those of one abstract case",
         imports="\n".join(imports),
         cases=_referred(suite, sha256) if suite else _embedded(cases),
-        schedule=f", schedule={schedule!r}" if schedule else "",
+        arguments="".join(f", {one}" for one in arguments),
     )
 
 

@@ -137,6 +137,10 @@ class Behaviour:
                     after = self._asked(after, channel, is_foreign=False)
                 yield after
 
+    def runs(self, state: State, id: str) -> bool:
+        """Return whether the machine of the transition `id` runs."""
+        return state.states[self._slots[id]] != ""
+
     def taken(self, state: State) -> Iterator[tuple[str, State]]:
         """Yield the transitions that can be taken, each with a state after it."""
         for id in self.transitions:

@@ -19,6 +19,8 @@ class _Under:
     order: int
     sender: str
     contents: tuple[Message, ...]
+    let_go: bool = False
+    """Whether it lies before its receiver, as far as anybody said."""
 
 
 @dataclass(slots=True)
@@ -63,7 +65,7 @@ class Channels:
             contents: what it may hold.
         """
         lane = self._lanes[channel]
-        message = _Under(number, lane.n_sent, sender, contents)
+        message = _Under(number, lane.n_sent, sender, contents, sender == ENVIRONMENT)
         lane.n_sent += 1
         lane.last = max(lane.last, number)
         room = max(lane.channel.capacity, 1)
@@ -101,6 +103,18 @@ class Channels:
         if found is not None:
             _forget(lane, found)
             lane.held.append(found)
+
+    def release(self, channel: str, number: int) -> None:
+        """Note that the tester let a message go that it had kept back."""
+        found = _found(self._lanes[channel].held, number)
+        if found is not None:
+            found.let_go = True
+
+    def waiting(self, channel: str) -> tuple[Message, ...]:
+        """Return what the latest message may hold that lies before its receiver; nothing if there is none."""
+        lane = self._lanes[channel]
+        there = [message for message in (*lane.held, *lane.under_way) if message.let_go]
+        return max(there, key=lambda message: message.order).contents if there else ()
 
     def drop(self, channel: str, number: int) -> None:
         """Note that a message was lost."""

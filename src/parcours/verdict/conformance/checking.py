@@ -137,7 +137,7 @@ class Checker:
         if self._debts is not None and event.time > self._debts.deadline:
             self._overdue(self._debts)
             return self.deviation
-        self._time = event.time
+        before, self._time = self._time, event.time
         kind = event.kind
         if kind == "take":
             if self._observes == "transitions" and (instance := self._instance(event.component)):
@@ -149,8 +149,12 @@ class Checker:
         elif event.channel in self._channels:
             if kind == "hold":
                 self._channels.hold(event.channel, event.message)
+            elif kind == "release":
+                self._channels.release(event.channel, event.message)
             elif kind == "drop":
                 self._channels.drop(event.channel, event.message)
+        elif kind == "deviation" and event.transition:
+            self._silent(event, before)
         return self.deviation
 
     def expected(self) -> tuple[Expectation, ...]:
@@ -166,6 +170,30 @@ class Checker:
             self._position += 1
             self._overdue(self._debts)
         return self.deviation
+
+    def owed(self) -> tuple[tuple[str, str], ...]:
+        """Return (component, channel) of every message that must come, sorted."""
+        return tuple(
+            sorted((name, channel) for name, each in self._instances.items() if each for channel in _owed(each))
+        )
+
+    def _silent(self, event: TraceEvent, since: int) -> None:
+        # A component had its turn, and did nothing until the tester's patience was over. It deviates where the model
+        # does not let it be silent; if it has not even taken up the message of that turn, with this message.
+        instance = self._instance(event.component)
+        if instance is None or event.transition not in instance.tracker.behaviour.transitions:
+            return
+        tracker = instance.tracker
+        instance.node = tracker.running(instance.node, event.transition)
+        awaited = tracker.behaviour.transitions[event.transition].event
+        if awaited is not None and tracker.take(instance.node, event.transition).node is None:
+            contents = self._channels.waiting(awaited.channel)
+            self._follow(instance, tracker.receive(instance.node, awaited.channel, contents))
+        if owed := _owed(instance):
+            waited = f"{(event.time - since) / 1e6:g} ms"
+            self._deviates(
+                instance, None, f"nothing came on {' and '.join(owed)} within {waited} of its turn, but must"
+            )
 
     def _overdue(self, debts: Debts) -> None:
         due, name, channel = debts.first()
@@ -280,3 +308,8 @@ class Checker:
             return
         expected, path = instance.tracker.expected(instance.node), tuple(instance.path)
         self.deviation = Deviation(self._position, at, instance.name, event, rule, expected, path, instance.doubt)
+
+
+def _owed(instance: _Instance) -> list[str]:
+    tracker = instance.tracker
+    return [channel for channel in sorted(tracker.behaviour.sends) if tracker.owes(instance.node, channel)]

@@ -30,7 +30,8 @@ def check(
     Args:
         until: how long the system was watched [ns]; to the last event if not given.
 
-    A trace in which the host itself stopped the case, or that shows none of the components, is inconclusive.
+    A trace in which the host itself stopped the case is inconclusive, unless a component was silent at its turn where
+    the model lets it not be; so is one that shows none of the components.
 
     Raises:
         BadRequest: a name is unknown, or a timeout is not above 0.
@@ -57,15 +58,27 @@ def check(
     return Conformance(_without_deviation(trace, checker, observes), None, number, checker.n_outside)
 
 
+def _hint(checker: Checker) -> str:
+    # Silence is only judged against timeouts, and only of components that appear or are named.
+    owed = checker.owed()
+    if owed:
+        name, channel = owed[0]
+        return (
+            f"; {name} must send on {channel}: a timeout (--quiet {channel}=MS) and --until decide whether it is late"
+        )
+    return "; if one of them should have spoken, name it (--component), with a timeout (--quiet CHANNEL=MS) and --until"
+
+
 def _without_deviation(trace: Trace, checker: Checker, observes: Observes) -> Judgement:
     stopped = next((event for event in trace.events if event.kind == "deviation"), None)
     if stopped is not None:
         why = f"no deviation from the model up to {stopped.time / 1e6:.3f} ms, where the host stopped the case: "
-        return Judgement(Verdict.INCONCLUSIVE, f"{why}{stopped.component} {stopped.text}")
+        quiet = "; the model lets it be silent there" if stopped.transition else ""
+        return Judgement(Verdict.INCONCLUSIVE, f"{why}{stopped.component} {stopped.text}{quiet}")
     kinds = ("take",) if observes == "transitions" else ("send", "receive")
     names = {event.component.partition("#")[0] for event in trace.events if event.kind in kinds}
     shown = sorted(names & checker.components)
     if not shown:
         what = "transitions" if observes == "transitions" else "messages"
-        return Judgement(Verdict.INCONCLUSIVE, f"the trace shows no {what} of the model's components")
+        return Judgement(Verdict.INCONCLUSIVE, f"the trace shows no {what} of the model's components{_hint(checker)}")
     return Judgement(Verdict.PASS, f"{len(trace.events)} events of {', '.join(shown)} are as the model allows")

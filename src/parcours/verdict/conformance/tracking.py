@@ -139,6 +139,10 @@ class Tracker:
         """
         return node.owed(channel, lambda: all(self._owes(state, channel) for state in node.states))
 
+    def running(self, node: Node, id: str) -> Node:
+        """Return the set without the states in which the machine of a transition does not run."""
+        return self._node(state for state in node.states if self.behaviour.runs(state, id)) or node
+
     def _owes(self, state: State, channel: str) -> bool:
         key = state, channel
         if key not in self._debts:

@@ -87,7 +87,8 @@ class Parser:
             self._enter()
             operand = self._prefix()
             self.nesting -= 1
-            return operand if operator == "+" else Prefix(operator, operand)
+            # A plus makes a number of its operand, as the difference to 0 does; a text is none here.
+            return Infix("-", operand, Constant(0)) if operator == "+" else Prefix(operator, operand)
         return self.operand()
 
     def operand(self) -> Tree:

@@ -6,7 +6,7 @@ from parcours.errors import BadModel
 from parcours.model.expression import Expression
 from parcours.model.expression.parsing import MAX_DEPTH, MAX_LENGTH
 from parcours.model.formats.foreign.kinds import depth
-from parcours.model.formats.foreign.tree import Applied, Identifier, Index, Member, Tree
+from parcours.model.formats.foreign.tree import Applied, Identifier, Index, Member, Record, Series, Tree
 
 
 def sized(node: Expression, where: str) -> Expression:
@@ -36,5 +36,9 @@ def construct_of(tree: Tree) -> str:
             return "an element of a list"
         case Applied(function, _):
             return f"a call of the function {function!r}"
+        case Record():
+            return "an object"
+        case Series():
+            return "a list"
         case _:
             return "an assignment to a value"

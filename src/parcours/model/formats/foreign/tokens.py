@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from bisect import bisect_left
 from dataclasses import dataclass
 from math import isfinite
 from typing import Literal, NoReturn, TypeAlias
@@ -12,7 +13,7 @@ from parcours.model.expression.evaluation import INTEGER_LIMIT
 
 Language: TypeAlias = Literal["javascript", "uppaal"]
 
-MAX_LENGTH = 200_000
+MAX_LENGTH = 2_000_000
 """Longest text of declarations, a script or a label [characters]."""
 
 MAX_DEPTH = 60
@@ -55,8 +56,9 @@ _WORDS = {
 }
 _UPPAAL_WORDS = {
     **dict.fromkeys(("for", "while", "do"), "the loop {}"),
-    **dict.fromkeys(("return", "switch", "deadlock", "spawn", "exit", "numOf", "xor"), "{}"),
+    **dict.fromkeys(("return", "spawn", "exit", "xor"), "{}"),
 }
+"""UPPAAL's own words inside a system; `switch`, `deadlock` and `numOf` are names there."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,6 +87,7 @@ class Tokens:
     def __init__(self, text: str, language: Language, where: str, line: int = 0) -> None:
         self.text, self.language, self.origin, self.line = text, language, where, line
         self.position = 0
+        self._breaks: list[int] = []
         self._end = Token("end", "", len(text))
         self._all = [self._end]
         if len(text) > MAX_LENGTH:
@@ -108,7 +111,9 @@ class Tokens:
 
     def line_at(self, at: int) -> int:
         """Return the line of an offset."""
-        return self.line + self.text.count("\n", 0, at)
+        if not self._breaks:
+            self._breaks = [match.start() for match in re.finditer("\n", self.text)] or [len(self.text)]
+        return self.line + bisect_left(self._breaks, at)
 
     def is_at_start(self) -> bool:
         """Return whether a line ended before the next token, or a block or statement did."""
@@ -169,10 +174,10 @@ class Tokens:
         except UnicodeDecodeError:
             return self._fail_at(token, "a text must have whole characters, but this one has halves", "encoding")
 
-    def refuse(self, what: str) -> NoReturn:
+    def refuse(self, what: str, remedy: str = "") -> NoReturn:
         """Raise the refusal of something that cannot be translated, at the next token."""
         rule = f"only arithmetic, comparisons and assignments are translated, but here is {what} at the caret"
-        self._fail_at(self.token, rule, "foreign-construct")
+        self._fail_at(self.token, rule, "foreign-construct", remedy)
 
     def fail(self, wanted: str) -> NoReturn:
         """Raise the complaint that something else was expected, or the refusal of what stands there."""
@@ -190,12 +195,12 @@ class Tokens:
         rule = f"a foreign expression nests at most {MAX_DEPTH} deep, but this one goes deeper at the caret,"
         self._fail_at(self.token, rule, "expression-size")
 
-    def _fail_at(self, token: Token, rule: str, slug: str) -> NoReturn:
+    def _fail_at(self, token: Token, rule: str, slug: str, remedy: str = "") -> NoReturn:
         before, after = self.text[max(0, token.at - 40) : token.at], self.text[token.at : token.at + 40]
         before = before if token.at <= 40 else "..." + before[3:]
         after = after if len(self.text) - token.at <= 40 else after[:37] + "..."
         shown = " ".join(f"{before}^{after}".split())
-        raise BadModel(self.where(token), f'{rule} in "{shown}"', slug=slug)
+        raise BadModel(self.where(token), f'{rule} in "{shown}"', remedy, slug=slug)
 
     def _split(self) -> list[Token]:
         found, at, fresh = [], 0, False

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Set
 from dataclasses import dataclass, field
 
+from parcours.errors import BadModel
 from parcours.model.expression import Apply, Binary, Expression, Literal, Name, Unary
 from parcours.model.formats.foreign.kinds import is_natural, kind_of
 from parcours.model.formats.foreign.refusing import construct_of, refusal
@@ -19,9 +20,12 @@ from parcours.model.formats.foreign.tree import (
     Member,
     Prefix,
     Quantified,
+    Record,
+    Series,
     Tree,
 )
 from parcours.model.formats.foreign.values import (
+    MAX_CASES,
     TRUE,
     Cases,
     always,
@@ -165,6 +169,8 @@ class Translation:
                 return [(case, value) for case, value in found if case != Literal(False)]
             case Applied():
                 return self.scope.applied(tree, self.where)
+            case Record() | Series():
+                raise refusal(self.where, construct_of(tree))
             case Quantified():
                 return self.scope.quantified(tree, self.where)
             case Infix(operator, left, _) if self.scope.language == "javascript":
@@ -192,7 +198,42 @@ class Translation:
             sides[0] = joined(self.where, _binary("%"), self.number(left.left), self.number(left.right))
         return holds(joined(self.where, _binary(operator), *sides))
 
+    def _joined_texts(self, one: Cases, two: Cases) -> Cases:
+        """Return texts put together, where each case says which: ours cannot put variables together."""
+        found: Cases = []
+        for case, (a, b) in _pairs(joined(self.where, lambda a, b: Apply("pair", (a, b)), one, two)):
+            if "text" not in (kind_of(a, self.scope.kinds), kind_of(b, self.scope.kinds)):
+                raise refusal(self.where, "+ on what is now a text, now a number")
+            for first, left in self._spelled(a):
+                for second, right in self._spelled(b):
+                    if (both := conjunction((case, first, second))) != Literal(False):
+                        found.append((both, Literal(left + right)))
+        if len(found) > MAX_CASES:
+            rule = f"a translated value has at most {MAX_CASES} cases, but this one has {len(found)}"
+            raise BadModel(self.where, rule, "split the expression", slug="expression-size")
+        return found
+
+    def _spelled(self, value: Expression) -> list[tuple[Expression, str]]:
+        if (text := spelled(value)) is not None:
+            return [(TRUE, text)]
+        if kind_of(value, self.scope.kinds) == "bool":
+            return [(value, "true"), (negation(value), "false")]
+        raise self._varies(f'"{value}"')
+
+    def _varies(self, what: str) -> BadModel:
+        rule = f"only constant texts, numbers and truth values are joined by +, but {what} varies"
+        remedy = "write the texts it can become as a choice: x == 1 ? 'a1' : 'a2'"
+        return BadModel(self.where, rule, remedy, slug="foreign-construct")
+
     def _arithmetic(self, operator: str, left: Tree, right: Tree) -> Cases:
+        if operator == "+":
+            sides = self.value(left), self.value(right)
+            if any(kind_of(value, self.scope.kinds) == "text" for side in sides for _, value in side):
+                for tree, side in zip((left, right), sides, strict=True):
+                    # What `f && 2` gives is a condition here, but the text would hold a 2.
+                    if not is_truth(tree) and any(kind_of(value, self.scope.kinds) == "bool" for _, value in side):
+                        raise self._varies("a condition")
+                return self._joined_texts(*sides)
         one, two = self.number(left), self.number(right)
         kinds = [kind_of(value, self.scope.kinds) for side in (one, two) for _, value in side]
         if "text" in kinds:
@@ -228,6 +269,36 @@ class Translation:
 
     def _natural(self, node: Expression) -> bool:
         return is_natural(node, self.scope.naturals)
+
+
+def is_truth(tree: Tree) -> bool:
+    """Return whether the tree shows that a condition is true or false in JavaScript, not merely as good as that."""
+    match tree:
+        case Constant() | Prefix("!", _) | Infix("==" | "!=" | "<" | "<=" | ">" | ">=", _, _):
+            return True
+        case Choice(_, yes, no):
+            return is_truth(yes) and is_truth(no)
+        case _:
+            return False
+
+
+def spelled(value: Expression) -> str | None:
+    """Return how JavaScript writes a constant inside a text; None where it varies, or where we are not sure.
+
+    >>> spelled(Literal("a")), spelled(Literal(2.0)), spelled(Unary("-", Literal(0.5))), spelled(Literal(1e21))
+    ('a', '2', '-0.5', None)
+    """
+    if isinstance(value, Unary) and isinstance(value.operand, Literal) and kind_of(value, {}) in ("int", "real"):
+        opposite = spelled(value.operand)
+        return opposite if opposite in (None, "0") else f"-{opposite}"
+    constant = value.value if isinstance(value, Literal) else None
+    if isinstance(constant, str | None):
+        return constant
+    if isinstance(constant, bool):
+        return "true" if constant else "false"
+    # Between these, both languages write the shortest decimals that read back, without an exponent.
+    is_plain = constant == 0 or 1e-4 <= abs(constant) <= 2**53
+    return (str(int(constant)) if constant == int(constant) else repr(constant)) if is_plain else None
 
 
 def _binary(operator: str) -> Callable[..., Expression]:

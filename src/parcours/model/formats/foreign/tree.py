@@ -81,7 +81,23 @@ class Quantified:
     body: Tree
 
 
-Tree: TypeAlias = Constant | Identifier | Index | Member | Prefix | Infix | Choice | Applied | Quantified
+@dataclass(frozen=True, slots=True)
+class Record:
+    """JavaScript's `{a: value, ...}`, with the names of its fields."""
+
+    fields: tuple[tuple[str, Tree], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Series:
+    """JavaScript's `[value, ...]`."""
+
+    items: tuple[Tree, ...]
+
+
+Tree: TypeAlias = (
+    Constant | Identifier | Index | Member | Prefix | Infix | Choice | Applied | Quantified | Record | Series
+)
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,7 +9,6 @@ from dataclasses import dataclass, field, replace
 from parcours.errors import BadModel
 from parcours.model.expression import Expression, Name
 from parcours.model.formats.foreign import Branch, Scope, Tokens, Translation, performed, refusal, sized
-from parcours.model.formats.foreign.parsing import Parser
 from parcours.model.formats.foreign.texts import MAX_ACTIONS
 from parcours.model.formats.foreign.tree import (
     Applied,
@@ -34,6 +33,7 @@ from parcours.model.formats.foreign.values import (
     negation,
 )
 from parcours.model.formats.reading import Loss
+from parcours.model.formats.scxml.parts import ChartParser, Whole, part_at, refused, spread
 from parcours.model.formats.xml_lines import Element
 
 _DELAY = re.compile(r"([0-9]{0,9}\.?[0-9]{1,9})(s|ms)?")
@@ -67,11 +67,15 @@ class DataScope(Scope):
 
     Args:
         missing: data that cannot be translated, with the reason.
+        wholes: objects and lists, by name.
+        parts: the variables that these consist of, whose names the document does not know.
         active: ids of the active states, for `In(id)`.
         event: name of the event, for `_event.name`; empty if there is none.
     """
 
     missing: Mapping[str, BadModel] = field(default_factory=dict)
+    wholes: Mapping[str, Whole] = field(default_factory=dict)
+    parts: Set[str] = frozenset()
     active: Set[str] = frozenset()
     event: str = ""
 
@@ -81,18 +85,33 @@ class DataScope(Scope):
             return always(literal(self.event))
         if tree == Identifier("_name"):
             return always(literal(""))
+        self._demand(tree, where)
+        match part_at(tree, self.wholes, where):
+            case int() as length:
+                return always(literal(length))
+            case str() as variable:
+                return always(Name(variable))
+            case Whole(name, _, _):
+                raise refused(where, f"{name!r} as a whole", "use its parts")
         return super().read(tree, where)
 
     def target(self, tree: Tree, where: str) -> list[tuple[Expression, Name]]:
         """Return the variable that an assignment to a place changes."""
-        if isinstance(tree, Identifier):
-            if tree.name in self.missing:
-                error = self.missing[tree.name]
-                raise BadModel(where, f"{tree.name!r} cannot be used: {error.rule}", error.remedy, slug=error.slug)
-            if tree.name not in self.kinds:
-                rule = f"a location must be data of the document, but {tree.name!r} is not"
-                raise BadModel(where, rule, "declare it in <datamodel>", slug="unknown-name")
+        self._demand(tree, where)
+        if isinstance(variable := part_at(tree, self.wholes, where), str):
+            return [(TRUE, Name(variable))]
+        if isinstance(tree, Identifier) and (tree.name not in self.kinds or tree.name in self.parts):
+            rule = f"a location must be data of the document, but {tree.name!r} is not"
+            raise BadModel(where, rule, "declare it in <datamodel>", slug="unknown-name")
         return super().target(tree, where)
+
+    def _demand(self, tree: Tree, where: str) -> None:
+        """Raise the reason why the data that a place belongs to could not be translated, if so."""
+        while isinstance(tree, Member | Index):
+            tree = tree.of
+        if isinstance(tree, Identifier) and tree.name in self.missing:
+            error = self.missing[tree.name]
+            raise BadModel(where, f"{tree.name!r} cannot be used: {error.rule}", error.remedy, slug=error.slug)
 
     def applied(self, tree: Applied, where: str) -> Cases:
         """Return the value of a function; `In(id)` is known in every configuration."""
@@ -125,7 +144,7 @@ class Content:
         """Return the syntax tree of an expression; each text is parsed once."""
         if text not in self._trees:
             tokens = Tokens(text, "javascript", where)
-            self._trees[text] = Parser(tokens).condition()
+            self._trees[text] = ChartParser(tokens).condition()
             if tokens.token.kind != "end":
                 tokens.fail("an operator or the end")
         return self._trees[text]
@@ -174,7 +193,7 @@ class Content:
             case "script":
                 if element.get("src"):
                     raise refusal(where, "a script in another file")
-                statements = Parser(Tokens(element.text, "javascript", where)).statements()
+                statements = ChartParser(Tokens(element.text, "javascript", where)).statements()
                 return self._performed(statements, scope, where, outcome)
             case "if":
                 return self._chosen(element, scope, outcome)
@@ -189,6 +208,8 @@ class Content:
         return [outcome]
 
     def _performed(self, statements: Iterable[Statement], scope: Scope, where: str, outcome: Outcome) -> list[Outcome]:
+        if isinstance(scope, DataScope):
+            statements = tuple(spread(tuple(statements), scope.wholes, where))
         return [replace(outcome, branch=each) for each in performed(statements, scope, where, outcome.branch)]
 
     def _chosen(self, element: Element, scope: Scope, outcome: Outcome) -> list[Outcome]:

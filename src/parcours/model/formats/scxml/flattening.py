@@ -8,7 +8,7 @@ transitions go before outer ones and earlier before later ones: their conditions
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 
 from parcours.errors import BadModel
@@ -200,8 +200,7 @@ class Flattening:
     def within(self, here: Configuration, event: str) -> DataScope:
         """Return the scope of a configuration in which an event has arrived."""
         active = frozenset(node.id for node in here.active)
-        own = self.scope
-        return DataScope("javascript", own.kinds, own.naturals, own.missing, active, event)
+        return replace(self.scope, active=active, event=event)
 
     def fail(self, rule: str) -> None:
         """Raise the complaint that a chart is too large."""

@@ -117,7 +117,8 @@ class _System:
     def _flat(self, region: Node) -> Flat:
         descriptors = _descriptors(region)
         events = [event for event in self.events if _is_among(event, descriptors)]
-        scope = DataScope("javascript", self.data.kinds, frozenset(), self.data.missing)
+        data = self.data
+        scope = DataScope("javascript", data.kinds, frozenset(), data.missing, data.wholes, data.parts)
         return Flattening(region, events, self.content, scope, self.origin).flat()
 
     def _are_apart(self, top: Node) -> bool:

@@ -7,9 +7,10 @@ components, and the steps on it are there once for each partner.
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Iterator, Set
+from collections import ChainMap, Counter
+from collections.abc import Iterator, Mapping, Set
 from dataclasses import dataclass, field
+from typing import cast
 
 from parcours.model.expression import Assignment, Expression, Name, names
 from parcours.model.formats.foreign.values import TRUE, literal, replaced
@@ -49,6 +50,7 @@ class Composing:
     cells: Cells
     losses: list[Loss] = field(default_factory=list)
     tester: Set[tuple[str, str]] = frozenset()
+    origin: str = ""
 
     def __post_init__(self) -> None:
         self._read = [self._reads(part) for part in self.parts]
@@ -56,21 +58,19 @@ class Composing:
         self._group()
         self._name()
         self.links = Linking(
-            [(part.process.name, part.group, part.steps) for part in self.parts], self.component_names, self.tester
+            [(part.process.name, part.group, part.steps) for part in self.parts],
+            self.component_names,
+            self.tester,
+            self.origin,
         )
         self.losses += self.links.losses
 
     def components(self) -> tuple[Component, ...]:
         """Return the components, in the order of their first processes."""
         found = []
-        for group, name in enumerate(self.component_names):
-            members = [part for part in self.parts if part.group == group]
-            variables = tuple(
-                self._variable(cell, self.renamed[group, cell.id])
-                for cell in self.cells.cells.values()
-                if (group, cell.id) in self.renamed
-            )
-            machines = tuple(self._machine(part) for part in members)
+        for name, members, renamed in zip(self.component_names, self.members, self.renamed, strict=True):
+            variables = tuple(self._variable(self.cells.cells[id], name.id) for id, name in renamed.items())
+            machines = tuple(self._machine(part, renamed) for part in members)
             found.append(Component(name, machines, variables, line=members[0].process.template.line))
         return tuple(found)
 
@@ -102,8 +102,10 @@ class Composing:
                     one, other = sorted((lead(first.setdefault(id, at)), lead(at)))
                     leader[other] = one
         order = {leader_at: group for group, leader_at in enumerate(dict.fromkeys(map(lead, range(len(self.parts)))))}
+        self.members: list[list[Part]] = [[] for _ in order]
         for at, part in enumerate(self.parts):
             part.group = order[lead(at)]
+            self.members[part.group].append(part)
         users: dict[str, set[int]] = {}
         for part, read, written in zip(self.parts, self._read, self._written, strict=True):
             for id in read | written:
@@ -120,26 +122,33 @@ class Composing:
 
     def _name(self) -> None:
         components = Names()
-        groups = 1 + max(part.group for part in self.parts)
         self.component_names, self.machine_names = [], dict[str, str]()
-        self.renamed: dict[tuple[int, str], str] = {}
-        for group in range(groups):
-            members = [part.process.name for part in self.parts if part.group == group]
+        self.renamed: list[dict[str, Name]] = []
+        for group, kept in zip(self.members, self._kept(), strict=True):
+            members = [part.process.name for part in group]
             self.component_names.append(
                 components.identifier("_".join(members) if len(members) < 4 else f"{members[0]}_and_others")
             )
             labels, variables = Names(), Names()
             for name in members:
                 self.machine_names[name] = labels.label(name)
-            kept = [id for id in self.cells.cells if self._belongs(id, group, members)]
             # A local variable has its own name where that tells it from all others of the component.
             plain = Counter(_plain(id) for id in kept)
-            for id in kept:
-                self.renamed[group, id] = variables.identifier(_plain(id) if plain[_plain(id)] == 1 else id)
+            self.renamed.append(
+                {id: Name(variables.identifier(_plain(id) if plain[_plain(id)] == 1 else id)) for id in kept}
+            )
 
-    def _belongs(self, id: str, group: int, members: list[str]) -> bool:
-        local = not self.cells.cells[id].is_global and any(id.startswith(f"{name}.") for name in members)
-        return local or (group in self.users.get(id, ()) and id not in self.constants)
+    def _kept(self) -> list[list[str]]:
+        """Return the ids of the variables of each component: those local to its processes, and those it uses."""
+        home = {part.process.name: part.group for part in self.parts}
+        found: list[list[str]] = [[] for _ in self.members]
+        for id, cell in self.cells.cells.items():
+            groups = set() if id in self.constants else set(self.users.get(id, ()))
+            if not cell.is_global and (own := home.get(id.partition(".")[0])) is not None:
+                groups.add(own)
+            for group in groups:
+                found[group].append(id)
+        return found
 
     def _variable(self, cell: Cell, name: str) -> Variable:
         if cell.kind == CLOCK:
@@ -153,10 +162,9 @@ class Composing:
                 self.losses.append(Loss(f"variable {cell.id!r}", cell.line, rule))
         return Variable(name, cell.kind, cell.initial, domain=domain, line=cell.line)
 
-    def _machine(self, part: Part) -> Machine:
+    def _machine(self, part: Part, values: dict[str, Name]) -> Machine:
         template = part.process.template
-        values = {id: Name(name) for (group, id), name in self.renamed.items() if group == part.group}
-        meaning: dict[str, Expression] = {**self.constants, **values}
+        meaning: Mapping[str, Expression] = ChainMap(cast(dict[str, Expression], values), self.constants)
         urgent = {each.name for each in template.locations.values() if each.is_urgent or each.is_committed}
         transitions = []
         for step in part.steps:

@@ -13,7 +13,7 @@ from parcours.model.formats.uppaal.declared import Declaration, Declared, Instan
 from parcours.model.formats.uppaal.environment import Environment
 from parcours.model.formats.uppaal.templates import Template
 
-MAX_PROCESSES = 1_000
+MAX_PROCESSES = 50_000
 """Most processes of a system."""
 
 _NESTED = 20
@@ -66,6 +66,9 @@ class Instantiation:
                     raise BadModel(at, rule, "add <init ref=.../>", slug="uppaal-structure")
                 shown = f"{name}({','.join(values)})" if values else name
                 local = environment.inner(f"{shown}.")
+                size = len(template.declarations) + len(template.locations) + len(template.edges)
+                local.cells.allow(len(found) + 1)
+                local.cells.spend(where, size // 16)
                 for each in template.declarations:
                     if isinstance(each, Declared | Routine):
                         local.declare(each, f"{self.origin}:{each.line}")
@@ -92,8 +95,10 @@ class Instantiation:
             ranges.append(values)
             count *= len(tuple(values))
         if count > most:
-            rule = f"a system has at most {MAX_PROCESSES} processes, but this one has more"
-            raise BadModel(where, rule, "make its ranges smaller", slug="expansion-size")
+            total = MAX_PROCESSES - most + count
+            rule = f"a system has at most {MAX_PROCESSES} processes, but this one has {total} or more"
+            remedy = "make the ranges of the parameters smaller: a few instances of each template behave like many"
+            raise BadModel(where, rule, remedy, slug="expansion-size")
         for chosen in product(*ranges):
             scope = self.around.inner()
             for parameter, value in zip(parameters, chosen, strict=True):

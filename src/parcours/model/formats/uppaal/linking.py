@@ -8,10 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence, Set
 
+from parcours.errors import BadModel
 from parcours.model.expression import names
 from parcours.model.formats.naming import Names
 from parcours.model.formats.reading import Loss
-from parcours.model.formats.uppaal.steps import Step
+from parcours.model.formats.uppaal.steps import MAX_STEPS, Step
 from parcours.model.formats.uppaal.symbols import Link
 from parcours.model.structure import ENVIRONMENT, Channel, MessageClass
 
@@ -28,6 +29,10 @@ class Linking:
         processes: name, index of the component and steps of each process.
         components: the name of each component.
         tester: (channel of the file, sign) of the steps of the process that stands for the environment.
+        origin: the file's name, for messages.
+
+    Raises:
+        BadModel: steps that meet would be written out more than MAX_STEPS times.
 
     Attributes:
         channels: rendezvous, all of them.
@@ -41,8 +46,9 @@ class Linking:
         processes: Sequence[tuple[str, int, list[Step]]],
         components: Sequence[str],
         tester: Set[tuple[str, str]] = frozenset(),
+        origin: str = "",
     ) -> None:
-        self.components, self.tester = components, tester
+        self.components, self.tester, self.origin, self._steps = components, tester, origin, 0
         self.partners: dict[tuple[str, str, str], list[tuple[str, str]]] = {}
         self.losses: list[Loss] = []
         self._names, self._made = Names(), list[Channel]()
@@ -59,11 +65,13 @@ class Linking:
         self.messages = (MessageClass(SIGNAL, ()),) if self._made else ()
 
     def _join(self, link: Link, senders: _Side, receivers: _Side) -> None:
-        pairs: dict[tuple[int, int], list[tuple[str, str]]] = {}
-        for sender, (one, _) in senders.items():
-            for receiver, (other, _) in receivers.items():
-                if sender != receiver:
-                    pairs.setdefault((one, other), []).append((sender, receiver))
+        self._bounded(link, senders, receivers)
+        pairs = {
+            (one, other): (mine, theirs)
+            for one, mine in _by_component(senders).items()
+            for other, theirs in _by_component(receivers).items()
+            if mine != theirs or len(mine) > 1
+        }
         for side, sign, other_sign in ((senders, "!", "?"), (receivers, "?", "!")):
             if not pairs or (link.id, other_sign) in self.tester:
                 for group in dict.fromkeys(group for group, _ in side.values()):
@@ -71,12 +79,27 @@ class Linking:
                     name = self._channel(link, ends if sign == "!" else ends[::-1], alone=len(side) == 1)
                     for process in (process for process, (owner, _) in side.items() if owner == group):
                         self.partners.setdefault((process, link.id, sign), []).append((name, ENVIRONMENT))
-        for (one, other), members in pairs.items():
+        for (one, other), (mine, theirs) in pairs.items():
             between = (self.components[one], self.components[other])
             name = self._channel(link, between, alone=len(pairs) == 1)
-            for end, sign, partner in ((0, "!", between[1]), (1, "?", between[0])):
-                for process in dict.fromkeys(pair[end] for pair in members):
-                    self.partners.setdefault((process, link.id, sign), []).append((name, partner))
+            for processes, others, sign, partner in ((mine, theirs, "!", between[1]), (theirs, mine, "?", between[0])):
+                for process in processes:
+                    if others != [process]:  # nobody meets itself
+                        self.partners.setdefault((process, link.id, sign), []).append((name, partner))
+
+    def _bounded(self, link: Link, senders: _Side, receivers: _Side) -> None:
+        # Each step on the channel is there once for each component on the other side.
+        for side, others in ((senders, receivers), (receivers, senders)):
+            partners = len({group for group, _ in others.values()})
+            self._steps += max(partners, 1) * sum(len(steps) for _, steps in side.values())
+        if self._steps > MAX_STEPS:
+            ends = f"{len(senders)} processes that send with {len(receivers)} that receive"
+            rule = (
+                f"steps that meet are written out once for each partner, at most {MAX_STEPS} in all, "
+                f"but channel {link.id!r} joins {ends}"
+            )
+            remedy = "instantiate fewer processes: a few on each side behave like many"
+            raise BadModel(f"{self.origin}:{link.line}", rule, remedy, slug="expansion-size")
 
     def _channel(self, link: Link, between: tuple[str, str], *, alone: bool) -> str:
         name = self._names.identifier(link.id if alone else f"{link.id}_{between[0]}_{between[1]}")
@@ -101,3 +124,10 @@ class Linking:
         if both := sorted(sent & read):
             rule = f"a receiver's guard reads {', '.join(both)} before the sender's update; here it reads after it"
             self.losses.append(Loss(where, link.line, rule))
+
+
+def _by_component(side: _Side) -> dict[int, list[str]]:
+    found: dict[int, list[str]] = {}
+    for process, (group, _) in side.items():
+        found.setdefault(group, []).append(process)
+    return found

@@ -21,7 +21,7 @@ from parcours.model.formats.uppaal.routines import updates as updates_of
 from parcours.model.formats.uppaal.symbols import Link
 from parcours.model.formats.uppaal.templates import Edge, Label
 
-MAX_STEPS = 20_000
+MAX_STEPS = 200_000
 """Most steps of all processes together."""
 
 
@@ -84,7 +84,10 @@ class Steps:
         ]
         where = self._where(way[0].line)
         ranges = [around.shape(each.type, where).values(where) for each in selections]
-        around.cells.spend(where, prod(len(tuple(each)) for each in ranges))
+        # Texts are translated anew for each selection, and for each process.
+        size = sum(len(label.text) for edge in way for label in edge.labels.values())
+        selected = prod(len(tuple(each)) for each in ranges)
+        around.cells.spend(where, selected * (size // 400 + bool(selections)))
         for chosen in product(*ranges):
             environment = around.inner()
             for each, value in zip(selections, chosen, strict=True):

@@ -11,14 +11,17 @@ from parcours.model.expression import Expression
 from parcours.model.formats.foreign.values import TRUE, literal
 from parcours.model.formats.uppaal.declared import Routine
 
-MAX_CELLS = 10_000
+MAX_CELLS = 200_000
 """Most variables, channels and constants of a system, each element of an array counted."""
 
-MAX_CHOICES = 1_000
+MAX_CHOICES = 50_000
 """Most values over which a quantifier, a selection or a parameter is written out."""
 
 MAX_WORK = 30_000
-"""Most instances of quantified conditions, selections and processes that a system is written out to."""
+"""Most instances of quantified conditions and selections that a system is written out to."""
+
+WORK_OF_PROCESS = 10
+"""How many more such instances each process adds."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,12 +131,17 @@ class Cells:
         self.cells: dict[str, Cell] = {}
         self.known: dict[str, Expression] = {}
         self.count = self.work = self.calls = self.depth = 0
+        self._most = MAX_WORK
+
+    def allow(self, processes: int) -> None:
+        """Let the processes of the system add what each may."""
+        self._most = MAX_WORK + WORK_OF_PROCESS * processes
 
     def spend(self, where: str, more: int = 1) -> None:
         """Count instances that are written out. Raises BadModel beyond MAX_WORK."""
         self.work += more
-        if self.work > MAX_WORK:
-            rule = f"a system is written out to at most {MAX_WORK} instances, but this one goes beyond"
+        if self.work > self._most:
+            rule = f"a system is written out to at most {self._most} instances, but this one goes beyond"
             raise BadModel(where, rule, "make its ranges smaller", slug="expansion-size")
 
     def make(self, id: str, shape: Shape, given: Given, line: int, where: str, *, is_global: bool) -> Symbol:

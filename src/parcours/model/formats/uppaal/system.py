@@ -58,9 +58,9 @@ def read_system(text: str, origin: str) -> Reading:
         parts.append(Part(process, list(steps.of(process)), _invariants(process, steps, cells, losses)))
     testers = [part for part in parts if _is_tester(part)]
     if len(testers) < len(parts):
-        parts = [part for part in parts if part not in testers]
+        parts = [part for part in parts if not _is_tester(part)]
     tester = {(step.link.id, step.sign) for part in testers for step in part.steps if step.link is not None}
-    composing = Composing(parts, cells, losses, tester)
+    composing = Composing(parts, cells, losses, tester, origin)
     name = as_label(PurePath(origin).stem)
     cefsm = Cefsm(name, composing.components(), composing.links.channels, composing.links.messages, source=origin)
     return accepted(cefsm, losses)

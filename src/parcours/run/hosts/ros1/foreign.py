@@ -11,6 +11,7 @@ from types import TracebackType
 from typing import Self
 
 from parcours.errors import BadRequest, HostFailure
+from parcours.filenames import file_name
 from parcours.run.binding import Binding, Compiled, MessageTypes, compile_binding
 from parcours.run.binding.passing import Answered
 from parcours.run.binding.readings import message_type
@@ -126,7 +127,7 @@ class ForeignHost:
         for seat in fresh:
             node = seat.node
             env = {**os.environ, **self.environment, **dict(node.env)}
-            log = self.folder / f"{seat.name.replace('#', '_')}.log"
+            log = self.folder / f"{file_name(seat.name)}.log"
             process = NodeProcess(seat.name, (*node.command, *seat.arguments), node.cwd, env, log)
             self.running[seat.name] = seat, process
             self.middle.watch(process.descriptor, functools.partial(self._look, process))

@@ -30,6 +30,8 @@ TYPES = {"float": "float64", "int": "int64", "bool": "bool", "floats": "float64[
 """Kinds of field in a flat form, and what they are in a .msg file."""
 
 _NAME = re.compile(r"[a-z][a-z0-9]*(_[a-z0-9]+)*", re.IGNORECASE)
+_PACKAGE = re.compile(r"[a-z][a-z0-9_]*")
+_TYPE = re.compile(r"[A-Za-z0-9]+")
 _CPP = frozenset(
     re.findall(
         r"\w+",
@@ -151,7 +153,7 @@ def write_package(
     Raises:
         HostFailure: a channel has no form, a form is not well formed, or two different forms would get one name.
     """
-    if not re.fullmatch(r"[a-z][a-z0-9_]*", package):
+    if not _PACKAGE.fullmatch(package):
         _refuse(f"ROS package {package!r}", "must be named in lower case, digits and underscores", "")
     texts: dict[str, str] = {}
     named: dict[str, str] = {}
@@ -209,7 +211,11 @@ def read_index(folder: Path) -> tuple[str, tuple[Interface, ...]]:
     """
     try:
         index = json.loads((folder / INDEX).read_text(encoding="utf-8"))
-        return str(index["package"]), tuple(Interface(**one) for one in index["channels"])
+        package, channels = str(index["package"]), tuple(Interface(**one) for one in index["channels"])
+        for name, form in ((package, _PACKAGE), *((one.type, _TYPE) for one in channels)):
+            if not form.fullmatch(name):  # they become folders and files
+                raise ValueError(f"{name[:60]!r} names no package or type")
+        return package, channels
     except (OSError, ValueError, KeyError, TypeError) as error:
         rule = f"must be a package written by Parcours, but {INDEX} cannot be read ({error})"
         _refuse(str(folder), rule, "write it with write_package")

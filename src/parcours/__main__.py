@@ -1,0 +1,5 @@
+"""`python -m parcours`: the command line."""
+
+from parcours.cli import main
+
+main()

@@ -1,5 +1,0 @@
-"""`python -m parcours.cli`."""
-
-from parcours.cli import main
-
-main()

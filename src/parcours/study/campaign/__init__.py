@@ -1,0 +1,1 @@
+"""Campaign studies: numbered cases, drawn from input domains, simulated into facts."""

@@ -1,0 +1,292 @@
+"""Facts of numbered cases -> verdicts by the study's formulas, and measures, tables and replays for every command."""
+
+from __future__ import annotations
+
+import functools
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from parcours.errors import BadRequest, BadResults, ParcoursError
+from parcours.report.junit import CaseResult
+from parcours.report.pieces import Cell, Column, Figure, Marked, Page, Piece, Section, Table
+from parcours.run.store import Campaign, open_results
+from parcours.study.campaign.running import facts_of
+from parcours.study.parameters import Scalar, settings_of
+from parcours.study.protocol import Measure, Reported, Results
+from parcours.verdict.judgement import Verdict
+from parcours.verdict.statistics import quantiles, wilson
+
+if TYPE_CHECKING:
+    from parcours.study.campaign.study import CampaignStudy
+from parcours.study.campaign.rules import RATES, Fault, Outcome, Rows, directions, outcome_of
+
+_FEW, _SHOWN, _PANELS = 10, 200, 8
+"""At most so many: reasons in a table, rows of a trace in a table, panels of its chart."""
+
+
+class CampaignResults:
+    """The results in one folder (`parcours.study.protocol.Results`). Make them with `read_results`."""
+
+    def __init__(self, study: CampaignStudy, campaign: Campaign, facts: Rows) -> None:
+        self.study, self.seed, self.facts = study, campaign.seed, facts
+        self.label, self.planned = campaign.schedule, campaign.n_cases
+        self.settings = settings_of(study.parameters, cast("dict[str, object]", campaign.parameters["settings"]))
+        self.numbers: list[int] = facts["number"].tolist()
+
+    @functools.cached_property
+    def outcomes(self) -> list[Outcome]:
+        """The verdicts, in the order of the facts."""
+        return [
+            outcome_of(self.study, row, self.study.known(values, self.settings))
+            for row, values in zip(self.facts, self.study.values(self.facts["number"], self.seed), strict=True)
+        ]
+
+    def cases(self) -> Sequence[CaseResult]:
+        """Return the verdict of every finished case."""
+        return [
+            CaseResult(self.study.id(number), outcome.verdict, 0.0, outcome.why)
+            for number, outcome in zip(self.numbers, self.outcomes, strict=True)
+        ]
+
+    def measures(self) -> Mapping[str, Measure]:
+        """Return the rates of verdicts, then every fact: a bool as a rate, a number as a quantity; NaN after an error.
+
+        Which way of a fact is worse is what the study says, else what its `fail` formulas imply.
+        """
+        found = {
+            name: Measure(np.array([one.verdict is verdict for one in self.outcomes], float), "rate", worse=worse)
+            for name, verdict, worse in RATES
+        }
+        found["failed"] = Measure(found["failed"].values + found["errors"].values)  # an error is no pass
+        worse = directions(self.study.fail) | dict(self.study.worse)
+        for fact in self.study.facts:
+            values = np.where(self.facts["error"] == Fault.NONE, self.facts[fact.name].astype(np.float64), np.nan)
+            kind: Literal["rate", "quantity"] = "rate" if fact.kind == "bool" else "quantity"
+            found[fact.name] = Measure(values, kind, fact.unit, worse.get(fact.name, ""))
+        return found
+
+    def replay(self, case: str) -> Page:
+        """Return a page on one case, simulated again: it must give the facts that were kept."""
+        number = self.study.number(case)
+        if number not in self.numbers:
+            rule = f"a case must be a finished one of the {len(self.numbers)} in the folder, but {case!r} was asked for"
+            raise BadRequest("replay", rule, "run the campaign on, or name another case", slug="case-number")
+        id, place = self.study.id(number), self.numbers.index(number)
+        kept, outcome = self.facts[place], self.outcomes[place]
+        if kept["error"] in (Fault.HUNG, Fault.DIED):
+            rule = f"there is nothing to see of it: {outcome.why}"
+            raise BadResults(id, rule, "replay another case", slug="replay-lost")
+        again = self.study.simulated((number,), self.settings, self.seed)[0]
+        if again.tobytes() != kept.tobytes():
+            raise self._differs(id, again, kept)
+        given = self.study.case(number, self.seed)
+        pieces: list[Piece] = [
+            self._values("Test inputs and parameters", self.study.known(given.values, self.settings))
+        ]
+        if not kept["error"]:
+            pieces.append(self._values("Facts", {one.name: kept[one.name].item() for one in self.study.facts}))
+        if self.study.trace is not None:
+            pieces += _trace_pieces(self.study.traced(given, self.settings))
+        verdict = f"{outcome.verdict}: {outcome.why}"
+        heads = (("study", self.study.name), ("campaign", self.label), ("case", id), ("seed", str(self.seed)))
+        return Page(id, verdict, heads, (Section(verdict, "Simulated again from the case's number.", tuple(pieces)),))
+
+    def _values(self, title: str, values: Mapping[str, Scalar]) -> Table:
+        units = {name: "" if unit == "1" else unit for name, unit in self.study.units.items()}
+        rows = tuple((name, *_cells((value,)), units[name]) for name, value in values.items())
+        return Table(title, (Column("name"), Column("value", ".9g"), Column("unit")), rows)
+
+    def _differs(self, id: str, again: np.void, kept: np.void) -> BadResults:
+        differing = [
+            f"{name} is {_value(again[name])}, but was {_value(kept[name])}"
+            for name in kept.dtype.names or () if again[name].tobytes() != kept[name].tobytes()
+        ]  # fmt: skip
+        rule = f"a replay must give the facts that were kept, but {'; '.join(differing[:3])}"
+        remedy = "the simulation changed, remembers earlier cases, or draws random numbers of its own; see its check"
+        return BadResults(id, rule, remedy, slug="replay-differs")
+
+
+def _value(value: np.generic) -> object:
+    return value.decode("utf-8", "replace") if isinstance(value, bytes) else value.item()
+
+
+def read_results(study: CampaignStudy, folder: Path) -> CampaignResults:
+    """Return the finished cases in a folder; the simulation itself is not loaded.
+
+    Raises:
+        BadResults: the folder holds no results, damaged ones, or those of other facts, test inputs or parameters.
+    """
+    store = open_results(folder)
+    campaign = store.campaign
+    theirs = {"study": campaign.study, "facts": campaign.dtype, "test inputs": campaign.parameters.get("inputs")}
+    ours = {"study": study.name, "facts": study.dtype, "test inputs": study.inputs_digest}
+    for what, mine in ours.items():
+        if theirs[what] != mine:
+            rule = f"its {what} must be that of study {study.name!r}, {mine}, but is {theirs[what]}"
+            raise BadResults(str(folder), rule, "name the study that wrote it, or run the campaign again",
+                             slug="results-study")  # fmt: skip
+    facts = facts_of(store, folder)
+    try:
+        return CampaignResults(study, campaign, facts)
+    except (ParcoursError, KeyError, TypeError, AttributeError) as error:
+        rule = f"it must have the study's parameters, but: {error}"
+        raise BadResults(str(folder), rule, "run the campaign again", slug="results-parameters") from error
+
+
+def report_results(results: Mapping[str, Results]) -> Reported:
+    """Return tables, pieces and documents on campaigns, of one study or of several."""
+    from parcours.report.rates import shares
+
+    found = {folder: one for folder, one in results.items() if isinstance(one, CampaignResults) and one.numbers}
+    if not found:
+        return Reported([], list, {folder: {"finished": 0, "planned": one.planned} for folder, one in results.items()})
+    counts = {folder: Counter(outcome.verdict for outcome in one.outcomes) for folder, one in found.items()}
+    order = (Verdict.PASS, Verdict.INCONCLUSIVE, Verdict.ERROR, Verdict.FAIL)
+    chart = shares("The verdicts", order, {name: [of[one] for one in order] for name, of in counts.items()},
+                   ("good", "neutral", "worst", "bad"))  # fmt: skip
+    tables = [_outcome_table(found, counts), _measure_table(found)]
+    reasons = _reasons(found)
+    if reasons:
+        columns = (
+            Column("campaign"),
+            Column("verdict"),
+            Column("reason"),
+            Column("cases", ",d"),
+            Column("first case", code=True),
+        )
+        tables.append(
+            Table(
+                "Reasons", columns, reasons, f"Why cases did not pass; the {_FEW} commonest reasons of each campaign."
+            )
+        )
+    documents = {folder: _document(one, counts[folder], reasons, folder) for folder, one in found.items()}
+    return Reported(tables, lambda: [chart, *tables], documents)
+
+
+def _outcome_table(found: Mapping[str, CampaignResults], counts: Mapping[str, Counter[Verdict]]) -> Table:
+    rows: list[tuple[Cell, ...]] = [("campaign", *(one.label for one in found.values()))]
+    finished = ((len(one.numbers), one.planned) for one in found.values())
+    rows.append(("cases", *(n if n == all else Marked(f"{n} of {all}, unfinished", "poor") for n, all in finished)))
+    for _, verdict, _ in sorted(RATES, key=lambda rate: list(Verdict).index(rate[1])):
+        rows.append((str(verdict), *(f"{of[verdict]:,d}: {_rate(of[verdict], of.total())}" for of in counts.values())))
+    note = "How many cases, and their share with its Wilson 95 % interval."
+    return Table("Outcomes", (Column(""), *(Column(name) for name in found)), tuple(rows), note)
+
+
+def _rate(count: int, n: int) -> str:
+    rate = wilson(count, n)
+    if not n:
+        return "none"
+    return f"{rate.share:.1%} [{rate.low:.1%}, {rate.high:.1%}]"
+
+
+def _statistics(measure: Measure) -> dict[str, float]:
+    """Return the figures of a measure over the cases that have it."""
+    known = measure.values[~np.isnan(measure.values)]
+    if measure.kind == "rate":
+        rate = wilson(int(known.sum()), len(known))
+        return {"cases": len(known), "rate": rate.share, "low": rate.low, "high": rate.high}
+    ends = (0.0, 0.05, 0.5, 0.95, 1.0)
+    figures = dict(zip(("least", "p5", "median", "p95", "greatest"), quantiles(known, ends), strict=True))
+    return {"cases": len(known), "mean": float(known.mean()) if len(known) else np.nan, **figures}
+
+
+def _measure_table(found: Mapping[str, CampaignResults]) -> Table:
+    figures = ("mean", "least", "p5", "median", "p95", "greatest")
+    columns = (
+        Column("campaign"),
+        Column("fact"),
+        Column("cases", ",d"),
+        Column("rate"),
+        *(Column(one, ".4g") for one in figures),
+    )
+    rows: list[tuple[Cell, ...]] = []
+    for folder, one in found.items():
+        measures = one.measures()
+        for fact in one.study.facts:
+            measure = measures[fact.name]
+            of, unit = _statistics(measure), "" if fact.unit == "1" else f" [{fact.unit}]"
+            rate = _rate(int(np.nansum(measure.values)), int(of["cases"])) if measure.kind == "rate" else None
+            rows.append((folder, fact.name + unit, int(of["cases"]), rate, *(of.get(figure) for figure in figures)))
+    return Table(
+        "Measures", columns, tuple(rows), "Of the cases without error; rates with their Wilson 95 % intervals."
+    )
+
+
+def _reasons(found: Mapping[str, CampaignResults]) -> tuple[tuple[str, str, str, int, str], ...]:
+    """Return (folder, verdict, reason, how many cases, id of the first) of the commonest reasons."""
+    rows = []
+    for folder, one in found.items():
+        keys = [(str(outcome.verdict), outcome.reason) for outcome in one.outcomes]
+        for key, count in Counter(key for key in keys if key[0] != Verdict.PASS).most_common(_FEW):
+            rows.append((folder, *key, count, one.study.id(one.numbers[keys.index(key)])))
+    return tuple(rows)
+
+
+def _document(
+    one: CampaignResults, counts: Counter[Verdict], reasons: Sequence[tuple[str, str, str, int, str]], folder: str
+) -> dict[str, object]:
+    rates = {str(verdict): wilson(counts[verdict], counts.total()) for verdict in Verdict}
+    figures = {name: _statistics(measure) for name, measure in one.measures().items()}
+    keys = ("verdict", "reason", "cases", "first")
+    return {
+        "study": one.study.name, "campaign": one.label, "seed": one.seed,
+        "finished": len(one.numbers), "planned": one.planned,
+        "verdicts": {name: {"cases": of.count, "share": of.share, "low": of.low, "high": of.high}
+                     for name, of in rates.items()},
+        "measures": {fact.name: {key: None if np.isnan(value) else value for key, value in figures[fact.name].items()}
+                     for fact in one.study.facts},
+        "reasons": [dict(zip(keys, row[1:], strict=True)) for row in reasons if row[0] == folder],
+    }  # fmt: skip
+
+
+Trace = tuple[tuple[str, ...], tuple[tuple[Scalar, ...], ...]]
+"""Names of columns, and rows of values."""
+
+
+def _trace_pieces(trace: Trace | str) -> list[Piece]:
+    """Return a trace as a chart and a table; a text says why there is none."""
+    from parcours.report.pieces import Text
+
+    if isinstance(trace, str):
+        return [Text(f"There is no trace: {trace}")]
+    columns, rows = trace
+    if not rows or not columns:
+        return [Text("The trace is empty.")]
+    step = -(-len(rows) // _SHOWN)
+    note = "" if step == 1 else f"Every {step}th of {len(rows):,d} rows."
+    table = Table(
+        "Trace", tuple(Column(name, ".6g") for name in columns), tuple(_cells(row) for row in rows[::step]), note
+    )
+    numeric = [k for k in range(len(columns)) if all(isinstance(row[k], int | float) for row in rows)]
+    x = next((k for k in numeric if columns[k] in ("time", "t")), None)
+    if x is None or len(rows) < 2 or len(numeric) < 2:
+        return [table]
+    return [_chart(columns, np.array([[row[k] for k in numeric] for row in rows], float), numeric, x), table]
+
+
+def _cells(row: Sequence[Scalar]) -> tuple[Cell, ...]:
+    return tuple(("true" if value else "false") if isinstance(value, bool) else value for value in row)
+
+
+def _chart(columns: Sequence[str], values: NDArray[np.float64], numeric: Sequence[int], x: int) -> Figure:
+    """Return each numeric column against time, one panel each."""
+    from parcours.report.drawing import SERIES, canvas, svg_of
+
+    drawn = [k for k in numeric if k != x][:_PANELS]
+    times = values[:, numeric.index(x)]
+    said = []
+    with canvas(0.5 + 1.2 * len(drawn), len(drawn)) as (figure, panels):
+        for place, (k, panel) in enumerate(zip(drawn, panels, strict=True)):
+            column = values[:, numeric.index(k)]
+            panel.plot(times, column, color=SERIES[place % len(SERIES)], linewidth=1.4)
+            panel.set_ylabel(columns[k])
+            low, high = np.nanmin(column), np.nanmax(column)
+            said.append(f"{columns[k]} from {column[0]:.4g} to {column[-1]:.4g}, within {low:.4g} .. {high:.4g}")
+        panels[-1].set_xlabel(columns[x])
+        return Figure("Over time", svg_of(figure), "; ".join(said))

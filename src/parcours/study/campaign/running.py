@@ -1,0 +1,129 @@
+"""A request -> a campaign in a folder: numbered cases in shards, by any number of workers; all, or chosen ones.
+
+A campaign of chosen cases keeps their numbers in its parameters: its k-th row is the k-th chosen case.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from parcours.errors import BadResults
+from parcours.run.campaign import Prepares, run_campaign
+from parcours.run.pulse import LostCase, RunsStrangers
+from parcours.run.store import Campaign, Store
+from parcours.study.journal import write_question
+from parcours.study.protocol import Progress, Request, Run
+
+MANIFEST = "campaign.json"
+CHOSEN = "chosen"
+"""The parameter of a campaign that holds the numbers of its cases, where they are not 0, 1, 2, ..."""
+
+
+class Numbered(Protocol):
+    """What simulates numbered cases."""
+
+    def __call__(self, first: int, count: int) -> NDArray[np.void]:
+        """Return the facts of cases first .. first + count - 1."""
+
+    def run(self, numbers: NDArray[np.int64]) -> NDArray[np.void]:
+        """Return the facts of the cases of these numbers."""
+
+    def campaign(self, n_cases: int, shard_size: int | None = None) -> Campaign:
+        """Return the campaign of cases 0 .. n_cases - 1."""
+
+
+@dataclass(frozen=True, slots=True)
+class Chosen:
+    """The same cases, counted from 0 in the order in which they were chosen."""
+
+    study: Numbered
+    numbers: tuple[int, ...]
+
+    def __call__(self, first: int, count: int) -> NDArray[np.void]:
+        """Return the facts of the chosen cases from the `first` on."""
+        return self.study.run(np.array(self.numbers[first : first + count], np.int64))
+
+
+@dataclass(frozen=True, slots=True)
+class ChosenStrangers(Chosen):
+    """The same, of a study that runs code which may hang or die."""
+
+    def prepare(self) -> bool:
+        """Load or compile what every case needs; return whether all of it is ours."""
+        return self.study.prepare() if isinstance(self.study, Prepares) else False
+
+    @property
+    def pulse_words(self) -> int:
+        """How many words a worker shares with its parent."""
+        assert isinstance(self.study, RunsStrangers)
+        return self.study.pulse_words
+
+    def without(self, lost: tuple[LostCase, ...]) -> Self:
+        """Return the same without the lost cases."""
+        assert isinstance(self.study, RunsStrangers)
+        return dataclasses.replace(self, study=self.study.without(lost))
+
+
+def run_numbered(
+    name: str, where: str, numbered: Numbered, n_cases: int, chosen: tuple[int, ...], question: Mapping[str, object],
+    workers: int, request: Request, progress: Progress, label: str,
+) -> Run:  # fmt: skip
+    """Compute what is missing of a campaign in the request's folder.
+
+    Args:
+        name: of the study.
+        where: how a command line names it.
+        numbered: what simulates the cases.
+        n_cases: how many, if none are chosen.
+        chosen: numbers of the only cases; all if empty.
+        question: what decides the results, for whoever reads the folder.
+        workers: processes.
+        request: says the folder.
+        progress: told how far it is.
+        label: what runs, in a word or two.
+
+    Raises:
+        BadRequest, BadResults, HostFailure: as `run_campaign`.
+    """
+    campaign = numbered.campaign(len(chosen) or n_cases)
+    simulate: object = numbered
+    if chosen:
+        campaign = dataclasses.replace(campaign, parameters={**campaign.parameters, CHOSEN: list(chosen)})
+        simulate = (ChosenStrangers if isinstance(numbered, RunsStrangers) else Chosen)(numbered, chosen)
+    folder = request.out.absolute()  # a guest may change the current folder
+    if not (folder / MANIFEST).exists():
+        write_question(folder, name, where, question)  # first: whatever ends this process, it says what was asked
+    outcome = run_campaign(
+        simulate, campaign, folder, workers=workers,  # type: ignore[arg-type]
+        progress=lambda done, total: progress(f"{name}, {label}", done, total),
+    )  # fmt: skip
+    write_question(folder, name, where, question)
+    return Run(outcome.interrupted, str(outcome))
+
+
+def finished_numbers(store: Store) -> list[int]:
+    """Return the numbers of the cases whose shards are finished, in the order of their rows."""
+    campaign, absent = store.campaign, set(store.missing())
+    rows = [k for shard in campaign.shards if shard not in absent for k in campaign.cases(shard)]
+    chosen = campaign.parameters.get(CHOSEN)
+    return [int(chosen[k]) for k in rows] if isinstance(chosen, list) else rows
+
+
+def facts_of(store: Store, folder: Path) -> NDArray[np.void]:
+    """Return the facts of the finished cases, once they are found to be those that the shards' numbers say.
+
+    Raises:
+        BadResults: they are others.
+    """
+    facts = store.load(partial=True)
+    if facts["number"].tolist() != finished_numbers(store):
+        rule = "shards must hold the cases that their numbers say, but do not"
+        raise BadResults(str(folder), rule, "run the campaign again with --fresh", slug="results-order")
+    return facts

@@ -1,0 +1,171 @@
+"""The cases of a campaign study -> facts, computed in worker processes."""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import hashlib
+import inspect
+import os
+import signal
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from parcours.run import pulse
+from parcours.run.store import Campaign
+from parcours.study.campaign.calling import (
+    Alarm,
+    Faulty,
+    Overdue,
+    ProgramCaller,
+    PythonCaller,
+    facts_in,
+    hung,
+    lost_reason,
+    name_of_function,
+    reason_bytes,
+    words_of,
+)
+from parcours.study.campaign.rules import ABSTRACT, Fault, Rows
+from parcours.study.components.systems import ProgramPart
+from parcours.study.loading import file_of
+from parcours.study.parameters import Scalar, Settings
+from parcours.suite import Case
+
+if TYPE_CHECKING:
+    from parcours.study.campaign.study import CampaignStudy
+
+
+@dataclass(frozen=True, slots=True)
+class Simulation:
+    """The cases of a study with its parameters set; callable as a campaign's `simulate`, in worker processes.
+
+    Args:
+        study: whose cases.
+        settings: of its parameters.
+        seed: of the campaign.
+        lost: cases that are not simulated, because that hangs or takes the process down.
+    """
+
+    study: CampaignStudy
+    settings: Settings
+    seed: int
+    lost: tuple[pulse.LostCase, ...] = ()
+
+    @property
+    def pulse_words(self) -> int:
+        """How many words a worker shares with its parent."""
+        return 3
+
+    def prepare(self) -> bool:
+        """Say that workers may be forked: this process has loaded no file that a study names."""
+        return True
+
+    def without(self, lost: tuple[pulse.LostCase, ...]) -> Self:
+        """Return the same, which gives the facts of these cases as errors and does not simulate them."""
+        return dataclasses.replace(self, lost=lost)
+
+    @property
+    def label(self) -> str:
+        """What is simulated, and the parameters that are not at their default."""
+        given = self.study.simulate
+        what = (
+            " ".join(given.command)
+            if isinstance(given, ProgramPart)
+            else given
+            if isinstance(given, str)
+            else name_of_function(given)
+        )
+        return ", ".join(
+            [what, *self.study.shown({one.name: self.settings[one.name] for one in self.study._set(self.settings)})]
+        )
+
+    @property
+    def decides(self) -> dict[str, Scalar]:
+        """The settings that results depend on."""
+        return {one.name: self.settings.get(one.name, one.default) for one in self.study.own if one.decides}
+
+    @property
+    def files(self) -> dict[str, str]:
+        """The digests of what results depend on: those of the study, and of a Python file that it does not list."""
+        given = self.study.simulate
+        with contextlib.suppress(TypeError, OSError):
+            path = None
+            if isinstance(given, str):
+                path = file_of(given, self.study.folder)
+            elif not isinstance(given, ProgramPart):
+                path = Path(inspect.getfile(given))
+            if path is not None and path.name not in self.study.digests:
+                return {**self.study.digests, path.name: hashlib.sha256(path.read_bytes()).hexdigest()[:16]}
+        return dict(self.study.digests)
+
+    def campaign(self, n_cases: int, shard_size: int | None = None) -> Campaign:
+        """Return the campaign of cases 0 .. n_cases - 1; by default in shards of 4 to 256 cases."""
+        return Campaign(
+            self.study.name, self.label, self.seed, n_cases, self.study.dtype,
+            {"settings": self.decides, "files": self.files, "inputs": self.study.inputs_digest,
+             "patience": self.study.patience},
+            shard_size or min(max(n_cases // 16, 4), max(64, min(n_cases // 256, 256))),
+        )  # fmt: skip
+
+    def __call__(self, first: int, count: int) -> Rows:
+        """Return the facts of cases first .. first + count - 1, array of the study's dtype."""
+        return self.run(np.arange(first, first + count))
+
+    def run(self, numbers: NDArray[np.int64]) -> Rows:
+        """Return the facts of the cases of these numbers, array of the study's dtype, shape (n,).
+
+        Raises:
+            BadRequest, HostFailure: the simulation cannot be loaded or started.
+        """
+        study, lost = self.study, {one.number: one for one in self.lost}
+        rows = np.zeros(len(numbers), study.dtype)
+        with Alarm() as alarm:
+            caller: PythonCaller | ProgramCaller
+            if isinstance(study.simulate, ProgramPart):
+                caller = ProgramCaller(study, study.simulate, self.settings)
+            else:
+                caller = PythonCaller(study, study.simulate, "simulate", self.settings, self.seed, alarm)
+            for k, (number, values) in enumerate(zip(numbers.tolist(), study.values(numbers, self.seed), strict=True)):
+                if number in lost:
+                    facts, fault, why = None, *lost_reason(lost[number], study.patience)
+                else:
+                    case = Case(
+                        study.name, number, ABSTRACT, number, study.inputs.names, values, study.patience, self.seed
+                    )
+                    facts, fault, why = self._one(caller, case, alarm)
+                nothing = (np.nan if fact.kind == "real" else 0 for fact in study.facts)
+                rows[k] = (number, *(nothing if facts is None else facts), int(fault), reason_bytes(why))
+        return rows
+
+    def _one(
+        self, caller: PythonCaller | ProgramCaller, case: Case, alarm: Alarm
+    ) -> tuple[tuple[Scalar, ...] | None, Fault, str]:  # fmt: skip
+        """Return the facts of a case, or what was wrong and why."""
+        pid, limit = os.getpid(), self.study.patience
+        try:
+            try:
+                alarm.set(case.number, limit, rings=isinstance(caller, PythonCaller))
+                return facts_in(self.study.facts, caller(case)), Fault.NONE, ""
+            except Overdue:
+                return None, Fault.HUNG, hung(limit)
+            except Faulty as error:
+                return None, error.fault, str(error)
+            except BaseException as error:
+                is_ctrl_c = (
+                    isinstance(error, KeyboardInterrupt) and signal.getsignal(signal.SIGINT) is not signal.SIG_IGN
+                )
+                if is_ctrl_c or isinstance(caller, ProgramCaller):  # a program that cannot be started costs all cases
+                    raise
+                return None, Fault.RAISED, f"raised: {words_of(error, caller.file)}"
+            finally:
+                alarm.off()
+                if os.getpid() != pid:
+                    os._exit(0)  # a child that the simulation forked: the case is its parent's
+        except Overdue:  # it rang while an exception was put into words
+            alarm.off()
+            return None, Fault.HUNG, hung(limit)

@@ -1,0 +1,174 @@
+"""What a component study's author should know: cases that fail, cannot run or differ, and what nothing reaches."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
+
+from parcours.errors import ParcoursError
+from parcours.run.trace import Trace
+from parcours.study.components.apart import Done, Lost, Place, run_apart, watched
+from parcours.study.components.executing import in_process, judge_trace
+from parcours.study.parameters import Settings, settings_of
+from parcours.study.protocol import Finding, Progress
+from parcours.suite import Case
+from parcours.verdict.judgement import Judgement, Verdict
+
+if TYPE_CHECKING:
+    from parcours.study.components.study import ComponentStudy
+
+_SHOWN = 5
+"""Findings of one sort that are shown; the rest are counted."""
+
+_TWICE = 20
+"""Cases that are executed twice, to see whether they repeat."""
+
+_LIVE = 3
+"""Cases that are executed on processes, too."""
+
+Outcome = tuple[Judgement, Trace]
+
+
+def check_study(study: ComponentStudy, progress: Progress) -> list[Finding]:
+    """Return everything that the battery finds, errors first.
+
+    Each abstract case is executed once, some twice, a few on processes; what the model has and no case takes, and test
+    inputs that reach nothing, are looked for without executing anything.
+    """
+    if study.system is None:
+        return []  # a study with a tester of its own: its tests are elsewhere
+    settings = settings_of(study.parameters, {})
+    cases = list(study.plan(1).cases(0, len(study.abstracts)))
+    outcomes = _executed(study, settings, cases, progress)
+    found = [
+        *_failing(cases, outcomes),
+        *_unrepeatable(study, settings, cases, outcomes, progress),
+        *_different_live(study, settings, cases, outcomes, progress),
+        *_infeasible(study),
+        *_untaken(study),
+        *_unreached_inputs(study),
+    ]
+    rank = {"error": 0, "warning": 1, "note": 2}
+    return sorted(found, key=lambda one: rank[one.level])
+
+
+def _executed(
+    study: ComponentStudy, settings: Settings, cases: Sequence[Case], progress: Progress
+) -> dict[str, Outcome | Lost]:
+    """Return verdict and trace of each case by its id, executed apart from this process."""
+    by_id = {case.id: case for case in cases}
+
+    def work(item: str, place: Place) -> Outcome:
+        exercise = study.exercise(settings)
+        execute = in_process(exercise, watch=watched(study.patience, place), checked=study.messages.checked)
+        trace = execute(by_id[item]).trace
+        return judge_trace(exercise, by_id[item], trace), trace
+
+    outcomes: dict[str, Outcome | Lost] = {}
+    for id, answer in run_apart(list(by_id), work, study.patience):
+        outcomes[id] = answer.result if isinstance(answer, Done) else answer
+        progress("cases", len(outcomes), len(cases))
+    return outcomes
+
+
+def _failing(cases: Sequence[Case], outcomes: dict[str, Outcome | Lost]) -> Iterator[Finding]:
+    wrong = []
+    for case in cases:
+        outcome = outcomes[case.id]
+        if isinstance(outcome, Lost):
+            wrong.append(Finding("error", case.id, f"fails: {outcome.why}", "see it: parcours run STUDY --case ID"))
+        elif outcome[0].verdict is not Verdict.PASS:
+            level = "warning" if outcome[0].verdict is Verdict.INCONCLUSIVE else "error"
+            wrong.append(Finding(level, case.id, f"{outcome[0].verdict}: {outcome[0].why}", ""))  # type: ignore[arg-type]
+    yield from wrong[:_SHOWN]
+    if len(wrong) > _SHOWN:
+        yield Finding("error", "cases", f"{len(wrong) - _SHOWN} more do not pass", "parcours run shows all")
+
+
+def _unrepeatable(
+    study: ComponentStudy, settings: Settings, cases: Sequence[Case], outcomes: dict[str, Outcome | Lost],
+    progress: Progress,
+) -> Iterator[Finding]:  # fmt: skip
+    """Yield cases that come out otherwise when they are executed again, in another order."""
+    again = _executed(study, settings, list(reversed(cases[:_TWICE])), progress)
+    for id, outcome in again.items():
+        first = outcomes[id]
+        if isinstance(first, Lost) or isinstance(outcome, Lost):
+            continue
+        if _told(first[1]) != _told(outcome[1]):
+            rule = "comes out otherwise when it is executed again, after other cases"
+            remedy = "a component keeps something between cases, or draws random numbers without the seed of its `case`"
+            yield Finding("warning", id, rule, remedy)
+            return
+
+
+def _told(trace: Trace) -> list[tuple[object, ...]]:
+    return [(one.time, one.kind, one.component, one.transition, one.channel, repr(one.payload)) for one in trace.events]
+
+
+def _different_live(
+    study: ComponentStudy, settings: Settings, cases: Sequence[Case], outcomes: dict[str, Outcome | Lost],
+    progress: Progress,
+) -> Iterator[Finding]:  # fmt: skip
+    """Yield cases whose verdict on processes is another one, or why there are no processes."""
+    from parcours.study.components.executing import run_functional
+    from parcours.study.components.running import executors
+
+    if not study.where:
+        yield Finding("note", "host processes", "not tried: no other process can find this study",
+                      "give the object its `where`: file.py:NAME")  # fmt: skip
+        return
+    exercise, live = study.exercise(settings), {**settings, "host": "processes"}
+    try:
+        with executors(study, live) as (in_order, _):
+            for k, case in enumerate(cases[:_LIVE]):
+                judgement = run_functional(exercise, case, in_order).judgement
+                progress("cases on processes", k + 1, min(_LIVE, len(cases)))
+                here = outcomes[case.id]
+                before = Verdict.FAIL if isinstance(here, Lost) else here[0].verdict
+                if judgement.verdict is not before and judgement.verdict is not Verdict.INCONCLUSIVE:
+                    rule = f"is {before} in simulated time, but on processes {judgement.verdict}: {judgement.why}"
+                    yield Finding("error", case.id, rule, "what a component does must not depend on its process")
+    except ParcoursError as error:
+        yield Finding("error", f"host processes, {error.where}", error.rule, error.remedy)
+
+
+def _infeasible(study: ComponentStudy) -> Iterator[Finding]:
+    found = list(study.infeasible.items())
+    for id, why in found[:_SHOWN]:
+        yield Finding(
+            "note", id, f"is left out: {why}", "no value of the tester's makes the guards of this case hold together"
+        )
+    if len(found) > _SHOWN:
+        yield Finding("note", "abstract cases", f"{len(found) - _SHOWN} more are left out for the same kind of reason")
+
+
+def _untaken(study: ComponentStudy) -> Iterator[Finding]:
+    taken = {event.transition for id in study.abstracts for event in study._events(id)}
+    for component in study.model.components:
+        left = [transition.id for transition in component.transitions() if transition.id not in taken]
+        if left:
+            rule = f"no case takes {', '.join(left)}"
+            remedy = (
+                "name an interaction path through it under `interactions:` of the model, or another criterion: `paths:`"
+            )
+            yield Finding("warning", f"component {component.name}", rule, remedy)
+
+
+def _unreached_inputs(study: ComponentStudy) -> Iterator[Finding]:
+    """Yield test inputs that no message, input variable or formula reads."""
+    from parcours.model.expression import names
+
+    fields = {field.name for message in study.model.messages for field in message.fields}
+    variables = {variable.name for component in study.model.components for variable in component.variables}
+    formulas = [
+        formula for table in (study.supply, study.set_before) for each in table.values() for formula in each.values()
+    ]
+    read = fields | variables | {name for formula in formulas for name in names(formula)}
+    for name in study.inputs.names:
+        if name not in read:
+            rule = "no message field, input variable or formula has this name"
+            where = f"test input {name!r}"
+            said = f"reaches nothing that the tester sends: {rule}"
+            remedy = "name a field like it, or use it under `supply:`; constructors may take an argument of this name"
+            yield Finding("warning", where, said, remedy)

@@ -1,0 +1,212 @@
+"""Cases of a component study -> judged executions, in this process or on the nodes of a fabric; and timing cases."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass
+from typing import Protocol
+
+from parcours.abtc import Event
+from parcours.run.clocks import Clock
+from parcours.run.driving import PATIENCE
+from parcours.run.gated import Execution, disorder, enforce, instance_name
+from parcours.run.here import View, execute
+from parcours.run.hosts.driven import DrivenInstances
+from parcours.run.hosts.resident import Codec, Fabric
+from parcours.run.noise import Noise, NoiseMeter
+from parcours.run.trace import Trace, transitions
+from parcours.study.components.tester import Tester
+from parcours.suite import Case
+from parcours.verdict.judgement import Judgement, Verdict
+from parcours.verdict.timing import NEVER, Bound, duration, judge
+
+Execute = Callable[[Case], Execution]
+"""Runs a case on some host."""
+
+Oracle = Callable[[Case, Trace], Judgement]
+"""Judges a case whose order was kept and whose transitions were taken."""
+
+
+class Exercise(Protocol):
+    """What executing a study's cases needs to know of it, its parameters being set."""
+
+    def events(self, case: Case) -> Sequence[Event]:
+        """Return the case's events, serialised."""
+
+    def tester(self, case: Case) -> Tester:
+        """Return the tester of a case."""
+
+    def oracle(self, case: Case, trace: Trace) -> Judgement:
+        """Judge a case whose order was kept and whose transitions were taken."""
+
+    def contradiction(self, case: Case) -> str:
+        """Return why no choice of the tester's can make this case run; empty if one can."""
+
+    @property
+    def view(self) -> View:
+        """What an instance shows of itself at the end."""
+
+
+def in_process(
+    exercise: Exercise,
+    clock: Callable[[], Clock] | None = None,
+    watch: Callable[[Event], AbstractContextManager[None]] | None = None,
+    checked: Callable[[str, object], object] | None = None,
+) -> Execute:
+    """Return what executes cases in this process.
+
+    Args:
+        exercise: the study, its parameters set.
+        clock: makes the clock of each case; simulated by default.
+        watch: entered around every turn; it may end a component that hangs.
+        checked: turns what a component sends into the form in which it travels, or raises.
+    """
+
+    def run(case: Case) -> Execution:
+        tester = exercise.tester(case)
+        return execute(
+            exercise.events(case), tester.component, tester.supply, prompt=tester.move, prepare=tester.prepare,
+            view=exercise.view, clock=clock() if clock else None, case=case.id,
+            watch=watch or (lambda event: nullcontext()), checked=checked,
+        )  # fmt: skip
+
+    return run
+
+
+def on_fabric(
+    exercise: Exercise, fabric: Fabric, codec: Codec, *, strict: bool = True, patience: int = PATIENCE
+) -> Execute:
+    """Return what executes cases on the nodes of a fabric.
+
+    Args:
+        exercise: the study, its parameters set.
+        fabric: started, with a node for each component that the cases visit.
+        codec: of the fabric's messages.
+        strict: keep the serialised order itself; else any order that the case leaves open.
+        patience: longest turn [ns].
+    """
+
+    def run(case: Case) -> Execution:
+        tester = exercise.tester(case)
+        instances = DrivenInstances(fabric, codec, tester)
+        return enforce(exercise.events(case), instances, tester.supply, case=case.id, strict=strict, patience=patience)
+
+    return run
+
+
+@dataclass(frozen=True, slots=True)
+class Functional:
+    """One case executed, and what the oracle says of it."""
+
+    case: Case
+    execution: Execution
+    judgement: Judgement
+
+
+def run_functional(exercise: Exercise, case: Case, execute: Execute) -> Functional:
+    """Execute one case in its serialised order and judge it; one that contradicts itself is not executed."""
+    execution = execute(case) if not exercise.contradiction(case) else Execution(Trace("simulated", ()), None)
+    return Functional(case, execution, judge_trace(exercise, case, execution.trace))
+
+
+def judge_trace(exercise: Exercise, case: Case, trace: Trace) -> Judgement:
+    """Judge a case by its trace alone: did it deviate, was its order kept, and what does the oracle say.
+
+    A case whose order could not be enforced is inconclusive, whatever came of it.
+    """
+    if why := exercise.contradiction(case):
+        return Judgement(Verdict.INCONCLUSIVE, f"its data and the formulas of `supply` and `inputs` forbid it: {why}")
+    deviation = next((event.text for event in trace.events if event.kind == "deviation"), "")
+    if deviation:
+        return Judgement(Verdict.FAIL, deviation)
+    events = exercise.events(case)
+    for instance in dict.fromkeys(map(instance_name, events)):
+        wanted = tuple(event.transition for event in events if instance_name(event) == instance)
+        if (taken := transitions(trace, instance)) != wanted:
+            rule = f"{instance} must take {' '.join(wanted)}, but the trace says {' '.join(taken) or 'nothing'}"
+            return Judgement(Verdict.FAIL, rule)
+    if found := disorder(events, trace):
+        return Judgement(Verdict.INCONCLUSIVE, f"order not enforced: {found}")
+    return exercise.oracle(case, trace)
+
+
+@dataclass(frozen=True, slots=True)
+class TimingGroup:
+    """Cases that are timed together, each against its own bound, with the machine's noise measured between them.
+
+    Attributes:
+        name: an interaction path, or a span between two transitions.
+        cases: each with its bound.
+        span: the duration of one repeat [ns] from its trace; `NEVER` if it has none.
+    """
+
+    name: str
+    cases: tuple[tuple[Case, Bound], ...]
+    span: Callable[[Trace], int]
+
+
+@dataclass(frozen=True, slots=True)
+class Timing:
+    """One case executed again and again in real time, warm-up left out.
+
+    Attributes:
+        group: what was timed.
+        bound: the upper limit, and of how many repeats.
+        durations: [ns], in the order in which they were measured; `NEVER` of a repeat that deviated.
+        noise: of the machine, between the repeats of all cases of the group.
+    """
+
+    case: Case
+    group: str
+    bound: Bound
+    durations: tuple[int, ...]
+    noise: Noise
+    judgement: Judgement
+
+
+def run_timing(
+    exercise: Exercise,
+    groups: Sequence[TimingGroup],
+    execute: Execute,
+    *,
+    repeats: int,
+    warm_up: int = 3,
+    listener: Callable[[Case, Trace], None] = lambda case, trace: None,
+    progress: Callable[[int], None] = lambda done: None,
+) -> Iterator[Timing]:
+    """Yield the timing results of the groups' cases, group by group.
+
+    Args:
+        exercise: the study, its parameters set.
+        groups: what to time.
+        execute: in real time.
+        repeats: of each case, beside `warm_up` that are not counted.
+        warm_up: repeats before those that count.
+        listener: given each repeat that counts.
+        progress: given the number of cases measured so far.
+    """
+    done = 0
+    for group in groups:
+        measured: list[tuple[int, ...]] = []
+        trips = len(exercise.events(group.cases[0][0])) // 2
+        with NoiseMeter(trips=trips, work=1_000_000) as meter:
+            for case, _ in group.cases:
+                taken = []
+                for repeat in range(warm_up + repeats):
+                    execution = execute(case)
+                    if repeat >= warm_up:
+                        meter.sample()
+                        taken.append(group.span(execution.trace))
+                        listener(case, execution.trace)
+                measured.append(tuple(taken))
+                done += 1
+                progress(done)
+        noise = meter.noise()
+        for (case, bound), durations in zip(group.cases, measured, strict=True):
+            yield Timing(case, group.name, bound, durations, noise, judge(durations, bound, noise))
+
+
+def whole_case(trace: Trace) -> int:
+    """Return how long a repeat took [ns]; `NEVER` if it deviated."""
+    return NEVER if any(event.kind == "deviation" for event in trace.events) else duration(trace)

@@ -1,0 +1,211 @@
+"""A component study under faults on purpose: each message lost, doubled or corrupted, each component crashed.
+
+The cases are enforced as ever; one component is given the faulty message, or is gone. What matters is whether a case
+that was struck still passes: a fault that no case notices is one that neither the components nor the oracles resist.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+from parcours.errors import BadRequest, ParcoursError
+from parcours.model.structure import Component as Modelled
+from parcours.report.pieces import Column, Page, Section, Table
+from parcours.run.faults import corrupted
+from parcours.run.port import Component, Step
+from parcours.study.components.apart import Done, Place, run_apart, watched
+from parcours.study.components.executing import in_process, judge_trace
+from parcours.study.components.messages import Messages
+from parcours.study.components.systems import System
+from parcours.study.components.tester import prompted, set_inputs
+from parcours.study.faults import FaultReport, FaultRequest
+from parcours.study.parameters import Settings
+from parcours.study.protocol import Progress
+from parcours.suite import Case
+from parcours.verdict.judgement import Judgement, Verdict
+
+if TYPE_CHECKING:
+    from parcours.study.components.study import ComponentStudy
+
+Kind = Literal["drop", "duplicate", "corrupt", "crash"]
+
+
+@dataclass(frozen=True, slots=True)
+class Strike:
+    """One fault: the first message that a component takes up on a channel, or its first turn at all."""
+
+    component: str
+    kind: Kind
+    channel: str = ""
+
+    def __str__(self) -> str:
+        return (
+            f"{self.channel}: {self.kind} (to {self.component})" if self.channel else f"{self.component}: {self.kind}"
+        )
+
+
+def catalogue(study: ComponentStudy) -> list[Strike]:
+    """Return what can go wrong: each message that some transition receives, and each component."""
+    from parcours.study.components.reading import incoming
+
+    found: list[Strike] = []
+    for component in study.model.components:
+        for channel in incoming(study.model, component):
+            found += [Strike(component.name, kind, channel) for kind in ("drop", "duplicate", "corrupt")]
+        found.append(Strike(component.name, "crash"))
+    return found
+
+
+def strike(study: ComponentStudy, request: FaultRequest, progress: Progress) -> FaultReport:
+    """Execute cases under each fault and say which were noticed.
+
+    Raises:
+        BadRequest: the study has a tester of its own, or no fault is chosen.
+    """
+    if study.system is None:
+        rule = f"the components of {study.name} are made by a tester of its own"
+        raise BadRequest(f"study {study.name!r}", rule, "faults strike what `system` makes", slug="faults-study")
+    chosen = [one for one in catalogue(study) if request.only in str(one)]
+    if not chosen:
+        raise BadRequest("--only", f"some fault must contain it, but none contains {request.only!r}",
+                         "see --list", slug="faults-none")  # fmt: skip
+    lines = tuple(map(str, chosen))
+    if request.listed:
+        return FaultReport(lines)
+    rows = []
+    for done, fault in enumerate(chosen):
+        progress("faults", done, len(chosen))
+        rows.append(_row(study, fault, request))
+    progress("faults", len(chosen), len(chosen))
+    columns = (
+        Column("fault", code=True),
+        Column("cases struck", ",d"),
+        Column("noticed", ",d"),
+        Column("unnoticed", ",d"),
+        Column("first reason"),
+    )
+    note = (
+        "A case notices a fault if it does not pass. What no case notices, neither the components refuse nor oracles"
+        " see: give the study oracles that look at the data."
+    )
+    table = Table(f"Faults on purpose, {study.name}", columns, tuple(rows), note)
+    keys = ("fault", "struck", "noticed", "unnoticed", "why")
+    document = {"study": study.name, "faults": [dict(zip(keys, row, strict=True)) for row in rows]}
+    page = Page(f"{study.name} under faults", "", (("study", study.name),), (Section("Faults", "", (table,)),))
+    return FaultReport(lines, (table,), page, document)
+
+
+def _row(study: ComponentStudy, fault: Strike, request: FaultRequest) -> tuple[str, int, int, int, str]:
+    cases = list(_cases(study, fault, request.seed, request.cases))
+    verdicts: Counter[bool] = Counter()
+    why = ""
+    for judgement, struck in _judged(study, fault, cases, request.settings, request.seed):
+        if not struck:
+            continue
+        verdicts[judgement.passed] += 1
+        why = why or ("" if judgement.passed else judgement.why)
+    return str(fault), sum(verdicts.values()), verdicts[False], verdicts[True], why
+
+
+def _cases(study: ComponentStudy, fault: Strike, seed: int, most: int) -> Iterator[Case]:
+    """Yield the first cases in which the fault can strike."""
+    found = 0
+    for case in study.plan(seed).cases():
+        for event in study.events(case):
+            if event.component == fault.component and (
+                not fault.channel or (event.receives is not None and event.receives.channel == fault.channel)
+            ):
+                yield case
+                found += 1
+                break
+        if found >= most:
+            return
+
+
+def _judged(
+    study: ComponentStudy, fault: Strike, cases: Sequence[Case], settings: Settings, seed: int
+) -> Iterator[tuple[Judgement, bool]]:
+    by_id = {case.id: case for case in cases}
+
+    def work(item: str, place: Place) -> tuple[Judgement, bool]:
+        assert study.system is not None
+        system = _Striking(study.system, fault, study.messages, seed)
+        faulty = dataclasses.replace(study, system=system)
+        faulty.__dict__["abstracts"] = study.abstracts  # what was derived from the model stays as it is
+        exercise = faulty.exercise(settings)
+        execute = in_process(exercise, watch=watched(study.patience, place), checked=study.messages.checked)
+        trace = execute(by_id[item]).trace
+        return judge_trace(exercise, by_id[item], trace), system.struck
+
+    for _, answer in run_apart(list(by_id), work, study.patience):
+        yield answer.result if isinstance(answer, Done) else (Judgement(Verdict.FAIL, answer.why), True)
+
+
+class _Striking:
+    """A system of whose components one is struck."""
+
+    def __init__(self, system: System, fault: Strike, messages: Messages, seed: int) -> None:
+        self._system, self._fault, self._messages, self._seed = system, fault, messages, seed
+        self.struck = False
+
+    def component(self, modelled: Modelled, case: Case, settings: Settings) -> Component:
+        """Return the component, struck if it is the one."""
+        made = self._system.component(modelled, case, settings)
+        return _Struck(made, self) if modelled.name == self._fault.component else made
+
+    def strikes(self, channel: str | None) -> Kind | None:
+        """Return what strikes now; a fault strikes once."""
+        if self.struck or (self._fault.channel and channel != self._fault.channel):
+            return None
+        self.struck = True
+        return self._fault.kind
+
+    def corrupted(self, channel: str, message: object) -> object:
+        """Return a message with one field changed, of the right types still."""
+        values, _ = corrupted(self._messages.flatten(channel, message), self._seed)
+        try:
+            return self._messages.restore(channel, values)
+        except ParcoursError:
+            return message  # it can only be changed into something that is no such message
+
+
+class _Struck:
+    """A component whose messages, or whose life, are struck."""
+
+    def __init__(self, component: Component, system: _Striking) -> None:
+        self._component, self._system = component, system
+        self.name, self.reset = component.name, component.reset
+        self.next_wake, self.wake = component.next_wake, component.wake
+
+    def handle(self, channel: str | None, message: object, now: int) -> Iterator[Step]:
+        """Take up a message as the fault lets it arrive."""
+        kind = self._system.strikes(channel)
+        if kind == "crash":
+            raise RuntimeError("crashed on purpose")
+        if kind == "drop":
+            return
+        if kind == "corrupt" and channel is not None:
+            message = self._system.corrupted(channel, message)
+        yield from self._component.handle(channel, message, now)
+        if kind == "duplicate":
+            yield from self._component.handle(channel, message, now)
+
+    def prompt(self, transition: str, now: int) -> Iterator[Step]:
+        """Ask the component for a transition."""
+        if self._system.strikes(None) == "crash":
+            raise RuntimeError("crashed on purpose")
+        return prompted(transition, self._component, now)
+
+    def set_inputs(self, values: dict[str, object]) -> None:
+        """Tell the component its input variables."""
+        set_inputs(self._component, values)
+
+    def close(self) -> None:
+        """Let go of what the component holds."""
+        close = getattr(self._component, "close", None)
+        if close is not None:
+            close()

@@ -1,0 +1,399 @@
+"""A running program -> the lines that it prints, one at a time, or why there are no more.
+
+Nothing here waits longer than its patience, whatever the program does: it may die, hang, flood, not read its input, or
+leave helpers behind that hold its streams open. Programs end with this process, also by kill -9.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import json
+import multiprocessing.util
+import os
+import select
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Mapping
+from typing import IO, TYPE_CHECKING
+
+import msgspec
+
+from parcours.errors import HostFailure
+from parcours.run.hosts.processes import ending
+
+if TYPE_CHECKING:
+    from parcours.study.components.systems import ProgramPart
+
+SOCKET = "PARCOURS_SOCKET"
+"""Environment variable with the path of the socket of a program that has `socket: true`."""
+
+LONGEST = 1_000_000
+"""A line has at most so many bytes."""
+
+_QUOTED = 80
+_TAIL = 4096
+"""So much is kept of what a program writes to standard error [bytes]."""
+
+_CHUNK = 1 << 16
+_LOOK = 0.05
+"""So often a silent program is asked whether it lives [s]: its helpers may hold its streams open when it has died."""
+
+_GRACE = 1.0
+"""So long a program may take to end after the end of its input [s] before it is killed."""
+
+_MOST_KEPT = 16
+_PARENT_DEATH = 1  # PR_SET_PDEATHSIG
+_LIBC = ctypes.CDLL(None) if sys.platform == "linux" else None  # a forked child could not load it safely
+
+_alive: set[Process] = set()
+_kept: dict[object, list[Process]] = {}
+_guarded: set[int] = set()
+"""Processes whose exit ends the programs that they have started."""
+
+
+class Process:
+    """A running program.
+
+    Args:
+        command: how it is started.
+        part: its folder, environment, and whether it speaks on a socket.
+        component: its name in the model, for messages.
+        patience: longest time for an answer [s].
+
+    Raises:
+        HostFailure: it cannot be started.
+    """
+
+    def __init__(self, command: list[str], part: ProgramPart, component: str, patience: float) -> None:
+        self.status: int | None = None
+        """Its exit status, negative for a signal; None while it runs."""
+        self._component, self._patience, self._owner = component, patience, os.getpid()
+        self._asked, self._until = "", 0.0
+        self._incoming, self._outgoing, self._words = bytearray(), bytearray(), bytearray()
+        self._door: socket.socket | None = None
+        self._folder = ""
+        environment = {**os.environ, **part.environment}
+        if part.socket:
+            self._folder = tempfile.mkdtemp(prefix="parcours-")
+            self._door = socket.socket(socket.AF_UNIX)
+            self._door.bind(f"{self._folder}/socket")
+            self._door.listen(1)
+            self._door.setblocking(False)
+            environment[SOCKET] = f"{self._folder}/socket"
+        try:
+            self._popen = _started(command, part, component, environment)
+        except BaseException:
+            self._close_door()
+            raise
+        self._files: list[IO[bytes] | socket.socket] = [
+            file for file in (self._popen.stdin, self._popen.stdout, self._popen.stderr) if file is not None
+        ]
+        numbers = [file.fileno() for file in self._files]
+        for number in numbers:
+            os.set_blocking(number, False)
+        # Of one that speaks on a socket, both output streams are one pipe, of words for humans.
+        self._to, self._from, self._errors = numbers if not part.socket else (-1, -1, numbers[0])
+        _alive.add(self)
+
+    def say(self, word: str, content: object) -> None:
+        """Say a word that is not answered. What the program does not read at once waits until `line`.
+
+        Raises:
+            HostFailure: JSON cannot hold the content.
+        """
+        try:
+            plain = msgspec.to_builtins({word: content}, str_keys=True)
+            self._outgoing += json.dumps(plain, allow_nan=False, separators=(",", ":")).encode() + b"\n"
+        except (TypeError, ValueError, RecursionError, msgspec.MsgspecError) as error:
+            rule = f"`{word}` must hold what JSON can hold, but: {error}"
+            raise HostFailure(f"component {self._component}", rule, slug="program-message") from error
+        self._flush()
+
+    def ask(self, word: str, content: object) -> None:
+        """Say a word whose whole answer must come within the program's patience.
+
+        Raises:
+            HostFailure: JSON cannot hold the content, or the program has printed something unasked.
+        """
+        if self._owner != os.getpid():
+            raise failure(self._component, "must be used by the process that started it", "program-ended")
+        if self._asked:
+            self._read()
+            self.require_silence()
+        self._asked, self._until = word, time.monotonic() + self._patience
+        self.say(word, content)
+
+    def line(self) -> bytes:
+        """Return the next line. Raises HostFailure if the program ends, is silent, or prints too long a line."""
+        while True:
+            end = self._incoming.find(b"\n")
+            if (end if end >= 0 else len(self._incoming)) > LONGEST:
+                rule = (
+                    f"must print lines of at most {LONGEST} bytes, but printed a longer one: {quoted(self._incoming)}"
+                )
+                raise failure(self._component, rule, "program-flood")
+            if end >= 0:
+                line = bytes(self._incoming[:end])
+                del self._incoming[: end + 1]
+                return line
+            self._await()
+
+    def unanswered(self, why: str, slug: str) -> HostFailure:
+        """Return the complaint that it has not answered, with what it said at last."""
+        half = f"; it had printed part of a line: {quoted(self._incoming)}" if self._incoming else ""
+        words = [line for line in bytes(self._words).splitlines() if line.strip()]
+        last = f"; its last words: {quoted(words[-1])}" if words else ""
+        return failure(self._component, f"must answer `{self._asked}`{why}{half}{last}", slug)
+
+    def require_silence(self) -> None:
+        """Raise HostFailure if more has come than the answer."""
+        if self._incoming:
+            rule = f"must print nothing after its answer to `{self._asked}`, but printed {quoted(self._incoming)}"
+            raise failure(self._component, rule, "program-words")
+
+    def forget_words(self) -> None:
+        """Forget what it has written to standard error: that was in an earlier case."""
+        self._hear_words()
+        self._words.clear()
+
+    def has_ended(self) -> bool:
+        """Return whether it has ended; it stays a zombie, so that nobody else can get its process group."""
+        if self.status is None:
+            try:
+                found = os.waitid(os.P_PID, self._popen.pid, os.WEXITED | os.WNOHANG | os.WNOWAIT)
+            except ChildProcessError:  # somebody lets the system reap all children of this process
+                self.status = 0
+            else:
+                if found is not None:
+                    self.status = found.si_status if found.si_code == os.CLD_EXITED else -found.si_status
+        return self.status is not None
+
+    def hang_up(self) -> None:
+        """Let it see the end of its input."""
+        self._to = -1
+        with contextlib.suppress(OSError):
+            if isinstance(self._files[-1], socket.socket):
+                self._files[-1].shutdown(socket.SHUT_WR)
+            elif self._popen.stdin is not None:
+                self._popen.stdin.close()
+
+    def end(self, until: float = 0.0) -> None:
+        """End it and its helpers; by force, unless it has ended before `until` [s, monotonic] by itself."""
+        if self._owner == os.getpid():
+            self.hang_up()
+            while not self.has_ended() and time.monotonic() < until:
+                time.sleep(0.002)
+            with contextlib.suppress(OSError):
+                os.killpg(self._popen.pid, signal.SIGKILL)
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                self._popen.wait(_GRACE)
+        self._close_door()
+        self.let_go()
+        _alive.discard(self)
+
+    def let_go(self) -> None:
+        """Close this process's ends of its streams."""
+        self._to = self._from = self._errors = -1
+        for file in self._files:
+            with contextlib.suppress(OSError):
+                file.close()
+
+    def _await(self) -> None:
+        """Wait until more has come. Raises HostFailure if nothing does."""
+        while True:
+            ended = self.has_ended()  # asked first: what it wrote before its end is read below
+            self._flush()
+            self._hear_words()
+            if self._door is not None:
+                self._let_in(self._door)
+            elif self._read():
+                return
+            left = self._until - time.monotonic()
+            if ended or left <= 0:
+                raise self._silence()
+            poll = select.poll()
+            door = self._door.fileno() if self._door is not None else -1
+            wanted = {self._from: select.POLLIN, self._errors: select.POLLIN, door: select.POLLIN}
+            if self._outgoing:
+                wanted[self._to] = wanted.get(self._to, 0) | select.POLLOUT
+            for number, event in wanted.items():
+                if number >= 0:
+                    poll.register(number, event)
+            closed = self._from < 0 and self._door is None  # its end will follow at once, and nothing tells of it
+            poll.poll(1000 * min(left, 0.005 if closed else _LOOK))
+
+    def _silence(self) -> HostFailure:
+        if self.status is not None:
+            return self.unanswered(f", but ended ({ending(self.status)})", "program-ended")
+        what = f" connect to the socket {SOCKET}" if self._door is not None else ""
+        what += " and has closed its output" if self._from < 0 and self._door is None else ""
+        return self.unanswered(f" within {self._patience:g} s, but did not{what}", "program-silent")
+
+    def _let_in(self, door: socket.socket) -> None:
+        with contextlib.suppress(BlockingIOError):
+            connection = door.accept()[0]
+            connection.setblocking(False)
+            self._files.append(connection)
+            self._to = self._from = connection.fileno()
+            self._close_door()
+
+    def _close_door(self) -> None:
+        if self._door is not None:
+            self._door.close()
+            self._door = None
+            shutil.rmtree(self._folder, ignore_errors=True)
+
+    def _flush(self) -> None:
+        if self._outgoing and self._to >= 0:
+            try:
+                del self._outgoing[: os.write(self._to, self._outgoing)]
+            except BlockingIOError:
+                pass
+            except OSError:
+                self._to = -1  # it reads no more; whether that matters, its answers will show
+
+    def _read(self) -> bool:
+        """Return whether something has come."""
+        chunk = _chunk(self._from)
+        if chunk == b"":
+            self._from = -1
+        self._incoming += chunk or b""
+        return bool(chunk)
+
+    def _hear_words(self) -> None:
+        for _ in range(16):  # not until there is silence, which may never be
+            chunk = _chunk(self._errors)
+            if not chunk:
+                self._errors = self._errors if chunk is None else -1
+                return
+            self._words += chunk
+            del self._words[:-_TAIL]
+
+
+def _chunk(number: int) -> bytes | None:
+    """Return what can be read at once: nothing at the end of a stream, None if there may be more later."""
+    try:
+        return os.read(number, _CHUNK) if number >= 0 else b""
+    except BlockingIOError:
+        return None
+    except OSError:
+        return b""
+
+
+def failure(component: str, rule: str, slug: str, remedy: str = "") -> HostFailure:
+    """Return the complaint about a component's program."""
+    return HostFailure(f"component {component}", f"its program {rule}", remedy, slug=slug)
+
+
+def quoted(line: bytes | bytearray) -> str:
+    """Return the start of what a program printed, for a message.
+
+    >>> quoted(b"Hello"), len(quoted(b"x" * 1000)), quoted(bytes([7, 255]))
+    ("'Hello'", 80, "'\\\\x07\\\\\\\\xff'")
+    """
+    text = repr(bytes(line[: 2 * _QUOTED]).decode(errors="backslashreplace"))
+    return text if len(text) <= _QUOTED else f"{text[: _QUOTED - 4]}...{text[0]}"
+
+
+def command_of(part: ProgramPart, component: str) -> list[str]:
+    """Return a part's command with the program's path.
+
+    Raises:
+        HostFailure: there is no such program, or it is not executable.
+    """
+    first = part.command[0] if part.command else ""
+    path = part.environment.get("PATH")
+    found = shutil.which(str(part.folder.absolute() / first) if "/" in first else first, path=path)
+    if found is None:
+        there = part.folder / first
+        remedy = (
+            f"build it in {part.folder}, or correct `command`" if "/" in first else "install it, or correct `command`"
+        )
+        if there.is_file():
+            remedy = (
+                "make it executable (chmod +x), or name its interpreter first" if "/" in first else f"write ./{first}"
+            )
+        raise failure(component, f"must be there, but {first!r} cannot be executed", "program-missing", remedy)
+    return [found, *part.command[1:]]
+
+
+def _started(command: list[str], part: ProgramPart, component: str,
+             environment: Mapping[str, str]) -> subprocess.Popen[bytes]:  # fmt: skip
+    _guard()
+    parent = os.getpid()
+
+    def bind() -> None:
+        """Ask the system to kill the program when the thread that starts it has ended: the main one, as a rule."""
+        if _LIBC is not None:
+            _LIBC.prctl(_PARENT_DEATH, signal.SIGKILL)
+            if os.getppid() != parent:
+                os._exit(1)  # it ended before it could be asked for
+
+    try:
+        return subprocess.Popen(
+            command, cwd=part.folder, env=environment, bufsize=0, process_group=0, preexec_fn=bind,
+            stdin=subprocess.DEVNULL if part.socket else subprocess.PIPE, stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT if part.socket else subprocess.PIPE,
+        )  # fmt: skip
+    except (OSError, subprocess.SubprocessError) as error:
+        rule = f"must start, but {command[0]} cannot be executed in {part.folder}: {error}"
+        raise failure(component, rule, "program-missing") from error
+
+
+# Programs that are sound after a case are kept for the next case of the same component: a start takes much longer than
+# a case. A forked process has none of its parent's.
+
+
+def take_kept(key: object) -> Process | None:
+    """Return a program that was kept under this key and still runs; None if there is none."""
+    kept = _kept.get(key, [])
+    while kept:
+        process = kept.pop()
+        if not process.has_ended():
+            return process
+        process.end()
+    return None
+
+
+def keep(key: object, process: Process) -> None:
+    """Keep a sound program, unless there are enough."""
+    if sum(map(len, _kept.values())) < _MOST_KEPT:
+        _kept.setdefault(key, []).append(process)
+    else:
+        process.end(time.monotonic() + _GRACE)
+
+
+def end_programs() -> None:
+    """End all programs that this process has started: they see the end of their input, and have 1 s to end.
+
+    Done at exit; a process that leaves by `os._exit` calls it before.
+    """
+    _kept.clear()
+    for process in _alive:
+        process.hang_up()
+    until = time.monotonic() + _GRACE
+    for process in list(_alive):
+        process.end(until)
+
+
+def _guard() -> None:
+    if os.getpid() not in _guarded:  # a worker of multiprocessing runs finalizers, but no handlers of atexit
+        _guarded.add(os.getpid())
+        multiprocessing.util.Finalize(None, end_programs, exitpriority=10)
+
+
+def _forget() -> None:
+    for process in _alive:
+        process.let_go()
+        process._popen.returncode = 0  # it is the parent's to wait for
+    _alive.clear()
+    _kept.clear()
+
+
+os.register_at_fork(after_in_child=_forget)

@@ -1,0 +1,251 @@
+"""Results of a component study <-> a file, tables, charts and the rows of JUnit."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from parcours.errors import BadRequest, BadResults, ParcoursError
+from parcours.report.junit import CaseResult
+from parcours.report.pieces import Column, Figure, Page, Table
+from parcours.report.timings import Timed, timing_figure, timing_table
+from parcours.report.writing import write_text
+from parcours.run.noise import Noise, noise_of
+from parcours.study.components.executing import Functional, Timing
+from parcours.study.protocol import Measure
+from parcours.verdict.judgement import Judgement, Verdict
+from parcours.verdict.timing import NEVER, parse_bound
+
+FILE = "components.json"
+_FORMAT = "components/2"
+_LONGEST = 2_000
+"""Characters of a reason that are kept."""
+
+
+@dataclass(frozen=True, slots=True)
+class ComponentResult:
+    """One judged case; `bound` (in words) and `durations` [ns] are those of a timing case, else empty."""
+
+    id: str
+    interaction: str
+    verdict: str
+    why: str
+    bound: str = ""
+    durations: tuple[int, ...] = ()
+
+    def junit(self) -> CaseResult:
+        """Return it as JUnit knows it: a timing case lasts as long as its longest repeat that ended."""
+        kind = "timing" if self.bound else "functional"
+        if self.bound and self.interaction != interaction_of(self.id.split("/")[-2]):
+            kind += f"/{self.interaction}"  # a case may be timed under several limits
+        longest = max((one for one in self.durations if one != NEVER), default=0)
+        return CaseResult(f"{kind}/{self.id}", Verdict(self.verdict), longest * 1e-9, self.why)
+
+
+@dataclass(frozen=True, slots=True)
+class ComponentResults:
+    """Everything that one run of a component study showed.
+
+    Attributes:
+        host: where the components were.
+        results: functional cases, then timing cases.
+        noise: of the machine, between the repeats of each interaction path's timing cases.
+        planned: how many cases the run was to have.
+    """
+
+    host: str
+    results: tuple[ComponentResult, ...]
+    noise: Mapping[str, Noise] = field(default_factory=dict)
+    planned: int = 0
+
+
+def component_results(host: str, functional: Sequence[Functional], timing: Sequence[Timing]) -> ComponentResults:
+    """Return the judged component cases of a run."""
+    results = [functional_result(run) for run in functional] + [timing_result(timed) for timed in timing]
+    return ComponentResults(host, tuple(results), {timed.group: timed.noise for timed in timing})
+
+
+def functional_result(run: Functional) -> ComponentResult:
+    """Return the result of a functional case."""
+    why = run.judgement.why.encode("utf-8", "backslashreplace").decode()  # a component may say anything, and much
+    why = why if len(why) <= _LONGEST else f"{why[: _LONGEST - 3]}..."
+    return ComponentResult(run.case.id, interaction_of(run.case.abstract), str(run.judgement.verdict), why)
+
+
+def timing_result(timed: Timing) -> ComponentResult:
+    """Return the result of a timing case."""
+    judged = timed.judgement
+    return ComponentResult(
+        timed.case.id, timed.group, str(judged.verdict), judged.why, str(timed.bound), timed.durations
+    )
+
+
+def interaction_of(abstract: str) -> str:
+    """Return the interaction path that the id of an abstract case begins with.
+
+    >>> interaction_of("ITP1-tp12.tp21.tp12-0.0.0"), interaction_of("sense-to-motion-tp1.tp2-0.1")
+    ('ITP1', 'sense-to-motion')
+    """
+    return abstract.rsplit("-", 2)[0]
+
+
+def write_components(folder: Path, given: ComponentResults) -> None:
+    """Write the results into the folder. Raises BadRequest if it cannot be written to."""
+    noise = {itp: {"of": one.of, "times": one.times} for itp, one in given.noise.items()}
+    results = [asdict(result) for result in given.results]
+    document = {"parcours": _FORMAT, "host": given.host, "noise": noise, "results": results}
+    write_text(folder / FILE, json.dumps(document, allow_nan=False) + "\n")
+
+
+def read_components(folder: Path) -> ComponentResults:
+    """Return the results that lie in the folder.
+
+    Raises:
+        BadResults: there are none, or the file is cut short or of another version.
+    """
+    path = folder / FILE
+    try:
+        document = json.loads(path.read_bytes())
+        if document["parcours"] != _FORMAT:
+            raise ValueError(f"its format is {document['parcours']!r}, not {_FORMAT!r}")
+        results = tuple(_result(entry) for entry in document["results"])
+        noise = {str(itp): Noise(tuple(one["times"]), str(one["of"])) for itp, one in document["noise"].items()}
+        return ComponentResults(str(document["host"]), results, noise, len(results))
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError, ParcoursError) as error:
+        raise _unreadable(path, error) from error
+
+
+def _unreadable(path: Path, error: Exception) -> BadResults:
+    rule = f"component results must be readable, but: {error}"
+    return BadResults(str(path), rule, "run the study again", slug="results-components")
+
+
+def _result(entry: Mapping[str, object]) -> ComponentResult:
+    made = ComponentResult(**{**entry, "durations": tuple(cast("list[int]", entry["durations"]))})  # type: ignore[arg-type]
+    Verdict(made.verdict)
+    return made
+
+
+def entry_of(result: ComponentResult, noise: Noise | None = None) -> dict[str, object]:
+    """Return a result as a line of a journal."""
+    return {**asdict(result), "noise": noise and noise.listed()}
+
+
+def results_of_journal(
+    path: Path, host: str, planned: int, entries: Mapping[str, Mapping[str, object]]
+) -> ComponentResults:
+    """Return the results that a journal holds, in the order of its lines. Raises BadResults if one is damaged."""
+    results: list[ComponentResult] = []
+    noise: dict[str, Noise] = {}
+    try:
+        for entry in entries.values():
+            plain = dict(entry)
+            measured = plain.pop("noise")
+            results.append(_result(plain))
+            if measured is not None:
+                noise[results[-1].interaction] = noise_of(measured)
+    except (KeyError, ValueError, TypeError) as error:
+        raise _unreadable(path, error) from error
+    return ComponentResults(host, tuple(results), noise, planned)
+
+
+def component_table(results: Sequence[ComponentResult], title: str) -> Table:
+    """Return how many cases of each interaction path passed."""
+    kinds = [r for r in results if not r.bound], [r for r in results if r.bound]
+    rows = []
+    for itp in dict.fromkeys(r.interaction for r in results):
+        row: list[str] = [itp]
+        for mine in kinds:
+            counts = Counter(r.verdict for r in mine if r.interaction == itp)
+            row.append(f"{counts['pass']} of {sum(counts.values())}")
+        rows.append(tuple(row))
+    return Table(title, (Column("path"), Column("functional cases passed"), Column("timing cases passed")), tuple(rows))
+
+
+def failure_table(results: Iterable[ComponentResult], title: str) -> Table | None:
+    """Return the cases that did not pass, each with its reason; None if all did."""
+    rows = tuple((r.id, r.verdict, r.why) for r in results if r.verdict != "pass")
+    if not rows:
+        return None
+    return Table(title, (Column("case", code=True), Column("verdict"), Column("why")), rows)
+
+
+def timed(given: ComponentResults) -> list[Timed]:
+    """Return the timing cases as the report draws them."""
+    return [
+        Timed(one.interaction, one.durations, parse_bound(one.bound), Judgement(Verdict(one.verdict), one.why))
+        for one in given.results
+        if one.bound
+    ]
+
+
+def timing_pieces(given: ComponentResults, where: str) -> tuple[Table | Figure, ...]:
+    """Return the chart of durations and the table beside it; nothing if no case was timed.
+
+    Args:
+        given: the results.
+        where: what to call them.
+    """
+    cases = timed(given)
+    if not cases:
+        return ()
+    note = (
+        "Durations on the wall clock of this machine, from the first to the last event of a case or span; warm-up left"
+        " out. A verdict that noise could have made is refused."
+    )
+    noise = max(given.noise.values(), key=lambda one: one.p99)
+    return timing_table(f"Timing, {where}", cases, note), timing_figure(f"Durations, {where}", cases, noise)
+
+
+class StudyResults:
+    """The results of one run as every command wants them (`parcours.study.protocol.Results`).
+
+    Args:
+        study: its name.
+        found: what the folder holds.
+        replay: makes the page of one case.
+    """
+
+    def __init__(self, study: str, found: ComponentResults, replay: Callable[[str], Page]) -> None:
+        self.study, self.found, self._replay = study, found, replay
+        self.label = found.host
+        self.planned = found.planned
+
+    def cases(self) -> Sequence[CaseResult]:
+        """Return the verdict of every finished case."""
+        return [one.junit() for one in self.found.results]
+
+    def measures(self) -> Mapping[str, Measure]:
+        """Return the rates of verdicts, and the median duration of timing cases [s]."""
+        results = self.found.results
+
+        def rate(verdict: str) -> NDArray[np.float64]:
+            return np.array([one.verdict == verdict for one in results], float)
+
+        rates = {
+            "failed": Measure(rate("fail") + rate("error")),
+            "passed": Measure(rate("pass"), worse="less"),
+            "inconclusive": Measure(rate("inconclusive")),
+            "errors": Measure(rate("error")),
+        }
+        if any(one.durations for one in results):
+            ended = [[d * 1e-9 for d in one.durations if d != NEVER] for one in results]
+            middles = [float(np.median(each)) if each else np.nan for each in ended]
+            rates["duration"] = Measure(np.array(middles), "quantity", "s")
+        return rates
+
+    def replay(self, case: str) -> Page:
+        """Return a page on one case, run again."""
+        ids = [one.id for one in self.found.results]
+        wanted = ids[int(case)] if case.isdecimal() and int(case) < len(ids) else case.removeprefix("functional/")
+        if wanted not in ids:
+            rule = f"a case must be a finished one of the {len(ids)} in the folder, but {case!r} was asked for"
+            raise BadRequest("replay", rule, "see `parcours report FOLDER --json` for their ids", slug="case-number")
+        return self._replay(wanted)

@@ -1,0 +1,370 @@
+"""A component study: abstract cases of a model, filled with data, enforced on whatever stands for the components.
+
+What a study leaves out has a default: edge coverage, every abstract case once or as often as Each Choice needs,
+messages and input variables under which the guards of a case hold, and an oracle that wants the order kept.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from parcours.abtc import AbstractCase, Event, serialise
+from parcours.data import InputModel
+from parcours.errors import BadSuite
+from parcours.model.structure import Cefsm
+from parcours.run.here import View
+from parcours.run.port import links
+from parcours.run.recording import Codec as RecordingCodec
+from parcours.run.trace import Trace
+from parcours.study.components.executing import TimingGroup, in_process, judge_trace, run_functional, whole_case
+from parcours.study.components.messages import Messages
+from parcours.study.components.selecting import Selection, select_cases
+from parcours.study.components.stimuli import Chooser, Formulas
+from parcours.study.components.systems import PATIENCE, System
+from parcours.study.components.tester import StudyTester, Tester
+from parcours.study.faults import FaultReport, FaultRequest
+from parcours.study.hosting import HOSTS, Nodes
+from parcours.study.parameters import Parameter, Scalar, Settings
+from parcours.study.protocol import Finding, Judged, Progress, Rejudged, Reported, Request, Results, Run
+from parcours.study.values import natural_values
+from parcours.suite import Case, Plan, combine
+from parcours.verdict.judgement import Judgement, Verdict
+from parcours.verdict.timing import Bound
+
+NO_INPUTS = InputModel("no inputs", ())
+"""The test inputs of a study that has none: each abstract case is one case."""
+
+_TIMED = 5
+"""Abstract cases that are timed for each limit, evenly spread."""
+
+Oracle = Callable[[Case, Trace, Settings], Judgement]
+
+
+@dataclass(frozen=True, slots=True)
+class Limit:
+    """A bound on how long an interaction path takes, or the way from one transition to the next of another.
+
+    Attributes:
+        name: of the interaction path, or of the limit.
+        bound: the limit.
+        begin: the transition from whose end it counts; empty for whole cases of the interaction path.
+        end: the transition at whose end it is over.
+    """
+
+    name: str
+    bound: Bound
+    begin: str = ""
+    end: str = ""
+
+
+def order_is_kept(case: Case, trace: Trace, settings: Settings) -> Judgement:
+    """Pass: whoever asks has seen that every transition was taken in its turn."""
+    n = sum(event.kind == "take" for event in trace.events)
+    return Judgement(Verdict.PASS, f"all {n} transitions were taken in their order")
+
+
+def host_parameters(*more: Parameter) -> tuple[Parameter, ...]:
+    """Return the parameters that every component study has, and others after them."""
+    return (
+        Parameter("host", "text", "simulated", "where the components run", choices=HOSTS),
+        Parameter("graph", "text", "", "address of a running ROS 1 master, or a ROS 2 domain; else one of its own",
+                  decides=False),
+        Parameter("record", "text", "", "keep a recording of every case", choices=("", "mcap", "bag"), decides=False),
+        Parameter("repeats", "int", 60, "of a timing case", low=1, high=100_000),
+        *more,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class ComponentStudy:
+    """A study of components (`parcours.study.protocol.Study`).
+
+    Args:
+        name: first part of every case id.
+        model: the behavioural and the structural model.
+        system: what makes the components.
+        inputs: test inputs; without any, each abstract case is one case.
+        doc: a sentence about the study.
+        where: how a command line names it; empty for an object that no other process can find.
+        own: parameters of its own.
+        criterion: how blocks of inputs are combined.
+        paths: coverage criterion of the internal paths.
+        policy: of serialisation; the model's if empty.
+        n_cases: how many cases are run if nothing is said; None for what the criterion needs.
+        time_budget: of a case [s].
+        supply: formulas for fields of the environment's messages.
+        set_before: formulas for input variables before a transition.
+        oracles: judge a case whose order was kept; all must pass.
+        limits: bounds on durations.
+        digests: what its results depend on beside its settings: name of a file -> digest.
+        files: where its model and its data lie.
+        patience: longest turn [s of wall clock].
+    """
+
+    name: str
+    model: Cefsm
+    system: System | None
+    inputs: InputModel = NO_INPUTS
+    doc: str = ""
+    where: str = ""
+    own: tuple[Parameter, ...] = ()
+    criterion: str = "each_choice"
+    paths: str = "edge"
+    policy: str = ""
+    n_cases: int | None = None
+    time_budget: float = 20.0
+    supply: Formulas = field(default_factory=dict)
+    set_before: Formulas = field(default_factory=dict)
+    oracles: tuple[Oracle, ...] = (order_is_kept,)
+    limits: tuple[Limit, ...] = ()
+    digests: Mapping[str, str] = field(default_factory=dict)
+    files: Mapping[str, Path] = field(default_factory=dict)
+    patience: float = PATIENCE
+
+    kind = "components"
+    trusted = False
+    """Whether components run in this process: only those that ship with Parcours do."""
+    compiles = False
+    """Whether kernels are compiled before the first case."""
+
+    @property
+    def family(self) -> str:
+        """Component studies are reported together."""
+        return "components"
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Those of every component study, then its own."""
+        return host_parameters(*self.own)
+
+    @functools.cached_property
+    def _selection(self) -> Selection:
+        return select_cases(self.model, self.paths, self.policy, Chooser(self.model, self.messages, {}, {}, {}))
+
+    @functools.cached_property
+    def abstracts(self) -> Mapping[str, AbstractCase]:
+        """The abstract cases by id, those that are infeasible left out. Raises BadModel if there are none."""
+        return self._selection.cases
+
+    @functools.cached_property
+    def infeasible(self) -> Mapping[str, str]:
+        """The abstract cases whose guards cannot hold together whatever the tester chooses, and why."""
+        return self._selection.infeasible
+
+    @functools.cached_property
+    def messages(self) -> Messages:
+        """The messages of the model."""
+        return Messages(self.model)
+
+    @functools.cached_property
+    def _chooser(self) -> Chooser:
+        limits = {
+            domain.name: (domain.blocks[0].first, domain.blocks[-1].last)
+            for domain in self.inputs.domains
+            if not domain.values
+        }
+        return Chooser(self.model, self.messages, self.supply, self.set_before, limits)
+
+    def plan(self, seed: int, n_cases: int | None = None) -> Plan:
+        """Return the plan of the first `n_cases` cases."""
+        return combine(
+            self.name, tuple(self.abstracts), self.inputs, criterion=self.criterion, time_budgets=(self.time_budget,),
+            seed=seed, n_cases=n_cases or self.n_cases,
+        )  # fmt: skip
+
+    def suite(self, settings: Settings, seed: int, n_cases: int | None = None) -> Iterator[Case]:
+        """Yield the cases."""
+        return self.plan(seed, n_cases).cases()
+
+    @property
+    def recorded(self) -> RecordingCodec:
+        """How its messages are recorded."""
+        return self.messages
+
+    def nodes(self) -> Nodes:
+        """Return how its components become nodes."""
+        from parcours.study.components import resident
+
+        return Nodes(
+            self.model, links(self.model), tuple(component.name for component in self.model.components),
+            f"{resident.__name__}:StudyResident", self.messages, f"{resident.__name__}:ros1_resident",
+            f"{resident.__name__}:ros1_codec_of", ("parcours.study.components.resident",), self.where,
+        )  # fmt: skip
+
+    def exercise(self, settings: Settings) -> Exercised:
+        """Return what executing and judging its cases needs, the parameters being set."""
+        return Exercised(self, settings)
+
+    def known(self, case: Case, settings: Settings) -> dict[str, Scalar]:
+        """Return what formulas, constructors and programs may read: parameters and test inputs by name."""
+        return {**settings, **natural_values(self.inputs, case)}
+
+    def tester(self, case: Case, settings: Settings) -> Tester:
+        """Return the tester of a case."""
+        assert self.system is not None
+        known = self.known(case, settings)
+        stimuli = self._chooser.stimuli(self.events(case), known).of
+        components = {component.name: component for component in self.model.components}
+        return StudyTester(self.system, components, case, settings, known, stimuli)
+
+    def contradiction(self, case: Case, settings: Settings) -> str:
+        """Return why no choice of the tester's can make this case run with its data and formulas; empty if one can."""
+        if self.system is None:
+            return ""
+        return self._chooser.stimuli(self.events(case), self.known(case, settings)).infeasible
+
+    @functools.lru_cache(maxsize=256)  # noqa: B019 - a study lives as long as its process
+    def _events(self, abstract: str) -> tuple[Event, ...]:
+        return serialise(self.abstracts[abstract])
+
+    def events(self, case: Case) -> tuple[Event, ...]:
+        """Return the events of a case. Raises BadSuite if the study has no such abstract case."""
+        if case.abstract not in self.abstracts:
+            rule = f"a case must be one that the study has, but no abstract case of {self.name} is called like that"
+            raise BadSuite(f"case {case.id!r}", rule, "write the suite again with this version", slug="foreign-case")
+        return self._events(case.abstract)
+
+    def view(self) -> View:
+        """Return what shows something of an instance at the end of a case: nothing."""
+        return lambda component: None
+
+    def oracle(self, case: Case, trace: Trace, settings: Settings) -> Judgement:
+        """Judge a case whose order was kept: the first oracle that does not let it pass decides."""
+        judgement = Judgement(Verdict.PASS, "")
+        for oracle in self.oracles:
+            judgement = oracle(case, trace, settings)
+            if not judgement.passed:
+                return judgement
+        return judgement
+
+    def timing(self, seed: int, settings: Settings) -> list[TimingGroup]:
+        """Return what is timed: for each limit a few abstract cases, evenly spread."""
+        plan = self.plan(seed)
+        groups = []
+        for limit in self.limits:
+            ids = self.limited(limit)
+            chosen = [ids[k * len(ids) // min(_TIMED, len(ids))] for k in range(min(_TIMED, len(ids)))]
+            cases = tuple((plan.case(plan.number(one, 0)), limit.bound) for one in chosen)
+            span = whole_case if not limit.begin else functools.partial(span_of, begin=limit.begin, end=limit.end)
+            if cases:
+                groups.append(TimingGroup(limit.name, cases, span))
+        return groups
+
+    def limited(self, limit: Limit) -> list[str]:
+        """Return the ids of the abstract cases that a limit is about."""
+        return [id for id, case in self.abstracts.items() if self._is_limited(limit, case)]
+
+    def _is_limited(self, limit: Limit, case: AbstractCase) -> bool:
+        if not limit.begin:
+            return case.interaction.name == limit.name
+        taken = [event.transition for event in self._events(case.id)]
+        return limit.begin in taken and limit.end in taken[taken.index(limit.begin) :]
+
+    def run(self, request: Request, progress: Progress) -> Run:
+        """Execute cases and keep the results (`parcours.study.components.running`)."""
+        from parcours.study.components.running import run_study
+
+        return run_study(self, request, progress)
+
+    def read(self, folder: Path) -> Results:
+        """Return the results in a folder."""
+        from parcours.study.components.running import read_results
+
+        return read_results(self, folder)
+
+    def report(self, results: Mapping[str, Results]) -> Reported:
+        """Return tables, pieces and documents on component results."""
+        from parcours.study.components.running import report_results
+
+        return report_results(results)
+
+    def judge(self, case: Case, settings: Settings) -> Judged:
+        """Execute one case again, in simulated time, and judge it."""
+        self._require_same(case)
+        exercise = self.exercise(settings)
+        if self.trusted:
+            run = run_functional(exercise, case, in_process(exercise))
+            taken = [event.transition for event in run.execution.trace.events if event.kind == "take"]
+            judgement = run.judgement
+        else:
+            from parcours.study.components.running import judged_apart
+
+            judgement, taken = judged_apart(self, case, settings)
+        facts = (("interaction", self.abstracts[case.abstract].interaction.name), ("taken", " ".join(taken)))
+        command = f"parcours run {self.where or self.name} --seed {case.seed} --case {case.id} --out out"
+        return Judged(case, judgement.verdict, judgement.why, facts, f"{command} && parcours replay out {case.id}")
+
+    def _require_same(self, case: Case) -> None:
+        """Raise BadSuite unless this is a case that the study has, with the values that its seed gives."""
+        self.events(case)
+        plan = self.plan(case.seed, case.number + 1)
+        if plan.case(case.number) != dataclasses.replace(case, time_budget=self.time_budget):
+            rule = f"a case must be one that the study has, but case {case.number} of seed {case.seed} is another"
+            raise BadSuite(f"case {case.id!r}", rule, "write the suite again with this version", slug="foreign-case")
+
+    def rejudge(self, recording: Path) -> Rejudged:
+        """Judge a recording by what is recorded alone."""
+        from parcours.study.components.archive import rejudge
+
+        return rejudge(self, recording)
+
+    def faults(self, request: FaultRequest, progress: Progress) -> FaultReport:
+        """Execute cases under faults on purpose (`parcours.study.components.faults`)."""
+        from parcours.study.components.faults import strike
+
+        return strike(self, request, progress)
+
+    def check(self, progress: Progress) -> Sequence[Finding]:
+        """Run the battery for its author."""
+        from parcours.study.components.battery import check_study
+
+        return check_study(self, progress)
+
+
+@dataclass(frozen=True, slots=True)
+class Exercised:
+    """A component study with its parameters set (`executing.Exercise`)."""
+
+    study: ComponentStudy
+    settings: Settings
+
+    def events(self, case: Case) -> Sequence[Event]:
+        """Return the case's events, serialised."""
+        return self.study.events(case)
+
+    def tester(self, case: Case) -> Tester:
+        """Return the tester of a case."""
+        return self.study.tester(case, self.settings)
+
+    def oracle(self, case: Case, trace: Trace) -> Judgement:
+        """Judge a case whose order was kept and whose transitions were taken."""
+        return self.study.oracle(case, trace, self.settings)
+
+    def contradiction(self, case: Case) -> str:
+        """Return why no choice of the tester's can make this case run; empty if one can."""
+        return self.study.contradiction(case, self.settings)
+
+    @property
+    def view(self) -> View:
+        """What an instance shows of itself at the end."""
+        return self.study.view()
+
+    def judge(self, case: Case, trace: Trace) -> Judgement:
+        """Judge a case by its trace alone."""
+        return judge_trace(self, case, trace)
+
+
+def span_of(trace: Trace, begin: str, end: str) -> int:
+    """Return the longest time from a taking of `begin` to the next taking of `end` [ns]; `NEVER` if there is none."""
+    from parcours.run.trace import durations
+    from parcours.verdict.timing import NEVER
+
+    return (
+        NEVER
+        if any(one.kind == "deviation" for one in trace.events)
+        else max(durations(trace, begin, end), default=NEVER)
+    )

@@ -1,0 +1,134 @@
+"""What a user writes on a command line -> the study: a registered name, a folder, a study.yaml, or a Python object."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import os
+import sys
+from collections.abc import Sequence
+from importlib.metadata import EntryPoint, entry_points
+from pathlib import Path
+from typing import TYPE_CHECKING, cast
+
+from parcours.errors import BadRequest, ParcoursError, one_of
+from parcours.study.loading import NEIGHBOURS, is_target, load
+from parcours.study.protocol import Described, Study
+
+if TYPE_CHECKING:
+    from parcours.study.components.study import ComponentStudy
+
+GROUP = "parcours.studies"
+"""Entry points of this group name studies: `name = package.module:STUDY`, an object or a function that returns one."""
+
+FILE = "study.yaml"
+_NEEDED = ("name", "kind", "parameters", "suite", "run", "read", "report", "judge")
+
+
+def registered() -> Sequence[Described]:
+    """Return the studies that installed packages register, by name; none is loaded."""
+    return [
+        Described(point.name, point.dist.name if point.dist is not None else "", point.value)
+        for point in sorted(entry_points(group=GROUP), key=lambda point: point.name)
+    ]
+
+
+def find(given: str) -> Study:
+    """Return the study that a user names.
+
+    Args:
+        given: a registered name, a folder with a study.yaml, such a file, `file.py:STUDY` or `module:STUDY`.
+
+    Raises:
+        BadRequest: there is no such study, or what is found is none.
+        BadModel: a study.yaml, or a file that it names, is wrong.
+    """
+    points = {point.name: point for point in entry_points(group=GROUP)}
+    if given in points:
+        return _loaded(points[given])
+    if is_target(given):
+        return checked(load(given), given)
+    path = Path(given)
+    if path.is_dir():
+        path = path / FILE
+    if path.is_file() or os.sep in given or given.endswith((".yaml", ".yml")):
+        from parcours.study.reading import read_study
+
+        return read_study(path)
+    rule = (
+        f"must be a registered name, a folder with a {FILE}, such a file, file.py:NAME or module:NAME, but is {given!r}"
+    )
+    raise BadRequest("study", rule, one_of(given, list(points)), slug="unknown-study")
+
+
+def find_components(where: str) -> ComponentStudy:
+    """Return a component study by where it is; for nodes, which make its components in processes of their own.
+
+    Raises:
+        BadRequest: there is no such component study.
+    """
+    from parcours.study.components.study import ComponentStudy
+
+    found = find(where) if where else None
+    if not isinstance(found, ComponentStudy):
+        rule = f"a node must find its study by name or file, but {where!r} names none"
+        raise BadRequest("study", rule, "give the object its `where`: file.py:NAME", slug="unknown-study")
+    return found
+
+
+def checked(found: object, given: str) -> Study:
+    """Return what was loaded if it is a study, or what it returns if it is a function.
+
+    Raises:
+        BadRequest: it is not a study; what it lacks is named.
+    """
+    if callable(found) and not hasattr(found, "suite"):
+        try:
+            found = found()
+        except ParcoursError:
+            raise
+        except Exception as error:
+            rule = f"the function that returns the study must not raise, but raised {type(error).__name__}: {error}"
+            raise BadRequest(given, rule, "run it alone to see where", slug="target-raised") from error
+    absent = [name for name in _NEEDED if not hasattr(found, name)]
+    if absent:
+        rule = f"a study has {', '.join(_NEEDED)}, but {type(found).__name__} lacks {', '.join(absent)}"
+        raise BadRequest(given, rule, "see docs/studies.md", slug="study-form")
+    if not getattr(found, "where", "") and dataclasses.is_dataclass(found) and not isinstance(found, type):
+        where, _, name = given.rpartition(":")
+        full = f"{Path(where).absolute()}:{name}" if where.endswith(".py") else given
+        found = dataclasses.replace(found, where=full)
+    if is_target(given) and dataclasses.is_dataclass(found) and getattr(found, "digests", None) == {}:
+        found = dataclasses.replace(found, digests=_digests(given))  # type: ignore[type-var]
+    return cast(Study, found)
+
+
+def _digests(given: str) -> dict[str, str]:
+    """Return the digests of the files in the folder of a study's file that were loaded with it.
+
+    Its results depend on these, whatever classes and functions of them it uses.
+    """
+    where = given.rpartition(":")[0]
+    path = Path(where) if where.endswith(".py") else None
+    if path is None:
+        module = getattr(sys.modules.get(where), "__file__", None)
+        path = Path(module) if module else None
+    if path is None:
+        return {}
+    folder = path.resolve().parent
+    loaded = [*sys.modules.values(), *NEIGHBOURS.get(str(folder), {}).values()]
+    files = {Path(file).resolve() for one in loaded if (file := getattr(one, "__file__", None))}
+    beside = sorted(one for one in files if one.is_relative_to(folder) and "site-packages" not in one.parts)
+    return {str(one.relative_to(folder)): hashlib.sha256(one.read_bytes()).hexdigest()[:16] for one in beside}
+
+
+def _loaded(point: EntryPoint) -> Study:
+    try:
+        found = point.load()
+    except Exception as error:
+        package = point.dist.name if point.dist is not None else "unknown"
+        rule = (
+            f"package {package} registers it as {point.value}, but loading that raised {type(error).__name__}: {error}"
+        )
+        raise BadRequest(f"study {point.name!r}", rule, "repair or remove the package", slug="study-broken") from error
+    return checked(found, point.name)

@@ -1,0 +1,304 @@
+"""`--fail-if "stuck > 1%"` and `--baseline FOLDER`: results -> whether a build may pass, and why not.
+
+    condition = [statistic "("] measure [")"] ("<" | "<=" | ">" | ">=") number ["%"] ["with" number "% confidence"]
+    statistic = "mean" | "median" | "min" | "max" | "p" number
+
+A rate is the share of the cases; of a quantity the mean is taken if nothing is said. The interval is printed beside the
+figure (Wilson's of a rate, Student's of a mean, by ranks of a quantile). The condition is asked of the figure itself,
+or, with a confidence, of the whole interval: then it holds only beyond chance.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from parcours.errors import BadRequest, one_of
+from parcours.report.pieces import Column, Table
+from parcours.study.protocol import Measure, Results
+from parcours.verdict.judgement import Verdict
+from parcours.verdict.statistics import mcnemar, wilson
+
+_CONDITION = re.compile(
+    r"\s*(?:(?P<statistic>mean|median|min|max|p[0-9]{1,2}(?:\.[0-9]+)?)\s*\(\s*)?(?P<measure>[A-Za-z_][A-Za-z0-9_]*)\s*\)?"
+    r"\s*(?P<relation><=|>=|<|>)\s*(?P<limit>-?[0-9]+(?:\.[0-9]*)?(?:[eE][-+]?[0-9]+)?)\s*(?P<percent>%)?"
+    r"(?:\s+with\s+(?P<confidence>[0-9]+(?:\.[0-9]+)?)\s*%\s+confidence)?\s*"
+)
+_SIGNIFICANT = 0.05
+_NAMED = 20
+"""Cases that are named where they flipped."""
+
+
+@dataclass(frozen=True, slots=True)
+class Figure:
+    """A figure of a run with its interval; `n` cases have it."""
+
+    value: float
+    low: float
+    high: float
+    n: int
+
+
+@dataclass(frozen=True, slots=True)
+class Condition:
+    """A condition under which a build fails.
+
+    >>> condition = parse_condition("stuck > 1%")
+    >>> measure = Measure(np.array([0.0] * 95 + [1.0] * 5))
+    >>> condition.holds(condition.figure(measure))
+    True
+    >>> parse_condition("p95(duration) >= 0.02 with 99% confidence").confidence
+    0.99
+    """
+
+    text: str
+    measure: str
+    relation: str
+    limit: float
+    statistic: str = ""
+    confidence: float | None = None
+
+    def figure(self, measure: Measure) -> Figure:
+        """Return the figure that the condition speaks of, with its interval."""
+        confidence = self.confidence or 0.95
+        values = measure.values[np.isfinite(measure.values)]
+        if measure.kind == "rate" and self.statistic in ("", "mean"):
+            rate = wilson(int(values.sum()), len(values), confidence)
+            return Figure(rate.share, rate.low, rate.high, rate.n)
+        return _figure(values, self.statistic or "mean", confidence)
+
+    def holds(self, figure: Figure) -> bool:
+        """Return whether the condition holds of a figure: of its whole interval if a confidence is given."""
+        if math.isnan(figure.value):
+            return False
+        if self.confidence is None:
+            return _compare(figure.value, self.relation, self.limit)
+        return all(_compare(end, self.relation, self.limit) for end in (figure.low, figure.high))
+
+
+def _compare(value: float, relation: str, limit: float) -> bool:
+    return {"<": value < limit, "<=": value <= limit, ">": value > limit, ">=": value >= limit}[relation]
+
+
+def _figure(values: NDArray[np.float64], statistic: str, confidence: float) -> Figure:
+    n = len(values)
+    if n == 0:
+        return Figure(math.nan, math.nan, math.nan, 0)
+    if statistic == "mean":
+        mean = float(values.mean())
+        if n < 2:
+            return Figure(mean, -math.inf, math.inf, n)
+        from scipy.stats import t
+
+        half = float(t.ppf(0.5 + confidence / 2, n - 1)) * float(values.std(ddof=1)) / math.sqrt(n)
+        return Figure(mean, mean - half, mean + half, n)
+    ordered = np.sort(values)
+    if statistic in ("min", "max"):
+        end = float(ordered[0 if statistic == "min" else -1])
+        return Figure(end, end, end, n)
+    from parcours.verdict.timing.ranks import quantile_ranks
+
+    share = 0.5 if statistic == "median" else float(statistic[1:]) / 100.0
+    low, high = quantile_ranks(n, share, (1.0 - confidence) / 2.0)  # on either side
+    ends = (float(ordered[low - 1]) if low >= 1 else -math.inf, float(ordered[high - 1]) if high <= n else math.inf)
+    return Figure(float(ordered[min(max(math.ceil(share * n), 1), n) - 1]), *ends, n)
+
+
+def parse_condition(text: str) -> Condition:
+    """Return the condition of a text. Raises BadRequest if it is none."""
+    match = _CONDITION.fullmatch(text)
+    if match is None or (match["statistic"] is None) != (")" not in text.partition("with")[0]):
+        rule = f"must be a measure compared with a number, but is {text!r}"
+        raise BadRequest(
+            "--fail-if", rule, 'write "stuck > 1%", "contacts > 0" or "p95(duration) > 0.02"', slug="gate-form"
+        )
+    confidence = float(match["confidence"]) / 100.0 if match["confidence"] else None
+    if confidence is not None and not 0.5 <= confidence < 1.0:
+        rule = f"a confidence must be from 50 % to below 100 %, but is {match['confidence']} %"
+        raise BadRequest("--fail-if", rule, slug="gate-form")
+    limit = float(match["limit"]) / (100.0 if match["percent"] else 1.0)
+    return Condition(text.strip(), match["measure"], match["relation"], limit, match["statistic"] or "", confidence)
+
+
+@dataclass(frozen=True, slots=True)
+class Checked:
+    """What became of a condition, or of the comparison with a baseline."""
+
+    name: str
+    failed: bool
+    why: str
+
+
+def check_condition(condition: Condition, results: Results) -> Checked:
+    """Return what became of a condition. Raises BadRequest if the results have no such measure."""
+    measures = results.measures()
+    if condition.measure not in measures:
+        rule = f"it asks for {condition.measure!r}, which these results do not have"
+        raise BadRequest("--fail-if", rule, one_of(condition.measure, list(measures)), slug="gate-measure")
+    measure = measures[condition.measure]
+    figure = condition.figure(measure)
+    holds = condition.holds(figure)
+    if figure.n == 0:
+        return Checked(condition.text, False, f"no case has a value of {condition.measure}")
+    confidence = 100.0 * (condition.confidence or 0.95)
+    what = condition.statistic or ("share" if measure.kind == "rate" else "mean")
+    values = (figure.value, figure.low, figure.high)
+    shown = [f"{100 * one:.4g} %" if measure.kind == "rate" else f"{one:.6g}" for one in values]
+    unit = "" if measure.kind == "rate" or measure.unit == "1" else f" {measure.unit}"
+    interval = f"{confidence:g} % interval [{shown[1]}, {shown[2]}]"
+    why = f"{condition.measure}: {what} {shown[0]}{unit}, {interval}, {figure.n} cases"
+    return Checked(condition.text, holds, why)
+
+
+def check_conditions(conditions: Sequence[Condition], results: Results) -> list[Checked]:
+    """Return what became of each condition; and of cases in error, which no other condition may hide.
+
+    A case that ended in an error has no contact and does not get stuck: without this, a system that raises at once
+    would pass most gates. A condition on `errors` decides instead, where one is given.
+
+    Raises:
+        BadRequest: the results have no such measure.
+    """
+    checked = [check_condition(condition, results) for condition in conditions]
+    n = sum(case.verdict is Verdict.ERROR for case in results.cases())
+    if conditions and n and all(condition.measure != "errors" for condition in conditions):
+        first = next(case for case in results.cases() if case.verdict is Verdict.ERROR)
+        why = f"{n} of {len(results.cases())} cases ended in an error, the first: {first.id}: {first.why}"
+        checked.append(Checked("errors > 0", True, f"{why}; allow some with --fail-if 'errors > 1%'"))
+    return checked
+
+
+@dataclass(frozen=True, slots=True)
+class Compared:
+    """One rate beside its earlier self.
+
+    Attributes:
+        name: of the rate.
+        before: its share in the baseline.
+        now: its share now.
+        only_before: cases that counted in the baseline only.
+        only_now: cases that count now only.
+        p_value: of McNemar's test, by Holm's method.
+        worse: whether it got worse beyond chance.
+        flipped: ids of the cases that made it worse.
+    """
+
+    name: str
+    before: float
+    now: float
+    only_before: int
+    only_now: int
+    p_value: float
+    worse: bool
+    flipped: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Baseline:
+    """A run beside an earlier one, on the cases that both have.
+
+    Attributes:
+        shared: how many cases both have.
+        rows: the rates.
+        flipped: ids of cases that passed earlier and do not now.
+        repaired: ids of cases that did not pass earlier and do now.
+    """
+
+    shared: int
+    rows: tuple[Compared, ...]
+    flipped: tuple[str, ...]
+    repaired: tuple[str, ...]
+
+    @property
+    def failed(self) -> bool:
+        """Whether some rate got worse beyond chance."""
+        return any(row.worse for row in self.rows)
+
+    def table(self) -> Table:
+        """Return the rates side by side."""
+        columns = (Column("rate"), Column("baseline", ".2%"), Column("now", ".2%"), Column("only in baseline", ",d"),
+                   Column("only now", ",d"), Column("p (Holm)", ".2g"), Column("worse"))  # fmt: skip
+        rows = tuple(
+            (one.name, one.before, one.now, one.only_before, one.only_now, one.p_value, "yes" if one.worse else "no")
+            for one in self.rows
+        )
+        note = (
+            f"{self.shared} cases that both have; McNemar's exact test on the pairs, corrected for {len(rows)} rates."
+        )
+        return Table("Compared with the baseline", columns, rows, note)
+
+    def lines(self) -> list[str]:
+        """Return the cases that flipped, in words."""
+        listed = [("no longer pass", self.flipped), ("now pass", self.repaired)]
+        listed += [(f"made {one.name} worse", one.flipped) for one in self.rows if one.worse and one.name != "failed"]
+        return [_listed(what, ids) for what, ids in listed if ids]
+
+
+def _listed(what: str, ids: Sequence[str]) -> str:
+    """Return a line that counts cases and names the first of them."""
+    more = f" and {len(ids) - _NAMED} more" if len(ids) > _NAMED else ""
+    return f"{len(ids)} case{'s' * (len(ids) != 1)} {what}: {', '.join(ids[:_NAMED])}{more}"
+
+
+def compare_with_baseline(now: Results, earlier: Results) -> Baseline:
+    """Return the comparison of two runs on the cases that both have, by their ids.
+
+    Raises:
+        BadRequest: they have no case in common.
+    """
+    ids = {result.id: k for k, result in enumerate(earlier.cases())}
+    pairs = [(k, ids[result.id]) for k, result in enumerate(now.cases()) if result.id in ids]
+    if not pairs:
+        raise BadRequest("--baseline", "both runs must have cases in common, but have none",
+                         "run the same study with the same seed", slug="baseline-cases")  # fmt: skip
+    here, there = (np.array([pair[k] for pair in pairs]) for k in (0, 1))
+    before, after = earlier.measures(), now.measures()
+    listed, listed_before = now.cases(), earlier.cases()
+    found = []
+    for name, measure in after.items():
+        if measure.kind != "rate" or not measure.worse or name not in before:
+            continue
+        new, old = measure.values[here] == 1.0, before[name].values[there] == 1.0
+        only_old, only_new = int(np.sum(old & ~new)), int(np.sum(new & ~old))
+        grew = only_new > only_old if measure.worse == "more" else only_old > only_new
+        which = new & ~old if measure.worse == "more" else old & ~new
+        ids_worse = tuple(listed[here[k]].id for k in np.flatnonzero(which))
+        shares = float(old.mean()), float(new.mean())
+        found.append((name, *shares, only_old, only_new, mcnemar(only_old, only_new), grew, ids_worse))
+    adjusted = _holm([row[5] for row in found])
+    rows = tuple(
+        Compared(*row[:5], p, row[6] and p < _SIGNIFICANT, row[7]) for row, p in zip(found, adjusted, strict=True)
+    )
+    flipped, repaired = [], []
+    for k, j in pairs:
+        passed, passed_before = (one.verdict is Verdict.PASS for one in (listed[k], listed_before[j]))
+        if passed_before and not passed:
+            flipped.append(listed[k].id)
+        elif passed and not passed_before:
+            repaired.append(listed[k].id)
+    return Baseline(len(pairs), rows, tuple(flipped), tuple(repaired))
+
+
+def _holm(p_values: Sequence[float]) -> list[float]:
+    """Return p-values adjusted for their number by Holm's method."""
+    adjusted, running = [0.0] * len(p_values), 0.0
+    for rank, k in enumerate(sorted(range(len(p_values)), key=lambda k: p_values[k])):
+        running = max(running, min(1.0, p_values[k] * (len(p_values) - rank)))
+        adjusted[k] = running
+    return adjusted
+
+
+def exit_code(results: Mapping[str, Results]) -> int:
+    """Return 0 if all cases passed, 1 if one failed, 3 if some are inconclusive and none failed.
+
+    A run without any case has passed nothing: 3.
+    """
+    verdicts = {case.verdict for result in results.values() for case in result.cases()}
+    if verdicts & {Verdict.FAIL, Verdict.ERROR}:
+        return 1
+    return 3 if Verdict.INCONCLUSIVE in verdicts or not verdicts else 0

@@ -1,0 +1,121 @@
+"""The name of a host -> its fabric, with a node for each component, in real time."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+from parcours.errors import require_known
+from parcours.model.structure import Cefsm
+from parcours.run.hosts.resident import Codec, Fabric, nodes_of
+from parcours.run.port import Link
+
+HostName = Literal["simulated", "processes", "ros1", "ros2"]
+HOSTS: tuple[HostName, ...] = get_args(HostName)
+
+
+@dataclass(frozen=True, slots=True)
+class Nodes:
+    """How the components of a study become nodes of a real-time host.
+
+    Attributes:
+        model: whose channels give topics and services their names.
+        links: the channels.
+        components: those that get a node.
+        resident: dotted name of what runs in a node.
+        codec: of messages, where they travel as they are.
+        ros1_resident: the same on ROS 1.
+        ros1_codec: dotted name of what returns the codec there; called with `given` unless that is empty.
+        preload: modules to load before processes are forked.
+        given: the second argument of residents, such as where a study is.
+    """
+
+    model: Cefsm
+    links: tuple[Link, ...]
+    components: tuple[str, ...]
+    resident: str
+    codec: Codec
+    ros1_resident: str
+    ros1_codec: str
+    preload: tuple[str, ...] = ()
+    given: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Hosted:
+    """A started fabric, and the codec of its messages' bytes."""
+
+    fabric: Fabric
+    codec: Codec
+
+
+@contextlib.contextmanager
+def started(nodes: Nodes, host: str, graph: str = "") -> Iterator[Hosted]:
+    """Yield a real-time host with its nodes started; end them afterwards.
+
+    The tester and its nodes run before ordinary processes where the system allows it.
+
+    Args:
+        nodes: what to start.
+        host: processes, ros1 or ros2.
+        graph: of ROS 1 the address of a master that runs, of ROS 2 the number of a domain; one of its own if empty.
+
+    Raises:
+        BadRequest: there is no such host.
+        HostFailure: it cannot be had here, or a node does not start.
+    """
+    from parcours.run.hosts.scheduling import real_time
+
+    require_known(host, [name for name in HOSTS if name != "simulated"], "host", slug="unknown-host")
+    with real_time():
+        hosted = {"processes": _processes, "ros1": _ros1, "ros2": _ros2}[host](nodes, graph)
+        try:
+            yield hosted
+        finally:
+            hosted.fabric.close()
+
+
+def isolate(host: str, graph: str) -> None:
+    """Move this process into a network of its own, if it is to run a ROS graph of its own; before it has threads.
+
+    Raises:
+        HostFailure: the machine forbids it.
+    """
+    if host in ("ros1", "ros2") and not graph:
+        from parcours.run.hosts.isolation import enter_own_network
+
+        enter_own_network()
+
+
+def _processes(nodes: Nodes, graph: str) -> Hosted:
+    from parcours.run.hosts.processes import ProcessFabric
+
+    started = nodes_of(nodes.links, nodes.components, nodes.resident, nodes.given)
+    return Hosted(ProcessFabric(started, list(nodes.preload)), nodes.codec)
+
+
+def _ros1(nodes: Nodes, graph: str) -> Hosted:
+    from importlib import import_module
+
+    from parcours.run.hosts.ros1.fabric import Ros1Fabric
+    from parcours.run.hosts.ros1.interfaces import interfaces
+
+    module, _, name = nodes.ros1_codec.partition(":")
+    make = getattr(import_module(module), name)
+    codec = make(nodes.given) if nodes.given else make()
+    started = nodes_of(nodes.links, nodes.components, nodes.ros1_resident, nodes.given)
+    preload = [nodes.ros1_resident.partition(":")[0], *nodes.preload]
+    return Hosted(
+        Ros1Fabric(started, interfaces(nodes.model, nodes.links), codec, preload, master=graph or None), codec
+    )
+
+
+def _ros2(nodes: Nodes, graph: str) -> Hosted:
+    from parcours.run.hosts.ros2.fabric import Ros2Fabric
+    from parcours.run.hosts.ros2.names import topics_of
+
+    started = nodes_of(nodes.links, nodes.components, nodes.resident, nodes.given)
+    domain = int(graph) if graph else None
+    return Hosted(Ros2Fabric(started, topics_of(nodes.model), list(nodes.preload), domain=domain), nodes.codec)

@@ -1,0 +1,163 @@
+"""A study's own parameters: what may be set, in which unit and range, and the settings that a user's words make."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal, TypeAlias, get_args
+
+from parcours.errors import BadRequest, one_of
+
+Scalar: TypeAlias = bool | int | float | str
+Settings: TypeAlias = Mapping[str, Scalar]
+"""A value for every parameter of a study, by name."""
+
+Kind = Literal["bool", "int", "real", "text"]
+KINDS: tuple[Kind, ...] = get_args(Kind)
+
+
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """One thing about a study that its user may set.
+
+    Args:
+        name: a Python identifier; `added_stop` is the option `--added-stop`.
+        kind: bool, int, real or text.
+        default: its value if nothing is said.
+        doc: what it means, for the help.
+        unit: SI unit of a number; "1" has none.
+        low: least value allowed, inclusive.
+        high: greatest value allowed, inclusive.
+        choices: the texts allowed; all if empty.
+        decides: whether results depend on it. What does not (how many workers, whether to record) may differ when a
+            run is resumed.
+
+    >>> speed = Parameter("speed", "real", 0.25, "of the robot", "m/s", low=0.0, high=1.0)
+    >>> speed.read("0.5")
+    0.5
+    >>> speed.read("2")
+    Traceback (most recent call last):
+    parcours.errors.BadRequest: --speed: must be from 0 to 1 m/s, but '2' was given [parameter-range]
+    """
+
+    name: str
+    kind: Kind
+    default: Scalar
+    doc: str = ""
+    unit: str = "1"
+    low: float | None = None
+    high: float | None = None
+    choices: tuple[str, ...] = ()
+    decides: bool = True
+
+    @property
+    def option(self) -> str:
+        """How the parameter is called on the command line."""
+        return "--" + self.name.replace("_", "-")
+
+    def read(self, given: object) -> Scalar:
+        """Return the value that a text or a plain value stands for.
+
+        Raises:
+            BadRequest: it is of another kind, out of range, or not among the choices.
+        """
+        value = self._value(given)
+        if value is None or (isinstance(value, float) and not math.isfinite(value)):
+            what = {"bool": "true or false", "int": "a whole number", "real": "a number", "text": "a text"}[self.kind]
+            raise BadRequest(self.option, f"must be {what}, but {given!r} was given", slug="parameter-kind")
+        if self.choices and value not in self.choices:
+            rule = f"must be one of its choices, but {given!r} was given"
+            raise BadRequest(self.option, rule, one_of(str(value), self.choices), slug="parameter-choice")
+        if not isinstance(value, str | bool) and (
+            (self.low is not None and value < self.low) or (self.high is not None and value > self.high)
+        ):
+            rule = f"must be {self.range_text()}, but {given!r} was given"
+            raise BadRequest(self.option, rule, slug="parameter-range")
+        return value
+
+    def range_text(self) -> str:
+        """Return the range in words, empty if there is none."""
+        unit = "" if self.unit == "1" else f" {self.unit}"
+        if self.low is not None and self.high is not None:
+            return f"from {self.low:g} to {self.high:g}{unit}"
+        if self.low is not None:
+            return f"{self.low:g}{unit} or more"
+        return f"at most {self.high:g}{unit}" if self.high is not None else ""
+
+    def help(self) -> str:
+        """Return the line of the help: what it means, its unit and its range."""
+        unit = "" if self.unit == "1" else f"[{self.unit}]"
+        allowed = self.range_text()
+        return " ".join(part for part in (self.doc, unit, f"({allowed})" if allowed else "") if part)
+
+    def _value(self, given: object) -> Scalar | None:
+        if self.kind == "bool":
+            return {"true": True, "false": False}.get(str(given).lower()) if not isinstance(given, float) else None
+        if self.kind == "text":
+            return given if isinstance(given, str) else None
+        if isinstance(given, bool) or not isinstance(given, int | float | str):
+            return None
+        try:
+            return float(given) if self.kind == "real" else int(given, 10) if isinstance(given, str) else _whole(given)
+        except (ValueError, OverflowError):
+            return None
+
+
+def _whole(given: float) -> int | None:
+    return int(given) if given == int(given) else None
+
+
+def settings_of(
+    parameters: Sequence[Parameter], given: Mapping[str, object], where: str = "study"
+) -> dict[str, Scalar]:
+    """Return a value for every parameter: those given, checked, and the defaults of the rest.
+
+    Raises:
+        BadRequest: a name is no parameter's, or a value is not allowed.
+    """
+    names = [parameter.name for parameter in parameters]
+    for name in given:
+        if name not in names:
+            rule = f"it has no parameter {name!r}"
+            raise BadRequest(where, rule, one_of(name, names) if names else "it has none", slug="parameter-unknown")
+    return {one.name: one.read(given[one.name]) if one.name in given else one.default for one in parameters}
+
+
+def settings_from(parameters: Sequence[Parameter], given: Sequence[str], where: str) -> dict[str, Scalar]:
+    """Return the settings that NAME=VALUE texts give, and the defaults of the rest.
+
+    Args:
+        parameters: of a study.
+        given: texts; `added-stop` and `added_stop` are the same name.
+        where: the study, for messages.
+
+    Raises:
+        BadRequest: a text has no `=`, or names no parameter, or its value is not allowed.
+    """
+    return settings_of(parameters, pairs_of(given), where)
+
+
+def pairs_of(given: Sequence[str]) -> dict[str, str]:
+    """Return NAME=VALUE texts as a mapping. Raises BadRequest if one has no `=`.
+
+    >>> pairs_of(["added-stop=0.5"])
+    {'added_stop': '0.5'}
+    """
+    pairs = {}
+    for text in given:
+        name, equals, value = text.partition("=")
+        if not equals:
+            raise BadRequest("--set", f"must be NAME=VALUE, but is {text!r}", slug="parameter-form")
+        pairs[name.strip().replace("-", "_")] = value.strip()
+    return pairs
+
+
+def workers_parameter() -> Parameter:
+    """Return the parameter `workers`: by default one process a processor."""
+    import os
+
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return Parameter(
+        "workers", "int", cores, "processes; one a processor if not given", low=1, high=1024, decides=False
+    )

@@ -1,0 +1,240 @@
+"""What a study offers to every command, and what a command gets back: structural types and plain values only.
+
+A study joins a model, test data, a system under test and oracles. Commands know no study by name: they find one
+(`parcours.study.finding`) and ask it. Whoever needs full control writes an object of this protocol; everybody else
+writes `study.yaml`, from which `parcours.study.reading` makes one.
+"""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from parcours.report.junit import CaseResult
+from parcours.report.pieces import Page, Piece, Table
+from parcours.study.parameters import Parameter, Settings
+from parcours.suite import Case
+from parcours.verdict.judgement import Judgement, Verdict
+
+Progress = Callable[[str, int, int], None]
+"""Reports (what, how many are done, how many in all)."""
+
+_WIDTH = 110
+"""Where the lines of an explanation are broken [characters]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Request:
+    """What a user asks a study to run.
+
+    Attributes:
+        settings: a value for each of the study's parameters.
+        seed: campaign seed.
+        n_cases: how many cases, the first ones; None leaves it to the study.
+        chosen: ids of the only cases to run, in the order of the plan; all if empty.
+        out: folder for the results; resumed if it holds part of the same run.
+    """
+
+    settings: Settings
+    seed: int
+    out: Path
+    n_cases: int | None = None
+    chosen: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """How far a run came: whether Ctrl-C ended it, and one sentence about it."""
+
+    interrupted: bool
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Measure:
+    """One figure for each case of a run, in the order of `Results.cases`.
+
+    Attributes:
+        values: shape (n_cases,); NaN where it is not known. Of a rate 0 or 1.
+        kind: a rate counts cases, a quantity is averaged.
+        unit: of a quantity.
+        worse: which way is worse, for a comparison with a baseline; "" where neither is.
+    """
+
+    values: NDArray[np.float64]
+    kind: Literal["rate", "quantity"] = "rate"
+    unit: str = "1"
+    worse: Literal["more", "less", ""] = "more"
+
+
+class Results(Protocol):
+    """What lies in a folder that a study wrote."""
+
+    @property
+    def label(self) -> str:
+        """What ran, in a word or two: a schedule, a planner, a host."""
+
+    @property
+    def planned(self) -> int:
+        """How many cases the run was to have."""
+
+    def cases(self) -> Sequence[CaseResult]:
+        """Return the verdict of every finished case; ids do not depend on the folder."""
+
+    def measures(self) -> Mapping[str, Measure]:
+        """Return what `--fail-if` and `--baseline` can ask for, by name."""
+
+    def replay(self, case: str) -> Page:
+        """Return a page on one case, run again; by its id, or by its number.
+
+        Raises:
+            BadRequest: there is no such case, or it is not finished.
+            BadResults: it does not come out as it did.
+        """
+
+
+@dataclass(frozen=True, slots=True)
+class Reported:
+    """What a report says of one or several folders.
+
+    Attributes:
+        tables: for the terminal.
+        pieces: makes what a page shows; called only where there is a page, since it may run cases again.
+        documents: folder -> JSON values.
+    """
+
+    tables: Sequence[Table]
+    pieces: Callable[[], Sequence[Piece]]
+    documents: Mapping[str, object]
+
+
+@dataclass(frozen=True, slots=True)
+class Judged:
+    """One case, executed and judged.
+
+    Attributes:
+        case: what was executed.
+        verdict: what the study's oracle says.
+        why: its reason, one sentence.
+        facts: what the oracle looked at, as (name, value with unit).
+        replay: a command that shows the run.
+    """
+
+    case: Case
+    verdict: Verdict
+    why: str
+    facts: tuple[tuple[str, str], ...]
+    replay: str
+
+    def __str__(self) -> str:
+        values = [f"{name} = {value:g}" for name, value in zip(self.case.names, self.case.values, strict=True)]
+        facts = [f"{name} = {value}" for name, value in self.facts]
+        paragraphs = ("case", [self.case.id]), ("values", values), ("facts", facts)
+        lines = [f"{self.verdict}: {self.why}"]
+        for head, parts in paragraphs:
+            text = f"  {head:<7} {', '.join(parts)}"
+            lines += textwrap.wrap(text, _WIDTH, subsequent_indent=" " * 10, break_long_words=False)
+        return "\n".join([*lines, f"  replay  {self.replay}"])
+
+
+@dataclass(frozen=True, slots=True)
+class Rejudged:
+    """A recording judged again.
+
+    Attributes:
+        path: of the recording.
+        case: its id.
+        recorded: the verdict that stands in it; empty if none does.
+        judgement: the verdict it earns now.
+    """
+
+    path: Path
+    case: str
+    recorded: str
+    judgement: Judgement
+
+    @property
+    def agrees(self) -> bool:
+        """Whether both verdicts are the same."""
+        return self.recorded == str(self.judgement.verdict)
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """Something that the battery for authors found: how bad, where, which rule, what to do."""
+
+    level: Literal["error", "warning", "note"]
+    where: str
+    rule: str
+    remedy: str = ""
+
+    def __str__(self) -> str:
+        return f"{self.level}: {self.where}: {self.rule}" + (f"; {self.remedy}" if self.remedy else "")
+
+
+class Study(Protocol):
+    """What joins a model, test data, a system under test and oracles."""
+
+    @property
+    def name(self) -> str:
+        """A short name: letters, digits and _ . + @ = , - (the first part of every case id)."""
+
+    @property
+    def kind(self) -> str:
+        """components, campaign, or what an add-on calls its kind."""
+
+    @property
+    def doc(self) -> str:
+        """A sentence about it."""
+
+    @property
+    def where(self) -> str:
+        """How a command line names it: its registered name, or the path of its file."""
+
+    @property
+    def parameters(self) -> Sequence[Parameter]:
+        """What its users may set."""
+
+    @property
+    def family(self) -> str:
+        """Studies of one family are reported together: `report` is called once for all their folders."""
+
+    def suite(self, settings: Settings, seed: int, n_cases: int | None = None) -> Iterator[Case]:
+        """Yield the cases, one by one; by default as many as the combination criterion needs."""
+
+    def run(self, request: Request, progress: Progress) -> Run:
+        """Execute cases and keep the results, each as soon as it is there; resume what was begun."""
+
+    def read(self, folder: Path) -> Results:
+        """Return the results in a folder. Raises BadResults if it holds others, or damaged ones."""
+
+    def report(self, results: Mapping[str, Results]) -> Reported:
+        """Return tables, pieces and documents on results of this family, by folder."""
+
+    def judge(self, case: Case, settings: Settings) -> Judged:
+        """Execute one case of this study again and judge it.
+
+        Raises:
+            BadSuite: it has no such case, or other values than the case's number and seed give.
+        """
+
+    def rejudge(self, recording: Path) -> Rejudged:
+        """Judge a recording of this study by what is recorded alone."""
+
+    def check(self, progress: Progress) -> Iterable[Finding]:
+        """Run the battery for its author, and return what is wrong."""
+
+
+@dataclass(frozen=True, slots=True)
+class Described:
+    """What `parcours studies` lists of a study that it has not loaded."""
+
+    name: str
+    package: str
+    target: str = field(repr=False)
