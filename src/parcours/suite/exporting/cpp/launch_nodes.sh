@@ -6,4 +6,4 @@ for one in "$@"; do
   case "$one" in *:=*) ;; *) arguments+=("$one") ;; esac  # what roslaunch adds
 done
 master="${ROS_MASTER_URI:-http://127.0.0.1:11311}"
-exec "${PARCOURS:-python3}" -m parcours.cli nodes ramp_components --master "$master" "${arguments[@]}"
+exec "${PARCOURS:-python3}" -m parcours nodes ramp_components --master "$master" "${arguments[@]}"
