@@ -27,10 +27,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parcours.kernels import Record
-from parcours.planners.ramp.messages import MAX_POPULATION
 from parcours.run.campaign import run_campaign
-from parcours.studies.ramp_system.cases import SystemCases
-from parcours.studies.ramp_system.study import SCHEDULES, SystemStudy, system_study
+from parcours_navigation.cases.family import SystemCases
+from parcours_ramp.planner.messages import MAX_POPULATION
+from parcours_ramp.system.study import SCHEDULES, SystemStudy, system_study
 
 OBSTACLES = (1, 2, 3, 5, 10, 20, 30, 40, 50)
 POPULATIONS = (1, 2, 5, 10, MAX_POPULATION)

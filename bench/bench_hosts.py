@@ -21,7 +21,8 @@ import numpy as np
 from parcours.run.clocks import WallClock
 from parcours.run.hosts.scheduling import real_time
 from parcours.run.trace import Trace
-from parcours.studies.ramp_components.study import (
+from parcours.study.hosting import started
+from parcours_ramp.components.study import (
     CASES_OF_PAPER,
     Execute,
     component_nodes,
@@ -32,10 +33,9 @@ from parcours.studies.ramp_components.study import (
     on,
     paper_sample,
 )
-from parcours.studies.ramp_system.live import COMPONENTS, run_live
-from parcours.studies.ramp_system.live_running import system_nodes
-from parcours.studies.ramp_system.study import system_study
-from parcours.study.hosting import started
+from parcours_ramp.system.live import COMPONENTS, run_live
+from parcours_ramp.system.live_running import system_nodes
+from parcours_ramp.system.study import system_study
 
 WARM_UP = 2
 

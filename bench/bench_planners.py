@@ -12,9 +12,9 @@ import time
 
 import numpy as np
 
-from parcours.planners.protocol import Answer, Observation, Trajectory
-from parcours.studies.navigation.study import NavigationStudy
-from parcours.studies.ramp_system.cases import SystemCases
+from parcours_navigation.cases.family import SystemCases
+from parcours_navigation.protocol import Answer, Observation, Trajectory
+from parcours_navigation.study.study import NavigationStudy
 
 CASES, TRIES = 256, 3
 HOPED = 500.0

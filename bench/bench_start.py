@@ -20,7 +20,8 @@ import tempfile
 import time
 from pathlib import Path
 
-from parcours.studies.ramp_system.study import PUBLISHED_CASES, SCHEDULES
+from parcours_navigation.cases.family import PUBLISHED_CASES
+from parcours_ramp.system.study import SCHEDULES
 
 PROGRAM = str(Path(sys.executable).with_name("parcours"))
 

@@ -28,10 +28,11 @@ from numpy.typing import NDArray
 
 from parcours.cli.run import command
 from parcours.kernels import is_warm
-from parcours.planners.ramp.messages import SAMPLE
-from parcours.studies.ramp_system.facts import TRANSITIONS
-from parcours.studies.ramp_system.study import PUBLISHED_CASES, SCHEDULES, WATCHED_ON, SystemStudy, system_study
-from parcours.verdict.facts import NEVER
+from parcours_navigation.cases.family import PUBLISHED_CASES, WATCHED_ON
+from parcours_navigation.facts import NEVER
+from parcours_ramp.planner.messages import SAMPLE
+from parcours_ramp.system.facts import TRANSITIONS
+from parcours_ramp.system.study import SCHEDULES, SystemStudy, system_study
 
 DEFAULT = str(next(option.default for option in command.params if option.name == "schedule"))
 

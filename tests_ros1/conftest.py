@@ -11,12 +11,12 @@ from typing import Any
 import pytest
 from tests_ros1 import ros1_toys as toys
 
-import parcours.studies
+import parcours_ramp
 from parcours.model.reading import read_model
-from parcours.planners.ramp.wire import FORMS
 from parcours.run.hosts.ros1.fabric import Ros1Fabric
 from parcours.run.hosts.ros1.interfaces import interfaces, write_package
 from parcours.run.hosts.ros1.master import Master
+from parcours_ramp.planner.wire import FORMS
 
 
 def patient(binding: Path) -> None:
@@ -30,7 +30,7 @@ def patient(binding: Path) -> None:
 def package(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder of RAMP's package; the paper's topics and services (Table I)."""
     folder = tmp_path_factory.mktemp("parcours_ramp")
-    model = Path(parcours.studies.__file__).parent / "ramp_components" / "model.yaml"
+    model = Path(parcours_ramp.__file__).parent / "components" / "model.yaml"
     write_package(folder, "parcours_ramp", interfaces(read_model(model)), FORMS)
     return folder
 

@@ -5,7 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from typing import Any
 
-from parcours.planners.ramp.messages import (
+from parcours.run.hosts.ros1.packing import Ros1Resident
+from parcours.run.port import Component, Step
+from parcours_ramp.components.resident import ComponentResident
+from parcours_ramp.components.ros1 import CODEC
+from parcours_ramp.planner.messages import (
     PATH,
     POSE,
     EvaluationResponse,
@@ -16,10 +20,6 @@ from parcours.planners.ramp.messages import (
     many,
     one,
 )
-from parcours.run.hosts.ros1.packing import Ros1Resident
-from parcours.run.port import Component, Step
-from parcours.studies.ramp_components.resident import ComponentResident
-from parcours.studies.ramp_components.ros1 import CODEC
 
 Change = Callable[[Any, object], Any]
 """(a step, the message that was handed over) -> the step, changed."""

@@ -7,7 +7,6 @@ from contextlib import closing
 
 import pytest
 
-from parcours.planners.ramp.wire import encode
 from parcours.run.gated import Execution, enforce
 from parcours.run.hosts.driven import DrivenInstances
 from parcours.run.hosts.resident import nodes_of
@@ -16,14 +15,15 @@ from parcours.run.hosts.ros1.graph import ask
 from parcours.run.hosts.ros1.interfaces import interfaces
 from parcours.run.hosts.scheduling import real_time
 from parcours.run.port import links
-from parcours.studies.ramp_components.model import component_model
-from parcours.studies.ramp_components.ros1 import CODEC
-from parcours.studies.ramp_components.study import component_plan, component_study, run_functional
-from parcours.studies.ramp_components.tester import ComponentTester
 from parcours.suite import Case
+from parcours_ramp.components.model import component_model
+from parcours_ramp.components.ros1 import CODEC
+from parcours_ramp.components.study import component_plan, component_study, run_functional
+from parcours_ramp.components.tester import ComponentTester
+from parcours_ramp.planner.wire import encode
 
-_RESIDENT = "parcours.studies.ramp_components.ros1:resident"
-_PRELOAD = ["parcours.studies.ramp_components.ros1", "parcours.studies.ramp_components.warm"]
+_RESIDENT = "parcours_ramp.components.ros1:resident"
+_PRELOAD = ["parcours_ramp.components.ros1", "parcours_ramp.components.warm"]
 
 
 @pytest.fixture(scope="module")

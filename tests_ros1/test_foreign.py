@@ -24,12 +24,12 @@ from parcours.run.hosts.ros1.master import Master
 from parcours.run.hosts.ros1.streams import Stream, read_header, write_header
 from parcours.run.recording import read_recording
 from parcours.run.trace import held
-from parcours.studies.foreign.abstract import AbstractDrive, _Turn
-from parcours.studies.foreign.recorded import rejudge
-from parcours.studies.foreign.results import Result, Wanted
-from parcours.studies.foreign.running import ForeignStudy
-from parcours.studies.foreign.system import SystemDrive
 from parcours.verdict.judgement import Verdict
+from parcours_navigation.foreign.abstract import AbstractDrive, _Turn
+from parcours_navigation.foreign.recorded import rejudge
+from parcours_navigation.foreign.results import Result, Wanted
+from parcours_navigation.foreign.running import ForeignStudy
+from parcours_navigation.foreign.system import SystemDrive
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 TOGETHER, SIDE_BY_SIDE = "ITP1-tp22.tp31.tp22-0.1.1", "plan-tp31.tp22.tp31-0.5.6"

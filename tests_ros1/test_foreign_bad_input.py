@@ -18,9 +18,9 @@ from parcours.run.hosts.ros1.foreign import ForeignHost
 from parcours.run.hosts.ros1.foreign_nodes import NodeProcess
 from parcours.run.hosts.ros1.foreign_session import Session
 from parcours.run.hosts.ros1.master import Master
-from parcours.studies.foreign.results import Wanted
-from parcours.studies.foreign.running import ForeignStudy
 from parcours.verdict.judgement import Verdict
+from parcours_navigation.foreign.results import Wanted
+from parcours_navigation.foreign.running import ForeignStudy
 
 EXAMPLE = Path(__file__).parents[1] / "examples" / "ros1_python"
 WITHIN = 30.0

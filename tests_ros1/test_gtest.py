@@ -28,16 +28,16 @@ from parcours.run.hosts.ros1.master import Master
 from parcours.run.hosts.ros1.messages import load
 from parcours.run.noise import Noise
 from parcours.run.port import links
-from parcours.studies.gtest_export import Repeats, export_gtest, gtest_channels, timing_limits
-from parcours.studies.ramp_components.model import component_model
-from parcours.studies.ramp_components.ros1 import CODEC
-from parcours.studies.ramp_components.study import component_plan, component_study, run_functional
-from parcours.studies.ramp_components.tester import ComponentTester
-from parcours.studies.standing_nodes import RESIDENT
 from parcours.suite import Case, write_suite
 from parcours.suite.exporting.gtest_tables import GtestLimit, identifier
 from parcours.verdict.judgement import Verdict
 from parcours.verdict.timing import NEVER, Bound, judge, parse_bound
+from parcours_ramp.components.model import component_model
+from parcours_ramp.components.ros1 import CODEC
+from parcours_ramp.components.study import component_plan, component_study, run_functional
+from parcours_ramp.components.tester import ComponentTester
+from parcours_ramp.gtest_export import Repeats, export_gtest, gtest_channels, timing_limits
+from parcours_ramp.standing_nodes import RESIDENT
 
 CASES = list(component_plan(0, 1).cases(0, 67))
 TIMED = ":".join(f"Timing.ITP{itp}_*_0_0_0_row0" for itp in (1, 2, 3)) + ":Timing.ITP6_*_0_0_0_0_0_0_0_row0"
@@ -127,7 +127,7 @@ def verdicts_here(resident: str) -> dict[str, tuple[str, str]]:
     """Return the verdicts of our own tester on nodes of that resident, by case."""
     model = component_model()
     nodes = nodes_of(links(model), [one.name for one in model.components], resident)
-    fabric = Ros1Fabric(nodes, interfaces(model), CODEC, ["parcours.studies.ramp_components.warm"])
+    fabric = Ros1Fabric(nodes, interfaces(model), CODEC, ["parcours_ramp.components.warm"])
 
     def execute(case: Case) -> Execution:
         tester = ComponentTester(case)

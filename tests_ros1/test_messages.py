@@ -14,9 +14,9 @@ import numpy as np
 import pytest
 
 from parcours.errors import HostFailure
-from parcours.planners.ramp.wire import FORMS
 from parcours.run.hosts.ros1.interfaces import read_index, write_headers, write_package
 from parcours.run.hosts.ros1.messages import Messages, load
+from parcours_ramp.planner.wire import FORMS
 
 
 @pytest.fixture(scope="module")

@@ -11,10 +11,10 @@ import pytest
 from tests_ros1.ros1_toys import Field
 
 from parcours.errors import BadRequest
-from parcours.planners.ramp.wire import FORMS
 from parcours.run.hosts.ros1.messages import Messages, load
 from parcours.run.hosts.ros1.packing import Packing
-from parcours.studies.ramp_components.ros1 import CODEC
+from parcours_ramp.components.ros1 import CODEC
+from parcours_ramp.planner.wire import FORMS
 
 
 @pytest.fixture(scope="module")

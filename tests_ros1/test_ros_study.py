@@ -10,12 +10,12 @@ import pytest
 from tests_ros1.conftest import patient
 
 from parcours.errors import BadRequest
-from parcours.studies.foreign.apart import Order, run_apart
 from parcours.study import Request, Run, judge_case
 from parcours.study.copying import from_template, templates, write_new
 from parcours.study.finding import find
 from parcours.study.parameters import settings_of
 from parcours.study.protocol import Study
+from parcours_navigation.foreign.apart import Order, run_apart
 
 EXAMPLE = Path(__file__).parents[1] / "examples" / "ros1_python"
 
@@ -91,7 +91,7 @@ def test_a_run_that_was_stopped_goes_on_where_it_was(
         if done == 1:
             raise KeyboardInterrupt
 
-    monkeypatch.setattr("parcours.studies.foreign.door.run_apart", noted)
+    monkeypatch.setattr("parcours_navigation.foreign.door.run_apart", noted)
     first = study.run(Request(settings_of(study.parameters, {}), 1, out, 2), stopped)
     assert first.interrupted
     assert len(_verdicts(study, out)) == 1

@@ -7,7 +7,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from parcours.studies.ramp_system.live_results import rejudge
+from parcours_ramp.system.live_results import rejudge
 
 PARCOURS = (sys.executable, "-m", "parcours")
 CASES = 10

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 import rospy
 
-from parcours.planners.ramp.wire import FORMS
 from parcours.run.hosts.ros1.master import Master
 from parcours.run.hosts.ros1.messages import load
+from parcours_ramp.planner.wire import FORMS
 
 _ECHO = """
 import ast, sys

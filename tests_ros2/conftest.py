@@ -13,9 +13,9 @@ from parcours.run.hosts.ros2.fabric import Ros2Fabric
 from parcours.run.hosts.ros2.names import topics_of
 from parcours.run.hosts.scheduling import real_time
 from parcours.run.port import links
-from parcours.studies.ramp_components.model import component_model
+from parcours_ramp.components.model import component_model
 
-RESIDENT = "parcours.studies.ramp_components.resident"
+RESIDENT = "parcours_ramp.components.resident"
 
 
 @pytest.fixture(scope="session")
@@ -25,7 +25,7 @@ def ramp() -> Iterator[Ros2Fabric]:
     names = [component.name for component in model.components]
     nodes = nodes_of(links(model), names, f"{RESIDENT}:ComponentResident")
     with real_time():
-        fabric = Ros2Fabric(nodes, topics_of(model), [RESIDENT, "parcours.studies.ramp_components.warm"])
+        fabric = Ros2Fabric(nodes, topics_of(model), [RESIDENT, "parcours_ramp.components.warm"])
         yield fabric
         fabric.close()
 

@@ -7,9 +7,9 @@ import pytest
 from parcours.run.hosts.ros2.fabric import Ros2Fabric
 from parcours.run.hosts.scheduling import real_time
 from parcours.run.trace import transitions
-from parcours.studies.ramp_components.study import component_plan, on, run_functional
 from parcours.suite import Case
 from parcours.verdict.judgement import Verdict
+from parcours_ramp.components.study import component_plan, on, run_functional
 
 CASES = tuple(component_plan(0, 1).cases(0, 67))
 

@@ -12,13 +12,13 @@ from parcours.run.hosts.ros2.fabric import Ros2Fabric
 from parcours.run.hosts.ros2.names import topics_of
 from parcours.run.hosts.scheduling import real_time
 from parcours.run.trace import transitions
-from parcours.studies.ramp_components.model import component_model
-from parcours.studies.ramp_system.component_form import system_links
-from parcours.studies.ramp_system.live import COMPONENTS, run_live
-from parcours.studies.ramp_system.study import system_study
 from parcours.verdict.judgement import Verdict
+from parcours_ramp.components.model import component_model
+from parcours_ramp.system.component_form import system_links
+from parcours_ramp.system.live import COMPONENTS, run_live
+from parcours_ramp.system.study import system_study
 
-RESIDENT = "parcours.studies.ramp_system.live"
+RESIDENT = "parcours_ramp.system.live"
 
 
 @pytest.fixture

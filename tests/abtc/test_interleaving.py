@@ -30,8 +30,8 @@ from parcours.errors import BadRequest
 from parcours.model import Cefsm, Channel, Component, Machine, Receive, Send, Transition, read_model
 from parcours.paths import InternalPath, internal_paths
 
-RAMP = read_model(str(files("parcours.studies") / "ramp_components" / "model.yaml"))
-OBSTACLES = read_model(str(files("parcours.studies") / "ramp_system" / "model.yaml"))
+RAMP = read_model(str(files("parcours_ramp") / "components" / "model.yaml"))
+OBSTACLES = read_model(str(files("parcours_navigation") / "cases" / "model.yaml"))
 PATHS = {path.name: path for paths in internal_paths(RAMP).values() for path in paths}
 MOVES = [path for paths in internal_paths(OBSTACLES).values() for path in paths]
 

@@ -17,8 +17,8 @@ from parcours.model import read_model
 from parcours.model.stepping import enabled, initial, step
 from parcours.model.structure import ENVIRONMENT, Cefsm, Channel, Component, Receive, Send, Transition
 
-RAMP = read_model(str(files("parcours.studies") / "ramp_components" / "model.yaml"))
-OBSTACLES = read_model(str(files("parcours.studies") / "ramp_system" / "model.yaml"))
+RAMP = read_model(str(files("parcours_ramp") / "components" / "model.yaml"))
+OBSTACLES = read_model(str(files("parcours_navigation") / "cases" / "model.yaml"))
 
 
 def instance(reference: int, name: str) -> str:

@@ -5,7 +5,7 @@ from importlib.resources import files
 from parcours.abtc import abstract_cases, notation
 from parcours.model import read_model
 
-RAMP = read_model(str(files("parcours.studies") / "ramp_components" / "model.yaml"))
+RAMP = read_model(str(files("parcours_ramp") / "components" / "model.yaml"))
 
 
 def test_paths_that_share_a_visit_stand_in_braces() -> None:
@@ -21,7 +21,7 @@ def test_a_start_vector_is_printed_where_it_says_something() -> None:
 
 
 def test_components_that_never_meet_are_parted_by_bars_only() -> None:
-    obstacles = read_model(str(files("parcours.studies") / "ramp_system" / "model.yaml"))
+    obstacles = read_model(str(files("parcours_navigation") / "cases" / "model.yaml"))
     text = notation(next(abstract_cases(obstacles)).combination)
     assert text.count("\n || ") == 2
     assert "->" not in text.replace("-p11->", "").replace("-p12->", "").replace("-p21->", "").replace(

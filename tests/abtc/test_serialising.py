@@ -23,8 +23,8 @@ from parcours.errors import BadRequest, BadSuite
 from parcours.model import read_model
 from parcours.model.structure import Cefsm, Channel, Component, Machine, Receive, Send, Transition
 
-RAMP = read_model(str(files("parcours.studies") / "ramp_components" / "model.yaml"))
-OBSTACLES = read_model(str(files("parcours.studies") / "ramp_system" / "model.yaml"))
+RAMP = read_model(str(files("parcours_ramp") / "components" / "model.yaml"))
+OBSTACLES = read_model(str(files("parcours_navigation") / "cases" / "model.yaml"))
 
 
 def obstacles(count: int) -> Cefsm:

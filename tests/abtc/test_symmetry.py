@@ -13,8 +13,8 @@ from parcours.abtc import AbstractCase, abstract_cases, case_counts, interchange
 from parcours.model import Cefsm, Channel, Component, Machine, Receive, Send, Transition, read_model
 from parcours.model.expression import parse_expression
 
-RAMP = read_model(str(files("parcours.studies") / "ramp_components" / "model.yaml"))
-OBSTACLES = read_model(str(files("parcours.studies") / "ramp_system" / "model.yaml"))
+RAMP = read_model(str(files("parcours_ramp") / "components" / "model.yaml"))
+OBSTACLES = read_model(str(files("parcours_navigation") / "cases" / "model.yaml"))
 
 
 def served(count: int) -> Cefsm:

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from parcours.arena.contact import (
+from parcours_navigation.arena.contact import (
     AT_REST,
     BOTH_CLOSED,
     OBSTACLE_CLOSED,

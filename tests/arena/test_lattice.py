@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from parcours.arena.lattice import (
+from parcours_navigation.arena.lattice import (
     EDGE,
     REACH,
     ROWS,

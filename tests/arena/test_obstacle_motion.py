@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from parcours.arena.obstacles import OBSTACLE, move, place_at
 from parcours.kernels import Record
+from parcours_navigation.arena.obstacles import OBSTACLE, move, place_at
 
 SECOND = 1_000_000_000
 

@@ -11,10 +11,10 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from parcours.arena.contact import contact_share, least_distance
-from parcours.arena.obstacles import OBSTACLE
-from parcours.arena.world import NEVER, TICK, WORLD, advance, begin
 from parcours.kernels import Record
+from parcours_navigation.arena.contact import contact_share, least_distance
+from parcours_navigation.arena.obstacles import OBSTACLE
+from parcours_navigation.arena.world import NEVER, TICK, WORLD, advance, begin
 
 Floats = NDArray[np.float64]
 

@@ -13,9 +13,9 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from parcours.arena.obstacles import OBSTACLE, place_at
-from parcours.arena.robot import ROBOT, drive
 from parcours.kernels import Record
+from parcours_navigation.arena.obstacles import OBSTACLE, place_at
+from parcours_navigation.arena.robot import ROBOT, drive
 
 Floats = NDArray[np.float64]
 

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from parcours.arena.robot import ROBOT, drive
 from parcours.kernels import Record
+from parcours_navigation.arena.robot import ROBOT, drive
 
 V_MAX, W_MAX, A_MAX, ALPHA_MAX = 0.25, math.pi / 2, 1.0, 2 * math.pi / 3
 TICK = 0.01

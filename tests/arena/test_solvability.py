@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from parcours.arena.lattice import (
+from parcours.errors import BadRequest
+from parcours.kernels import Record
+from parcours_navigation.arena.lattice import (
     EDGE,
     ROWS,
     SHADOW,
@@ -19,13 +21,11 @@ from parcours.arena.lattice import (
     lay_lattice,
     lay_points,
 )  # fmt: skip
-from parcours.arena.obstacles import OBSTACLE, place_at
-from parcours.arena.reachable import begin_set, take_obstacles_inner
-from parcours.arena.solvability import SOLVABLE, UNDECIDED, UNSOLVABLE, shortest_way, solve
-from parcours.errors import BadRequest
-from parcours.kernels import Record
-from parcours.studies.ramp_system.cases import SystemCases
-from parcours.studies.ramp_system.study import system_study
+from parcours_navigation.arena.obstacles import OBSTACLE, place_at
+from parcours_navigation.arena.reachable import begin_set, take_obstacles_inner
+from parcours_navigation.arena.solvability import SOLVABLE, UNDECIDED, UNSOLVABLE, shortest_way, solve
+from parcours_navigation.cases.family import SystemCases
+from parcours_ramp.system.study import system_study
 
 SECOND = 1_000_000_000
 STRAIGHT = (2.0 * math.sqrt(2.0) - 0.2) / 0.25

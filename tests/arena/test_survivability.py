@@ -9,11 +9,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from parcours.arena.obstacles import OBSTACLE, place_at
-from parcours.arena.survivability import survivability, time_to_hit
 from parcours.errors import BadRequest
 from parcours.kernels import Record
-from parcours.studies.ramp_system.cases import SystemCases
+from parcours_navigation.arena.obstacles import OBSTACLE, place_at
+from parcours_navigation.arena.survivability import survivability, time_to_hit
+from parcours_navigation.cases.family import SystemCases
 
 SECOND = 1_000_000_000
 

@@ -7,14 +7,14 @@ import math
 import numpy as np
 import pytest
 
-from parcours.arena.contact import least_distance
-from parcours.arena.obstacles import OBSTACLE, move
-from parcours.arena.robot import ROBOT, drive
-from parcours.arena.solvability import SOLVABLE, solve
-from parcours.arena.witness import PERIOD, Witness, witness
-from parcours.arena.world import NEVER, TICK, WORLD, advance, begin
 from parcours.kernels import Record
-from parcours.studies.ramp_system.cases import SystemCases
+from parcours_navigation.arena.contact import least_distance
+from parcours_navigation.arena.obstacles import OBSTACLE, move
+from parcours_navigation.arena.robot import ROBOT, drive
+from parcours_navigation.arena.solvability import SOLVABLE, solve
+from parcours_navigation.arena.witness import PERIOD, Witness, witness
+from parcours_navigation.arena.world import NEVER, TICK, WORLD, advance, begin
+from parcours_navigation.cases.family import SystemCases
 
 
 def robot_at_start(robot: Record) -> None:

@@ -11,9 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from parcours.arena.obstacles import OBSTACLE
-from parcours.arena.world import NEVER, TICK, WORLD, advance, begin
 from parcours.kernels import Record
+from parcours_navigation.arena.obstacles import OBSTACLE
+from parcours_navigation.arena.world import NEVER, TICK, WORLD, advance, begin
 
 Floats = NDArray[np.float64]
 

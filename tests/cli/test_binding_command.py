@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from parcours.cli.binding import command
 from parcours.errors import BadRequest
+from parcours_navigation.cli.binding import command
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "ros1_python" / "binding.yaml"
 

@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 ROOT = Path(__file__).parents[2]
-MODEL = ROOT / "src/parcours/studies/ramp_components/model.yaml"
-OBSTACLES = ROOT / "src/parcours/studies/ramp_system/model.yaml"
-DOMAINS = ROOT / "src/parcours/studies/ramp_system/domains.yaml"
+MODEL = ROOT / "src/parcours_ramp/components/model.yaml"
+OBSTACLES = ROOT / "src/parcours_navigation/cases/model.yaml"
+DOMAINS = ROOT / "src/parcours_navigation/cases/domains.yaml"
 
 
 def parcours(*arguments: object, code: int = 0) -> str:

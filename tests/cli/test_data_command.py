@@ -13,7 +13,7 @@ from parcours.cli.data import command
 from parcours.data import read_input_model
 from parcours.errors import BadRequest
 
-DOMAINS = str(files("parcours.studies") / "ramp_components" / "domains.yaml")
+DOMAINS = str(files("parcours_ramp") / "components" / "domains.yaml")
 PICT = """\
 paper: A4, A3, roll, ~none
 tray: upper, lower

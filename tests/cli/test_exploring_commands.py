@@ -13,7 +13,7 @@ from click.testing import CliRunner
 
 from parcours.cli import parcours
 
-STUDIES = Path(str(files("parcours.studies")))
+STUDIES = Path(str(files("parcours_ramp")))
 MODEL = STUDIES / "ramp_components" / "model.yaml"
 OBSTACLES = STUDIES / "ramp_system" / "model.yaml"
 

@@ -16,10 +16,10 @@ import pytest
 
 from parcours.cli import main
 from parcours.run.recording import read_recording
-from parcours.studies.ramp_components.resident import RampCodec
-from parcours.studies.ramp_components.study import component_study
-from parcours.studies.ramp_system.live_results import rejudge
 from parcours.verdict.judgement import Verdict
+from parcours_ramp.components.resident import RampCodec
+from parcours_ramp.components.study import component_study
+from parcours_ramp.system.live_results import rejudge
 
 _PATIENCE = 240.0
 """[s]; a loaded machine that compiles first is slow."""

@@ -10,7 +10,7 @@ import pytest
 from parcours.model import read_model
 from parcours.paths import measure
 
-MODEL = Path(__file__).parents[2] / "src/parcours/studies/ramp_components/model.yaml"
+MODEL = Path(__file__).parents[2] / "src/parcours_ramp/components/model.yaml"
 
 
 def parcours(*arguments: object, code: int = 0) -> tuple[str, str]:

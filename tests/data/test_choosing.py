@@ -68,7 +68,7 @@ def test_set_sizes_are_those_of_the_reference(
 
 def test_the_studies_have_these_sizes_too() -> None:
     sizes = {
-        name: read_input_model(str(files("parcours.studies") / name / "domains.yaml")).sizes
+        name: read_input_model(str(files("parcours_ramp") / name / "domains.yaml")).sizes
         for name in ("ramp_system", "ramp_components")
     }
     assert sizes == {"ramp_system": tuple(OBSTACLE * 3), "ramp_components": (3, 1, 2, 1, 3)}

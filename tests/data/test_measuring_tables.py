@@ -15,10 +15,10 @@ from hypothesis import strategies as st
 from parcours.data import InputModel, enumeration, split
 from parcours.data.inputs import constraint_of
 from parcours.data.measuring import measure
-from parcours.data.pict import parse_pict
 from parcours.data.tables import read_table
 from parcours.errors import BadRequest
 from parcours.model.expression import parse_expression
+from parcours_formats.pict import parse_pict
 
 DOMAINS = (
     split("v", "m/s", [0.0, 0.25, 0.5]),

@@ -15,10 +15,10 @@ from hypothesis import strategies as st
 from parcours.data import InputModel, enumeration, parse_input_model, split
 from parcours.data.choosing import choose
 from parcours.data.inputs import Group, constraint_of, rules_of
-from parcours.data.pict import parse_pict, read_pict, write_pict
 from parcours.data.writing import write_input_model
 from parcours.errors import BadDomain
 from parcours.model.expression import parse_expression
+from parcours_formats.pict import parse_pict, read_pict, write_pict
 
 DISK = """\
 # a comment, as in the middle of the constraints

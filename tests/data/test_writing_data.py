@@ -28,7 +28,7 @@ def alike(model: InputModel) -> InputModel:
 
 @pytest.mark.parametrize("name", ["ramp_system", "ramp_components"])
 def test_the_models_of_the_studies_read_back_equal(name: str) -> None:
-    model = read_input_model(str(files("parcours.studies") / name / "domains.yaml"))
+    model = read_input_model(str(files("parcours_ramp") / name / "domains.yaml"))
     assert alike(read_back(model)) == alike(model)
     boundaries = at_boundaries(model)
     assert alike(read_back(boundaries)) == alike(boundaries)

@@ -16,9 +16,9 @@ from parcours.filenames import LONGEST, file_name
 from parcours.run.binding.seats import Seat
 from parcours.run.binding.structure import Process
 from parcours.run.hosts.ros1 import foreign
-from parcours.studies.foreign.recorded import recording_place
-from parcours.studies.ramp_components.study import component_study
 from parcours.study.components.archive import Archive
+from parcours_navigation.foreign.recorded import recording_place
+from parcours_ramp.components.study import component_study
 
 ESCAPE = "x/../../../../OUTSIDE"
 NAMES = st.one_of(

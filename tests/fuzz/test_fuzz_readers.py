@@ -22,13 +22,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from parcours.data import parse_input_model
-from parcours.data.pict import parse_pict
 from parcours.errors import ParcoursError
 from parcours.model import read_model
-from parcours.model.formats import FORMATS, write_as
+from parcours.model.formats import formats, write_as
+from parcours_formats.pict import parse_pict
 
 SEEDS = Path(__file__).parent / "seeds"
-DOMAINS = Path(__file__).parents[2] / "src" / "parcours" / "studies" / "ramp_system" / "domains.yaml"
+DOMAINS = Path(__file__).parents[2] / "src" / "parcours_navigation" / "cases" / "domains.yaml"
 SOON = 10.0
 """Longest that a reader may take for a file of this size [s], on a machine that does other things too."""
 
@@ -42,9 +42,9 @@ WORDS = re.compile(r"\w+|\s+|[^\w\s]")
 
 def _readers() -> dict[str, Callable[[str, str], object]]:
     found: dict[str, Callable[[str, str], object]] = {}
-    for name, each in FORMATS.items():
+    for name, each in formats().items():
         if each.reads:
-            found[name] = importlib.import_module(f"parcours.model.formats.{name}").read
+            found[name] = importlib.import_module(each.module).read
     return {**found, "data": parse_input_model, "pict": parse_pict}
 
 
@@ -52,12 +52,12 @@ READERS = _readers()
 
 
 def _seeds() -> dict[str, list[str]]:
-    suffixes = {name: each.suffixes[0] for name, each in FORMATS.items()} | {"pict": ".pict"}
+    suffixes = {name: each.suffixes[0] for name, each in formats().items()} | {"pict": ".pict"}
     own = {path.name: path.read_text("utf-8") for path in sorted(SEEDS.iterdir())}
     found = {name: [text for file, text in own.items() if Path(file).suffix == suffixes.get(name)] for name in READERS}
     found["data"] = [DOMAINS.read_text("utf-8")]
     lift = read_model(SEEDS / "lift.yaml")
-    for name, each in FORMATS.items():
+    for name, each in formats().items():
         if each.reads and each.writes and name != "aut":  # which holds one machine
             found[name].append(write_as(lift, name).text)
     return found

@@ -6,9 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
-from parcours.studies.ramp_system.study import PUBLISHED_CASES, system_study
-from parcours.verdict.navigation import Outcome, outcomes, published
 from parcours.verdict.statistics import Rate, wilson
+from parcours_navigation.cases.family import PUBLISHED_CASES
+from parcours_navigation.outcomes import Outcome, outcomes, published
+from parcours_ramp.system.study import system_study
 
 README = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
 

@@ -12,7 +12,7 @@ from parcours.data import InputModel, count, cover, draw, read_input_model, sele
 
 
 def of_study(name: str) -> InputModel:
-    return read_input_model(str(files("parcours.studies") / name / "domains.yaml"))
+    return read_input_model(str(files("parcours_ramp") / name / "domains.yaml"))
 
 
 TABLE_7 = [
@@ -58,7 +58,7 @@ def test_obstacles_stand_apart_and_off_the_robot() -> None:
 
 
 def test_the_wider_variant_reaches_further() -> None:
-    path = str(files("parcours.studies") / "ramp_system" / "domains.yaml")
+    path = str(files("parcours_navigation") / "cases" / "domains.yaml")
     model = read_input_model(path, {"robot_radius": 0.21, "obstacle_radius": 0.21, "least_distance": 0.42})
     cases = np.arange(500)
     centres = draw(model, select("each_choice", model.sizes, cases), cases).reshape(500, 3, 6)[:, :, :2]

@@ -17,8 +17,8 @@ from parcours.abtc.interactions import edge_pairs, hub
 from parcours.model import read_model
 from parcours.paths import internal_paths
 
-RAMP = read_model(str(files("parcours.studies") / "ramp_components" / "model.yaml"))
-OBSTACLES = read_model(str(files("parcours.studies") / "ramp_system" / "model.yaml"))
+RAMP = read_model(str(files("parcours_ramp") / "components" / "model.yaml"))
+OBSTACLES = read_model(str(files("parcours_navigation") / "cases" / "model.yaml"))
 
 
 def test_table_1_links_the_components_by_nine_channels() -> None:

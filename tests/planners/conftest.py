@@ -11,12 +11,12 @@ import pytest
 from numpy.typing import NDArray
 
 from parcours.kernels import Record, kernel
-from parcours.planners.ramp.messages import PATH, POSE, SAMPLE, TRAJECTORY, many, one
-from parcours.planners.ramp.parameters import guarded
-from parcours.planners.ramp.route import ROUTE, TRANSITION
-from parcours.planners.ramp.switching import switch_path
-from parcours.planners.ramp.trajectory import pose_at, samples
-from parcours.planners.ramp.trajectory_generator import generate
+from parcours_ramp.planner.messages import PATH, POSE, SAMPLE, TRAJECTORY, many, one
+from parcours_ramp.planner.parameters import guarded
+from parcours_ramp.planner.route import ROUTE, TRANSITION
+from parcours_ramp.planner.switching import switch_path
+from parcours_ramp.planner.trajectory import pose_at, samples
+from parcours_ramp.planner.trajectory_generator import generate
 
 
 @dataclass(frozen=True, slots=True, repr=False)

@@ -7,14 +7,14 @@ import math
 import numpy as np
 import pytest
 
-from parcours.arena.robot import ROBOT, drive
 from parcours.kernels import Record
-from parcours.planners.ramp.control import COMMAND_PERIOD, CONTROL, command, follow, signal
-from parcours.planners.ramp.messages import PATH, POSE, TRAJECTORY, one
-from parcours.planners.ramp.parameters import Parameters, guarded, original
-from parcours.planners.ramp.route import HYBRID, ROUTE
-from parcours.planners.ramp.trajectory import pose_at, samples
-from parcours.planners.ramp.trajectory_generator import generate
+from parcours_navigation.arena.robot import ROBOT, drive
+from parcours_ramp.planner.control import COMMAND_PERIOD, CONTROL, command, follow, signal
+from parcours_ramp.planner.messages import PATH, POSE, TRAJECTORY, one
+from parcours_ramp.planner.parameters import Parameters, guarded, original
+from parcours_ramp.planner.route import HYBRID, ROUTE
+from parcours_ramp.planner.trajectory import pose_at, samples
+from parcours_ramp.planner.trajectory_generator import generate
 
 SECOND = 1_000_000_000
 

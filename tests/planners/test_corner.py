@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from parcours.kernels import Record
-from parcours.planners.ramp.corner import corner_length, corner_speed, place_on_corner, shape_corner, slope_at
-from parcours.planners.ramp.messages import CURVE, PIECE, POSE, TRAJECTORY, one
-from parcours.planners.ramp.parameters import guarded
-from parcours.planners.ramp.trajectory import pose_at
+from parcours_ramp.planner.corner import corner_length, corner_speed, place_on_corner, shape_corner, slope_at
+from parcours_ramp.planner.messages import CURVE, PIECE, POSE, TRAJECTORY, one
+from parcours_ramp.planner.parameters import guarded
+from parcours_ramp.planner.trajectory import pose_at
 
 Floats = NDArray[np.float64]
 

@@ -11,8 +11,8 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from parcours.kernels import Record
-from parcours.planners.ramp.collision import collision_time, first_collision
-from parcours.planners.ramp.messages import (
+from parcours_ramp.planner.collision import collision_time, first_collision
+from parcours_ramp.planner.messages import (
     LINE,
     NO_COLLISION,
     OBSTACLE_STATE,
@@ -22,11 +22,11 @@ from parcours.planners.ramp.messages import (
     many,
     one,
 )
-from parcours.planners.ramp.parameters import Parameters, guarded, original
-from parcours.planners.ramp.prediction import predict
-from parcours.planners.ramp.route import ROUTE
-from parcours.planners.ramp.trajectory import copy_trajectory, place_at, samples, time_route
-from parcours.planners.ramp.trajectory_evaluation import evaluate
+from parcours_ramp.planner.parameters import Parameters, guarded, original
+from parcours_ramp.planner.prediction import predict
+from parcours_ramp.planner.route import ROUTE
+from parcours_ramp.planner.trajectory import copy_trajectory, place_at, samples, time_route
+from parcours_ramp.planner.trajectory_evaluation import evaluate
 
 if TYPE_CHECKING:
     from tests.planners.conftest import Way

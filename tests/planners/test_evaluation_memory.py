@@ -10,15 +10,15 @@ import numpy as np
 import pytest
 
 from parcours.kernels import Record
-from parcours.planners.ramp.guard import evaluate_moving_on, is_known_to_pass
-from parcours.planners.ramp.messages import NO_COLLISION, OBSTACLE_STATE, POSE, PREDICTION, TRAJECTORY, many, one
-from parcours.planners.ramp.parameters import guarded, original
-from parcours.planners.ramp.planner_state import PLANNER, begin_population
-from parcours.planners.ramp.prediction import predict
-from parcours.planners.ramp.sensing_cycle import changes_of, evaluate_population, sensing_cycle
-from parcours.planners.ramp.trajectory import copy_trajectory, pose_at, shift
-from parcours.planners.ramp.trajectory_evaluation import evaluate, passes_up_to
 from parcours.streams import start
+from parcours_ramp.planner.guard import evaluate_moving_on, is_known_to_pass
+from parcours_ramp.planner.messages import NO_COLLISION, OBSTACLE_STATE, POSE, PREDICTION, TRAJECTORY, many, one
+from parcours_ramp.planner.parameters import guarded, original
+from parcours_ramp.planner.planner_state import PLANNER, begin_population
+from parcours_ramp.planner.prediction import predict
+from parcours_ramp.planner.sensing_cycle import changes_of, evaluate_population, sensing_cycle
+from parcours_ramp.planner.trajectory import copy_trajectory, pose_at, shift
+from parcours_ramp.planner.trajectory_evaluation import evaluate, passes_up_to
 
 PERIOD = 50_000_000
 RESULTS = ("feasible", "fitness", "t_collision")

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from parcours.kernels import Record
-from parcours.planners.ramp.guard import evaluate_moving_on, is_imminent
-from parcours.planners.ramp.messages import OBSTACLE_STATE, PATH, POSE, PREDICTION, many, one
-from parcours.planners.ramp.parameters import Parameters, guarded, original
-from parcours.planners.ramp.planner_state import PLANNER
-from parcours.planners.ramp.prediction import predict
-from parcours.planners.ramp.route import HYBRID, ROUTE
-from parcours.planners.ramp.trajectory_generator import generate
+from parcours_ramp.planner.guard import evaluate_moving_on, is_imminent
+from parcours_ramp.planner.messages import OBSTACLE_STATE, PATH, POSE, PREDICTION, many, one
+from parcours_ramp.planner.parameters import Parameters, guarded, original
+from parcours_ramp.planner.planner_state import PLANNER
+from parcours_ramp.planner.prediction import predict
+from parcours_ramp.planner.route import HYBRID, ROUTE
+from parcours_ramp.planner.trajectory_generator import generate
 
 SECOND = 1_000_000_000
 REACH = 0.225

@@ -11,9 +11,10 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from parcours.kernels import Record
-from parcours.planners.ramp.messages import MAX_KNOTS, MODIFICATION, PATH, one
-from parcours.planners.ramp.parameters import guarded
-from parcours.planners.ramp.path_modification import (
+from parcours.streams import start
+from parcours_ramp.planner.messages import MAX_KNOTS, MODIFICATION, PATH, one
+from parcours_ramp.planner.parameters import guarded
+from parcours_ramp.planner.path_modification import (
     CHANGE,
     CROSSOVER,
     DELETE,
@@ -26,7 +27,6 @@ from parcours.planners.ramp.path_modification import (
     modify,
     remove_knot,
 )
-from parcours.streams import start
 
 Knots = list[tuple[float, float]]
 

@@ -14,10 +14,10 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.integrate import quad
 
-from parcours.planners.ramp.corner import corner_length, corner_speed
-from parcours.planners.ramp.messages import SAMPLE
-from parcours.planners.ramp.parameters import guarded
-from parcours.planners.ramp.route import NEAR
+from parcours_ramp.planner.corner import corner_length, corner_speed
+from parcours_ramp.planner.messages import SAMPLE
+from parcours_ramp.planner.parameters import guarded
+from parcours_ramp.planner.route import NEAR
 
 if TYPE_CHECKING:
     from tests.planners.conftest import Sampled, Sampler, Way

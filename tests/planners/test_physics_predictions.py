@@ -9,10 +9,10 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from parcours.arena.obstacles import OBSTACLE, move, place_at
 from parcours.kernels import Record
-from parcours.planners.ramp.messages import HORIZON, OBSTACLE_STATE, PREDICTION, SAMPLE, one
-from parcours.planners.ramp.prediction import STRAIGHT, predict
+from parcours_navigation.arena.obstacles import OBSTACLE, move, place_at
+from parcours_ramp.planner.messages import HORIZON, OBSTACLE_STATE, PREDICTION, SAMPLE, one
+from parcours_ramp.planner.prediction import STRAIGHT, predict
 
 SECOND = 1_000_000_000
 

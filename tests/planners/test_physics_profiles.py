@@ -10,11 +10,11 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from ruckig import InputParameter, Result, Ruckig, Trajectory
 
-from parcours.planners.ramp.messages import PATH, POSE, TRAJECTORY, one
-from parcours.planners.ramp.parameters import guarded
-from parcours.planners.ramp.profile import along, reachable, trapezoid
-from parcours.planners.ramp.route import HOLONOMIC, NEAR, ROUTE
-from parcours.planners.ramp.trajectory_generator import generate
+from parcours_ramp.planner.messages import PATH, POSE, TRAJECTORY, one
+from parcours_ramp.planner.parameters import guarded
+from parcours_ramp.planner.profile import along, reachable, trapezoid
+from parcours_ramp.planner.route import HOLONOMIC, NEAR, ROUTE
+from parcours_ramp.planner.trajectory_generator import generate
 
 Stretch = tuple[float, float, float, float, float]
 

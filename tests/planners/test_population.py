@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from parcours.kernels import Record
-from parcours.planners.ramp.messages import MEMBER, many, one
-from parcours.planners.ramp.parameters import Parameters, guarded
-from parcours.planners.ramp.population import SAME_PATH, SECTORS, best_member, is_same, offer, sector
 from parcours.streams import start
+from parcours_ramp.planner.messages import MEMBER, many, one
+from parcours_ramp.planner.parameters import Parameters, guarded
+from parcours_ramp.planner.population import SAME_PATH, SECTORS, best_member, is_same, offer, sector
 
 
 def member(direction: float, fitness: float, feasible: bool = True, id: int = 0) -> Record:

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from parcours.kernels import Record
-from parcours.planners.ramp.messages import HORIZON, OBSTACLE_STATE, PREDICTION, SAMPLE, one
-from parcours.planners.ramp.prediction import LONGEST_ARC, STANDS, STRAIGHT, change_of, predict, predicted_place
+from parcours_ramp.planner.messages import HORIZON, OBSTACLE_STATE, PREDICTION, SAMPLE, one
+from parcours_ramp.planner.prediction import LONGEST_ARC, STANDS, STRAIGHT, change_of, predict, predicted_place
 
 headings = st.floats(-math.pi, math.pi)
 speeds = st.floats(0.02, 0.5)

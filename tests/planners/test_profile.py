@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from parcours.planners.ramp.profile import along, reachable, trapezoid
+from parcours_ramp.planner.profile import along, reachable, trapezoid
 
 Stretch = tuple[float, float, float, float, float]
 

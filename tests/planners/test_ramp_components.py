@@ -10,8 +10,10 @@ import numpy as np
 import pytest
 
 from parcours.model.structure import Machine
-from parcours.planners.ramp.latency import none
-from parcours.planners.ramp.messages import (
+from parcours.run.trace import Trace, transitions
+from parcours_ramp.components.model import component_model
+from parcours_ramp.planner.latency import none
+from parcours_ramp.planner.messages import (
     EvaluationRequest,
     EvaluationResponse,
     ModificationRequest,
@@ -19,10 +21,8 @@ from parcours.planners.ramp.messages import (
     TrajectoryRequest,
     TrajectoryResponse,
 )
-from parcours.run.trace import Trace, transitions
-from parcours.studies.ramp_components.model import component_model
-from parcours.studies.ramp_system.component_form import run_components
-from parcours.studies.ramp_system.study import SystemStudy, system_study
+from parcours_ramp.system.component_form import run_components
+from parcours_ramp.system.study import SystemStudy, system_study
 
 SECONDS = 14.0
 RUNS = [(schedule, number) for schedule in ("original", "guarded") for number in (0, 4, 8)]

@@ -11,16 +11,16 @@ import numpy as np
 import pytest
 
 from parcours.kernels import Record
-from parcours.planners.ramp.control_cycle import control_cycle
-from parcours.planners.ramp.messages import POSE, PREDICTION, SAMPLE, many, one
-from parcours.planners.ramp.parameters import guarded, original
-from parcours.planners.ramp.planner_state import PLANNER, begin_population
-from parcours.planners.ramp.population import best_member
-from parcours.planners.ramp.route import HYBRID, NEAR, TRANSITION
-from parcours.planners.ramp.sensing_cycle import evaluate_population
-from parcours.planners.ramp.switching import EARLIEST, switch_path
-from parcours.planners.ramp.trajectory import pose_at, samples
 from parcours.streams import start
+from parcours_ramp.planner.control_cycle import control_cycle
+from parcours_ramp.planner.messages import POSE, PREDICTION, SAMPLE, many, one
+from parcours_ramp.planner.parameters import guarded, original
+from parcours_ramp.planner.planner_state import PLANNER, begin_population
+from parcours_ramp.planner.population import best_member
+from parcours_ramp.planner.route import HYBRID, NEAR, TRANSITION
+from parcours_ramp.planner.sensing_cycle import evaluate_population
+from parcours_ramp.planner.switching import EARLIEST, switch_path
+from parcours_ramp.planner.trajectory import pose_at, samples
 
 if TYPE_CHECKING:
     from tests.planners.conftest import Sampler

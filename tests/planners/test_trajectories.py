@@ -10,11 +10,11 @@ import pytest
 from numpy.typing import NDArray
 
 from parcours.kernels import Record
-from parcours.planners.ramp.messages import MAX_SAMPLES, NO_COLLISION, PATH, POSE, SAMPLE, TRAJECTORY, one
-from parcours.planners.ramp.parameters import guarded
-from parcours.planners.ramp.route import HOLONOMIC, HYBRID, NEAR, ROUTE
-from parcours.planners.ramp.trajectory import copy_trajectory, place_at, pose_at, samples, shift
-from parcours.planners.ramp.trajectory_generator import generate
+from parcours_ramp.planner.messages import MAX_SAMPLES, NO_COLLISION, PATH, POSE, SAMPLE, TRAJECTORY, one
+from parcours_ramp.planner.parameters import guarded
+from parcours_ramp.planner.route import HOLONOMIC, HYBRID, NEAR, ROUTE
+from parcours_ramp.planner.trajectory import copy_trajectory, place_at, pose_at, samples, shift
+from parcours_ramp.planner.trajectory_generator import generate
 
 if TYPE_CHECKING:
     from tests.planners.conftest import Way

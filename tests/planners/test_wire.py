@@ -14,9 +14,12 @@ import numba
 import numpy as np
 
 from parcours.abtc import serialise
-from parcours.planners.ramp.control import CONTROL, command, follow
-from parcours.planners.ramp.latency import none
-from parcours.planners.ramp.messages import (
+from parcours_ramp.components.model import component_model
+from parcours_ramp.components.study import component_plan, interaction_cases
+from parcours_ramp.components.tester import ComponentTester
+from parcours_ramp.planner.control import CONTROL, command, follow
+from parcours_ramp.planner.latency import none
+from parcours_ramp.planner.messages import (
     LEG,
     MODIFICATION,
     OBSTACLE_STATE,
@@ -36,16 +39,13 @@ from parcours.planners.ramp.messages import (
     many,
     one,
 )
-from parcours.planners.ramp.parameters import guarded, original
-from parcours.planners.ramp.prediction import predict
-from parcours.planners.ramp.trajectory import copy_trajectory, pose_at, samples
-from parcours.planners.ramp.trajectory_evaluation import TrajectoryEvaluation, evaluate
-from parcours.planners.ramp.wire import FORMS, decode, encode, flatten, restore
-from parcours.studies.ramp_components.model import component_model
-from parcours.studies.ramp_components.study import component_plan, interaction_cases
-from parcours.studies.ramp_components.tester import ComponentTester
-from parcours.studies.ramp_system.component_form import run_components, system_links
-from parcours.studies.ramp_system.study import system_study
+from parcours_ramp.planner.parameters import guarded, original
+from parcours_ramp.planner.prediction import predict
+from parcours_ramp.planner.trajectory import copy_trajectory, pose_at, samples
+from parcours_ramp.planner.trajectory_evaluation import TrajectoryEvaluation, evaluate
+from parcours_ramp.planner.wire import FORMS, decode, encode, flatten, restore
+from parcours_ramp.system.component_form import run_components, system_links
+from parcours_ramp.system.study import system_study
 
 Sent = tuple[str, Any]
 TAG = Tag("sensing", 3)

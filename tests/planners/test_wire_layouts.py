@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from parcours.planners.ramp.flat import CountedPart, Given, Layout, Part
-from parcours.planners.ramp.forms import PATHS, PREDICTIONS, TRAJECTORIES
-from parcours.planners.ramp.messages import (
+from parcours_ramp.planner.flat import CountedPart, Given, Layout, Part
+from parcours_ramp.planner.forms import PATHS, PREDICTIONS, TRAJECTORIES
+from parcours_ramp.planner.messages import (
     MAX_PIECES,
     PATH,
     PREDICTION,

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from parcours.errors import BadRequest
-from parcours.planners.ramp.messages import (
+from parcours_ramp.planner.messages import (
     MAX_KNOTS,
     MAX_LEGS,
     MAX_PIECES,
@@ -36,11 +36,11 @@ from parcours.planners.ramp.messages import (
     many,
     one,
 )
-from parcours.planners.ramp.parameters import guarded
-from parcours.planners.ramp.prediction import predict
-from parcours.planners.ramp.route import HYBRID, ROUTE
-from parcours.planners.ramp.trajectory_generator import generate
-from parcours.planners.ramp.wire import FORMS, VERSION, decode, encode, flatten, restore
+from parcours_ramp.planner.parameters import guarded
+from parcours_ramp.planner.prediction import predict
+from parcours_ramp.planner.route import HYBRID, ROUTE
+from parcours_ramp.planner.trajectory_generator import generate
+from parcours_ramp.planner.wire import FORMS, VERSION, decode, encode, flatten, restore
 
 TAG = Tag("sensing", 3)
 
@@ -178,7 +178,7 @@ def test_a_refusal_says_which_field_what_it_takes_and_what_was_given() -> None:
         restore("cmd_vel", [values[0], math.nan])
     assert str(refused.value) == (
         "message on channel 'cmd_vel', field 'w': must be finite, but nan was given; "
-        "send what `parcours.planners.ramp.wire.FORMS` says [wire-finite]"
+        "send what `parcours_ramp.planner.wire.FORMS` says [wire-finite]"
     )
 
 

@@ -8,7 +8,13 @@ import numpy as np
 import pytest
 
 from parcours.kernels import Record
-from parcours.planners.ramp.messages import (
+from parcours.run.hosts.battery import Taken
+from parcours.run.port import Component, Step
+from parcours.verdict.judgement import Verdict
+from parcours_ramp.components import study
+from parcours_ramp.components.study import Functional, component_plan, interaction_cases, run_functional
+from parcours_ramp.components.tester import ComponentTester
+from parcours_ramp.planner.messages import (
     EvaluationResponse,
     ModificationRequest,
     ModificationResponse,
@@ -16,12 +22,6 @@ from parcours.planners.ramp.messages import (
     Tag,
     TrajectoryResponse,
 )
-from parcours.run.hosts.battery import Taken
-from parcours.run.port import Component, Step
-from parcours.studies.ramp_components import study
-from parcours.studies.ramp_components.study import Functional, component_plan, interaction_cases, run_functional
-from parcours.studies.ramp_components.tester import ComponentTester
-from parcours.verdict.judgement import Verdict
 
 Spoil = Callable[[Step], list[Step]]
 """What a faulty component does in place of a step."""

@@ -8,15 +8,15 @@ from dataclasses import dataclass
 
 import pytest
 
-from parcours.planners.ramp.messages import Step, Tag, TrajectoryResponse
 from parcours.run.hosts.simulated import SimulatedHost
 from parcours.run.trace import Trace
-from parcours.studies.ramp_components.model import component_model
-from parcours.studies.ramp_system import component_form
-from parcours.studies.ramp_system.study import system_study
 from parcours.verdict.conformance import Allowance, Conformance, Expectation, check
 from parcours.verdict.conformance.tracking import Observes
 from parcours.verdict.judgement import Verdict
+from parcours_ramp.components.model import component_model
+from parcours_ramp.planner.messages import Step, Tag, TrajectoryResponse
+from parcours_ramp.system import component_form
+from parcours_ramp.system.study import system_study
 
 RAMP = Allowance(unmodelled=frozenset({"trajectory_request", "evaluation_request"}), conversations=True)
 """What RAMP does beside Table II: its planner asks in planning and control cycles, too."""

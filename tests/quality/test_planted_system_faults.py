@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from parcours.planners.ramp.latency import Duration, Latencies
-from parcours.planners.ramp.parameters import Parameters, guarded
-from parcours.studies.ramp_system.study import system_study
-from parcours.verdict.navigation import Outcome, outcomes
+from parcours_navigation.outcomes import Outcome, outcomes
+from parcours_ramp.planner.latency import Duration, Latencies
+from parcours_ramp.planner.parameters import Parameters, guarded
+from parcours_ramp.system.study import system_study
 
 CASES = 180
 

@@ -24,7 +24,7 @@ from parcours.run.trace import held, transitions
 
 @pytest.fixture(scope="module")
 def ramp() -> Cefsm:
-    return read_model(Path(str(files("parcours.studies") / "ramp_components" / "model.yaml")))
+    return read_model(Path(str(files("parcours_ramp") / "components" / "model.yaml")))
 
 
 class Obedient:

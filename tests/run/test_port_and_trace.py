@@ -18,7 +18,7 @@ from parcours.run.trace import Kind, Trace, TraceEvent, durations, read_trace, w
 
 
 def test_the_channels_of_ramp_become_services_and_topics_as_table_1_has_them() -> None:
-    model = read_model(Path(str(files("parcours.studies") / "ramp_components" / "model.yaml")))
+    model = read_model(Path(str(files("parcours_ramp") / "components" / "model.yaml")))
     kinds = {link.channel: link.kind for link in links(model)}
     services = {channel for channel, kind in kinds.items() if kind is LinkKind.SERVICE}
     assert services == {

@@ -16,7 +16,7 @@ import pytest
 from parcours.run.campaign import run_campaign
 from parcours.run.pool import can_fork
 from parcours.run.store import open_results
-from parcours.studies.ramp_system.study import system_study
+from parcours_ramp.system.study import system_study
 
 STUDY = """
 import os, signal, sys, time

@@ -9,20 +9,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from parcours.planners.ramp.latency import none
-from parcours.planners.ramp.wire import FORMS, Field, flatten, restore
 from parcours.run.recording import read_recording, write_bag, write_mcap
 from parcours.run.trace import Trace, durations
-from parcours.studies.ramp_components.oracles import ORACLES
-from parcours.studies.ramp_components.study import (
+from parcours_ramp.components.oracles import ORACLES
+from parcours_ramp.components.study import (
     Functional,
     component_plan,
     interaction_of,
     paper_sample,
     run_functional,
 )
-from parcours.studies.ramp_system.component_form import run_components
-from parcours.studies.ramp_system.study import system_study
+from parcours_ramp.planner.latency import none
+from parcours_ramp.planner.wire import FORMS, Field, flatten, restore
+from parcours_ramp.system.component_form import run_components
+from parcours_ramp.system.study import system_study
 
 WRITE = {"mcap": write_mcap, "bag": write_bag}
 both = pytest.mark.parametrize("form", tuple(WRITE))

@@ -10,12 +10,15 @@ import numpy as np
 import pytest
 
 from parcours.errors import BadResults
-from parcours.planners.ramp.messages import TrajectoryResponse
 from parcours.run.clocks import WallClock
 from parcours.run.recording import Recorder, read_recording, write_bag, write_mcap
 from parcours.run.trace import TraceEvent
-from parcours.studies.ramp_components.resident import RampCodec
-from parcours.studies.ramp_components.study import (
+from parcours.study.components.archive import Archive, Form
+from parcours.study.components.archive import rejudge as rejudge_of
+from parcours.study.protocol import Rejudged
+from parcours.verdict.judgement import Judgement, Verdict
+from parcours_ramp.components.resident import RampCodec
+from parcours_ramp.components.study import (
     Functional,
     component_plan,
     component_study,
@@ -25,10 +28,7 @@ from parcours.studies.ramp_components.study import (
     run_functional,
     run_timing,
 )
-from parcours.study.components.archive import Archive, Form
-from parcours.study.components.archive import rejudge as rejudge_of
-from parcours.study.protocol import Rejudged
-from parcours.verdict.judgement import Judgement, Verdict
+from parcours_ramp.planner.messages import TrajectoryResponse
 
 WRITE = {"mcap": write_mcap, "bag": write_bag}
 both = pytest.mark.parametrize("form", tuple(WRITE))

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from parcours.errors import BadRequest
-from parcours.planners.ramp.latency import Latencies
-from parcours.planners.ramp.parameters import guarded
-from parcours.studies.ramp_system.cases import PROTOCOLS, Protocol, SystemCases
-from parcours.studies.ramp_system.study import system_study
+from parcours_navigation.cases.family import PROTOCOLS, Protocol, SystemCases
+from parcours_ramp.planner.latency import Latencies
+from parcours_ramp.planner.parameters import guarded
+from parcours_ramp.system.study import system_study
 
 
 @pytest.mark.parametrize("radius", [0.0, -0.1, 0.6, float("nan"), float("inf")])

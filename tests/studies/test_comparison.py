@@ -9,16 +9,16 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from parcours.arena.solvability import SOLVABILITY, SOLVABLE, UNSOLVABLE
 from parcours.errors import BadRequest
 from parcours.report.page import to_html
 from parcours.report.pieces import Table
 from parcours.report.standings import arrivals, dominance
 from parcours.report.terminal import to_text
-from parcours.studies.comparison.document import comparison_document
-from parcours.studies.comparison.page import SLICES, compare_page
-from parcours.studies.comparison.pairing import RateDifference, TimeDifference
-from parcours.studies.comparison.results import (
+from parcours_navigation.arena.solvability import SOLVABILITY, SOLVABLE, UNSOLVABLE
+from parcours_navigation.comparison.document import comparison_document
+from parcours_navigation.comparison.page import SLICES, compare_page
+from parcours_navigation.comparison.pairing import RateDifference, TimeDifference
+from parcours_navigation.comparison.results import (
     QUESTIONS,
     Contender,
     DecisionTimes,
@@ -27,11 +27,11 @@ from parcours.studies.comparison.results import (
     weighted_by_time,
     weighted_by_way,
 )
-from parcours.studies.comparison.tables import DIFFERENT_ANSWERS, OUTCOME_WORDS, beats, outcome_table, question_table
-from parcours.studies.ramp_system.distribution import time_to_goal
-from parcours.verdict.facts import FACTS, NEVER
-from parcours.verdict.measures import MEASURES
-from parcours.verdict.navigation import Outcome
+from parcours_navigation.comparison.tables import DIFFERENT_ANSWERS, OUTCOME_WORDS, beats, outcome_table, question_table
+from parcours_navigation.facts import FACTS, NEVER
+from parcours_navigation.measures import MEASURES
+from parcours_navigation.outcomes import Outcome
+from parcours_navigation.study.distribution import time_to_goal
 
 N = 40
 

@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 
 from parcours.report.terminal import to_text
-from parcours.studies.comparison.deciding import decision_times
-from parcours.studies.comparison.measuring import Reproducing
-from parcours.studies.comparison.running import run_comparison
-from parcours.studies.comparison.tables import decision_table
-from parcours.studies.navigation.facts import PlannerFault
-from parcours.studies.navigation.scenario import Scenario
-from parcours.studies.navigation.study import NavigationStudy
-from parcours.studies.ramp_system.cases import SystemCases
+from parcours_navigation.cases.family import SystemCases
+from parcours_navigation.comparison.deciding import decision_times
+from parcours_navigation.comparison.measuring import Reproducing
+from parcours_navigation.comparison.running import run_comparison
+from parcours_navigation.comparison.tables import decision_table
+from parcours_navigation.guests.facts import PlannerFault
+from parcours_navigation.guests.scenario import Scenario
+from parcours_navigation.study.study import NavigationStudy
 
 CASES = SystemCases(1)
 

@@ -8,20 +8,20 @@ import json
 import numpy as np
 import pytest
 
-from parcours.arena.solvability import SOLVABILITY, SOLVABLE, UNDECIDED, UNSOLVABLE
 from parcours.report.pieces import Marked, Table
-from parcours.studies.comparison.benchmarking import HEADLINE, REPRODUCING, benchmark_scores, benchmark_tables
-from parcours.studies.comparison.document import comparison_document
-from parcours.studies.comparison.paper_rule import (
+from parcours_navigation.arena.solvability import SOLVABILITY, SOLVABLE, UNDECIDED, UNSOLVABLE
+from parcours_navigation.comparison.benchmarking import HEADLINE, REPRODUCING, benchmark_scores, benchmark_tables
+from parcours_navigation.comparison.document import comparison_document
+from parcours_navigation.comparison.paper_rule import (
     RULES,
     STUCK,
     paper_table,
     stuck_of_solvable,
     to_markdown_page,
 )
-from parcours.studies.comparison.results import Contender, Results
-from parcours.verdict.facts import FACTS, NEVER
-from parcours.verdict.measures import BENCHMARKS, MEASURES, PUBLISHED
+from parcours_navigation.comparison.results import Contender, Results
+from parcours_navigation.facts import FACTS, NEVER
+from parcours_navigation.measures import BENCHMARKS, MEASURES, PUBLISHED
 
 N = 40
 

@@ -7,19 +7,19 @@ import sys
 from pathlib import Path
 
 import parcours
-from parcours.studies.compiling import PARTS, compile_all
+from parcours.compiling import compile_all, parts
 
-ROOT = Path(parcours.__file__).parent
+ROOT = Path(parcours.__file__).parent.parent
 
 
 def test_the_parts_reach_every_module_that_holds_kernels() -> None:
     with_kernels = {
-        "parcours." + ".".join(path.relative_to(ROOT).with_suffix("").parts)
-        for path in ROOT.rglob("*.py")
+        ".".join(path.relative_to(ROOT).with_suffix("").parts)
+        for path in ROOT.glob("parcours*/**/*.py")
         if "\n@kernel\n" in path.read_text(encoding="utf-8")
     }
-    script = "import sys\nfrom parcours.studies.compiling import PARTS\n"
-    script += "for part in PARTS.values(): part()\nprint(*sys.modules)"
+    script = "import sys\nfrom parcours.compiling import parts\n"
+    script += "for part in parts().values(): part.run()\nprint(*sys.modules)"
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
     assert len(with_kernels) > 40
     assert with_kernels <= set(done.stdout.split())
@@ -28,5 +28,5 @@ def test_the_parts_reach_every_module_that_holds_kernels() -> None:
 def test_every_part_is_told_once() -> None:
     told: list[tuple[str, int, int]] = []
     compile_all(2, lambda *one: told.append(one))
-    assert {part for part, _, _ in told} == {"", *PARTS}
-    assert [done for _, done, _ in told] == list(range(len(PARTS) + 1))
+    assert {part for part, _, _ in told} == {"", *parts()}
+    assert [done for _, done, _ in told] == list(range(len(parts()) + 1))

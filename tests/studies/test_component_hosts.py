@@ -15,7 +15,6 @@ import pytest
 
 from parcours.abtc import Event, serialise
 from parcours.errors import HostFailure
-from parcours.planners.ramp.wire import FORMS, flatten
 from parcours.run.driving import Turn
 from parcours.run.gated import disorder, enforce, instance_name
 from parcours.run.hosts.driven import DrivenInstances
@@ -23,9 +22,12 @@ from parcours.run.hosts.processes import ProcessFabric
 from parcours.run.hosts.resident import nodes_of
 from parcours.run.port import links
 from parcours.run.trace import Trace, TraceEvent, held, transitions
-from parcours.studies.ramp_components.model import component_model
-from parcours.studies.ramp_components.resident import RampCodec
-from parcours.studies.ramp_components.study import (
+from parcours.study.hosting import started
+from parcours.suite import Case
+from parcours.verdict.judgement import Verdict
+from parcours_ramp.components.model import component_model
+from parcours_ramp.components.resident import RampCodec
+from parcours_ramp.components.study import (
     Functional,
     component_nodes,
     component_plan,
@@ -36,13 +38,11 @@ from parcours.studies.ramp_components.study import (
     on,
     run_functional,
 )
-from parcours.studies.ramp_components.tester import ComponentTester
-from parcours.study.hosting import started
-from parcours.suite import Case
-from parcours.verdict.judgement import Verdict
+from parcours_ramp.components.tester import ComponentTester
+from parcours_ramp.planner.wire import FORMS, flatten
 
-RESIDENT = "parcours.studies.ramp_components.resident:ComponentResident"
-WARM = ["parcours.studies.ramp_components.warm"]
+RESIDENT = "parcours_ramp.components.resident:ComponentResident"
+WARM = ["parcours_ramp.components.warm"]
 CASES = tuple(component_plan(seed=5, rows=1).cases())
 
 

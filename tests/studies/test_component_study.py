@@ -11,12 +11,13 @@ import pytest
 from parcours.abtc import serialise
 from parcours.data import cover
 from parcours.errors import BadRequest
-from parcours.planners.ramp.messages import EvaluationResponse, ModificationResponse, TrajectoryResponse
 from parcours.run.clocks import ClockName, SimulatedClock
 from parcours.run.trace import transitions
-from parcours.studies.ramp_components.model import component_inputs
-from parcours.studies.ramp_components.oracles import ORACLES
-from parcours.studies.ramp_components.study import (
+from parcours.verdict.judgement import Verdict
+from parcours.verdict.timing import duration, judge
+from parcours_ramp.components.model import component_inputs
+from parcours_ramp.components.oracles import ORACLES
+from parcours_ramp.components.study import (
     CASES_OF_PAPER,
     LIMITS,
     Functional,
@@ -29,8 +30,7 @@ from parcours.studies.ramp_components.study import (
     run_functional,
     run_timing,
 )
-from parcours.verdict.judgement import Verdict
-from parcours.verdict.timing import duration, judge
+from parcours_ramp.planner.messages import EvaluationResponse, ModificationResponse, TrajectoryResponse
 
 ROWS = 3
 

@@ -11,10 +11,10 @@ from parcours.errors import BadRequest
 from parcours.report.page import to_html
 from parcours.report.pieces import Figure, Page, Table, Text
 from parcours.run.campaign import run_campaign
-from parcours.studies.paper.delays_chapter import delays_chapter
-from parcours.studies.ramp_system.delays import DELAYED, DELAYS, QUESTIONS, DelayResults, DelayStudy, settings_of
-from parcours.studies.ramp_system.study import SCHEDULES, system_study
-from parcours.verdict.navigation import published
+from parcours_navigation.outcomes import published
+from parcours_ramp.paper.delays_chapter import delays_chapter
+from parcours_ramp.system.delays import DELAYED, DELAYS, QUESTIONS, DelayResults, DelayStudy, settings_of
+from parcours_ramp.system.study import SCHEDULES, system_study
 
 TIMES = (0.0, 0.5, 1.0)
 N = 60

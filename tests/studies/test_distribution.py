@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from parcours.studies.navigation.study import study_of
-from parcours.studies.ramp_system.cases import SystemCases
-from parcours.studies.ramp_system.distribution import (
+from parcours_navigation.cases.family import SystemCases
+from parcours_navigation.facts import FACTS, NEVER
+from parcours_navigation.measures import MEASURES, measures_of
+from parcours_navigation.study.distribution import (
     SHOWN,
     distribution_document,
     distribution_table,
@@ -15,9 +16,8 @@ from parcours.studies.ramp_system.distribution import (
     oracle,
     survived,
 )
-from parcours.studies.ramp_system.study import system_study
-from parcours.verdict.facts import FACTS, NEVER
-from parcours.verdict.measures import MEASURES, measures_of
+from parcours_navigation.study.study import study_of
+from parcours_ramp.system.study import system_study
 
 CASES = SystemCases(1)
 
@@ -61,7 +61,7 @@ def test_the_oracle_and_survivability_do_not_depend_on_how_cases_are_cut(monkeyp
     numbers = np.arange(12)
     whole, alive = oracle(CASES, numbers), survived(CASES, numbers)
     told: list[tuple[int, int]] = []
-    monkeypatch.setattr("parcours.studies.ramp_system.distribution._AT_ONCE", 5)
+    monkeypatch.setattr("parcours_navigation.study.distribution._AT_ONCE", 5)
     assert oracle(CASES, numbers, lambda done, total: told.append((done, total))).tobytes() == whole.tobytes()
     assert survived(CASES, numbers).tobytes() == alive.tobytes()
     assert told == [(5, 12), (10, 12), (12, 12)]

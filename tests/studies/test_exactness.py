@@ -14,7 +14,7 @@ import pytest
 from numpy.typing import NDArray
 
 from parcours.run.campaign import run_campaign
-from parcours.studies.ramp_system.study import SCHEDULES, SystemStudy, system_study
+from parcours_ramp.system.study import SCHEDULES, SystemStudy, system_study
 
 CASES, SEED = 65, 11
 """More cases than the largest shard holds, and one of each kind several times."""
@@ -66,7 +66,7 @@ import hashlib, sys
 from pathlib import Path
 from numba.core.registry import cpu_target
 from parcours.run.campaign import run_campaign
-from parcours.studies.ramp_system.study import system_study
+from parcours_ramp.system.study import system_study
 
 if __name__ == "__main__":
     assert cpu_target.target_context.codegen().magic_tuple()[1] == "haswell"

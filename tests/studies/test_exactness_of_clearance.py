@@ -10,8 +10,8 @@ import pytest
 import shapely
 from numpy.typing import NDArray
 
-from parcours.studies.ramp_system.study import SCHEDULES, system_study
-from parcours.verdict.facts import NEVER
+from parcours_navigation.facts import NEVER
+from parcours_ramp.system.study import SCHEDULES, system_study
 
 Floats = NDArray[np.float64]
 

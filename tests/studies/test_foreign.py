@@ -17,11 +17,11 @@ from parcours.run.binding.relay import Relay
 from parcours.run.binding.seats import Seating, Spoke, apart, whole
 from parcours.run.faults.text import parse_plan
 from parcours.run.trace import TraceEvent
-from parcours.studies.foreign.cases import abstract_scenes, find_scene
-from parcours.studies.foreign.conforming import SLACK, Conformers, visible
-from parcours.studies.foreign.timing import Span, durations, spans
-from parcours.studies.foreign.world import ForeignWorld, Scene
-from parcours.verdict.facts import NEVER
+from parcours_navigation.facts import NEVER
+from parcours_navigation.foreign.cases import abstract_scenes, find_scene
+from parcours_navigation.foreign.conforming import SLACK, Conformers, visible
+from parcours_navigation.foreign.timing import Span, durations, spans
+from parcours_navigation.foreign.world import ForeignWorld, Scene
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "ros1_python" / "binding.yaml"
 MS = 1_000_000

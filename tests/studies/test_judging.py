@@ -5,16 +5,16 @@ from dataclasses import replace
 import pytest
 
 from parcours.errors import BadRequest, BadSuite
-from parcours.studies.ramp_components.model import component_inputs
-from parcours.studies.ramp_components.study import interaction_cases, run_functional
-from parcours.studies.ramp_system.cases import SystemCases
-from parcours.studies.ramp_system.study import system_study
 from parcours.study import judge_case
 from parcours.study.finding import find
 from parcours.study.parameters import settings_of
 from parcours.suite import Case, combine
 from parcours.verdict.judgement import Verdict
-from parcours.verdict.navigation import VERDICT_OF, Outcome, explain, outcomes
+from parcours_navigation.cases.family import SystemCases
+from parcours_navigation.outcomes import VERDICT_OF, Outcome, explain, outcomes
+from parcours_ramp.components.model import component_inputs
+from parcours_ramp.components.study import interaction_cases, run_functional
+from parcours_ramp.system.study import system_study
 
 
 def suite_of(name: str, n_cases: int) -> list[Case]:

@@ -12,20 +12,20 @@ import numpy as np
 import pytest
 
 from parcours.errors import HostFailure
-from parcours.planners.ramp.wire import flatten
 from parcours.run.faults import parse_plan
 from parcours.run.hosts.processes import ProcessFabric
 from parcours.run.hosts.resident import nodes_of
 from parcours.run.recording import Recorder, read_recording
 from parcours.run.trace import Trace, TraceEvent
-from parcours.studies.ramp_components.resident import RampCodec
-from parcours.studies.ramp_system.component_form import system_links
-from parcours.studies.ramp_system.live import COMPONENTS, LiveRun, rerun, run_live
-from parcours.studies.ramp_system.live_results import rejudge, system_about
-from parcours.studies.ramp_system.study import SystemStudy, system_study
 from parcours.verdict.judgement import Verdict
+from parcours_ramp.components.resident import RampCodec
+from parcours_ramp.planner.wire import flatten
+from parcours_ramp.system.component_form import system_links
+from parcours_ramp.system.live import COMPONENTS, LiveRun, rerun, run_live
+from parcours_ramp.system.live_results import rejudge, system_about
+from parcours_ramp.system.study import SystemStudy, system_study
 
-RESIDENT, NUMBER = "parcours.studies.ramp_system.live:SystemResident", 3
+RESIDENT, NUMBER = "parcours_ramp.system.live:SystemResident", 3
 
 
 @pytest.fixture(scope="module")
@@ -42,7 +42,7 @@ def fabric() -> Iterator[ProcessFabric]:
 
 def opened() -> ProcessFabric:
     """Start nodes that load code when they need it."""
-    return ProcessFabric(nodes_of(system_links(), COMPONENTS, RESIDENT), ["parcours.studies.ramp_system.live"])
+    return ProcessFabric(nodes_of(system_links(), COMPONENTS, RESIDENT), ["parcours_ramp.system.live"])
 
 
 @pytest.fixture(scope="module")

@@ -14,19 +14,19 @@ from click.testing import CliRunner
 
 from parcours.cli import parcours
 from parcours.errors import BadRequest, BadResults
-from parcours.planners.protocol import Answer, Observation, Trajectory
 from parcours.run.campaign import run_campaign
 from parcours.run.pulse import LostCase
 from parcours.run.store import Campaign, open_results
-from parcours.studies.navigation.campaigns import NavigationResults, error_table, load_results, summary
-from parcours.studies.navigation.facts import REASON_LENGTH, PlannerFault, reason_bytes
-from parcours.studies.navigation.host import planner_seed
-from parcours.studies.navigation.planners import load_planner, source_digest
-from parcours.studies.navigation.scenario import Scenario
-from parcours.studies.navigation.study import NavigationStudy
-from parcours.studies.ramp_system.cases import SystemCases
 from parcours.verdict.judgement import Verdict
-from parcours.verdict.navigation import VERDICT_OF, Outcome, explain, outcomes
+from parcours_navigation.cases.family import SystemCases
+from parcours_navigation.guests.facts import REASON_LENGTH, PlannerFault, reason_bytes
+from parcours_navigation.guests.host import planner_seed
+from parcours_navigation.guests.planners import load_planner, source_digest
+from parcours_navigation.guests.scenario import Scenario
+from parcours_navigation.outcomes import VERDICT_OF, Outcome, explain, outcomes
+from parcours_navigation.protocol import Answer, Observation, Trajectory
+from parcours_navigation.study.campaigns import NavigationResults, error_table, load_results, summary
+from parcours_navigation.study.study import NavigationStudy
 
 CASES = SystemCases(1)
 

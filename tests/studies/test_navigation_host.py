@@ -11,15 +11,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from parcours.arena.obstacles import place_at
 from parcours.errors import BadRequest
-from parcours.planners.protocol import HEADING, SPEED, Answer, Command, Limits, Observation, Task, Trajectory, X, Y
-from parcours.studies.navigation.scenario import Scenario
-from parcours.studies.navigation.study import NavigationStudy, study_of
-from parcours.studies.navigation.tracking import reference
-from parcours.studies.ramp_system.cases import SystemCases
-from parcours.verdict.facts import NEVER, TRACK_PERIOD
-from parcours.verdict.navigation import Outcome, outcomes
+from parcours_navigation.arena.obstacles import place_at
+from parcours_navigation.cases.family import SystemCases
+from parcours_navigation.facts import NEVER, TRACK_PERIOD
+from parcours_navigation.guests.scenario import Scenario
+from parcours_navigation.guests.tracking import reference
+from parcours_navigation.outcomes import Outcome, outcomes
+from parcours_navigation.protocol import HEADING, SPEED, Answer, Command, Limits, Observation, Task, Trajectory, X, Y
+from parcours_navigation.study.study import NavigationStudy, study_of
 
 CASES = SystemCases(1)
 
@@ -280,7 +280,7 @@ def test_a_robot_that_does_not_fit_or_starts_in_an_obstacle_is_refused() -> None
 def test_ramp_runs_in_its_own_loop_and_refuses_what_it_is_not_built_for() -> None:
     facts = study_of("ramp-guarded", CASES, Scenario(time_limit=5.0))(0, 2)
     assert (facts["t_end"] <= 6_000_000_000).all() and (facts["n_control_cycles"] > 0).all()
-    with pytest.raises(BadRequest, match="planner-ramp"):
+    with pytest.raises(BadRequest, match="planner-own-loop"):
         study_of("ramp-original", CASES, Scenario(period=0.1))
 
 

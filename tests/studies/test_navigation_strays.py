@@ -14,19 +14,18 @@ from click.testing import CliRunner
 
 from parcours.cli import parcours
 from parcours.errors import BadRequest
-from parcours.planners.protocol import Answer, Observation
 from parcours.report.terminal import to_text
 from parcours.run.campaign import run_campaign
 from parcours.run.store import open_results
-from parcours.studies.navigation.campaigns import load_results, summary
-from parcours.studies.navigation.facts import PlannerFault
-from parcours.studies.navigation.planners import load_planner
-from parcours.studies.navigation.scenario import Scenario
-from parcours.studies.navigation.study import NavigationStudy
-from parcours.studies.ramp_system.campaigns import campaign_pieces
-from parcours.studies.ramp_system.cases import SystemCases
-from parcours.studies.ramp_system.outcome_tables import outcome_table
-from parcours.studies.ramp_system.study import system_study
+from parcours_navigation.cases.family import SystemCases
+from parcours_navigation.guests.facts import PlannerFault
+from parcours_navigation.guests.planners import load_planner
+from parcours_navigation.guests.scenario import Scenario
+from parcours_navigation.protocol import Answer, Observation
+from parcours_navigation.study.campaigns import campaign_pieces, load_results, summary
+from parcours_navigation.study.outcome_tables import outcome_table
+from parcours_navigation.study.study import NavigationStudy
+from parcours_ramp.system.study import system_study
 
 CASES = SystemCases(1)
 SHORT = Scenario(time_limit=1.0)

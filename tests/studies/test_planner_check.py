@@ -9,10 +9,10 @@ import time
 import numpy as np
 import pytest
 
-from parcours.planners.protocol import HEADING, Observation, Task, Trajectory, X, Y
-from parcours.studies.checking.battery import CHECKS, GATES, run_battery
-from parcours.studies.checking.finding import Level
-from parcours.studies.checking.subject import Subject
+from parcours_navigation.checking.battery import CHECKS, GATES, run_battery
+from parcours_navigation.checking.finding import Level
+from parcours_navigation.checking.subject import Subject
+from parcours_navigation.protocol import HEADING, Observation, Task, Trajectory, X, Y
 
 
 def steer(observation: Observation) -> tuple[float, float]:

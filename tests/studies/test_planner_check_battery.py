@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 
 from parcours.errors import BadRequest
-from parcours.planners.baselines import StraightAhead as Sound
-from parcours.planners.protocol import Command, Observation, Trajectory, X, Y
-from parcours.studies.checking.apart import check_apart
-from parcours.studies.checking.battery import CHECKS, run_battery, told_in_lines
-from parcours.studies.checking.finding import Level
-from parcours.studies.checking.loading import load_subject
-from parcours.studies.checking.subject import Subject
+from parcours_navigation.checking.apart import check_apart
+from parcours_navigation.checking.battery import CHECKS, run_battery, told_in_lines
+from parcours_navigation.checking.finding import Level
+from parcours_navigation.checking.loading import load_subject
+from parcours_navigation.checking.subject import Subject
+from parcours_navigation.planners.baselines import StraightAhead as Sound
+from parcours_navigation.protocol import Command, Observation, Trajectory, X, Y
 
 
 def steer(observation: Observation) -> Command:
@@ -155,9 +155,9 @@ class TestPlannersByName:
         (finding,) = run_battery(load_subject(broken)).findings
         assert finding.slug == "planner-raises" and "no map" in finding.seen
         with pytest.raises(BadRequest, match=r"\[planner-missing\]"):
-            load_subject("parcours.planners.orca:Orcs")
+            load_subject("parcours_navigation.planners.orca:Orcs")
         with pytest.raises(BadRequest, match=r"\[planner-missing\]"):
-            check_apart("parcours.planners.orca:Orcs")
+            check_apart("parcours_navigation.planners.orca:Orcs")
 
 
 @pytest.fixture

@@ -20,11 +20,12 @@ from parcours.report.terminal import to_text
 from parcours.run.faults import FaultPlan, parse_fault, parse_plan
 from parcours.run.hosts.striking import Death
 from parcours.run.trace import Trace
-from parcours.studies.ramp_faults.catalogue import COMPONENTS, SERVICES, TOPICS, Entry, catalogue, chosen
-from parcours.studies.ramp_faults.isolated import Ended, run_isolated
-from parcours.studies.ramp_faults.judging import SHOWN, CaseOutcome, Outcome, judge
-from parcours.studies.ramp_faults.reporting import fault_document, fault_page, tables
-from parcours.studies.ramp_faults.running import (
+from parcours_navigation.facts import NEVER, TRACK
+from parcours_ramp.faults.catalogue import COMPONENTS, SERVICES, TOPICS, Entry, catalogue, chosen
+from parcours_ramp.faults.isolated import Ended, run_isolated
+from parcours_ramp.faults.judging import SHOWN, CaseOutcome, Outcome, judge
+from parcours_ramp.faults.reporting import fault_document, fault_page, tables
+from parcours_ramp.faults.running import (
     SOON,
     FaultResults,
     Row,
@@ -34,9 +35,8 @@ from parcours.studies.ramp_faults.running import (
     run_faults,
     run_trial,
 )
-from parcours.studies.ramp_system.component_form import ComponentRun, run_components, system_links
-from parcours.studies.ramp_system.facts import FACTS
-from parcours.verdict.facts import NEVER, TRACK
+from parcours_ramp.system.component_form import ComponentRun, run_components, system_links
+from parcours_ramp.system.facts import FACTS
 
 S = 1_000_000_000
 

@@ -9,10 +9,10 @@ from pathlib import Path, PurePosixPath
 import pytest
 
 from parcours.errors import BadRequest
-from parcours.studies.foreign.door import RosStudy
 from parcours.study.copying import from_template, templates, write_new
 from parcours.study.finding import find
 from parcours.study.parameters import settings_of
+from parcours_navigation.foreign.door import RosStudy
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "ros1_python"
 

@@ -9,8 +9,8 @@ import pytest
 
 from parcours.data import cover
 from parcours.errors import BadRequest
-from parcours.studies.ramp_system.cases import PROTOCOLS, STATIC, SystemCases, input_model, start_cases
-from parcours.studies.ramp_system.published import PUBLISHED, folder_of, total
+from parcours_navigation.cases.family import PROTOCOLS, STATIC, SystemCases, input_model, start_cases
+from parcours_navigation.cases.published import PUBLISHED, folder_of, total
 
 SECOND = 1_000_000_000
 NUMBERS = np.arange(270)

@@ -15,14 +15,14 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from parcours.planners.ramp.latency import none
 from parcours.run.campaign import run_campaign
 from parcours.run.trace import transitions
-from parcours.studies.ramp_system.component_form import ComponentRun, run_components
-from parcours.studies.ramp_system.facts import TRANSITIONS
-from parcours.studies.ramp_system.study import SCHEDULES, SystemStudy, system_study
-from parcours.verdict.facts import NEVER
-from parcours.verdict.navigation import Outcome, explain, outcomes
+from parcours_navigation.facts import NEVER
+from parcours_navigation.outcomes import Outcome, explain, outcomes
+from parcours_ramp.planner.latency import none
+from parcours_ramp.system.component_form import ComponentRun, run_components
+from parcours_ramp.system.facts import TRANSITIONS
+from parcours_ramp.system.study import SCHEDULES, SystemStudy, system_study
 
 SHORT = 3.0
 """So long [s] lasts a test, after the static second, in each of the two hundred cases."""
@@ -131,7 +131,7 @@ def test_campaigns_with_one_and_two_workers_leave_the_same_bytes(tmp_path: Path)
 _PROGRAM = """
 import hashlib
 from numba.core.registry import cpu_target
-from parcours.studies.ramp_system.study import system_study
+from parcours_ramp.system.study import system_study
 _, name, features = cpu_target.target_context.codegen().magic_tuple()
 assert name == "x86-64" and "+avx" not in features and "+fma" not in features, (name, features)
 for schedule in ("original", "guarded"):

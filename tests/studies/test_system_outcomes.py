@@ -8,11 +8,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from parcours.studies.ramp_system.facts import TRANSITIONS
-from parcours.studies.ramp_system.study import SCHEDULES, system_study
-from parcours.verdict.facts import NEVER
 from parcours.verdict.judgement import Verdict
-from parcours.verdict.navigation import (
+from parcours_navigation.facts import NEVER
+from parcours_navigation.outcomes import (
     VERDICT_OF,
     Outcome,
     Share,
@@ -22,6 +20,8 @@ from parcours.verdict.navigation import (
     shares,
     true_time_left,
 )
+from parcours_ramp.system.facts import TRANSITIONS
+from parcours_ramp.system.study import SCHEDULES, system_study
 
 CASES = 270
 

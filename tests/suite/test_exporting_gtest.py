@@ -13,8 +13,6 @@ from hypothesis import strategies as st
 from parcours.abtc import Event, serialise
 from parcours.cli.export import command
 from parcours.errors import BadRequest, BadSuite
-from parcours.studies.gtest_export import MOST_CASES, Repeats, export_gtest, timing_limits
-from parcours.studies.ramp_components.study import component_plan, interaction_cases, paper_sample
 from parcours.suite import Case, write_suite
 from parcours.suite.exporting.gtest_folder import folder_texts
 from parcours.suite.exporting.gtest_tables import (
@@ -25,6 +23,8 @@ from parcours.suite.exporting.gtest_tables import (
     literal,
     tables,
 )
+from parcours_ramp.components.study import component_plan, interaction_cases, paper_sample
+from parcours_ramp.gtest_export import MOST_CASES, Repeats, export_gtest, timing_limits
 
 ABSTRACT = next(iter(interaction_cases()))
 CHANNEL = GtestChannel("obstacles", "Sensing", "Planner", "topic", "/obstacles", "p/O", "0" * 32, "int64 n", "", ())

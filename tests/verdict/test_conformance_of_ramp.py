@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import pytest
 
-from parcours.studies.ramp_components.model import component_model
-from parcours.studies.ramp_components.study import component_plan, run_functional
-from parcours.studies.ramp_system.component_form import run_components
-from parcours.studies.ramp_system.study import system_study
 from parcours.verdict.conformance import Allowance, check
 from parcours.verdict.conformance.tracking import Observes
+from parcours_ramp.components.model import component_model
+from parcours_ramp.components.study import component_plan, run_functional
+from parcours_ramp.system.component_form import run_components
+from parcours_ramp.system.study import system_study
 
 MS = 1_000_000
 RAMP = Allowance(unmodelled=frozenset({"trajectory_request", "evaluation_request"}), conversations=True)

@@ -10,13 +10,13 @@ import pytest
 
 from parcours.abtc import abstract_cases, serialise
 from parcours.model import parse_model
-from parcours.planners.ramp.messages import Step
 from parcours.run.clocks import WallClock
 from parcours.run.here import execute
 from parcours.run.trace import Trace, TraceEvent
 from parcours.verdict.conformance import Checker, check
 from parcours.verdict.conformance.tracking import Observes
 from parcours.verdict.judgement import Verdict
+from parcours_ramp.planner.messages import Step
 
 MS = 1_000_000
 

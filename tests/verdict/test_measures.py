@@ -11,9 +11,9 @@ import pytest
 from numpy.typing import ArrayLike, NDArray
 
 from parcours.kernels import Record, kernel
-from parcours.verdict.facts import NEVER, TRACK
-from parcours.verdict.measures import MEASURES, measures_of
-from parcours.verdict.measures.kernel import measure
+from parcours_navigation.facts import NEVER, TRACK
+from parcours_navigation.measures import MEASURES, measures_of
+from parcours_navigation.measures.kernel import measure
 
 Floats = NDArray[np.float64]
 NOWHERE = (100.0, 0.0)

@@ -10,8 +10,8 @@ import pytest
 from numpy.typing import NDArray
 
 from parcours.errors import BadRequest
-from parcours.verdict.facts import TRACK
-from parcours.verdict.measures import AS_PUBLISHED, BENCHMARKS, MEASURES, METRICS, PUBLISHED, measures_of
+from parcours_navigation.facts import TRACK
+from parcours_navigation.measures import AS_PUBLISHED, BENCHMARKS, MEASURES, METRICS, PUBLISHED, measures_of
 
 Floats = NDArray[np.float64]
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from parcours.verdict.facts import TRACK
-from parcours.verdict.measures import AS_PUBLISHED, MEASURES, METRICS, PUBLISHED, measures_as_published, measures_of
+from parcours_navigation.facts import TRACK
+from parcours_navigation.measures import AS_PUBLISHED, MEASURES, METRICS, PUBLISHED, measures_as_published, measures_of
 
 Floats = NDArray[np.float64]
 RADII = np.array([0.1, 0.15, 0.05])

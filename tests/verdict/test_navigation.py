@@ -6,8 +6,17 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from parcours.verdict.facts import FACTS, NEVER
-from parcours.verdict.navigation import VERDICT_OF, Outcome, Share, explain, outcomes, published, shares, true_time_left
+from parcours_navigation.facts import FACTS, NEVER
+from parcours_navigation.outcomes import (
+    VERDICT_OF,
+    Outcome,
+    Share,
+    explain,
+    outcomes,
+    published,
+    shares,
+    true_time_left,
+)
 
 
 def facts(**given: object) -> NDArray[np.void]:

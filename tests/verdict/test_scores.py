@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from parcours.errors import BadRequest
-from parcours.verdict.facts import FACTS, NEVER
-from parcours.verdict.measures import BENCHMARKS, MEASURES, PUBLISHED, Column, Runs, barn, score, sct, spl
+from parcours_navigation.facts import FACTS, NEVER
+from parcours_navigation.measures import BENCHMARKS, MEASURES, PUBLISHED, Column, Runs, barn, score, sct, spl
 
 
 def facts(n: int, **given: object) -> NDArray[np.void]:

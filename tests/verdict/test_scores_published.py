@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike, NDArray
 
-from parcours.verdict.facts import FACTS, NEVER, TRACK
-from parcours.verdict.measures import Runs, barn, measures_as_published, measures_of, score
+from parcours_navigation.facts import FACTS, NEVER, TRACK
+from parcours_navigation.measures import Runs, barn, measures_as_published, measures_of, score
 
 
 def track(seconds: float, hertz: float) -> NDArray[np.void]:

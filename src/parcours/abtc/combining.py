@@ -85,7 +85,7 @@ def combinations(
 
     >>> from importlib.resources import files
     >>> from parcours.model import read_model
-    >>> ramp = read_model(files("parcours.studies") / "ramp_components" / "model.yaml")
+    >>> ramp = read_model(files("parcours_ramp") / "components" / "model.yaml")
     >>> from parcours.abtc.interactions import interaction_paths
     >>> [str(kept) for itp in interaction_paths(ramp)[2:4] for kept in combinations(ramp, itp).kept]
     ['(tp11, tp51, tp11)', '(tp11, tp41+tp42, tp11)']

@@ -24,7 +24,7 @@ def side_by_side(paths: Sequence[InternalPath], *, changes_only: bool = False) -
     >>> from parcours.model import read_model
     >>> from parcours.paths import internal_paths
     >>> from parcours.abtc.interleaving import count_sequences
-    >>> found = internal_paths(read_model(files("parcours.studies") / "ramp_components" / "model.yaml"))
+    >>> found = internal_paths(read_model(files("parcours_ramp") / "components" / "model.yaml"))
     >>> pair = [found["Planner"][1], found["TrajectoryGenerator"][0]]
     >>> count_sequences(side_by_side(pair)), count_sequences(side_by_side(pair, changes_only=True))
     (462, 20)
@@ -51,7 +51,7 @@ def order_of(cefsm: Cefsm, combination: Combination) -> Order:
     >>> from parcours.model import read_model
     >>> from parcours.abtc import combinations, interaction_paths
     >>> from parcours.abtc.interleaving import count_sequences
-    >>> ramp = read_model(files("parcours.studies") / "ramp_components" / "model.yaml")
+    >>> ramp = read_model(files("parcours_ramp") / "components" / "model.yaml")
     >>> (combination,) = combinations(ramp, interaction_paths(ramp)[2]).kept
     >>> order = order_of(ramp, combination)
     >>> order.names[:4]
@@ -87,7 +87,7 @@ def order_of_case(case: AbstractCase) -> Order:
     >>> from parcours.model import read_model
     >>> from parcours.abtc import abstract_cases
     >>> from parcours.abtc.interleaving import count_sequences
-    >>> ramp = read_model(files("parcours.studies") / "ramp_components" / "model.yaml")
+    >>> ramp = read_model(files("parcours_ramp") / "components" / "model.yaml")
     >>> [count_sequences(order_of_case(case)) for case, _ in zip(abstract_cases(ramp), range(3))]
     [110565, 36855, 8190]
     """

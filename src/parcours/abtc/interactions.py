@@ -42,7 +42,7 @@ def component_graph(cefsm: Cefsm) -> dict[tuple[str, str], tuple[Channel, ...]]:
 
     >>> from importlib.resources import files
     >>> from parcours.model import read_model
-    >>> ramp = read_model(files("parcours.studies") / "ramp_components" / "model.yaml")
+    >>> ramp = read_model(files("parcours_ramp") / "components" / "model.yaml")
     >>> len(component_graph(ramp))
     9
     """
@@ -60,7 +60,7 @@ def edge_pairs(cefsm: Cefsm) -> tuple[tuple[str, str, str], ...]:
 
     >>> from importlib.resources import files
     >>> from parcours.model import read_model
-    >>> ramp = read_model(files("parcours.studies") / "ramp_components" / "model.yaml")
+    >>> ramp = read_model(files("parcours_ramp") / "components" / "model.yaml")
     >>> len(edge_pairs(ramp))
     24
     """
@@ -84,7 +84,7 @@ def hub(cefsm: Cefsm) -> str | None:
 
     >>> from importlib.resources import files
     >>> from parcours.model import read_model
-    >>> ramp = read_model(files("parcours.studies") / "ramp_components" / "model.yaml")
+    >>> ramp = read_model(files("parcours_ramp") / "components" / "model.yaml")
     >>> hub(ramp)
     'Planner'
     """

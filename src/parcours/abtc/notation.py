@@ -32,7 +32,7 @@ def notation(of: AbstractCase | Combination, title: str = "") -> str:
 
     >>> from importlib.resources import files
     >>> from parcours.model import read_model
-    >>> ramp = read_model(files("parcours.studies") / "ramp_components" / "model.yaml")
+    >>> ramp = read_model(files("parcours_ramp") / "components" / "model.yaml")
     >>> from parcours.abtc.serialising import abstract_cases
     >>> print(notation(next(abstract_cases(ramp)), "ABTC1").splitlines()[0])
     Combination ITP1 (tp12, tp21, tp12) = ABTC1:

@@ -81,7 +81,7 @@ def meetings(cefsm: Cefsm, paths: Mapping[str, Sequence[InternalPath]]) -> tuple
 
     >>> from importlib.resources import files
     >>> from parcours.model import read_model
-    >>> ramp = read_model(files("parcours.studies") / "ramp_components" / "model.yaml")
+    >>> ramp = read_model(files("parcours_ramp") / "components" / "model.yaml")
     >>> from parcours.paths import internal_paths
     >>> found = meetings(ramp, internal_paths(ramp))
     >>> [(m.sender.name, m.receiver.name) for m in found if m.stand_in]

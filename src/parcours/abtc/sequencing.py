@@ -82,7 +82,7 @@ def serialise(case: AbstractCase) -> tuple[Event, ...]:
 
     >>> from importlib.resources import files
     >>> from parcours.model import read_model
-    >>> ramp = read_model(files("parcours.studies") / "ramp_components" / "model.yaml")
+    >>> ramp = read_model(files("parcours_ramp") / "components" / "model.yaml")
     >>> from parcours.abtc.serialising import abstract_cases
     >>> events = serialise(next(abstract_cases(ramp)))
     >>> print(events[6])

@@ -87,7 +87,7 @@ def abstract_cases(
 
     >>> from importlib.resources import files
     >>> from parcours.model import read_model
-    >>> ramp = read_model(files("parcours.studies") / "ramp_components" / "model.yaml")
+    >>> ramp = read_model(files("parcours_ramp") / "components" / "model.yaml")
     >>> next(abstract_cases(ramp)).id
     'ITP1-tp12.tp21.tp12-0.0.0'
     """
@@ -107,7 +107,7 @@ def case_counts(cefsm: Cefsm, policy: str | None = None) -> dict[str, int]:
 
     >>> from importlib.resources import files
     >>> from parcours.model import read_model
-    >>> ramp = read_model(files("parcours.studies") / "ramp_components" / "model.yaml")
+    >>> ramp = read_model(files("parcours_ramp") / "components" / "model.yaml")
     >>> case_counts(ramp)
     {'ITP1': 3, 'ITP2': 3, 'ITP3': 3, 'ITP4': 10, 'ITP5': 18, 'ITP6': 30}
     """
@@ -131,7 +131,7 @@ def serialisations(cefsm: Cefsm, combination: Combination, policy: str = DEFAULT
 
     >>> from importlib.resources import files
     >>> from parcours.model import read_model
-    >>> ramp = read_model(files("parcours.studies") / "ramp_components" / "model.yaml")
+    >>> ramp = read_model(files("parcours_ramp") / "components" / "model.yaml")
     >>> from parcours.abtc.interactions import interaction_paths
     >>> (combination,) = combinations(ramp, interaction_paths(ramp)[0]).kept
     >>> [case.start_vector for case in serialisations(ramp, combination)]
@@ -154,7 +154,7 @@ def find_case(cefsm: Cefsm, id: str) -> AbstractCase:
 
     >>> from importlib.resources import files
     >>> from parcours.model import read_model
-    >>> ramp = read_model(files("parcours.studies") / "ramp_components" / "model.yaml")
+    >>> ramp = read_model(files("parcours_ramp") / "components" / "model.yaml")
     >>> find_case(ramp, "ITP4-tp11.tp41+tp42.tp11-0.0+3.4").start_vector
     (0, 0, 3, 4)
     """

@@ -30,7 +30,7 @@ def interchangeable(cefsm: Cefsm) -> tuple[tuple[str, ...], ...]:
 
     >>> from importlib.resources import files
     >>> from parcours.model import read_model
-    >>> interchangeable(read_model(files("parcours.studies") / "ramp_system" / "model.yaml"))
+    >>> interchangeable(read_model(files("parcours_navigation") / "cases" / "model.yaml"))
     (('Obstacle1', 'Obstacle2', 'Obstacle3'),)
     """
     centre, classes = hub(cefsm), list[list[Component]]()
@@ -67,7 +67,7 @@ def representatives(cefsm: Cefsm, cases: Iterable[AbstractCase]) -> Iterator[tup
     >>> from importlib.resources import files
     >>> from parcours.model import read_model
     >>> from parcours.abtc import abstract_cases
-    >>> obstacles = read_model(files("parcours.studies") / "ramp_system" / "model.yaml")
+    >>> obstacles = read_model(files("parcours_navigation") / "cases" / "model.yaml")
     >>> [size for _, size in representatives(obstacles, abstract_cases(obstacles))]
     [1, 3, 3, 3, 6, 6, 3, 6, 6]
     """

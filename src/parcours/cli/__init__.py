@@ -8,6 +8,7 @@ import sys
 import click
 
 from parcours import __version__
+from parcours.cli.extending import added
 from parcours.errors import ParcoursError
 
 COMMANDS = {
@@ -26,29 +27,31 @@ COMMANDS = {
     "export": "A suite as test scripts of other tools.",
     "suite": "Write the executable cases of a study to a file.",
     "run": "Execute a study and keep its results.",
-    "nodes": "Nodes of a study on a running ROS 1 graph, for testers of other tools.",
-    "binding": "Nodes of others, through a binding file: check, run, judge.",
     "faults": "A study under faults on purpose: fault x outcome.",
     "conform": "A trace against a model: first deviation, expected set, path.",
     "recording": "What a recording of a run holds; one format into the other.",
     "judge": "Recordings of runs, judged again.",
     "report": "Results of runs as tables, HTML and JUnit.",
-    "compare": "Planners or runs on the same cases, with paired tests.",
-    "planner": "Check a planner of your own.",
+    "compare": "Runs on the same cases, with paired tests.",
     "replay": "One case of a run, executed again and drawn.",
     "compile": "Compile all kernels now, on all processors.",
-    "demo": "The whole study of the paper, as one report.",
 }
 """Subcommand -> its line in the help; the module of the same name holds it."""
 
 
 class _Stages(click.Group):
-    """A group that imports a subcommand's module when the subcommand is called, not before."""
+    """A group that imports a subcommand's module when the subcommand is called, not before.
+
+    A command that a package adds stands before one of ours of the same name.
+    """
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        return list(COMMANDS)
+        return list(dict.fromkeys([*COMMANDS, *added()]))
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        if cmd_name in added():
+            other: click.Command = added()[cmd_name].load()
+            return other
         if cmd_name not in COMMANDS:
             return None
         command: click.Command = importlib.import_module(f"parcours.cli.{cmd_name}").command
@@ -56,7 +59,12 @@ class _Stages(click.Group):
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         with formatter.section("Commands"):
-            formatter.write_dl(list(COMMANDS.items()))
+            lines = COMMANDS | {name: _line(entry.load()) for name, entry in added().items()}
+            formatter.write_dl(list(lines.items()))
+
+
+def _line(command: click.Command) -> str:
+    return command.get_short_help_str(limit=72)
 
 
 @click.command(cls=_Stages, context_settings={"help_option_names": ["-h", "--help"]})

@@ -17,8 +17,8 @@ def command(workers: int) -> None:
     Example: parcours compile
     """
     from parcours.cli.progress import progress, say_if_cold
+    from parcours.compiling import compile_all
     from parcours.kernels import kernel_cache
-    from parcours.studies.compiling import compile_all
 
     say_if_cold()
     with progress() as report:

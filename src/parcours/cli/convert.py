@@ -23,7 +23,7 @@ def command(source: Path, target: Path, source_format: str, target_format: str, 
 
     Example: parcours convert train.xml train.yaml
     """
-    from parcours.model.formats import FORMATS, format_of, read_any, write_as
+    from parcours.model.formats import format_of, formats, read_any, write_as
     from parcours.report.writing import write_text
 
     name = target_format or format_of(target)
@@ -43,4 +43,6 @@ def command(source: Path, target: Path, source_format: str, target_format: str, 
         for loss in found:
             click.echo(f"{file}: {loss}")
     count = sum(len(found) for _, found in sides)
-    click.echo(f"wrote {target} ({FORMATS[name].title}), {count} losses" if count else f"wrote {target}, nothing lost")
+    click.echo(
+        f"wrote {target} ({formats()[name].title}), {count} losses" if count else f"wrote {target}, nothing lost"
+    )

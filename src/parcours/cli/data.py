@@ -16,9 +16,7 @@ if TYPE_CHECKING:
 
     from parcours.data import InputModel
     from parcours.data.choosing import Selection
-    from parcours.data.pict import PictReading
-
-_PICT = (".pict", ".txt")
+    from parcours.data.formats import DataReading
 
 budget = click.option(
     "--budget",
@@ -31,7 +29,7 @@ budget = click.option(
 def command() -> None:
     """Rows of test data from input models, and what any table of data covers.
 
-    Example: parcours data draw src/parcours/studies/ramp_system/domains.yaml --criterion pairwise
+    Example: parcours data draw domains.yaml --criterion pairwise
     """
 
 
@@ -59,7 +57,7 @@ def draw_rows(
     With --rows, further sets of the criterion follow the first one, or it is cut off. Exit code 3 if combinations were
     not decided within the budget.
 
-    Example: parcours data draw src/parcours/studies/ramp_system/domains.yaml --criterion 3-wise --budget 10
+    Example: parcours data draw domains.yaml --criterion 3-wise --budget 10
     """
     from parcours.cli.progress import progress, say_if_cold
     from parcours.data import cover
@@ -67,7 +65,7 @@ def draw_rows(
     from parcours.data.choosing import choose
     from parcours.data.tables import read_table
 
-    reading = _told(_reading(file))
+    reading = _told(file)
     model = at_boundaries(reading.model) if boundaries else reading.model
     if criterion.endswith("wise"):
         say_if_cold()
@@ -152,7 +150,7 @@ def measure_table(table: Path, file: Path, strength: int, show: int, as_json: bo
     from parcours.data.measuring import measure
     from parcours.data.tables import read_table
 
-    reading = _told(_reading(file))
+    reading = _told(file)
     model = reading.model
     found = measure(read_table(table, model, reading.titles), model, strength, most_shown=show)
     if as_json:
@@ -180,7 +178,7 @@ def measure_table(table: Path, file: Path, strength: int, show: int, as_json: bo
 def compare_criteria(file: Path, as_json: bool) -> None:
     """Say how many rows each combination criterion takes, and the fewest it could take.
 
-    Example: parcours data criteria src/parcours/studies/ramp_system/domains.yaml
+    Example: parcours data criteria domains.yaml
     """
     from parcours.cli.progress import say_if_cold
     from parcours.data.choosing import set_size
@@ -208,20 +206,12 @@ def convert(source: Path, target: Path) -> None:
 
     Example: parcours data convert printer.pict printer.yaml
     """
-    from parcours.data.pict import write_pict
-    from parcours.data.writing import write_input_model
+    from parcours.data.formats import read_data, write_data
     from parcours.errors import BadRequest
 
-    reading = _reading(source)
-    model, losses = reading.model, list(reading.losses)
-    if target.suffix.lower() in _PICT:
-        written = write_pict(model)
-        text, losses = written.text, losses + list(written.losses)
-    elif target.suffix.lower() in (".yaml", ".yml"):
-        text = write_input_model(model)
-    else:
-        rule = f"the suffix must tell the format, but {target.suffix!r} does not"
-        raise BadRequest(str(target), rule, "Known: .yaml, .yml, .pict, .txt", slug="unknown-format")
+    reading = read_data(source)
+    model, written = reading.model, write_data(reading.model, target)
+    text, losses = written.text, [*reading.losses, *written.losses]
     try:
         target.write_text(text, encoding="utf-8")
     except OSError as error:
@@ -236,18 +226,14 @@ def convert(source: Path, target: Path) -> None:
 
 def _model(path: Path) -> InputModel:
     """Return the input model of a file; what of the file it lacks is said on standard error."""
-    return _told(_reading(path)).model
+    return _told(path).model
 
 
-def _told(reading: PictReading) -> PictReading:
+def _told(path: Path) -> DataReading:
+    """Return the input model of a file; what of the file it lacks is said on standard error."""
+    from parcours.data.formats import read_data
+
+    reading = read_data(path)
     for loss in reading.losses:
         click.echo(f"lost: {loss}", err=True)
     return reading
-
-
-def _reading(path: Path) -> PictReading:
-    """Return the input model of a file, YAML or PICT by its suffix, and what PICT calls its inputs."""
-    from parcours.data import read_input_model
-    from parcours.data.pict import PictReading, read_pict
-
-    return read_pict(path) if path.suffix.lower() in _PICT else PictReading(read_input_model(path))

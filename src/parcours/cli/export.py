@@ -7,10 +7,11 @@ from pathlib import Path
 
 import click
 
+from parcours.cli.extending import Extensible
 from parcours.cli.options import set_parameters
 
 
-@click.group("export")
+@click.group("export", cls=Extensible)
 def command() -> None:
     """Write a suite as a test script of another tool.
 
@@ -54,25 +55,3 @@ def export_pytest(suite: Path, out: Path, study: str, settings: tuple[str, ...],
     text = to_pytest(cases, out.name, study=where, settings=given, suite=place, sha256=checksum(suite) if refer else "")
     write_text(out, text)
     click.echo(f"wrote {len(cases)} tests to {out}")
-
-
-@command.command("gtest")
-@click.argument("suite", type=click.Path(path_type=Path))
-@click.option("--out", type=click.Path(path_type=Path), required=True, help="Folder to write.")
-@click.option("--repeats", type=click.IntRange(1, 100_000), default=60, show_default=True, help="Of each timing case.")
-@click.option(
-    "--warm-up", type=click.IntRange(0, 10_000), default=3, show_default=True, help="Repeats that are forgotten."
-)
-@click.option(
-    "--percent", type=float, default=95.0, show_default=True, help="So many of all repeats must stay in time."
-)
-def export_gtest(suite: Path, out: Path, repeats: int, warm_up: int, percent: float) -> None:
-    """Write a C++ program of Google Test that runs component cases against live ROS 1 nodes.
-
-    Example: parcours export gtest suite.jsonl --out gtest
-    """
-    from parcours.studies.gtest_export import Repeats
-    from parcours.studies.gtest_export import export_gtest as write
-
-    done = write(suite, out, Repeats(repeats, warm_up, percent))
-    click.echo(f"wrote {done.n_functional} functional and {done.n_timing} timing tests to {out}")

@@ -26,7 +26,7 @@ def check(file: Path, as_json: bool) -> None:
 
     Of a file of another tool it also says what the model does not hold.
 
-    Example: parcours model check src/parcours/studies/ramp_components/model.yaml
+    Example: parcours model check src/parcours_ramp/components/model.yaml
     """
     from parcours.model import check_file, findings
     from parcours.model.formats import format_of, read_any

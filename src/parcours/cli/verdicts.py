@@ -109,31 +109,3 @@ def junit_rows(families: Families) -> list[CaseResult]:
     return [
         replace(case, id=f"{label}/{case.id}") for label, run in zip(labels, runs, strict=True) for case in run.cases()
     ]
-
-
-def compare_folders(folders: Sequence[Path], as_json: bool) -> None:
-    """Compare runs with the first of them, on the cases that they share. Raises BadRequest if there is one only."""
-    from dataclasses import asdict
-
-    from parcours.cli.options import print_json
-    from parcours.errors import BadRequest
-    from parcours.report.terminal import print_table
-    from parcours.study.folders import study_of
-    from parcours.study.gate import compare_with_baseline
-
-    if len(folders) < 2:
-        raise BadRequest("compare", "two folders are needed, but one is given", "name the earlier run first",
-                         slug="compare-one")  # fmt: skip
-    first = study_of(folders[0]).read(folders[0])
-    documents = {}
-    for folder in folders[1:]:
-        require_same_cases(folder, folders[0])
-        compared = compare_with_baseline(study_of(folder).read(folder), first)
-        documents[str(folder)] = asdict(compared)
-        if not as_json:
-            click.echo(f"{folder} against {folders[0]}")
-            print_table(compared.table())
-            for line in compared.lines():
-                click.echo(line)
-    if as_json:
-        print_json(documents)

@@ -21,7 +21,8 @@ from parcours.model import (
     predicate,
 )
 from parcours.model.expression import Assignment, Literal
-from parcours.model.formats import aut, read_any
+from parcours.model.formats import read_any
+from parcours_formats import aut
 
 SAMPLES = Path(__file__).parents[3] / "examples" / "formats"
 

@@ -10,9 +10,10 @@ import pytest
 
 from parcours.errors import BadModel
 from parcours.model import predicate
-from parcours.model.formats import Reading, graphml, read_any
-from parcours.model.formats.graphwalker.labels import as_edge, as_vertex, edge_label, vertex_label
-from parcours.model.formats.graphwalker.models import Edge, Vertex
+from parcours.model.formats import Reading, read_any
+from parcours_formats import graphml
+from parcours_formats.graphwalker.labels import as_edge, as_vertex, edge_label, vertex_label
+from parcours_formats.graphwalker.models import Edge, Vertex
 
 SAMPLES = Path(__file__).parents[3] / "examples" / "formats"
 HEAD = """<?xml version="1.0" encoding="UTF-8"?>

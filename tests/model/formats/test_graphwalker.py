@@ -12,8 +12,8 @@ from parcours.errors import BadModel
 from parcours.model import Steps, predicate
 from parcours.model.documents import Mapping
 from parcours.model.formats import Reading, read_any
-from parcours.model.formats.graphwalker import read
-from parcours.model.formats.graphwalker.json_lines import MAX_DEPTH, parse_json
+from parcours_formats.graphwalker import read
+from parcours_formats.graphwalker.json_lines import MAX_DEPTH, parse_json
 
 SAMPLES = Path(__file__).parents[3] / "examples" / "formats"
 

@@ -23,8 +23,9 @@ from parcours.model import (
     findings,
 )
 from parcours.model.expression import Assignment, Call, Expression, Name, evaluate, parse_expression
-from parcours.model.formats import Loss, Reading, Writing, dot, graphml, graphwalker
+from parcours.model.formats import Loss, Reading, Writing
 from parcours.model.structure import CLOCK
+from parcours_formats import dot, graphml, graphwalker
 
 FORMATS = {"graphwalker": graphwalker, "graphml": graphml, "dot": dot}
 WORDS = ("slow", "a;b", "x]y[", "it's", "/* no */ // comment", 'WEIGHT=3 "q"', "", "ü\n")

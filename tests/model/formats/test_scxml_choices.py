@@ -22,8 +22,9 @@ from parcours.model import (
     predicate,
 )
 from parcours.model.expression import Assignment, parse_expression
-from parcours.model.formats import Reading, read_any, scxml
-from parcours.model.formats.scxml.chart import ID, OWN, SILENT
+from parcours.model.formats import Reading, read_any
+from parcours_formats import scxml
+from parcours_formats.scxml.chart import ID, OWN, SILENT
 
 ROOT = Path(__file__).parents[3]
 HEAD = '<scxml xmlns="http://www.w3.org/2005/07/scxml" name="chart">\n'
@@ -48,7 +49,7 @@ def model(*transitions: Transition, variables: tuple[Variable, ...] = ()) -> Cef
 
 @pytest.mark.parametrize(
     ("file", "count"),
-    [("examples/formats/ticket_machine.json", 11), ("src/parcours/studies/ramp_components/model.yaml", 37)],
+    [("examples/formats/ticket_machine.json", 11), ("src/parcours_ramp/components/model.yaml", 37)],
 )
 def test_every_transition_comes_back_under_its_name(file: str, count: int) -> None:
     before = read_any(ROOT / file).cefsm

@@ -8,7 +8,8 @@ import pytest
 
 from parcours.errors import BadModel
 from parcours.model import predicate
-from parcours.model.formats import Reading, scxml
+from parcours.model.formats import Reading
+from parcours_formats import scxml
 
 
 def read(data: str, content: str = "", cond: str = "true") -> Reading:

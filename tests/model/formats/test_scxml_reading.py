@@ -15,7 +15,8 @@ from parcours.model import (
     Steps,
     predicate,
 )
-from parcours.model.formats import Reading, scxml
+from parcours.model.formats import Reading
+from parcours_formats import scxml
 
 SEEDS = Path(__file__).parents[2] / "fuzz" / "seeds"
 

@@ -21,7 +21,8 @@ from parcours.model import (
     Variable,
 )
 from parcours.model.expression import Assignment, parse_expression
-from parcours.model.formats import read_any, scxml
+from parcours.model.formats import read_any
+from parcours_formats import scxml
 
 SEEDS = Path(__file__).parents[2] / "fuzz" / "seeds"
 

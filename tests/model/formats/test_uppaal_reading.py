@@ -12,7 +12,8 @@ import pytest
 
 from parcours.errors import BadModel
 from parcours.model import ENVIRONMENT, Cefsm, Steps, predicate
-from parcours.model.formats import Reading, read_any, uppaal
+from parcours.model.formats import Reading, read_any
+from parcours_formats import uppaal
 
 SEEDS = Path(__file__).parents[2] / "fuzz" / "seeds"
 

@@ -25,8 +25,8 @@ from parcours.model import (
     parse_model,
 )
 from parcours.model.expression import Assignment, parse_expression
-from parcours.model.formats import uppaal
 from parcours.model.structure import CLOCK
+from parcours_formats import uppaal
 
 GUARDS = ("{n} < 3", "{p} && {n} % 2 == 0", "!{p} || {n} != 4", "max({n}, 2) > abs({n}) - 1", "floor({n} / 2) == 1")
 VALUES = ("{n} + 1", "min({n}, 3) * 2 % 5", "0", "7")

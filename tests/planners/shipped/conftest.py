@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
-from parcours.planners.protocol import Command, Floats, Limits, Observation, Planner, Task
+from parcours_navigation.protocol import Command, Floats, Limits, Observation, Planner, Task
 
 LIMITS = Limits(speed=0.25, yaw_rate=math.pi / 2, acceleration=1.0, yaw_acceleration=2.094)
 PERIOD = 0.05

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 from parcours.errors import BadRequest
-from parcours.planners.dwa import Dwa, drive_arc, is_admissible
-from parcours.planners.motion import extrapolate, travel
+from parcours_navigation.planners.dwa import Dwa, drive_arc, is_admissible
+from parcours_navigation.planners.motion import extrapolate, travel
 
 if TYPE_CHECKING:
     from tests.planners.shipped.conftest import Course
 
-    from parcours.planners.protocol import Floats
+    from parcours_navigation.protocol import Floats
 
 
 def crowd(rng: np.random.Generator, n: int) -> Floats:

@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 
 from parcours.errors import BadRequest
-from parcours.planners.mppi import Mppi
-from parcours.planners.mppi.futures import average, draw_pool, roll_out, sample, shift_plan
 from parcours.streams import start
+from parcours_navigation.planners.mppi import Mppi
+from parcours_navigation.planners.mppi.futures import average, draw_pool, roll_out, sample, shift_plan
 
 if TYPE_CHECKING:
     from tests.planners.shipped.conftest import Course
 
-    from parcours.planners.protocol import Floats
+    from parcours_navigation.protocol import Floats
 
 LIMITS = np.array([0.25, math.pi / 2, 1.0, 2.094])
 WEIGHTS = np.array([3.0, 1.0, 0.2, 0.25, 0.0])

@@ -10,15 +10,15 @@ import pytest
 from scipy.optimize import linprog
 
 from parcours.errors import BadRequest
-from parcours.planners.orca import Orca
-from parcours.planners.orca.planner import new_velocity
-from parcours.planners.orca.programs import nearest_permitted
-from parcours.planners.orca.velocities import drive_towards, half_plane
+from parcours_navigation.planners.orca import Orca
+from parcours_navigation.planners.orca.planner import new_velocity
+from parcours_navigation.planners.orca.programs import nearest_permitted
+from parcours_navigation.planners.orca.velocities import drive_towards, half_plane
 
 if TYPE_CHECKING:
     from tests.planners.shipped.conftest import Course
 
-    from parcours.planners.protocol import Floats
+    from parcours_navigation.protocol import Floats
 
 TOP = 0.25
 

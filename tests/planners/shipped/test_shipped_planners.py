@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from parcours.planners.baselines import StandStill, StraightAhead
-from parcours.planners.dwa import Dwa
-from parcours.planners.mppi import Mppi
-from parcours.planners.orca import Orca
-from parcours.planners.protocol import Planner
+from parcours_navigation.planners.baselines import StandStill, StraightAhead
+from parcours_navigation.planners.dwa import Dwa
+from parcours_navigation.planners.mppi import Mppi
+from parcours_navigation.planners.orca import Orca
+from parcours_navigation.protocol import Planner
 
 if TYPE_CHECKING:
     from tests.planners.shipped.conftest import Course

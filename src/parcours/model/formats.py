@@ -1,0 +1,137 @@
+"""Model files of any known format to models and back, each with a report of what is lost (docs/formats.md)."""
+
+from __future__ import annotations
+
+import functools
+import importlib
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib.metadata import entry_points
+from pathlib import Path
+from typing import Protocol, cast
+
+from parcours.errors import BadModel, BadRequest, require_known
+from parcours.model.conversion import MAX_BYTES, Loss, Reading, Writing, text_of
+from parcours.model.structure import Cefsm
+
+__all__ = ["GROUP", "NATIVE", "Format", "Loss", "Reading", "Writing", "format_of", "formats", "read_any", "write_as"]
+
+
+@dataclass(frozen=True, slots=True)
+class Format:
+    """A file format: what it is called, which files have it, and what can be done with it.
+
+    Args:
+        title: its name in prose.
+        suffixes: of file names, the first one for new files.
+        module: what reads and writes it, imported when it is first needed.
+        mark: what the start of a file's content looks like, where the suffix alone does not tell; else None.
+        reads: whether its module has `read(text, origin) -> Reading`.
+        writes: whether its module has `write(cefsm) -> Writing`.
+        largest: the largest file that is read [bytes].
+    """
+
+    title: str
+    suffixes: tuple[str, ...]
+    module: str
+    mark: str | None = None
+    reads: bool = True
+    writes: bool = True
+    largest: int = MAX_BYTES
+
+
+NATIVE = Format("Parcours model/1", (".yaml", ".yml"), "parcours.model.native")
+"""Our own format (docs/model-format.md)."""
+
+GROUP = "parcours.formats"
+"""Entry points of this group are mappings of names to formats, which packages add."""
+
+
+@functools.cache
+def formats() -> Mapping[str, Format]:
+    """Return all formats by name: our own first, then those that packages add."""
+    found = {"native": NATIVE}
+    for entry in sorted(entry_points(group=GROUP), key=lambda entry: entry.name):
+        found |= entry.load()
+    return found
+
+
+class _Module(Protocol):
+    def read(self, text: str, origin: str) -> Reading: ...
+    def write(self, cefsm: Cefsm) -> Writing: ...
+
+
+def _module(name: str) -> _Module:
+    return cast(_Module, importlib.import_module(formats()[name].module))
+
+
+def read_any(path: str | Path, name: str = "") -> Reading:
+    """Return the model that a file of any known format holds, and what of the file it does not hold.
+
+    Args:
+        path: the file; its suffix and, where several formats share that, its content tell the format.
+        name: the format, one of `formats()`, if the file does not tell.
+
+    Raises:
+        BadModel: the file cannot be read as its format, or its model has errors.
+        BadRequest: the format is unknown, or is only written.
+    """
+    path = Path(path)
+    if name:
+        require_known(name, [key for key, each in formats().items() if each.reads], "format", slug="unknown-format")
+        return _module(name).read(text_of(path, formats()[name].largest), str(path))
+    among = _with_suffix(path)
+    text = text_of(path, max(formats()[each].largest for each in among))
+    return _module(_told(among, text, path)).read(text, str(path))
+
+
+def write_as(cefsm: Cefsm, name: str) -> Writing:
+    """Return a model as the text of a format, and what of the model that does not hold.
+
+    Args:
+        cefsm: a model without errors.
+        name: the format, one of `formats()`.
+
+    Raises:
+        BadRequest: the format is unknown.
+    """
+    require_known(name, [key for key, each in formats().items() if each.writes], "format", slug="unknown-format")
+    return _module(name).write(cefsm)
+
+
+def format_of(path: Path) -> str:
+    """Return the format in which a new file of that name would be written: the first with its suffix.
+
+    Raises:
+        BadRequest: no format has the suffix.
+
+    >>> format_of(Path("train.xml")), format_of(Path("train.gv"))
+    ('uppaal', 'dot')
+    """
+    return _with_suffix(path)[0]
+
+
+def _with_suffix(path: Path) -> list[str]:
+    found = [name for name, each in formats().items() if path.suffix.lower() in each.suffixes]
+    if not found:
+        known = ", ".join(dict.fromkeys(suffix for each in formats().values() for suffix in each.suffixes))
+        rule = f"the suffix must tell the format, but {path.suffix!r} does not"
+        raise BadRequest(str(path), rule, f"name the format, or rename the file. Known: {known}", slug="unknown-format")
+    return found
+
+
+def _told(among: list[str], text: str, path: Path) -> str:
+    readable = [name for name in among if formats()[name].reads]
+    if not readable:
+        rule = f"{formats()[among[0]].title} is only written, but this file was to be read"
+        raise BadRequest(str(path), rule, "give the file it was made from", slug="unknown-format")
+    if len(readable) == 1:
+        return readable[0]
+    start = text[:4000].lstrip("\ufeff")
+    for name in readable:
+        mark = formats()[name].mark
+        if mark is not None and re.match(mark, start, re.DOTALL):
+            return name
+    titles = ", ".join(formats()[name].title for name in readable)
+    raise BadModel(str(path), "must start as one of its formats does, but does not", f"Known: {titles}", slug="format")

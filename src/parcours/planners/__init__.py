@@ -1,1 +1,0 @@
-"""Systems under test that ship with Parcours."""

@@ -1,7 +1,0 @@
-"""Imported by the server that nodes are forked from: loads, or compiles, the code that the cases run."""
-
-from parcours.studies.ramp_system.component_form import run_components
-from parcours.studies.ramp_system.study import SCHEDULES, system_study
-
-for _schedule in SCHEDULES:
-    run_components(system_study(_schedule), 0, 3.0, recording=False)

@@ -1,0 +1,211 @@
+"""GraphWalker's JSON (version 4) to its models and back."""
+
+from __future__ import annotations
+
+import json
+import math
+
+from parcours.errors import BadModel
+from parcours.model.conversion import Loss
+from parcours.model.documents import Mapping, Node, Scalar, Sequence
+from parcours.model.nodes import shown
+from parcours_formats.graphwalker.json_lines import parse_json
+from parcours_formats.graphwalker.models import Edge, Model, Vertex
+from parcours_formats.naming import stem
+
+Items = dict[str, Node]
+
+
+def models_in(text: str, origin: str) -> tuple[str, list[Model], list[Loss]]:
+    """Return the name of a JSON file, if it says one, its models, and what these do not hold.
+
+    Args:
+        text: `{"models": [...]}`, or one model alone.
+        origin: the file's name, for messages.
+
+    Raises:
+        BadModel: the text is no JSON, or a key has a value of the wrong kind.
+
+    >>> _, [model], _ = models_in('{"models": [{"name": "m", "vertices": [{"id": "n0"}], "edges": []}]}', "here")
+    >>> model.vertices
+    [Vertex(id='n0', name='', shared='', actions=(), requirements=(), blocked=False, line=1)]
+    """
+    root = parse_json(text, origin)
+    reader = _Reader(origin)
+    items = reader.items(root, "a GraphWalker file")
+    models = reader.models(root, items)
+    if "seed" in items:
+        reader.losses.append(Loss("seed", items["seed"].line, "the seed is not kept; give it to parcours walk --seed"))
+    return reader.text(items, "name"), models, reader.losses
+
+
+class _Reader:
+    def __init__(self, origin: str) -> None:
+        self.origin, self.fallback = origin, stem(origin)
+        self.losses: list[Loss] = []
+
+    def models(self, root: Node, items: Items) -> list[Model]:
+        if "models" not in items and "vertices" in items:
+            return [self.model(root, 1)]
+        if "models" not in items:
+            raise self.wrong(root, "a GraphWalker file must have the key 'models', but this one has not")
+        nodes = self.listed(items, "models")
+        if not nodes:
+            raise self.wrong(root, "a GraphWalker file must have a model, but 'models' is empty")
+        return [self.model(node, number) for number, node in enumerate(nodes, 1)]
+
+    def model(self, node: Node, number: int) -> Model:
+        items = self.items(node, "a model")
+        return Model(
+            name=self.text(items, "name") or (self.fallback if number == 1 else f"{self.fallback} {number}"),
+            vertices=[self.vertex(each) for each in self.listed(items, "vertices")],
+            edges=[self.edge(each) for each in self.listed(items, "edges")],
+            start=self.text(items, "startElementId"),
+            actions=self.texts(items, "actions"),
+            requirements=self.texts(items, "requirements"),
+            generator=self.text(items, "generator"),
+            predefined=self.texts(items, "predefinedPathEdgeIds"),
+            line=node.line,
+        )
+
+    def vertex(self, node: Node) -> Vertex:
+        items = self.items(node, "a vertex")
+        self.described(items, node, "vertex")
+        return Vertex(
+            id=self.text(items, "id"),
+            name=self.text(items, "name"),
+            shared=self.text(items, "sharedState"),
+            actions=self.texts(items, "actions"),
+            requirements=self.texts(items, "requirements"),
+            blocked=self.is_blocked(items),
+            line=node.line,
+        )
+
+    def edge(self, node: Node) -> Edge:
+        items = self.items(node, "an edge")
+        self.described(items, node, "edge")
+        return Edge(
+            id=self.text(items, "id"),
+            name=self.text(items, "name"),
+            source=self.text(items, "sourceVertexId"),
+            target=self.text(items, "targetVertexId"),
+            guard=self.text(items, "guard"),
+            actions=self.texts(items, "actions"),
+            requirements=self.texts(items, "requirements"),
+            weight=self.number(items, "weight"),
+            dependency=round(self.number(items, "dependency")),
+            blocked=self.is_blocked(items),
+            line=node.line,
+        )
+
+    def is_blocked(self, items: Items) -> bool:
+        value = items.get("blocked", _properties(items).get("blocked"))
+        return isinstance(value, Scalar) and value.text.lower() == "true"
+
+    def described(self, items: Items, node: Node, kind: str) -> None:
+        # Where it stands in a drawing is of no account; what someone wrote is.
+        for key in _properties(items).keys() - {"x", "y", "blocked"}:
+            where = f"{kind} {self.text(items, 'name') or self.text(items, 'id')!r}"
+            self.losses.append(Loss(where, node.line, f"its property {key[:60]!r} is not kept"))
+
+    def items(self, node: Node, what: str) -> Items:
+        if not isinstance(node, Mapping):
+            raise self.wrong(node, f"{what} must be an object, but is {shown(node)}")
+        return {key.text: value for key, value in node.items if not _is_null(value)}
+
+    def listed(self, items: Items, key: str) -> tuple[Node, ...]:
+        node = items.get(key, Sequence((), 0))
+        if not isinstance(node, Sequence):
+            raise self.wrong(node, f"{key!r} must be a list, but is {shown(node)}")
+        return node.items
+
+    def text(self, items: Items, key: str) -> str:
+        node = items.get(key, Scalar("", False, 0))
+        if not isinstance(node, Scalar):
+            raise self.wrong(node, f"{key!r} must be a string, but is {shown(node)}")
+        return node.text
+
+    def texts(self, items: Items, key: str) -> tuple[str, ...]:
+        # A single text in place of a list of texts is found in old files.
+        node = items.get(key, Sequence((), 0))
+        found = (node,) if isinstance(node, Scalar) else self.listed(items, key)
+        for each in found:
+            if not isinstance(each, Scalar):
+                raise self.wrong(each, f"{key!r} must be a list of strings, but has {shown(each)}")
+        return tuple(each.text for each in found if isinstance(each, Scalar))
+
+    def number(self, items: Items, key: str) -> float:
+        text = self.text(items, key) or "0"
+        try:
+            value = float(text)
+        except ValueError:
+            value = math.nan
+        if not 0 <= value <= 1e9:
+            raise self.wrong(items[key], f"{key!r} must be a number from 0 to 1e9, but is {text[:24]}")
+        return value
+
+    def wrong(self, node: Node, rule: str) -> BadModel:
+        return BadModel(f"{self.origin}:{node.line}", rule, slug="graphwalker")
+
+
+def _properties(items: Items) -> Items:
+    node = items.get("properties")
+    return {key.text: value for key, value in node.items} if isinstance(node, Mapping) else {}
+
+
+def _is_null(node: Node) -> bool:
+    return isinstance(node, Scalar) and node.plain and node.text == "null"
+
+
+def document_of(name: str, models: list[Model]) -> str:
+    """Return models as GraphWalker's JSON; `models_in` inverts it but for the lines.
+
+    >>> model = Model("m", [Vertex("n0", "idle")], [], start="n0", generator="random(edge_coverage(100))")
+    >>> print(document_of("walk", [model]))
+    {
+     "name": "walk",
+     "models": [
+      {
+       "name": "m",
+       "generator": "random(edge_coverage(100))",
+       "startElementId": "n0",
+       "vertices": [
+        {
+         "id": "n0",
+         "name": "idle"
+        }
+       ],
+       "edges": []
+      }
+     ]
+    }
+    """
+    written = []
+    for model in models:
+        entry: dict[str, object] = {"name": model.name, "generator": model.generator, "startElementId": model.start}
+        if model.actions:
+            entry["actions"] = model.actions
+        entry["vertices"] = [
+            _said({"id": each.id, "name": each.name, "sharedState": each.shared, "actions": each.actions})
+            for each in model.vertices
+        ]
+        entry["edges"] = [
+            _said(
+                {
+                    "id": each.id,
+                    "name": each.name,
+                    "sourceVertexId": each.source,
+                    "targetVertexId": each.target,
+                    "guard": each.guard,
+                    "actions": each.actions,
+                    "weight": each.weight,
+                }
+            )
+            for each in model.edges
+        ]
+        written.append(entry)
+    return json.dumps({"name": name, "models": written}, indent=1, ensure_ascii=False)
+
+
+def _said(entry: dict[str, object]) -> dict[str, object]:
+    return {key: value for key, value in entry.items() if value}

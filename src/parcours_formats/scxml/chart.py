@@ -1,0 +1,184 @@
+"""The XML of an SCXML document to a tree of states and their transitions, as written (W3C SCXML 1.0, section 3)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import NoReturn
+
+from parcours.errors import BadModel
+from parcours_formats.xml_lines import Element
+
+STATES = ("state", "parallel", "final", "history")
+
+OWN = "urn:parcours"
+"""The namespace of what our own writer adds to transitions."""
+
+ID, SILENT = "transition", "tau"
+"""The attributes it adds: the name of a transition, and whether its event stands for none."""
+
+
+@dataclass(slots=True, eq=False)
+class Arc:
+    """A transition; `events` are descriptors such as `error.*`, and `content` is what it does.
+
+    `id` and `is_silent` are what our own writer notes: the name it had, and that its event stands for none.
+    """
+
+    source: Node
+    events: tuple[str, ...]
+    condition: str
+    targets: tuple[Node, ...]
+    is_internal: bool
+    content: tuple[Element, ...]
+    line: int
+    number: int
+    id: str = ""
+    is_silent: bool = False
+
+
+@dataclass(slots=True, eq=False)
+class Node:
+    """A state, or the document itself (`scxml`). `order` is its place in the document."""
+
+    id: str
+    kind: str
+    parent: Node | None
+    order: int
+    line: int
+    children: list[Node] = field(default_factory=list)
+    arcs: list[Arc] = field(default_factory=list)
+    entry: tuple[Element, ...] = ()
+    exit: tuple[Element, ...] = ()
+    starts: tuple[Node, ...] = ()
+    start_content: tuple[Element, ...] = ()
+    is_deep: bool = False
+
+    @property
+    def is_atomic(self) -> bool:
+        """Whether the state has no states inside."""
+        return self.kind == "final" or (self.kind == "state" and not self.inner())
+
+    @property
+    def is_compound(self) -> bool:
+        """Whether one of the states inside is active with it."""
+        return self.kind == "scxml" or (self.kind == "state" and bool(self.inner()))
+
+    def inner(self) -> list[Node]:
+        """Return the states directly inside, without histories."""
+        return [child for child in self.children if child.kind != "history"]
+
+    def ancestors(self, until: Node | None = None) -> Iterator[Node]:
+        """Yield what the state lies in, innermost first, up to but without `until`."""
+        here = self.parent
+        while here is not None and here is not until:
+            yield here
+            here = here.parent
+
+    def is_inside(self, other: Node) -> bool:
+        """Return whether the state lies in the other, at any depth."""
+        return any(ancestor is other for ancestor in self.ancestors())
+
+    def walk(self) -> Iterator[Node]:
+        """Yield the state and all inside, in the order of the document."""
+        yield self
+        for child in self.children:
+            yield from child.walk()
+
+
+class ChartReader:
+    """Reads the states of one document.
+
+    Args:
+        root: the `scxml` element.
+        origin: the file's name, for messages.
+
+    Attributes:
+        nodes: the states by id.
+        invoked: the `invoke` elements.
+    """
+
+    def __init__(self, root: Element, origin: str) -> None:
+        self.origin = origin
+        self.nodes: dict[str, Node] = {}
+        self.invoked: list[Element] = []
+        self._arcs = 0
+        self._elements: list[tuple[Node, Element]] = []
+        self.root = self._node(root, None)
+        for node, element in self._elements:
+            self._fill(node, element)
+
+    def _node(self, element: Element, parent: Node | None) -> Node:
+        id = element.get("id") if parent is not None else ""
+        if not id:
+            id = f"{element.tag}@{element.line}" if parent is not None else "scxml"
+            if id in self.nodes:
+                id = f"{id}.{len(self.nodes)}"
+        if id in self.nodes:
+            self._fail(element, f"each state must have an id of its own, but {id!r} was used before", "duplicate")
+        node = Node(id, element.tag, parent, len(self.nodes), element.line)
+        node.is_deep = element.get("type") == "deep"
+        self.nodes[id] = node
+        self._elements.append((node, element))
+        node.children = [self._node(child, node) for child in element.all(*STATES)]
+        return node
+
+    def _fill(self, node: Node, element: Element) -> None:
+        node.entry = tuple(action for block in element.all("onentry") for action in block.children)
+        node.exit = tuple(action for block in element.all("onexit") for action in block.children)
+        node.arcs = [self._arc(node, child) for child in element.all("transition")]
+        self.invoked += element.all("invoke")
+        initial = element.first("initial")
+        if node.kind == "history":
+            if len(node.arcs) != 1 or not node.arcs[0].targets:
+                self._fail(element, f"history {node.id!r} must have one transition with a target, but has not")
+            node.starts, node.start_content = node.arcs[0].targets, node.arcs[0].content
+            if any(start.kind == "history" or not start.is_inside(node.parent or node) for start in node.starts):
+                self._fail(element, f"history {node.id!r} must lead to states beside it, but does not")
+        elif node.is_compound:
+            if initial is not None and (inner := initial.first("transition")) is not None:
+                node.starts = self._targets(inner)
+                node.start_content = tuple(inner.children)
+            elif element.get("initial"):
+                node.starts = self._named(element, element.get("initial"))
+            else:
+                node.starts = tuple(node.inner()[:1])
+            for start in node.starts:
+                if not start.is_inside(node):
+                    self._fail(
+                        element, f"the initial state of {node.id!r} must lie inside it, but {start.id!r} does not"
+                    )
+        if node.kind == "scxml" and not node.inner():
+            self._fail(element, "a document must have a state, but has none")
+
+    def _arc(self, node: Node, element: Element) -> Arc:
+        self._arcs += 1
+        events = tuple(element.get("event").split())
+        is_internal = element.get("type") == "internal"
+        content = tuple(element.children)
+        return Arc(
+            node,
+            events,
+            element.get("cond").strip(),
+            self._targets(element),
+            is_internal,
+            content,
+            element.line,
+            self._arcs,
+            element.get(ID),
+            element.get(SILENT) == "true",
+        )
+
+    def _targets(self, element: Element) -> tuple[Node, ...]:
+        return self._named(element, element.get("target"))
+
+    def _named(self, element: Element, ids: str) -> tuple[Node, ...]:
+        found = []
+        for id in ids.split():
+            if id not in self.nodes or id == "scxml":
+                self._fail(element, f"a target must be a state, but {id[:60]!r} is none", "unknown-state")
+            found.append(self.nodes[id])
+        return tuple(found)
+
+    def _fail(self, element: Element, rule: str, slug: str = "scxml-structure") -> NoReturn:
+        raise BadModel(f"{self.origin}:{element.line}", rule, slug=slug)

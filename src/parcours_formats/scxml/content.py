@@ -1,0 +1,267 @@
+"""Executable content of SCXML to what it does: branches of assignments and events sent."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping, Set
+from dataclasses import dataclass, field, replace
+
+from parcours.errors import BadModel
+from parcours.model.conversion import Loss
+from parcours.model.expression import Expression, Name
+from parcours_formats.foreign import Branch, Scope, Tokens, Translation, performed, refusal, sized
+from parcours_formats.foreign.texts import MAX_ACTIONS
+from parcours_formats.foreign.tree import (
+    Applied,
+    Constant,
+    Identifier,
+    Index,
+    Member,
+    Statement,
+    Tree,
+)
+from parcours_formats.foreign.tree import (
+    Set as Assign,
+)
+from parcours_formats.foreign.values import (
+    FALSE,
+    MAX_CASES,
+    TRUE,
+    Cases,
+    always,
+    conjunction,
+    literal,
+    negation,
+)
+from parcours_formats.scxml.parts import ChartParser, Whole, part_at, refused, spread
+from parcours_formats.xml_lines import Element
+
+_DELAY = re.compile(r"([0-9]{0,9}\.?[0-9]{1,9})(s|ms)?")
+_IGNORED = {"log": "log is left out", "cancel": "cancel is left out: what was sent arrives"}
+
+
+@dataclass(frozen=True, slots=True)
+class Sent:
+    """An event sent: to the document itself, or (`is_outward`) to what lies outside, after a delay [s]."""
+
+    event: str
+    is_outward: bool
+    delay: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What content does when the guard of `branch` holds beforehand."""
+
+    branch: Branch = field(default_factory=lambda: Branch(TRUE, ()))
+    sent: tuple[Sent, ...] = ()
+
+    def under(self, guard: Expression) -> Outcome:
+        """Return the same under another guard."""
+        return replace(self, branch=replace(self.branch, guard=guard))
+
+
+@dataclass
+class DataScope(Scope):
+    """The data of a document, where some states are active and an event has arrived.
+
+    Args:
+        missing: data that cannot be translated, with the reason.
+        wholes: objects and lists, by name.
+        parts: the variables that these consist of, whose names the document does not know.
+        active: ids of the active states, for `In(id)`.
+        event: name of the event, for `_event.name`; empty if there is none.
+    """
+
+    missing: Mapping[str, BadModel] = field(default_factory=dict)
+    wholes: Mapping[str, Whole] = field(default_factory=dict)
+    parts: Set[str] = frozenset()
+    active: Set[str] = frozenset()
+    event: str = ""
+
+    def read(self, tree: Identifier | Index | Member, where: str) -> Cases:
+        """Return what a place holds."""
+        if tree == Member(Identifier("_event"), "name"):
+            return always(literal(self.event))
+        if tree == Identifier("_name"):
+            return always(literal(""))
+        self._demand(tree, where)
+        match part_at(tree, self.wholes, where):
+            case int() as length:
+                return always(literal(length))
+            case str() as variable:
+                return always(Name(variable))
+            case Whole(name, _, _):
+                raise refused(where, f"{name!r} as a whole", "use its parts")
+        return super().read(tree, where)
+
+    def target(self, tree: Tree, where: str) -> list[tuple[Expression, Name]]:
+        """Return the variable that an assignment to a place changes."""
+        self._demand(tree, where)
+        if isinstance(variable := part_at(tree, self.wholes, where), str):
+            return [(TRUE, Name(variable))]
+        if isinstance(tree, Identifier) and (tree.name not in self.kinds or tree.name in self.parts):
+            rule = f"a location must be data of the document, but {tree.name!r} is not"
+            raise BadModel(where, rule, "declare it in <datamodel>", slug="unknown-name")
+        return super().target(tree, where)
+
+    def _demand(self, tree: Tree, where: str) -> None:
+        """Raise the reason why the data that a place belongs to could not be translated, if so."""
+        while isinstance(tree, Member | Index):
+            tree = tree.of
+        if isinstance(tree, Identifier) and tree.name in self.missing:
+            error = self.missing[tree.name]
+            raise BadModel(where, f"{tree.name!r} cannot be used: {error.rule}", error.remedy, slug=error.slug)
+
+    def applied(self, tree: Applied, where: str) -> Cases:
+        """Return the value of a function; `In(id)` is known in every configuration."""
+        if tree.function == "In" and len(tree.arguments) == 1 and isinstance(tree.arguments[0], Constant):
+            return always(literal(tree.arguments[0].value in self.active))
+        return super().applied(tree, where)
+
+
+class Content:
+    """Runs the executable content of one document symbolically; `losses` grows.
+
+    Args:
+        origin: the file's name, for messages.
+        losses: to which is added what is left out.
+    """
+
+    def __init__(self, origin: str, losses: list[Loss]) -> None:
+        self.origin, self.losses = origin, losses
+        self._trees: dict[str, Tree] = {}
+
+    def where(self, element: Element) -> str:
+        """Return the place of an element for messages."""
+        return f"{self.origin}:{element.line}: <{element.tag}>"
+
+    def condition(self, text: str, scope: Scope, where: str) -> Expression:
+        """Return a condition."""
+        return sized(Translation(scope, where).truth(self.tree(text, where)), where) if text else TRUE
+
+    def tree(self, text: str, where: str) -> Tree:
+        """Return the syntax tree of an expression; each text is parsed once."""
+        if text not in self._trees:
+            tokens = Tokens(text, "javascript", where)
+            self._trees[text] = ChartParser(tokens).condition()
+            if tokens.token.kind != "end":
+                tokens.fail("an operator or the end")
+        return self._trees[text]
+
+    def run(self, elements: Iterable[Element], scope: Scope, before: Iterable[Outcome] = (Outcome(),)) -> list[Outcome]:
+        """Return what elements do, one after the other, behind what was done before.
+
+        Raises:
+            BadModel: an element cannot be translated, or there are too many branches.
+        """
+        now = list(before)
+        for element in elements:
+            if element.tag in ("raise", "send", "script", "if", "foreach", "assign", *_IGNORED):
+                now = [after for outcome in now for after in self._after(element, scope, outcome)]
+            else:
+                self.lose(element, f"<{element.tag}> is left out")
+            if len(now) > MAX_CASES:
+                rule = f"content has at most {MAX_CASES} branches, but this has more"
+                raise BadModel(self.where(element), rule, "split it", slug="expression-size")
+        return now
+
+    def under(
+        self, condition: str, elements: Iterable[Element], scope: Scope, where: str, before: Iterable[Outcome]
+    ) -> list[Outcome]:
+        """Return what elements do behind what was done before, if a condition holds then."""
+        elements, found = tuple(elements), list[Outcome]()
+        for outcome in before:
+            choice = outcome.branch.before(self.condition(condition, scope, where), where)
+            for holds, block in ((choice, elements), (negation(choice), ())):
+                guard = conjunction((outcome.branch.guard, holds))
+                if guard != FALSE:
+                    found += self.run(block, scope, [outcome.under(guard)])
+        return found
+
+    def lose(self, element: Element, what: str) -> None:
+        """Note that something is left out."""
+        self.losses.append(Loss(f"<{element.tag}>", element.line, what))
+
+    def _after(self, element: Element, scope: Scope, outcome: Outcome) -> list[Outcome]:
+        where = self.where(element)
+        match element.tag:
+            case "assign":
+                place = self.tree(element.get("location"), where)
+                value = self.tree(element.get("expr") or element.text.strip(), where)
+                return self._performed([Assign(place, value)], scope, where, outcome)
+            case "script":
+                if element.get("src"):
+                    raise refusal(where, "a script in another file")
+                statements = ChartParser(Tokens(element.text, "javascript", where)).statements()
+                return self._performed(statements, scope, where, outcome)
+            case "if":
+                return self._chosen(element, scope, outcome)
+            case "raise" | "send":
+                if len(outcome.sent) >= MAX_ACTIONS:
+                    rule = f"content sends at most {MAX_ACTIONS} events, but this sends more"
+                    raise BadModel(where, rule, "split it", slug="expression-size")
+                return [replace(outcome, sent=(*outcome.sent, self._sent(element, where)))]
+            case "foreach":
+                raise refusal(where, "the loop 'foreach'")
+        self.lose(element, _IGNORED[element.tag])
+        return [outcome]
+
+    def _performed(self, statements: Iterable[Statement], scope: Scope, where: str, outcome: Outcome) -> list[Outcome]:
+        if isinstance(scope, DataScope):
+            statements = tuple(spread(tuple(statements), scope.wholes, where))
+        return [replace(outcome, branch=each) for each in performed(statements, scope, where, outcome.branch)]
+
+    def _chosen(self, element: Element, scope: Scope, outcome: Outcome) -> list[Outcome]:
+        found: list[Outcome] = []
+        rest, condition = outcome.branch.guard, element.get("cond")
+        block: list[Element] = []
+        head = element
+        for child in [*element.children, None]:
+            if child is not None and child.tag not in ("else", "elseif"):
+                block.append(child)
+                continue
+            choice = outcome.branch.before(self.condition(condition, scope, self.where(head)), self.where(head))
+            guard = sized(conjunction((rest, choice)), self.where(head))
+            if guard != FALSE:
+                found += self.run(block, scope, [outcome.under(guard)])
+            rest = sized(conjunction((rest, negation(choice))), self.where(head))
+            if child is not None:
+                head, condition, block = child, child.get("cond") if child.tag == "elseif" else "", []
+            elif rest != FALSE:
+                found.append(outcome.under(rest))
+        return found
+
+    def _sent(self, element: Element, where: str) -> Sent:
+        event = element.get("event")
+        if not event and element.get("eventexpr"):
+            tree = self.tree(element.get("eventexpr"), where)
+            if not (isinstance(tree, Constant) and isinstance(tree.value, str)):
+                raise refusal(where, "an event whose name is computed")
+            event = tree.value
+        if element.children or element.get("namelist"):
+            self.lose(element, "what the event carries is left out")
+        is_outward = element.tag == "send" and not is_inward(element)
+        said = element.get("delay") or element.get("delayexpr").strip("'\"")
+        delay = seconds(said)
+        if delay is None or (is_outward and delay):
+            self.lose(element, f"its delay {said!r} is left out: the event may go at any time")
+        return Sent(event, is_outward, delay or 0.0)
+
+
+def is_inward(element: Element) -> bool:
+    """Return whether a `raise` or `send` goes to the document itself."""
+    target = element.get("target") or element.get("targetexpr").strip("'\"")
+    return element.tag == "raise" or (element.tag == "send" and target in ("", "#_internal"))
+
+
+def seconds(delay: str) -> float | None:
+    """Return a delay in seconds, 0 for none, None for one that is not a constant.
+
+    >>> seconds("1.5s"), seconds("20ms"), seconds(""), seconds("Var1")
+    (1.5, 0.02, 0.0, None)
+    """
+    found = _DELAY.fullmatch(delay.strip())
+    if found is None:
+        return None if delay.strip() else 0.0
+    return float(found[1]) * (0.001 if found[2] == "ms" else 1.0)

@@ -1,0 +1,212 @@
+"""Processes and their steps to a Cefsm: what shares variables becomes one component, what meets gets a channel.
+
+Two processes that both use a variable which one of them changes stand side by side as machines of one component;
+others are components of their own. A channel with several senders or receivers becomes one for each pair of
+components, and the steps on it are there once for each partner.
+"""
+
+from __future__ import annotations
+
+from collections import ChainMap, Counter
+from collections.abc import Iterator, Mapping, Set
+from dataclasses import dataclass, field
+from typing import cast
+
+from parcours.model.conversion import Loss
+from parcours.model.expression import Assignment, Expression, Name, names
+from parcours.model.schema import MAX_RANGE
+from parcours.model.structure import (
+    CLOCK,
+    Component,
+    Machine,
+    Receive,
+    Send,
+    Transition,
+    Variable,
+)
+from parcours_formats.foreign.values import TRUE, literal, replaced
+from parcours_formats.naming import Names
+from parcours_formats.uppaal.instantiation import Process
+from parcours_formats.uppaal.linking import Linking
+from parcours_formats.uppaal.steps import Step
+from parcours_formats.uppaal.symbols import Cell, Cells
+
+
+@dataclass
+class Part:
+    """A process, its steps and invariants by location, and the index of the component it belongs to."""
+
+    process: Process
+    steps: list[Step]
+    invariants: list[tuple[str, Expression]]
+    group: int = 0
+
+
+@dataclass
+class Composing:
+    """Makes components and channels of the parts of one system; `losses` grows."""
+
+    parts: list[Part]
+    cells: Cells
+    losses: list[Loss] = field(default_factory=list)
+    tester: Set[tuple[str, str]] = frozenset()
+    origin: str = ""
+
+    def __post_init__(self) -> None:
+        self._read = [self._reads(part) for part in self.parts]
+        self._written = [{action.target for step in part.steps for action in step.actions} for part in self.parts]
+        self._group()
+        self._name()
+        self.links = Linking(
+            [(part.process.name, part.group, part.steps) for part in self.parts],
+            self.component_names,
+            self.tester,
+            self.origin,
+        )
+        self.losses += self.links.losses
+
+    def components(self) -> tuple[Component, ...]:
+        """Return the components, in the order of their first processes."""
+        found = []
+        for name, members, renamed in zip(self.component_names, self.members, self.renamed, strict=True):
+            variables = tuple(self._variable(self.cells.cells[id], name.id) for id, name in renamed.items())
+            machines = tuple(self._machine(part, renamed) for part in members)
+            found.append(Component(name, machines, variables, line=members[0].process.template.line))
+        return tuple(found)
+
+    def _reads(self, part: Part) -> set[str]:
+        found: set[str] = set()
+        for step in part.steps:
+            found |= names(step.guard)
+            for action in step.actions:
+                found |= names(action.value)
+        for _, condition in part.invariants:
+            found |= names(condition)
+        return found
+
+    def _group(self) -> None:
+        # Whoever uses a variable that somebody changes joins the first who did.
+        changed = set().union(*self._written)
+        first: dict[str, int] = {}
+        leader = list(range(len(self.parts)))
+
+        def lead(at: int) -> int:
+            while leader[at] != at:
+                leader[at] = leader[leader[at]]
+                at = leader[at]
+            return at
+
+        for at, (read, written) in enumerate(zip(self._read, self._written, strict=True)):
+            for id in sorted(read | written):
+                if id in changed or self.cells.kinds[id] == CLOCK:
+                    one, other = sorted((lead(first.setdefault(id, at)), lead(at)))
+                    leader[other] = one
+        order = {leader_at: group for group, leader_at in enumerate(dict.fromkeys(map(lead, range(len(self.parts)))))}
+        self.members: list[list[Part]] = [[] for _ in order]
+        for at, part in enumerate(self.parts):
+            part.group = order[lead(at)]
+            self.members[part.group].append(part)
+        users: dict[str, set[int]] = {}
+        for part, read, written in zip(self.parts, self._read, self._written, strict=True):
+            for id in read | written:
+                users.setdefault(id, set()).add(part.group)
+        self.constants: dict[str, Expression] = {}
+        for id, cell in self.cells.cells.items():
+            if cell.is_global and id not in users:
+                self.losses.append(Loss(f"variable {id!r}", cell.line, "no process uses it; it is left out"))
+            elif len(users.get(id, ())) > 1:
+                self.constants[id] = literal(cell.initial)
+                rule = "several components read it, but none changes it; its value stands in its place"
+                self.losses.append(Loss(f"variable {id!r}", cell.line, rule))
+        self.users = users
+
+    def _name(self) -> None:
+        components = Names()
+        self.component_names, self.machine_names = [], dict[str, str]()
+        self.renamed: list[dict[str, Name]] = []
+        for group, kept in zip(self.members, self._kept(), strict=True):
+            members = [part.process.name for part in group]
+            self.component_names.append(
+                components.identifier("_".join(members) if len(members) < 4 else f"{members[0]}_and_others")
+            )
+            labels, variables = Names(), Names()
+            for name in members:
+                self.machine_names[name] = labels.label(name)
+            # A local variable has its own name where that tells it from all others of the component.
+            plain = Counter(_plain(id) for id in kept)
+            self.renamed.append(
+                {id: Name(variables.identifier(_plain(id) if plain[_plain(id)] == 1 else id)) for id in kept}
+            )
+
+    def _kept(self) -> list[list[str]]:
+        """Return the ids of the variables of each component: those local to its processes, and those it uses."""
+        home = {part.process.name: part.group for part in self.parts}
+        found: list[list[str]] = [[] for _ in self.members]
+        for id, cell in self.cells.cells.items():
+            groups = set() if id in self.constants else set(self.users.get(id, ()))
+            if not cell.is_global and (own := home.get(id.partition(".")[0])) is not None:
+                groups.add(own)
+            for group in groups:
+                found[group].append(id)
+        return found
+
+    def _variable(self, cell: Cell, name: str) -> Variable:
+        if cell.kind == CLOCK:
+            return Variable(name, CLOCK, None, unit="s", line=cell.line)
+        domain: range | tuple[()] = ()
+        if cell.low is not None and cell.high is not None:
+            if cell.high - cell.low < MAX_RANGE:
+                domain = range(cell.low, cell.high + 1)
+            else:
+                rule = f"its range has more than {MAX_RANGE} values and is left out"
+                self.losses.append(Loss(f"variable {cell.id!r}", cell.line, rule))
+        return Variable(name, cell.kind, cell.initial, domain=domain, line=cell.line)
+
+    def _machine(self, part: Part, values: dict[str, Name]) -> Machine:
+        template = part.process.template
+        meaning: Mapping[str, Expression] = ChainMap(cast(dict[str, Expression], values), self.constants)
+        urgent = {each.name for each in template.locations.values() if each.is_urgent or each.is_committed}
+        transitions = []
+        for step in part.steps:
+            guard = replaced(step.guard, meaning)
+            actions = tuple(Assignment(values[each.target].id, replaced(each.value, meaning)) for each in step.actions)
+            for id, event, sends in self._ends(part, step):
+                transitions.append(
+                    Transition(
+                        id,
+                        step.source,
+                        step.target,
+                        event,
+                        None if guard == TRUE else guard,
+                        actions,
+                        sends,
+                        (0.0, 0.0) if step.source in urgent else None,
+                        step.weight,
+                        step.line,
+                    )
+                )
+        locations = template.locations
+        return Machine(
+            self.machine_names[part.process.name],
+            locations[template.initial].name,
+            tuple(each.name for each in locations.values()),
+            tuple(transitions),
+            invariants=tuple((state, replaced(condition, meaning)) for state, condition in part.invariants),
+            line=template.line,
+        )
+
+    def _ends(self, part: Part, step: Step) -> Iterator[tuple[str, Receive | None, tuple[Send, ...]]]:
+        if step.link is None:
+            yield step.id, None, ()
+            return
+        partners = self.links.partners.get((part.process.name, step.link.id, step.sign), [])
+        for name, partner in partners:
+            id = step.id if len(partners) == 1 else f"{step.id} with {partner}"
+            if step.sign == "!":
+                yield id, None, (Send(name),)
+            else:
+                yield id, Receive(name), ()
+
+
+def _plain(id: str) -> str:
+    return id.rpartition(".")[2]

@@ -1,0 +1,230 @@
+"""UPPAAL's declarations to a list of what they declare; nothing is looked up or worked out here.
+
+The grammar is that of UPPAAL 4 and 5 (docs.uppaal.org/language-reference), with the old forms `const N 3;` and
+`:=`. Bodies of functions are kept as tokens.
+"""
+
+from __future__ import annotations
+
+from parcours_formats.foreign.parsing import Parser
+from parcours_formats.foreign.tokens import Tokens
+from parcours_formats.foreign.tree import Tree
+from parcours_formats.uppaal.declared import (
+    Aside,
+    Declaration,
+    Declared,
+    Initial,
+    Instance,
+    Routine,
+    System,
+    TypeTree,
+)
+
+_PREFIXES = ("const", "meta", "urgent", "broadcast", "hybrid")
+_SKIPPED = ("progress", "gantt", "query", "state", "priority")
+_REFUSED = ("before_update", "after_update", "import", "dynamic", "process")
+
+
+def parse_declarations(text: str, origin: str, line: int) -> list[Declaration]:
+    """Return what a text declares, in order.
+
+    Args:
+        text: of a `declaration` or `system` element.
+        origin: the file's name, for messages.
+        line: where the text starts.
+
+    Raises:
+        BadModel: the text is not well formed, or declares what cannot be translated.
+
+    Example:
+    >>> [n, go] = parse_declarations("const int N = 6;\\nurgent chan go[N];", "gate.xml", 4)
+    >>> n.name, n.initial, go.line, sorted(go.type.prefixes), go.lengths
+    ('N', Constant(value=6), 5, ['urgent'], (Identifier(name='N'),))
+    """
+    return DeclarationReader(Tokens(text, "uppaal", origin, line)).all()
+
+
+def parse_parameters(text: str, origin: str, line: int) -> tuple[Declared, ...]:
+    """Return the parameters of a template, e.g. `const id_t id, clock &x`."""
+    return DeclarationReader(Tokens(text, "uppaal", origin, line)).parameters()
+
+
+def parse_selections(text: str, origin: str, line: int) -> tuple[Declared, ...]:
+    """Return the names of a `select` label with their types, e.g. `e : id_t, i : int[0,3]`."""
+    reader = DeclarationReader(Tokens(text, "uppaal", origin, line))
+    tokens, found = reader.tokens, list[Declared]()
+    while tokens.token.kind != "end":
+        if found:
+            tokens.expect(",")
+        name = tokens.name("a name")
+        tokens.expect(":")
+        found.append(Declared(name, reader.type(), line))
+    return tuple(found)
+
+
+class DeclarationReader:
+    """Reads declarations from tokens."""
+
+    def __init__(self, tokens: Tokens) -> None:
+        self.tokens = tokens
+        self.parser = Parser(tokens)
+        self.nesting = 0
+
+    def all(self) -> list[Declaration]:
+        """Return the declarations up to the end."""
+        found: list[Declaration] = []
+        while self.tokens.token.kind != "end":
+            if not self.tokens.accept(";"):
+                found += self._one()
+        return found
+
+    def _one(self) -> list[Declaration]:
+        tokens = self.tokens
+        word, after, line = tokens.token.text, tokens.ahead(1).text, tokens.line_at(tokens.token.at)
+        if word in _REFUSED:
+            tokens.refuse(repr(word))
+        if word == "typedef":
+            tokens.position += 1
+            return [Declared(each.name, each.type, line, each.lengths, is_type=True) for each in self.plain()]
+        if word == "system":
+            tokens.position += 1
+            return [self._system(line)]
+        if word in _SKIPPED or (word, after) == ("chan", "priority"):
+            self._skip()
+            return [Aside("priorities of channels" if word == "chan" else repr(word), line)]
+        if after == "=" or (after == "(" and word not in _PREFIXES) or after == ":=":
+            return [self._instance(line)]
+        return list(self._declarators())
+
+    def _declarators(self) -> list[Declared | Routine]:
+        tokens = self.tokens
+        type_, found = self.type(), list[Declared | Routine]()
+        while True:
+            line = tokens.line_at(tokens.token.at)
+            is_reference = tokens.accept("&")
+            name = tokens.name("a name")
+            if tokens.accept("("):
+                return [self._routine(name, type_, line)]
+            lengths, initial = self._lengths(), None
+            if tokens.accept("=") or tokens.accept(":="):
+                initial = self._initial()
+            elif "const" in type_.prefixes and tokens.token.kind in ("int", "real"):
+                initial = self.parser.condition()
+            found.append(Declared(name, type_, line, lengths, initial, is_reference))
+            if not tokens.accept(","):
+                tokens.expect(";")
+                return found
+
+    def plain(self) -> list[Declared]:
+        """Return the variables of one declaration."""
+        found = self._declarators()
+        return [each if isinstance(each, Declared) else self.tokens.refuse("a function") for each in found]
+
+    def type(self) -> TypeTree:
+        """Return the type that starts here."""
+        tokens = self.tokens
+        prefixes = set()
+        while tokens.token.text in _PREFIXES:
+            prefixes.add(tokens.name("a type"))
+        marks = frozenset(prefixes)
+        if "const" in marks and tokens.ahead(1).kind in ("int", "real"):
+            return TypeTree("int", marks)  # the old form: const N 3
+        base = tokens.name("a type")
+        if base == "struct":
+            tokens.expect("{")
+            self.nesting += 1
+            if self.nesting > 10:
+                tokens.too_deep()
+            fields: list[Declared] = []
+            while not tokens.accept("}"):
+                fields += self.plain()
+            self.nesting -= 1
+            return TypeTree(base, marks, fields=tuple(fields))
+        if base in ("int", "scalar") and tokens.accept("["):
+            low = self.parser.condition()
+            high = self.parser.condition() if tokens.accept(",") else None
+            tokens.expect("]")
+            return TypeTree(base, marks, low, high)
+        return TypeTree(base, marks)
+
+    def _lengths(self) -> tuple[Tree | TypeTree, ...]:
+        tokens, found = self.tokens, list[Tree | TypeTree]()
+        while tokens.accept("["):
+            is_type = tokens.token.text in ("int", "scalar") and tokens.ahead(1).text == "["
+            found.append(self.type() if is_type else self.parser.condition())
+            tokens.expect("]")
+        return tuple(found)
+
+    def _initial(self, depth: int = 0) -> Initial:
+        tokens = self.tokens
+        if not tokens.accept("{"):
+            return self.parser.condition()
+        if depth > 10:
+            tokens.too_deep()
+        found: list[Initial] = []
+        while not tokens.accept("}"):
+            if found:
+                tokens.expect(",")
+            if tokens.ahead(1).text == ":" and tokens.token.kind == "name":
+                tokens.position += 2
+            found.append(self._initial(depth + 1))
+        return tuple(found)
+
+    def _routine(self, name: str, result: TypeTree, line: int) -> Routine:
+        parameters = self.parameters(")")
+        if self.tokens.token.text != "{":
+            self.tokens.refuse("a function without a body")
+        body = self.tokens.position
+        self._skip()
+        return Routine(name, result, parameters, self.tokens, body, line)
+
+    def parameters(self, closing: str = "") -> tuple[Declared, ...]:
+        """Return parameters up to a closing sign, or the end."""
+        tokens, found = self.tokens, list[Declared]()
+        while not (tokens.accept(closing) if closing else tokens.token.kind == "end"):
+            if found:
+                tokens.expect(",")
+            type_ = self.type()
+            is_reference = tokens.accept("&")
+            line = tokens.line_at(tokens.token.at)
+            name = tokens.name("a name")
+            found.append(Declared(name, type_, line, self._lengths(), None, is_reference))
+        return tuple(found)
+
+    def _instance(self, line: int) -> Instance:
+        tokens = self.tokens
+        name = tokens.name("a name")
+        parameters = self.parameters(")") if tokens.accept("(") else ()
+        if not tokens.accept(":="):
+            tokens.expect("=")
+        template = tokens.name("a template")
+        tokens.expect("(")
+        arguments: list[Tree] = []
+        while not tokens.accept(")"):
+            if arguments:
+                tokens.expect(",")
+            arguments.append(self.parser.condition())
+        tokens.expect(";")
+        return Instance(name, parameters, template, tuple(arguments), line)
+
+    def _system(self, line: int) -> System:
+        tokens = self.tokens
+        names, is_ranked = [tokens.name("a process")], False
+        while not tokens.accept(";"):
+            if tokens.accept("<"):
+                is_ranked = True
+            else:
+                tokens.expect(",")
+            names.append(tokens.name("a process"))
+        return System(tuple(names), is_ranked, line)
+
+    def _skip(self) -> None:
+        # To the end of the block that starts before the next semicolon, or to that semicolon.
+        tokens, depth = self.tokens, 0
+        while tokens.token.kind != "end":
+            text = tokens.token.text if tokens.token.kind == "sign" else ""
+            tokens.position += 1
+            depth += (text == "{") - (text == "}")
+            if depth <= 0 and text in ("}", ";"):
+                return
+        tokens.fail("'}'")

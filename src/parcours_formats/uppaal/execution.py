@@ -1,0 +1,206 @@
+"""Statements of UPPAAL's C followed along every way their choices can fall, loops as often as conditions can hold.
+
+Nothing runs: what is assigned stays an expression of the values before, and a way whose conditions exclude each other
+ends there. What does not come to an end in bounds is refused.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+from parcours.errors import BadModel
+from parcours.model.expression import Expression
+from parcours_formats.foreign import Branch, Translation, performed, refusal
+from parcours_formats.foreign.tree import Applied, Set, Statement, When
+from parcours_formats.foreign.values import (
+    MAX_CASES,
+    Cases,
+    always,
+    is_constant,
+    literal,
+    negation,
+    replaced,
+)
+from parcours_formats.uppaal.bodies import BodyParser, Each, Local, Loop, Perform, Return
+from parcours_formats.uppaal.declared import Declared, Routine
+from parcours_formats.uppaal.environment import Environment
+from parcours_formats.uppaal.symbols import Cell
+
+MAX_TURNS = 200
+"""Most turns of one loop."""
+
+MAX_NESTED = 8
+"""Most calls inside each other."""
+
+
+@dataclass(frozen=True, slots=True)
+class Running:
+    """Where a body stands on one way: what was done, and the value it returned, if it did."""
+
+    branch: Branch
+    has_returned: bool = False
+    value: Expression | None = None
+
+
+class Execution:
+    """Follows statements along every way.
+
+    Args:
+        scope: the names they see.
+        where: file and line of the call, for messages.
+    """
+
+    def __init__(self, scope: Environment, where: str) -> None:
+        self.scope, self.where = scope, where
+
+    def run(self, statements: Iterable[Statement], now: list[Running]) -> list[Running]:
+        """Return where the ways end; those that have returned stay as they are."""
+        for statement in statements:
+            self.scope.cells.spend(self.where, len(now))
+            if isinstance(statement, Local):
+                now = self.declared(statement.declared, now)
+            else:
+                now = [
+                    after for each in now for after in ([each] if each.has_returned else self.after(statement, each))
+                ]
+            self.bounded(now)
+        return now
+
+    def within(self) -> Execution:
+        """Return the execution of a block inside: what it declares is not seen outside."""
+        return Execution(self.scope.inner(), self.where)
+
+    def bounded(self, now: list[Running]) -> None:
+        """Raise BadModel if there are too many ways."""
+        if len(now) > MAX_CASES:
+            rule = f"an update has at most {MAX_CASES} branches, but this one has more"
+            raise BadModel(self.where, rule, "make its arrays or ranges smaller", slug="expansion-size")
+
+    def after(self, statement: Statement, here: Running) -> list[Running]:
+        """Return where one statement leads."""
+        self.recall(here)
+        match statement:
+            case Set():
+                found = performed([statement], self.scope, self.where, here.branch)
+                return [Running(branch) for branch in found]
+            case When(condition, yes, no):
+                choice = Translation(self.scope, self.where).truth(condition)
+                taken = self.within().run(yes, self.under(choice, here))
+                return [*taken, *self.within().run(no, self.under(negation(choice), here))]
+            case Perform(call):
+                routine = self.scope.find(call.function, self.where)
+                if not isinstance(routine, Routine):
+                    raise refusal(self.where, f"a call of {call.function!r}")
+                return [Running(each.branch) for each in self.called(call, routine, here)]
+            case Loop():
+                return self.turns(statement, here)
+            case Each(name, type_, body):
+                now, values = [here], tuple(self.scope.shape(type_, self.where).values(self.where))
+                self.scope.cells.spend(self.where, len(values))
+                for value in values:
+                    block = self.within()
+                    block.scope.hold(name, value)
+                    now = block.run(body, now)
+                return now
+            case Return(value):
+                if value is None:
+                    return [replace(here, has_returned=True)]
+                cases = Translation(self.scope, self.where).value(value)
+                return [Running(each.branch, True, result) for case, result in cases for each in self.under(case, here)]
+            case _:
+                raise refusal(self.where, f"a statement {type(statement).__name__!r}")
+
+    def recall(self, here: Running) -> None:
+        """Let variables of functions whose values are known on this way mean these, so that indices are constant."""
+        known: dict[str, Expression] = {}
+        for action in here.branch.actions:
+            if is_local(action.target):
+                known.pop(action.target, None)
+                value = replaced(action.value, known)
+                if is_constant(value):
+                    known[action.target] = value
+        self.scope.cells.known = known
+
+    def under(self, condition: Expression, here: Running) -> list[Running]:
+        """Return the way with one more condition on the values now; none if that cannot hold."""
+        branch = here.branch.under(condition, self.where)
+        return [] if branch is None else [replace(here, branch=branch)]
+
+    def turns(self, loop: Loop, here: Running) -> list[Running]:
+        """Return the ways out of a loop."""
+        now, done = [here], list[Running]()
+        for _ in range(MAX_TURNS):
+            self.scope.cells.spend(self.where, len(now))
+            inside: list[Running] = []
+            for each in now:
+                self.recall(each)
+                holds = Translation(self.scope, self.where).truth(loop.condition)
+                done += self.under(negation(holds), each)
+                inside += self.under(holds, each)
+            now = self.within().run(loop.body, inside)
+            done += [each for each in now if each.has_returned]
+            now = [each for each in now if not each.has_returned]
+            self.bounded([*now, *done])
+            if not now:
+                return done
+        raise BadModel(self.where, f"a loop ends within {MAX_TURNS} turns, but this one may not", slug="expansion-size")
+
+    def declared(self, declared: Declared, now: list[Running]) -> list[Running]:
+        """Return where the declaration of a variable leads: from now on its name means a new cell."""
+        self.scope.cells.known = {}  # what is said here is said on several ways
+        shape = self.scope.shape(declared.type, self.where, declared.lengths)
+        made, cells = self.scope.cells.make_local(declared.name, shape, declared.line, self.where)
+        if isinstance(made, Cell) and declared.initial is not None and not isinstance(declared.initial, tuple):
+            cases = Translation(self.scope, self.where).of_kind(declared.initial, made.kind)
+            now = [after for each in now for after in self.assigned(made.id, cases, each)]
+        elif declared.initial is not None and cells:
+            raise refusal(self.where, f"initial values of the local variable {declared.name!r}")
+        else:
+            for cell in cells:
+                now = [after for each in now for after in self.assigned(cell.id, always(literal(cell.initial)), each)]
+        self.scope.names[declared.name] = made
+        return now
+
+    def assigned(self, id: str, cases: Cases, here: Running) -> list[Running]:
+        """Return the ways on which a variable is assigned one of several values."""
+        return [
+            replace(each, branch=each.branch.then(id, value, self.where))
+            for case, value in cases
+            for each in self.under(case, here)
+        ]
+
+    def called(self, call: Applied, routine: Routine, here: Running) -> list[Running]:
+        """Return the ways out of a call, with what they return."""
+        if self.scope.cells.depth >= MAX_NESTED:
+            raise refusal(self.where, f"calls more than {MAX_NESTED} deep")
+        if len(call.arguments) != len(routine.parameters):
+            rule = (
+                f"{call.function!r} has {len(routine.parameters)} parameters, but gets {len(call.arguments)} arguments"
+            )
+            raise BadModel(self.where, rule, slug="arity")
+        inner = self.scope.home(routine).inner()
+        now = [here]
+        for parameter, argument in zip(routine.parameters, call.arguments, strict=True):
+            shape = inner.shape(parameter.type, self.where, parameter.lengths)
+            if parameter.is_reference or shape.lengths or shape.kind == "struct":
+                places = self.scope.locate(argument, self.where)
+                if len(places) != 1:
+                    raise refusal(self.where, "an index that varies in an argument")
+                inner.names[parameter.name] = places[0][1]
+            else:
+                made, cells = self.scope.cells.make_local(parameter.name, shape, parameter.line, self.where)
+                inner.names[parameter.name] = made
+                cases = Translation(self.scope, self.where).of_kind(argument, shape.kind)
+                now = [after for each in now for after in self.assigned(cells[0].id, cases, each)]
+        tokens = routine.tokens
+        tokens.position = routine.body + 1
+        self.scope.cells.depth += 1
+        found = Execution(inner, self.where).run(BodyParser(tokens).statements("}"), now)
+        self.scope.cells.depth -= 1
+        return found
+
+
+def is_local(id: str) -> bool:
+    """Return whether a variable belongs to one call of a function."""
+    return "'" in id

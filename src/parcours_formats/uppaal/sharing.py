@@ -1,0 +1,237 @@
+"""What the templates of a written UPPAAL file share: variables, channels, queues, constants and the unit of time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+
+from parcours.model.conversion import Loss
+from parcours.model.expression import Assignment, Expression, names
+from parcours.model.structure import (
+    CLOCK,
+    ENVIRONMENT,
+    Cefsm,
+    Channel,
+    Component,
+    Send,
+    Transition,
+    Variable,
+)
+from parcours_formats.naming import Names
+from parcours_formats.uppaal.rendering import WORDS, Rendering, scale_of
+
+TESTER = "Environment"
+"""The template that stands for the tester: one location, and an edge for each channel of the environment."""
+
+
+class Shared:
+    """The global part of one written file; `losses` grows.
+
+    Attributes:
+        given: every name that is taken at the top of the file.
+        scale: units of time a second, a power of ten.
+    """
+
+    def __init__(self, cefsm: Cefsm) -> None:
+        self.cefsm = cefsm
+        self.losses: list[Loss] = []
+        self.names = Names((*WORDS, TESTER))
+        self.scale = scale_of(cefsm)
+        if self.scale != 1:
+            self.losses.append(Loss("model", 0, f"the unit of time is 1/{self.scale} s there"))
+        words = [str(word) for each in _variables(cefsm) if each.type == "enum" for word in each.domain]
+        self.numbers = {word: self.names.identifier(word) for word in dict.fromkeys(words)}
+        self.classes = {message.name: message for message in cefsm.messages}
+        self.channels = {channel.name: channel for channel in cefsm.channels}
+        self.read = {each.event.channel for part in cefsm.components for each in part.transitions() if each.event}
+        self.links = {channel.name: self.names.identifier(channel.name) for channel in cefsm.channels}
+        self.slots: dict[tuple[str, str], str] = {}
+        for channel in cefsm.channels:
+            self._open(channel)
+        self.variables: dict[tuple[str, str], str] = {}
+        for component in cefsm.components:
+            for variable in component.variables:
+                self._name(component, variable)
+
+    def declarations(self) -> Iterator[str]:
+        """Yield the lines of the global declarations."""
+        for number, name in enumerate(self.numbers.values()):
+            yield f"const int {name} = {number};"
+        for channel in self.cefsm.channels:
+            if not self.is_queue(channel):
+                if self.meets(channel.name):
+                    yield f"chan {self.links[channel.name]};"
+            else:
+                yield f"int[0,{channel.capacity}] {self.links[channel.name]};"
+            for field in self.classes[channel.message].fields:
+                if (slot := self.slots.get((channel.name, field.name))) is not None:
+                    length = f"[{channel.capacity + 1}]" if self.is_queue(channel) else ""
+                    yield f"{'bool' if field.type == 'bool' else 'int'} {slot}{length};"
+        for component in self.cefsm.components:
+            if len(component.machines) > 1:
+                yield from self.declared(component)
+
+    def declared(self, component: Component) -> Iterator[str]:
+        """Yield the declarations of the variables of a component."""
+        for variable in component.variables:
+            name = self.variables.get((component.name, variable.name))
+            if name is None or variable.role == "input":
+                continue
+            if variable.type == CLOCK:
+                yield f"clock {name};"
+            elif variable.type == "bool":
+                yield f"bool {name} = {'true' if variable.initial else 'false'};"
+            elif variable.type == "enum":
+                yield f"int[0,{len(self.numbers) - 1}] {name} = {self.numbers[str(variable.initial)]};"
+            else:
+                yield f"int{_bounds(variable)} {name} = {variable.initial};"
+
+    def rendering(
+        self, component: Component, transition: Transition | None = None, *, guard: bool = False
+    ) -> Rendering:
+        """Return how the names of a component are written, and those of the message a transition receives.
+
+        Args:
+            component: whose variables.
+            transition: whose message, if it receives one.
+            guard: whether a guard is written: it is read before what a rendezvous brings is there.
+        """
+        known = {
+            variable.name: name
+            for variable in component.variables
+            if (name := self.variables.get((component.name, variable.name))) is not None
+        }
+        event = transition.event if transition is not None else None
+        if event is not None and event.name:
+            channel = self.channels[event.channel]
+            for field in self.classes[channel.message].fields:
+                slot = self.slots.get((channel.name, field.name))
+                if slot is not None and (self.is_queue(channel) or not guard):
+                    known[f"{event.name}.{field.name}"] = f"{slot}[0]" if self.is_queue(channel) else slot
+        naturals = {
+            each.name
+            for each in component.variables
+            if isinstance(each.domain, range) and each.domain and each.domain[0] >= 0
+        }
+        clocks = {each.name for each in component.variables if each.type == CLOCK}
+        return Rendering(known, self.numbers, naturals, clocks, self.scale)
+
+    def selections(self, component: Component, transition: Transition) -> list[str]:
+        """Return a selection for each input that a transition reads: the tester's choice."""
+        said = [transition.guard] if transition.guard is not None else []
+        said += [action.value for action in transition.actions if isinstance(action, Assignment)]
+        said += [value for send in transition.sends for value in send.payload]
+        used = {name for node in said for name in names(node)}
+        found = []
+        for variable in component.variables:
+            name = self.variables.get((component.name, variable.name))
+            if variable.role == "input" and variable.name in used and name is not None:
+                found.append(f"{name} : int{_bounds(variable) or '[0,1]'}")
+        return found
+
+    def is_queue(self, channel: Channel) -> bool:
+        """Return whether messages wait in the channel: it is written as a counter."""
+        inside = ENVIRONMENT not in (channel.sender, channel.receiver)
+        return inside and channel.capacity > 0 and channel.name in self.read
+
+    def meets(self, name: str) -> bool:
+        """Return whether steps on the channel are synchronisations; on one that nobody reads they are not."""
+        channel = self.channels[name]
+        return not self.is_queue(channel) and (channel.receiver == ENVIRONMENT or name in self.read)
+
+    def waits(self, taken: str, sends: Iterable[Send]) -> list[str]:
+        """Return the conditions on queues: a message is there, and there is room for what is sent."""
+        guards = [f"{self.links[taken]} > 0"] if taken and self.is_queue(self.channels[taken]) else []
+        counts: dict[str, int] = {}
+        for send in sends:
+            if self.is_queue(self.channels[send.channel]):
+                counts[send.channel] = counts.get(send.channel, 0) + 1
+        for name, count in counts.items():
+            most = self.channels[name].capacity + (name == taken) - count
+            guards.append(f"{self.links[name]} <= {most}")
+        return guards
+
+    def payload(self, send: Send) -> list[tuple[str, Expression]]:
+        """Return where each part of a message goes: the slots of its channel."""
+        channel = self.channels[send.channel]
+        fields = self.classes[channel.message].fields
+        if len(send.payload) != len(fields) or (not self.meets(send.channel) and not self.is_queue(channel)):
+            return []
+        at = f"[{self.links[channel.name]}]" if self.is_queue(channel) else ""
+        slots = (
+            (self.slots.get((channel.name, field.name)), value)
+            for field, value in zip(fields, send.payload, strict=True)
+        )
+        return [(f"{slot}{at}", value) for slot, value in slots if slot is not None]
+
+    def shifted(self, name: str) -> list[str]:
+        """Return the updates that take the first message out of a queue."""
+        channel = self.channels[name]
+        if not self.is_queue(channel):
+            return []
+        slots = [slot for (owner, _), slot in self.slots.items() if owner == name]
+        moves = [f"{slot}[{at}] = {slot}[{at + 1}]" for slot in slots for at in range(channel.capacity)]
+        return [*moves, f"{self.links[name]}--"]
+
+    def tester(self) -> list[str]:
+        """Return the synchronisations of the tester: it is always ready."""
+        found = []
+        for channel in self.cefsm.channels:
+            if ENVIRONMENT in (channel.sender, channel.receiver) and self.meets(channel.name):
+                found.append(f"{self.links[channel.name]}{'!' if channel.sender == ENVIRONMENT else '?'}")
+        return found
+
+    def _open(self, channel: Channel) -> None:
+        where = f"channel {channel.name!r}"
+        if self.is_queue(channel):
+            rule = f"the queue of {channel.capacity} is a counter there, and does not come back as a channel"
+            self.losses.append(Loss(where, channel.line, rule))
+        elif ENVIRONMENT in (channel.sender, channel.receiver) and channel.capacity:
+            self.losses.append(Loss(where, channel.line, "has no capacity there: the tester is always ready"))
+        if self.links[channel.name] != channel.name:
+            self.losses.append(Loss(where, channel.line, f"is called {self.links[channel.name]!r} there"))
+        if channel.topic:
+            self.losses.append(Loss(where, channel.line, f"its topic {channel.topic!r} is not written"))
+        fields = self.classes[channel.message].fields
+        if fields:
+            rule = f"messages are variables there, and the class {channel.message!r} does not come back"
+            self.losses.append(Loss(where, channel.line, rule))
+        for field in fields:
+            if ENVIRONMENT in (channel.sender, channel.receiver) or field.type not in ("bool", "int") or field.shape:
+                rule = (
+                    f"its field {field.name!r} is not written: what the tester or a message of that type says is open"
+                )
+                self.losses.append(Loss(where, channel.line, rule))
+            else:
+                slot = self.names.identifier(f"{self.links[channel.name]}_{field.name}")
+                self.slots[channel.name, field.name] = slot
+
+    def _name(self, component: Component, variable: Variable) -> None:
+        where = f"variable '{component.name}.{variable.name}'"
+        if variable.type not in ("bool", "int", "enum", CLOCK):
+            self.losses.append(Loss(where, variable.line, f"a variable of type {variable.type} is not written"))
+            return
+        if variable.role == "input" and variable.type == "int" and not variable.domain:
+            rule = "an input without a range is not written: it cannot be selected"
+            self.losses.append(Loss(where, variable.line, rule))
+            return
+        if variable.role == "input":
+            self.losses.append(Loss(where, variable.line, "an input is a selection at each edge that reads it"))
+        if variable.type == "enum":
+            self.losses.append(Loss(where, variable.line, "its values are numbers there"))
+        if variable.type == "int" and not variable.domain:
+            self.losses.append(Loss(where, variable.line, "has no range; there it goes from -32768 to 32767"))
+        if variable.unit not in ("1", "s" if variable.type == CLOCK else "1"):
+            self.losses.append(Loss(where, variable.line, f"its unit {variable.unit!r} is not written"))
+        name = self.names.identifier(variable.name)
+        if name != variable.name:
+            self.losses.append(Loss(where, variable.line, f"is called {name!r} there"))
+        self.variables[component.name, variable.name] = name
+
+
+def _variables(cefsm: Cefsm) -> Iterator[Variable]:
+    for component in cefsm.components:
+        yield from component.variables
+
+
+def _bounds(variable: Variable) -> str:
+    return f"[{variable.domain[0]},{variable.domain[-1]}]" if isinstance(variable.domain, range) else ""

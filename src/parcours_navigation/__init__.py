@@ -1,0 +1,1 @@
+"""Robots among moving obstacles: the protocol of a planner, the world, cases, measures, planners compared."""

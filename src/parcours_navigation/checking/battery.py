@@ -1,0 +1,179 @@
+"""All checks of a planner, as data, and their run: a name -> its findings, gravest first."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import signal
+import threading
+from collections.abc import Callable, Generator, Iterator, Sequence
+from dataclasses import dataclass, replace
+from types import FrameType
+
+from parcours.errors import require_known
+from parcours.report.pieces import Cell, Column, Table
+from parcours_navigation.checking import conduct, form, geometry, memory
+from parcours_navigation.checking.finding import Finding, Level, OutOfPatience, error, warning
+from parcours_navigation.checking.subject import Malformed, Subject
+
+Check = Callable[[Subject], Iterator[Finding]]
+
+GATES: dict[str, Check] = {
+    check.__name__: check for check in (form.is_a_planner, form.same_in_own_process, form.answers_in_form)
+}
+"""Checks without which the others mean nothing: an error in one of them ends the battery.
+
+Before a planner is asked in this process, it is asked in one of its own, which it may take down.
+"""
+
+CHECKS: dict[str, Check] = GATES | {
+    check.__name__: check
+    for check in (
+        form.is_quiet,
+        memory.repeats_itself,
+        memory.forgets_the_last_case,
+        memory.rolls_its_own_dice,
+        memory.leaves_observations_alone,
+        memory.keeps_no_observation,
+        memory.takes_obstacles_in_any_order,
+        conduct.survives_odd_scenes,
+        conduct.decides_in_time,
+        geometry.turns_towards_the_goal,
+        geometry.commands_in_units,
+        geometry.no_place_is_special,
+        geometry.left_is_as_good_as_right,
+        conduct.reaches_a_free_goal,
+        conduct.passes_a_standing_obstacle,
+    )
+}
+"""All checks by name, in the order in which they are made."""
+
+_RANK = {Level.ERROR: 0, Level.WARNING: 1, Level.NOTE: 2}
+
+
+@dataclass(frozen=True, slots=True)
+class Report:
+    """What the battery found.
+
+    Attributes:
+        planner: its name.
+        findings: gravest first.
+        made: names of the checks that were made.
+        left: names of those that were not, since an earlier one failed.
+    """
+
+    planner: str
+    findings: tuple[Finding, ...]
+    made: tuple[str, ...]
+    left: tuple[str, ...]
+
+    @property
+    def passed(self) -> bool:
+        """Whether there is no error."""
+        return all(finding.level is not Level.ERROR for finding in self.findings)
+
+
+def run_battery(
+    subject: Subject,
+    names: Sequence[str] | None = None,
+    *,
+    patience: float = 120.0,
+    progress: Callable[[str, int, int], None] = lambda name, done, total: None,
+) -> Report:
+    """Return what the checks found of a planner. What it prints meanwhile is swallowed.
+
+    Args:
+        subject: the planner.
+        names: of the checks, in CHECKS; all if None.
+        patience: how long one check may take [s]; only on a main thread can a check be given up.
+        progress: told (name of the next check, checks made, in all).
+
+    Raises:
+        BadRequest: a check is unknown.
+    """
+    wanted = list(CHECKS) if names is None else list(names)
+    for name in wanted:
+        require_known(name, list(CHECKS), "check", slug="unknown-check")
+    findings: list[Finding] = []
+    made: list[str] = []
+    for name in wanted:
+        progress(name, len(made), len(wanted))
+        found = _made(CHECKS[name], subject, patience)
+        made.append(name)
+        findings += [replace(finding, check=name) for finding in found]
+        if name in GATES and any(finding.level is Level.ERROR for finding in found):
+            break
+    progress("done", len(made), len(wanted))
+    unique = {(f.slug, f.level): f for f in reversed(findings)}  # one fault breaks several checks: the first tells it
+    ordered = sorted((f for f in findings if unique[f.slug, f.level] is f), key=lambda f: _RANK[f.level])
+    return Report(subject.name, tuple(ordered), tuple(made), tuple(name for name in wanted if name not in made))
+
+
+def _made(check: Check, subject: Subject, patience: float) -> list[Finding]:
+    """Make one check; what the planner raises in it is a finding too."""
+    sink = io.StringIO()
+    findings: list[Finding] = []
+    try:
+        with _limited(patience), contextlib.redirect_stdout(sink), contextlib.redirect_stderr(sink):
+            findings.extend(check(subject))
+    except OutOfPatience:
+        findings.append(
+            warning(
+                "unfinished", f"given up after {patience:g} s", "make decisions faster, or look for an endless loop"
+            )
+        )
+    except Malformed as wrong:
+        findings.append(form.malformed(wrong, "while it drove"))
+    except KeyboardInterrupt:
+        raise
+    except BaseException as raised:  # also SystemExit
+        findings.append(error("planner-raises", form.told(raised), "make it answer, whatever it sees"))
+    return findings
+
+
+@contextlib.contextmanager
+def _limited(seconds: float) -> Generator[None, None, None]:
+    """Give up what takes longer, where the system can."""
+    if threading.current_thread() is not threading.main_thread() or not hasattr(signal, "setitimer"):
+        yield
+        return
+
+    def give_up(number: int, frame: FrameType | None) -> None:
+        raise OutOfPatience
+
+    before = signal.signal(signal.SIGALRM, give_up)
+    signal.setitimer(signal.ITIMER_REAL, seconds)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)
+
+
+def told_in_lines(report: Report) -> str:
+    """Return the findings as text: two lines each, then a summary.
+
+    >>> print(told_in_lines(Report("mine", (error("turns-away", "turned right", "flip a sign"),), ("a",), ("b",))))
+    error: turned right [turns-away]
+        flip a sign
+    mine: 1 error, 0 warnings, 0 notes; 1 check made, not made since an earlier one failed: b
+    """
+    lines = []
+    for finding in report.findings:
+        lines.append(f"{finding.level}: {finding.seen} [{finding.slug}]")
+        if finding.remedy:
+            lines.append(f"    {finding.remedy}")
+    counts = (_count(sum(f.level is level for f in report.findings), str(level)) for level in Level)
+    left = f", not made since an earlier one failed: {', '.join(report.left)}" if report.left else ""
+    lines.append(f"{report.planner}: {', '.join(counts)}; {_count(len(report.made), 'check')} made{left}")
+    return "\n".join(lines)
+
+
+def _count(n: int, what: str) -> str:
+    return f"{n} {what}" if n == 1 else f"{n} {what}s"
+
+
+def checks_table() -> Table:
+    """Return all checks with what they demand."""
+    rows: list[tuple[Cell, ...]] = [(name, (check.__doc__ or "").strip()) for name, check in CHECKS.items()]
+    return Table("Checks of a planner", (Column("check", code=True), Column("what it demands")), tuple(rows))

@@ -1,0 +1,136 @@
+"""What a planner remembers and must not: the last case, arrays it was shown, an order of obstacles, dice of others."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Iterator
+
+import numpy as np
+
+from parcours_navigation.checking.finding import Finding, error, warning
+from parcours_navigation.checking.form import changes_observation
+from parcours_navigation.checking.scenes import LIMITS, copied, observation, script, standard_task
+from parcours_navigation.checking.subject import Speeds, Subject, replayed
+from parcours_navigation.protocol import Observation
+
+
+def repeats_itself(subject: Subject) -> Iterator[Finding]:
+    """Two new planners answer the same case alike."""
+    task = standard_task()
+    one, two = (replayed(subject, task, script(task)) for _ in range(2))
+    if one != two:
+        yield error(
+            "nondeterministic",
+            f"two new planners on the same case: {_first_difference(one, two)}",
+            "draw random numbers from a generator made of task.seed in reset, never from clocks or global dice",
+        )
+
+
+def forgets_the_last_case(subject: Subject) -> Iterator[Finding]:
+    """After a reset it answers as new, whatever it did before."""
+    task, other = standard_task(), standard_task((0.2, 1.7), seed=8)
+    fresh = replayed(subject, task, script(task))
+    if fresh != replayed(subject, task, script(task)):
+        return  # not the reset's fault: repeats_itself tells it
+    seat = subject.seat(other)
+    for seen in script(other, 17):
+        seat.speeds(seen)
+    again = replayed(subject, task, script(task), seat)
+    if again != fresh:
+        yield error(
+            "remembers",
+            f"after another case and a reset: {_first_difference(fresh, again)}",
+            "set everything that observe changes anew in reset, the random generator included",
+        )
+
+
+def rolls_its_own_dice(subject: Subject) -> Iterator[Finding]:
+    """It leaves the global random generators of Python and NumPy alone."""
+    task = standard_task()
+    before = _dice()
+    replayed(subject, task, script(task))
+    touched = [name for name, state in _dice().items() if state != before[name]]
+    if touched:
+        yield warning(
+            "global-dice",
+            f"the state of {' and '.join(touched)} changed",
+            "a case would depend on all cases before it; use numpy.random.default_rng(task.seed)",
+        )
+
+
+def _dice() -> dict[str, str]:
+    """Return the states of the global generators, in words that can be compared."""
+    name, keys, position, *_ = np.random.get_state(legacy=True)  # noqa: NPY002
+    return {"random": repr(random.getstate()), "numpy.random": f"{name} {position} {hash(np.asarray(keys).tobytes())}"}
+
+
+def leaves_observations_alone(subject: Subject) -> Iterator[Finding]:
+    """It does not write into the arrays it is shown."""
+    task = standard_task()
+    seat = subject.seat(task)
+    for seen in script(task):
+        shown = copied(seen)
+        seat.speeds(shown)
+        if name := changes_observation(seen, shown):
+            yield error(
+                "changes-observation",
+                f"observation.{name} was written to at {seen.time:.1f} s",
+                f"work on a copy: observation.{name}.copy()",
+            )
+            return
+
+
+def keeps_no_observation(subject: Subject) -> Iterator[Finding]:
+    """What it remembers of an observation is a copy: the arrays are filled anew each time."""
+    task = standard_task()
+    fresh = replayed(subject, task, script(task))
+    if fresh != replayed(subject, task, script(task)):
+        return
+    seat = subject.seat(task)
+    steps = script(task)
+    shared = observation(task, (0.0, 0.0, 0.0), ((0.0,),) * 3)
+    reused = []
+    for seen in steps:
+        shared.time = seen.time
+        shared.robot[:], shared.obstacles[:] = seen.robot, seen.obstacles
+        reused.append(seat.speeds(shared))
+        shared.robot[:], shared.obstacles[:] = 7.7e3, -7.7e3  # what a kept reference would show from now on
+    if reused != fresh:
+        yield error(
+            "keeps-observation",
+            f"with arrays that are filled anew for each observation: {_first_difference(fresh, reused)}",
+            "copy what is to be kept: observation.robot.copy(), observation.obstacles.copy()",
+        )
+
+
+def takes_obstacles_in_any_order(subject: Subject) -> Iterator[Finding]:
+    """The order of the obstacles changes nothing."""
+    task = standard_task()
+    steps = script(task)
+    forward = replayed(subject, task, steps)
+    backward = replayed(subject, task, [_reversed(seen) for seen in steps])
+    far = [
+        max(abs(a[0] - b[0]) / LIMITS.speed, abs(a[1] - b[1]) / LIMITS.yaw_rate)
+        for a, b in zip(forward, backward, strict=True)
+    ]
+    if (worst := int(np.argmax(far))) >= 0 and far[worst] > 0.05:
+        yield warning(
+            "obstacle-order",
+            f"obstacles in reverse order change {sum(gap > 0.05 for gap in far)} of {len(far)} answers, at most by "
+            f"{100 * far[worst]:.0f} % of the limits",
+            "do not favour the first or last row; an observation's rows have no rank",
+        )
+
+
+def _reversed(seen: Observation) -> Observation:
+    return Observation(seen.time, seen.robot.copy(), seen.obstacles[::-1].copy(), seen.task)
+
+
+def _first_difference(one: list[Speeds], two: list[Speeds]) -> str:
+    """Return the first observation that two runs answered differently, in words.
+
+    >>> _first_difference([(0.1, 0.0), (0.2, 0.0)], [(0.1, 0.0), (0.2, 0.5)])
+    'observation 1 was answered (0.2, 0) and (0.2, 0.5)'
+    """
+    k = next(k for k, (a, b) in enumerate(zip(one, two, strict=True)) if a != b)
+    return f"observation {k} was answered ({one[k][0]:.6g}, {one[k][1]:.6g}) and ({two[k][0]:.6g}, {two[k][1]:.6g})"

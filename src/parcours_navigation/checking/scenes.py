@@ -1,0 +1,118 @@
+"""Situations to show a planner: a standard task, observations along a recorded way, and the same moved or mirrored."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from parcours_navigation.guests.scenario import Scenario
+from parcours_navigation.protocol import HEADING, YAW_RATE, Observation, Task, X, Y
+
+_SCENARIO = Scenario()
+
+LIMITS = _SCENARIO.limits
+"""What the robot can do in campaigns, unless told otherwise."""
+
+PERIOD = _SCENARIO.period
+"""Time between two observations there [s]."""
+
+Row = tuple[float, ...]
+
+
+def standard_task(goal: tuple[float, float] = (2.0, 2.0), *, seed: int = 7, period: float = PERIOD) -> Task:
+    """Return the paper's task: a disc of 0.125 m to a goal it must come within 0.2 m of, in an arena of 2 m."""
+    return Task(goal, 0.2, 0.125, LIMITS, period, 2.0, seed)
+
+
+def observation(task: Task, robot: Sequence[float], obstacles: Sequence[Row] = (), time: float = 0.0) -> Observation:
+    """Return an observation in arrays of its own.
+
+    Args:
+        task: the task it belongs to.
+        robot: x, y, heading and, if it moves, speed and yaw rate [m, m, rad, m/s, rad/s].
+        obstacles: x, y, heading, speed, yaw rate, radius of each; radius 0.1 m if left out [m, m, rad, m/s, rad/s, m].
+        time: [s].
+    """
+    state = np.zeros(5)
+    state[: len(robot)] = robot
+    rows = np.zeros((len(obstacles), 6))
+    rows[:, 5] = 0.1
+    for row, obstacle in zip(rows, obstacles, strict=True):
+        row[: len(obstacle)] = obstacle
+    return Observation(time, state, rows, task)
+
+
+def script(task: Task, n: int = 30) -> list[Observation]:
+    """Return what a robot sees on a winding way past three obstacles, two of them moving; n observations."""
+    seen = []
+    for k in range(n):
+        t = k * task.period
+        along = 0.2 * t
+        heading = 0.6 + 0.25 * math.sin(0.8 * t)
+        robot = (0.2 + 0.8 * along, 0.15 + 0.6 * along, heading, 0.2, 0.2 * math.cos(0.8 * t))
+        obstacles = (
+            (1.5 - 0.15 * t, 0.75 - 0.03 * t, 3.34, 0.153, 0.0, 0.1),
+            (0.55, 1.15, 0.0, 0.0, 0.0, 0.12),
+            (1.35, 1.9 - 0.2 * t, -1.5707963, 0.2, 0.0, 0.1),
+        )
+        seen.append(observation(task, robot, obstacles, t))
+    return seen
+
+
+def copied(seen: Observation) -> Observation:
+    """Return the same observation in arrays of its own."""
+    return Observation(seen.time, seen.robot.copy(), seen.obstacles.copy(), seen.task)
+
+
+def moved(seen: Observation, angle: float, shift: tuple[float, float], about: tuple[float, float]) -> Observation:
+    """Return the observation of a world turned by an angle about a point and then shifted.
+
+    >>> turned = moved(observation(standard_task(), (2.0, 1.0, 0.0)), math.pi / 2, (0.0, 0.0), (1.0, 1.0))
+    >>> turned.robot.round(6).tolist(), [round(x, 6) for x in turned.task.goal]
+    ([1.0, 2.0, 1.570796, 0.0, 0.0], [0.0, 2.0])
+    """
+    c, s = math.cos(angle), math.sin(angle)
+
+    def place(x: float, y: float) -> tuple[float, float]:
+        dx, dy = x - about[0], y - about[1]
+        return about[0] + shift[0] + c * dx - s * dy, about[1] + shift[1] + s * dx + c * dy
+
+    turned = copied(seen)
+    for row in (turned.robot, *turned.obstacles):
+        row[X], row[Y] = place(float(row[X]), float(row[Y]))
+        row[HEADING] = math.remainder(float(row[HEADING]) + angle, 2.0 * math.pi)
+    turned.task = dataclasses.replace(seen.task, goal=place(*seen.task.goal))
+    return turned
+
+
+def mirrored(seen: Observation) -> Observation:
+    """Return the observation of the world mirrored at the diagonal of the arena: left becomes right.
+
+    >>> other = mirrored(observation(standard_task((2.0, 1.0)), (0.5, 0.0, 0.2, 0.1, 0.3)))
+    >>> other.robot.round(3).tolist(), other.task.goal
+    ([0.0, 0.5, 1.371, 0.1, -0.3], (1.0, 2.0))
+    """
+    other = copied(seen)
+    for row in (other.robot, *other.obstacles):
+        row[X], row[Y] = float(row[Y]), float(row[X])
+        row[HEADING] = math.remainder(math.pi / 2.0 - float(row[HEADING]), 2.0 * math.pi)
+        row[YAW_RATE] = -row[YAW_RATE]
+    other.task = dataclasses.replace(seen.task, goal=(seen.task.goal[1], seen.task.goal[0]))
+    return other
+
+
+def crowd(n: int) -> tuple[Row, ...]:
+    """Return n obstacles on rings around the middle of the arena, every second one moving, none on the origin.
+
+    Args:
+        n: how many, any number from 0.
+    """
+    rows = []
+    for k in range(n):
+        angle, ring = 2.399963 * k, 0.35 + 0.02 * k  # the golden angle: no two in one direction
+        speed = 0.15 if k % 2 else 0.0
+        rows.append((1.2 + ring * math.cos(angle), 1.2 + ring * math.sin(angle), angle, speed, 0.0, 0.1))
+    return tuple(rows)

@@ -1,0 +1,104 @@
+"""`parcours compare`: planners, or runs of any study, on the same cases, with paired tests."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from parcours.cli.options import as_json, print_json, seed, workers
+
+
+@click.command("compare")
+@click.argument("planners", nargs=-1, required=True)
+@click.option(
+    "--cases", type=click.IntRange(1, 100_000_000), default=1000, show_default=True, help="How many, the same for all."
+)
+@click.option("--protocol", default="table-vii", show_default=True, help="table-vii or published.")
+@click.option(
+    "--command-delay",
+    type=click.FloatRange(0.0, 10.0),
+    default=0.0,
+    show_default=True,
+    help="From an answer to the robot [s], in steps of 0.01 s. RAMP keeps its published durations.",
+)
+@click.option(
+    "--measured",
+    type=click.IntRange(0),
+    default=200,
+    show_default=True,
+    help="So many of the first cases are run again, to be scored as the code of published benchmarks does.",
+)
+@click.option(
+    "--timed",
+    type=click.IntRange(0),
+    default=3,
+    show_default=True,
+    help="On so many of the first cases decisions are timed.",
+)
+@seed
+@workers
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    default=Path("out/compare"),
+    show_default=True,
+    help="Folder for the campaigns; resumed if it holds some.",
+)
+@click.option("--html", type=click.Path(path_type=Path), help="Write one self-contained page.")
+@click.option("--markdown", is_flag=True, help="Print the tables of results as Markdown, and nothing else.")
+@as_json
+def command(
+    planners: tuple[str, ...], cases: int, protocol: str, command_delay: float, measured: int, timed: int, seed: int,
+    workers: int, out: Path, html: Path | None, markdown: bool, as_json: bool,
+) -> None:  # fmt: skip
+    """Run PLANNERS on the same cases, and test each against the first; or compare folders of runs that are there.
+
+    Folders are of one study: their cases are paired by their ids, rates are tested on the pairs, and the cases that
+    flipped are named. A planner is ramp-guarded, ramp-original, another shipped name, package.module:Name, or
+    path/to/file.py:Name.
+    RAMP runs with its published durations of work; the others answer at once unless --command-delay is given.
+
+    Example: parcours compare ramp-guarded orca dwa mppi --cases 10000 --html out/compare.html
+
+    Example: parcours compare out/lift-before out/lift-now
+    """
+    if all(Path(one).is_dir() for one in planners):
+        from parcours.cli.compare import compare_folders
+
+        compare_folders([Path(one) for one in planners], as_json)
+        return
+    from parcours.cli.progress import progress, say_if_cold
+    from parcours.errors import BadRequest
+    from parcours.report.page import to_html
+    from parcours.report.terminal import print_page
+    from parcours.report.writing import write_text
+    from parcours_navigation.comparison.document import comparison_document
+    from parcours_navigation.comparison.page import compare_page
+    from parcours_navigation.comparison.paper_rule import to_markdown_page
+    from parcours_navigation.comparison.running import Interrupted, run_comparison
+
+    if markdown and as_json:
+        raise BadRequest(
+            "compare", "either --json or --markdown can be printed, but both are asked for", slug="compare-both"
+        )
+    say_if_cold()
+    try:
+        with progress() as show:
+            results = run_comparison(
+                planners, out.absolute(), n_cases=cases, seed=seed, workers=workers, protocol=protocol,  # type: ignore[arg-type]
+                command_delay=command_delay, measured=measured, timed=timed, progress=show,
+            )  # fmt: skip
+    except Interrupted as stopped:
+        click.echo(str(stopped), err=True)
+        raise click.exceptions.Exit(130) from None
+    page = compare_page(results)
+    if html is not None:
+        write_text(html, to_html(page))
+        click.echo(f"wrote {html}", err=True)
+    if as_json:
+        print_json(comparison_document(results))
+    elif markdown:
+        click.echo(to_markdown_page(results))
+    else:
+        print_page(page)

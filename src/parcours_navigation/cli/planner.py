@@ -1,0 +1,72 @@
+"""`parcours planner check`: tell a planner's author what is wrong."""
+
+from __future__ import annotations
+
+import click
+
+from parcours.cli.options import as_json, print_json
+
+
+@click.group("planner")
+def command() -> None:
+    """Planners of your own: check what is wrong with one.
+
+    Example: parcours planner check package.module:Planner
+    """
+
+
+@command.command("check")
+@click.argument("planner")
+@click.option("--only", "only", multiple=True, metavar="CHECK", help="Make only this check; may be repeated.")
+@click.option("--list", "listed", is_flag=True, help="List the checks, and make none.")
+@click.option(
+    "--patience",
+    type=click.FloatRange(0.1, 86400.0),
+    default=120.0,
+    show_default=True,
+    help="Longest time for one check [s].",
+)
+@as_json
+def check(planner: str, only: tuple[str, ...], listed: bool, patience: float, as_json: bool) -> None:
+    """Put PLANNER into small situations, and say what is wrong and what to do. Exit code 1 if there is an error.
+
+    PLANNER is a shipped name, package.module:Name, or path/to/file.py:Name.
+
+    Example: parcours planner check orca
+    """
+    from dataclasses import asdict
+
+    from parcours.cli.progress import progress, say_if_cold
+    from parcours.report.terminal import print_table
+    from parcours_navigation.checking.apart import check_apart
+    from parcours_navigation.checking.battery import CHECKS, checks_table, told_in_lines
+
+    if listed:
+        words = {name: (made.__doc__ or "").strip() for name, made in CHECKS.items()}
+        if as_json:
+            print_json(words)
+        else:
+            print_table(checks_table())
+        return
+    say_if_cold()
+    with progress() as show:
+        report = check_apart(
+            planner,
+            only or None,
+            patience=patience,
+            progress=lambda name, done, total: show("checks", done, total),
+        )
+    if as_json:
+        print_json(
+            {
+                "planner": report.planner,
+                "passed": report.passed,
+                "findings": [asdict(finding) for finding in report.findings],
+                "made": list(report.made),
+                "left": list(report.left),
+            }
+        )
+    else:
+        click.echo(told_in_lines(report))
+    if not report.passed:
+        raise click.exceptions.Exit(1)

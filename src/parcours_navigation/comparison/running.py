@@ -1,0 +1,163 @@
+"""Planners' names -> their campaigns on the same cases, in one folder, resumable -> the results of the comparison."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from parcours.errors import BadRequest
+from parcours.run.campaign import Simulate, run_campaign
+from parcours.run.store import Campaign, create
+from parcours_navigation.cases.family import TIME_LIMIT, WATCHED_ON, Protocol, SystemCases
+from parcours_navigation.cases.running import CaseStudy
+from parcours_navigation.comparison.deciding import decision_times
+from parcours_navigation.comparison.measuring import Reproducing
+from parcours_navigation.comparison.results import AT_ONCE, Contender, Results
+from parcours_navigation.facts import FACTS
+from parcours_navigation.guests.planners import own_loop
+from parcours_navigation.guests.scenario import Scenario
+from parcours_navigation.measures.table import PUBLISHED
+from parcours_navigation.study.distribution import oracle, survived
+from parcours_navigation.study.study import NavigationStudy, study_of
+
+Progress = Callable[[str, int, int], None]
+"""Told (what, done, in all)."""
+
+
+class Interrupted(Exception):
+    """The user stopped the runs; what was finished is in the folder."""
+
+
+def run_comparison(
+    names: Sequence[str],
+    folder: Path,
+    *,
+    n_cases: int,
+    seed: int = 1,
+    workers: int = 1,
+    protocol: Protocol = "table-vii",
+    command_delay: float = 0.0,
+    measured: int = 200,
+    timed: int = 3,
+    progress: Progress = lambda what, done, total: None,
+) -> Results:
+    """Run planners on the same cases and return what became of them. Interrupted work is resumed.
+
+    Args:
+        names: of planners, as `parcours_navigation.guests.planners` knows them; the first is the one the others are
+            tested against.
+        folder: gets one campaign a planner, and one of its cases as published code measures them.
+        n_cases: how many cases, at least 1.
+        seed: of the cases.
+        workers: processes.
+        protocol: which family of cases.
+        command_delay: from a planner's answer to the robot [s]; a planner with a loop of its own keeps its durations.
+        measured: how many of the first cases are run again, to be measured as published benchmark code does; 0 for
+            none.
+        timed: on how many of the first cases without a planner's error its decisions are timed; 0 for none.
+        progress: told how far each part is.
+
+    Raises:
+        BadRequest: a name is unknown or given twice, or a number is out of range.
+        BadResults: the folder holds the campaign of other planners or cases under these names.
+        Interrupted: Ctrl-C.
+    """
+    entries = _entries(names, SystemCases(seed, protocol), command_delay)
+    plans: dict[str, tuple[Campaign, Path]] = {}
+    for name, study in entries.items():  # refuse what cannot be resumed before anything is computed
+        plans[name] = study.campaign(n_cases), folder / folder_name(name)
+        create(plans[name][1], plans[name][0])
+    facts = {name: _run(study, *plans[name], workers, name, progress) for name, study in entries.items()}
+    published = {}
+    sample = min(measured, n_cases)
+    if sample:
+        for name, study in entries.items():
+            again = Reproducing(study, frozenset(_numbers(facts[name]["error"] != 0)))
+            campaign, place = again.campaign(plans[name][0], sample), folder / f"{folder_name(name)}.as-published"
+            rows = _run(again, campaign, place, workers, f"{name}, as published", progress)
+            published[name] = _fields(rows, PUBLISHED)
+    contenders = []
+    for name, study in entries.items():
+        decisions, untimed = None, ""
+        if timed and isinstance(study, NavigationStudy):
+            progress(f"{name}, time to decide", 0, 1)
+            decisions, untimed = decision_times(study, _numbers(facts[name]["error"] == 0)[:timed])
+            progress(f"{name}, time to decide", 1, 1)
+        contenders.append(
+            Contender(
+                name, _fields(facts[name], FACTS), _answers(study, command_delay), _reasons(facts[name]), decisions,
+                facts[name]["measures"].copy(), published.get(name), untimed,
+            )
+        )  # fmt: skip
+    cases = SystemCases(seed, protocol)
+    vectors = tuple(str(cases.vector(number)) for number in range(n_cases))
+    numbers = np.arange(n_cases)
+    known = oracle(cases, numbers, lambda done, total: progress("which cases are solvable", done, total))
+    survival = survived(cases, numbers)
+    return Results(tuple(contenders), protocol, seed, n_cases, vectors, command_delay, known, survival)
+
+
+def folder_name(planner: str) -> str:
+    """Return the name of a planner's folder: of its letters, digits, dots and dashes.
+
+    >>> folder_name("my/planners.py:Best")
+    'my-planners.py-Best'
+    """
+    return re.sub(r"[^A-Za-z0-9.]+", "-", planner).strip("-.") or "planner"
+
+
+def _fields(rows: NDArray[np.void], wanted: np.dtype[np.void]) -> NDArray[np.void]:
+    """Return some fields of the rows as an array of their own, shape (n,)."""
+    plain = np.zeros(len(rows), wanted)
+    for name in wanted.names or ():
+        plain[name] = rows[name]
+    return plain
+
+
+def _numbers(chosen: NDArray[np.bool_]) -> list[int]:
+    """Return the numbers of the chosen cases."""
+    return np.flatnonzero(chosen).tolist()
+
+
+def _entries(names: Sequence[str], cases: SystemCases, command_delay: float) -> dict[str, CaseStudy]:
+    """Return the study of each name, refusing names that cannot stand side by side."""
+    taken: dict[str, str] = {}
+    for name in names:
+        other = taken.setdefault(folder_name(name).lower(), name)
+        if name in list(taken.values()) and other == name and list(names).count(name) == 1:
+            continue
+        rule = f"each planner is named once, but {name!r} and {other!r} would be kept in the same folder"
+        raise BadRequest("compare", rule, "name other planners", slug="compare-twice")
+    if not names:
+        raise BadRequest("compare", "at least one planner is needed, but none given", slug="compare-none")
+    given = Scenario(time_limit=TIME_LIMIT, watched_on=WATCHED_ON, command_delay=command_delay)
+    at_once = Scenario(time_limit=TIME_LIMIT, watched_on=WATCHED_ON)
+    return {name: study_of(name, cases, given if own_loop(name) is None else at_once) for name in names}
+
+
+def _run(
+    simulate: Simulate, campaign: Campaign, folder: Path, workers: int, what: str, progress: Progress
+) -> NDArray[np.void]:
+    outcome = run_campaign(
+        simulate, campaign, folder, workers=workers, progress=lambda done, total: progress(what, done, total)
+    )
+    if outcome.interrupted:
+        raise Interrupted(str(outcome))
+    return outcome.store.load()
+
+
+def _answers(study: CaseStudy, command_delay: float) -> str:
+    """Return in words how long a planner's work takes in the simulated world."""
+    if study.answers:
+        return study.answers
+    return f"after {1e3 * command_delay:g} ms" if command_delay else AT_ONCE
+
+
+def _reasons(facts: NDArray[np.void]) -> tuple[str, ...]:
+    if "reason" not in (facts.dtype.names or ()):
+        return ()
+    return tuple(bytes(reason).decode("utf-8", "replace") for reason in facts["reason"][facts["error"] != 0])

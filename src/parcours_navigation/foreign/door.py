@@ -1,0 +1,340 @@
+"""Foreign nodes behind a binding (docs/bindings.md) as every command meets a study.
+
+Cases run in a process apart (`apart`), and are kept one by one, so that a run that was stopped goes on.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+import json
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from parcours.errors import BadRequest, BadResults, BadSuite, ParcoursError, one_of
+from parcours.run.atomic import require_writable, write_atomically
+from parcours.run.binding import Binding, MessageTypes, compile_binding
+from parcours.run.campaign import terminable
+from parcours.run.faults import read_plan
+from parcours.study.journal import Journal, read_question, write_question
+from parcours.study.parameters import Parameter, Settings
+from parcours.study.protocol import Finding, Judged, Progress, Rejudged, Reported, Request, Run
+from parcours.suite import Case
+from parcours.verdict.judgement import Verdict
+from parcours_navigation.foreign.abstract import PATIENCE
+from parcours_navigation.foreign.apart import Order, run_apart
+from parcours_navigation.foreign.cases import abstract_scenes
+from parcours_navigation.foreign.results import RosResults
+
+if TYPE_CHECKING:
+    from parcours.study.protocol import Results
+
+FILE = "results.json"
+_FORMAT = "ros/1"
+SYSTEM = "system"
+"""What stands for the abstract case in the id of a system case; its row is the number of the case."""
+
+PARAMETERS = (
+    Parameter(SYSTEM, "int", 0, "system cases to run after the abstract ones", low=0, high=100_000, decides=False),
+    Parameter("protocol", "text", "table-vii", "how obstacles move in system cases",
+              choices=("table-vii", "published", "empty")),
+    Parameter("repeats", "int", 0, "of each span that `timing` of the binding bounds", low=0, high=1_000_000),
+    Parameter("faults", "text", "", "a file of faults, or lines: 'Planner: crash at 3 s'"),
+    Parameter("record", "text", "", "keep a recording of every case", choices=("", "mcap", "bag"), decides=False),
+    Parameter("master", "text", "", "address of a running ROS 1 master; else one of its own", decides=False),
+    Parameter("network", "text", "own", "whether its own master and the nodes are out of reach of everybody",
+              choices=("own", "shared"), decides=False),
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class RosStudy:
+    """Foreign nodes behind a binding (`parcours.study.protocol.Study`).
+
+    Args:
+        name: first part of every case id.
+        binding: of transport ros1.
+        doc: a sentence about the study.
+        where: how a command line names it.
+        n_cases: how many abstract cases are run if nothing is said; None for each once.
+        defaults: other defaults of parameters.
+        digests: what its results depend on beside its settings: name of a file -> digest.
+    """
+
+    name: str
+    binding: Binding
+    doc: str = ""
+    where: str = ""
+    n_cases: int | None = None
+    defaults: Mapping[str, object] = field(default_factory=dict)
+    digests: Mapping[str, str] = field(default_factory=dict)
+
+    kind = "ros"
+    family = "ros"
+
+    @property
+    def parameters(self) -> Sequence[Parameter]:
+        """System cases, timing, faults, recordings, and where the nodes run."""
+        given = self.defaults
+        return tuple(dataclasses.replace(one, default=one.read(given.get(one.name, one.default))) for one in PARAMETERS)
+
+    @property
+    def files(self) -> Mapping[str, Path]:
+        """Where its model and its data lie."""
+        found = {"model": self.binding.model.source, "data": self.binding.data_file}
+        return {kind: Path(file) for kind, file in found.items() if file}
+
+    def suite(self, settings: Settings, seed: int, n_cases: int | None = None) -> Iterator[Case]:
+        """Yield the abstract cases, of which there are `n_cases`, then the system cases."""
+        abstract = self._abstract(seed, self.n_cases if n_cases is None else n_cases)
+        system = (self._system(k, settings, seed) for k in range(int(settings[SYSTEM])))
+        for number, case in enumerate(itertools.chain(abstract, system)):
+            yield dataclasses.replace(case, number=number)
+
+    def run(self, request: Request, progress: Progress) -> Run:
+        """Run the cases that are missing in a folder, then the timing, unless cases were chosen.
+
+        Raises:
+            BadRequest: the folder cannot be written to, or a chosen case is not the study's.
+            BadResults: it holds another run.
+            HostFailure: ROS 1 or the nodes cannot be had here.
+        """
+        settings, out = request.settings, request.out
+        cases = self._chosen(request) if request.chosen else list(self.suite(settings, request.seed, request.n_cases))
+        ids = [case.id.partition("/")[2] for case in cases]
+        timing = [] if request.chosen else self._limits(settings)
+        require_writable(out)
+        decides = {one.name: settings[one.name] for one in self.parameters if one.decides}
+        decides["faults"] = str(read_plan(str(settings["faults"]))) if settings["faults"] else ""
+        question = {"seed": request.seed, "settings": decides, "files": dict(self.digests)}
+        write_question(out, self.name, self.where, question)
+        planned = len(ids) + len(timing)
+        _note_planned(out, planned)
+        interrupted = False
+        with Journal(out) as journal, terminable():
+            wanted = [*ids, *timing]
+            try:
+                for entry in self._missing(ids, timing, journal, request):
+                    journal.add(str(entry["id"]), entry)
+                    progress("cases, ros1", sum(id in journal.done for id in wanted), planned)
+            except KeyboardInterrupt:
+                interrupted = True
+            n = sum(id in journal.done for id in wanted)
+        if interrupted:
+            text = f"interrupted: {n} of {planned} cases are finished and kept in {out}"
+            return Run(True, f"{text}; run the same command again for the rest")
+        return Run(False, f"all {planned} cases are finished in {out}")
+
+    def read(self, folder: Path) -> Results:
+        """Return the results in a folder."""
+        study = read_question(folder)["study"]
+        if study != self.name:
+            raise BadResults(
+                str(folder), f"results of {self.name} are expected, but it holds those of {study}", slug="results-study"
+            )
+        planned = 0
+        if (folder / FILE).is_file():
+            try:
+                planned = int(json.loads((folder / FILE).read_bytes())["planned"])
+            except (OSError, ValueError, KeyError, TypeError) as error:
+                rule = f"must say how many cases were planned, but: {error}"
+                raise BadResults(str(folder / FILE), rule, "run the study again", slug="results-manifest") from error
+        return RosResults(self.name, folder, planned)
+
+    def report(self, results: Mapping[str, Results]) -> Reported:
+        """Return tables, pieces and documents on results of foreign nodes."""
+        from parcours_navigation.foreign.reporting import tables
+
+        found = []
+        documents: dict[str, object] = {}
+        for folder, one in results.items():
+            assert isinstance(one, RosResults)
+            label = f"{one.study}, {folder}" if len(results) > 1 else one.study
+            found += [dataclasses.replace(table, title=f"{table.title}: {label}") for table in tables(one.found)]
+            documents[folder] = one.entries
+        return Reported(found, lambda: found, documents)
+
+    def judge(self, case: Case, settings: Settings) -> Judged:
+        """Run one case again on the nodes and judge it.
+
+        Raises:
+            BadSuite: the study has no such case, or other values than its row and seed give.
+        """
+        row = int(case.row)
+        ours = (
+            self._system(row, settings, case.seed)
+            if case.abstract == SYSTEM
+            else self._find(case.abstract, row, case.seed)
+        )
+        if ours is None or (ours.names, ours.values) != (case.names, case.values):
+            rule = f"a case must be one that the study has, but row {row} of {case.abstract} is not it"
+            raise BadSuite(f"case {case.id!r}", rule, "write the suite again with this version", slug="foreign-case")
+        with tempfile.TemporaryDirectory(prefix="parcours-") as folder:
+            order = self._order(
+                {**settings, "record": "", "repeats": 0}, case.seed, Path(folder), [ours.id.partition("/")[2]]
+            )
+            [entry] = run_apart(order)
+        deaths = entry["deaths"]
+        assert isinstance(deaths, dict)
+        known = {"outcome": str(entry["outcome"]), "length": f"{entry['seconds']} s",
+                 "dead": ", ".join(f"{name} ({how})" for name, how in deaths.items())}  # fmt: skip
+        command = f"parcours run {self.where} --seed {case.seed} --case {case.id} --record mcap --out out"
+        facts = tuple((name, text) for name, text in known.items() if text)
+        return Judged(
+            case,
+            Verdict(str(entry["verdict"])),
+            str(entry["why"]),
+            facts,
+            f"{command} && parcours judge out/recordings",
+        )
+
+    def rejudge(self, recording: Path) -> Rejudged:
+        """Judge a recording by what is recorded alone."""
+        from parcours.run.recording import read_recording
+        from parcours_navigation.foreign.recorded import rejudge
+
+        judged, recorded = rejudge(recording, self.binding)
+        known = read_recording(recording)
+        id = known.trace.case if known.about["kind"] == "abstract" else f"{SYSTEM}/{known.about['number']}"
+        return Rejudged(recording, f"{self.name}/{id}", recorded, judged.judgement)
+
+    def check(self, progress: Progress) -> Sequence[Finding]:
+        """Check the binding: its form, message types, and, with the nodes started, what they register."""
+        settings = {one.name: one.default for one in self.parameters}
+        found: list[Finding] = []
+        if SYSTEM in settings and not settings[SYSTEM] and self.binding.system is not None:
+            found.append(
+                Finding("note", "system cases", "the binding describes some, but none is run", "write system: 10")
+            )
+        checks = ("message types", self._check_types), ("nodes started", lambda: self._check_live(settings))
+        for done, (what, check) in enumerate(checks):
+            progress("checks", done, len(checks))
+            try:
+                check()
+            except ParcoursError as error:
+                absent = error.slug in ("no-ros1", "network-namespace")
+                rule = f"not checked: {error.rule}" if absent else error.rule
+                found.append(Finding("note" if absent else "error", f"{what}, {error.where}", rule, error.remedy))
+                break  # what comes after would only say it again
+        progress("checks", len(checks), len(checks))
+        return found
+
+    def _check_types(self) -> None:
+        from parcours.run.hosts.ros1.foreign_types import ForeignTypes
+
+        types = ForeignTypes(self.binding.python_paths, self.binding.interfaces)
+        try:
+            compile_binding(self.binding, MessageTypes(types.find))
+        except BadRequest as error:
+            if "unknown-message-type" not in str(error):  # a node may yet say what it is
+                raise
+
+    def _check_live(self, settings: Settings) -> None:
+        with tempfile.TemporaryDirectory(prefix="parcours-") as folder:
+            order = self._order(settings, 1, Path(folder), [])
+            list(run_apart(dataclasses.replace(order, only_check=True)))
+
+    # Cases.
+
+    def _abstract(self, seed: int, n_cases: int | None) -> Iterator[Case]:
+        """Yield so many abstract cases; None is each once."""
+        every = abstract_scenes(self.binding, seed)
+        first = itertools.takewhile(lambda scene: scene.id.endswith("/0"), every)
+        for scene in first if n_cases is None else itertools.islice(every, n_cases):
+            abstract, _, row = scene.id.rpartition("/")
+            names, values = zip(*scene.inputs, strict=True) if scene.inputs else ((), ())
+            budget = len(scene.events) * PATIENCE * 1e-9
+            yield Case(self.name, 0, abstract, int(row), names, values, budget, seed)
+
+    def _system(self, number: int, settings: Settings, seed: int) -> Case:
+        """Return a system case. Raises BadRequest if the binding describes none."""
+        from parcours_navigation.cases.family import SystemCases
+
+        system, protocol = self.binding.system, str(settings["protocol"])
+        if system is None:
+            rule = "system cases need a section 'system' in the binding, but it has none"
+            raise BadRequest("--system", rule, "see docs/bindings.md", slug="foreign-system")
+        names: tuple[str, ...] = ()
+        values: tuple[float, ...] = ()
+        if protocol != "empty":
+            cases = SystemCases(seed, protocol)  # type: ignore[arg-type]
+            names, values = cases.inputs.names, tuple(cases.values(np.array([number]))[0].tolist())
+        return Case(self.name, number, SYSTEM, number, names, values, system.duration, seed)
+
+    def _find(self, abstract: str, row: int, seed: int) -> Case | None:
+        """Return an abstract case with a row of data; None if there is none."""
+        once = [case.abstract for case in self._abstract(seed, None)]
+        if abstract not in once or (row and not self.binding.data_file):
+            return None
+        place = row * len(once) + once.index(abstract)
+        return next(itertools.islice(self._abstract(seed, place + 1), place, None), None)
+
+    def _chosen(self, request: Request) -> list[Case]:
+        """Return the cases of the given ids, with or without the study; an abstract case alone is its first row."""
+        found: list[Case] = []
+        wrong = []
+        for given in request.chosen:
+            abstract, _, row = given.removeprefix(f"{self.name}/").partition("/")
+            case = None
+            if (row or "0").isdecimal() and len(row) < 7:
+                k = int(row or "0")
+                is_system = abstract == SYSTEM and row
+                case = (
+                    self._system(k, request.settings, request.seed)
+                    if is_system
+                    else self._find(abstract, k, request.seed)
+                )
+            if case is None:
+                wrong.append(given)
+            else:
+                found.append(case)
+        if wrong:
+            known = [case.abstract for case in self._abstract(request.seed, None)]
+            rule = f"chosen cases must be the study's, but it has no {', '.join(wrong[:5])}"
+            remedy = one_of(wrong[0].split("/")[-2] if "/" in wrong[0] else wrong[0], [*known[:200], "system/0"])
+            raise BadRequest(f"study {self.name!r}", rule, remedy[:300], slug="case-unknown")
+        return list({case.id: case for case in found}.values())
+
+    def _limits(self, settings: Settings) -> list[str]:
+        """Return the ids of the verdicts on limits, if there is timing."""
+        from parcours.verdict.timing import parse_bound
+        from parcours_navigation.foreign.timing import spans
+
+        if not settings["repeats"]:
+            return []
+        return [f"timing/{span.name}/{parse_bound(text)}" for span in spans(self.binding) for text in span.texts]
+
+    def _missing(
+        self, ids: Sequence[str], timing: Sequence[str], journal: Journal, request: Request
+    ) -> Iterator[dict[str, object]]:
+        """Yield the results that a folder lacks, each as soon as it is known."""
+        left = [id for id in ids if id not in journal.done]
+        is_timed = all(id in journal.done for id in timing)
+        if not left and is_timed:
+            return
+        settings = {**request.settings, "repeats": 0 if is_timed else request.settings["repeats"]}
+        passive: dict[str, list[int]] = {}
+        for entry in journal.done.values():
+            for name, times in entry.get("passive", {}).items():  # type: ignore[attr-defined]
+                passive.setdefault(name, []).extend(times)
+        order = self._order(settings, request.seed, request.out, left)
+        yield from run_apart(dataclasses.replace(order, passive=passive))
+
+    def _order(self, settings: Settings, seed: int, out: Path, ids: Sequence[str]) -> Order:
+        master = str(settings["master"]) or self.binding.master
+        system = tuple(int(id.partition("/")[2]) for id in ids if id.startswith(f"{SYSTEM}/"))
+        return Order(
+            str(self.binding.source), str(out), not master and settings["network"] == "own", str(settings["master"]),
+            seed, str(settings["protocol"]), str(settings["faults"]), str(settings["record"]), int(settings["repeats"]),
+            tuple(id for id in ids if not id.startswith(f"{SYSTEM}/")), system,
+            about={"study": self.name, "where": self.where},
+        )  # fmt: skip
+
+
+def _note_planned(out: Path, planned: int) -> None:
+    write_atomically(out / FILE, (json.dumps({"parcours": _FORMAT, "planned": planned}) + "\n").encode())

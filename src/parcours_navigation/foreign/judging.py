@@ -1,0 +1,253 @@
+"""The events of a case, as they happen or from a recording -> its verdict: outcome, life, conformance, order.
+
+Live and offline go through the same code, event by event, so a recording is judged to the same verdict.
+"""
+
+from __future__ import annotations
+
+import heapq
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from parcours.abtc import Event
+from parcours.errors import HostFailure
+from parcours.run.binding import Compiled
+from parcours.run.binding.decoding import Decoder
+from parcours.run.binding.passing import BEGINS, ENDS
+from parcours.run.gated import disorder
+from parcours.run.hosts.realtime import DIED
+from parcours.run.recording import Raw
+from parcours.run.trace import Trace, TraceEvent, held
+from parcours.verdict.conformance import Deviation
+from parcours.verdict.judgement import Judgement, Verdict
+from parcours_navigation.foreign.conforming import Beside, Conformers
+from parcours_navigation.foreign.world import ForeignWorld, Scene
+from parcours_navigation.outcomes import VERDICT_OF, Outcome, explain, outcomes
+
+FAULTY = "under faults"
+"""The note of a case under a plan of faults: the model does not know them, so it is followed, but not judged by."""
+
+
+_EVER = 1 << 62
+
+
+@dataclass(frozen=True, slots=True)
+class Judged:
+    """What became of a case.
+
+    Attributes:
+        judgement: of everything together.
+        outcome: what the robot did, in words; empty for an abstract case.
+        deaths: component -> how it ended.
+        deviations: the first of each component that left the model.
+        held: how long messages were kept in gates [ns], one each.
+    """
+
+    judgement: Judgement
+    outcome: str = ""
+    deaths: tuple[tuple[str, str], ...] = ()
+    deviations: tuple[Deviation, ...] = ()
+    held: tuple[int, ...] = ()
+
+
+class _Watch:
+    """What every judge keeps: life, conformance, and messages that cannot be read."""
+
+    def __init__(self, compiled: Compiled, names: Sequence[str], *, live: bool) -> None:
+        self.decoder = Decoder(compiled.binding, compiled.types)
+        self.conformers = Conformers(compiled, names, Decoder(compiled.binding, compiled.types))
+        self._follower = Beside(self.conformers) if live else self.conformers
+        self.deaths: dict[str, str] = {}
+        self.error: HostFailure | None = None
+        self.began = -1
+        self.ended = -1
+        self.is_faulty = False
+        self.is_unfinished = False
+        self._is_lost = False
+        self._later: list[tuple[int, int, TraceEvent]] = []
+        self._order = itertools.count()
+
+    def observe(self, event: TraceEvent) -> None:
+        if event.kind == "note":
+            if event.text == BEGINS:
+                self.began = event.time
+            elif event.text == ENDS:
+                self.ended = event.time
+            elif event.text.startswith(DIED):
+                self.deaths.setdefault(event.component, event.text.removeprefix(DIED))
+            self.is_faulty |= event.text == FAULTY
+        if self.ended < 0 or event.time < self.ended:
+            heapq.heappush(self._later, (event.time, next(self._order), event))
+
+    def quiet(self, now: int) -> None:
+        """Everything that happened by now [ns] is known: follow it, in order of time."""
+        self._follow(now)
+        if not self.deaths and self.ended < 0:
+            self._follower.quiet(now)
+
+    def _follow(self, until: int) -> None:
+        while self._later and self._later[0][0] <= until:
+            event = heapq.heappop(self._later)[2]
+            self._is_lost |= event.kind == "note" and event.text.startswith(DIED)
+            if not self._is_lost:  # what a system without one of its parts does, no model says
+                self._follower.observe(event)
+
+    def close(self) -> None:
+        self._follow(self.ended if self.ended >= 0 else _EVER)
+        if self.ended >= 0 and not self._is_lost:
+            self._follower.quiet(self.ended)
+        if isinstance(self._follower, Beside):
+            self.is_unfinished = not self._follower.close()
+            self._follower = self.conformers
+
+    @property
+    def deviations(self) -> tuple[Deviation, ...]:
+        return () if self.is_faulty else self.conformers.deviations
+
+    @property
+    def unreadable(self) -> HostFailure | None:
+        """The first message that could not be read."""
+        return self.error or self.conformers.error
+
+    def first(self) -> Judgement | None:
+        """Return the verdict on everything but what the case is about; None if nothing is wrong."""
+        error = self.unreadable
+        if error is not None:
+            return Judgement(Verdict.ERROR, str(error))
+        if self.deaths:
+            died = ", ".join(f"{name} ({how})" for name, how in self.deaths.items())
+            return Judgement(Verdict.FAIL, f"dead at the end: {died}")
+        sure = [one for one in self.deviations if not one.doubt]
+        if sure:
+            return Judgement(Verdict.FAIL, f"does not conform: {sure[0]}")
+        if self.deviations:
+            return Judgement(Verdict.INCONCLUSIVE, f"may not conform: {self.deviations[0]}")
+        if self.is_unfinished:
+            return Judgement(
+                Verdict.INCONCLUSIVE, "the model allows so much that its states could not be followed in time"
+            )
+        return None
+
+
+class SystemJudge:
+    """Follows a system case.
+
+    Args:
+        compiled: the binding, with a section on system tests.
+        scene: the case.
+        names: of the components that are run.
+        live: whether it judges while the case runs.
+    """
+
+    def __init__(self, compiled: Compiled, scene: Scene, names: Sequence[str], *, live: bool = False) -> None:
+        system = compiled.binding.system
+        assert system is not None
+        self.scene, self._compiled, self._system = scene, compiled, system
+        self.world = ForeignWorld(system, scene)
+        self.watch = _Watch(compiled, names, live=live)
+        self._driven = -1
+        self._facts: NDArray[np.void] | None = None
+
+    def observe(self, event: TraceEvent) -> None:
+        """Take note of the next event."""
+        self.watch.observe(event)
+        now = event.time - self.watch.began
+        if self.watch.began < 0 or self._facts is not None:
+            return
+        if event.kind == "note" and event.text == ENDS:
+            self.world.advance(now)
+            self._facts = self.world.facts(self.scene)
+            return
+        system, raw = self._system, event.payload
+        if not isinstance(raw, Raw):
+            return
+        if event.kind == "receive" and event.channel == system.command.on and event.message != self._driven:
+            self._driven = event.message
+            self._drive(event.channel, raw, now)
+        alarm = system.alarm
+        if event.kind == "send" and alarm is not None and event.channel == alarm[0]:
+            value = self._read(event.channel, raw, self._compiled.alarm)
+            if value is not None:
+                self.world.alarm(bool(value), now)
+
+    def _drive(self, channel: str, raw: Raw, now: int) -> None:
+        if self._compiled.command is None:
+            return
+        v, w = (self._read(channel, raw, reading) for reading in self._compiled.command)
+        if isinstance(v, int | float) and isinstance(w, int | float):
+            self.world.command(float(v), float(w), now)
+
+    def _read(self, channel: str, raw: Raw, reading: object) -> object:
+        try:
+            message = self.watch.decoder.message(channel, raw.content)
+            return reading.value({channel: message})  # type: ignore[attr-defined]
+        except HostFailure as error:
+            self.watch.error = self.watch.error or error
+            return None
+
+    def judged(self) -> Judged:
+        """Return the verdict; the case must have ended."""
+        watch = self.watch
+        watch.close()
+        facts = self.world.facts(self.scene) if self._facts is None else self._facts
+        why, outcome = explain(facts[0]), Outcome(int(outcomes(facts)[0]))
+        if self._facts is None:
+            judgement = Judgement(Verdict.INCONCLUSIVE, f"the case was cut short; {why}")
+        else:
+            judgement = watch.first() or Judgement(VERDICT_OF[outcome], why)
+        if why not in judgement.why:
+            judgement = replace(judgement, why=f"{judgement.why}; {why}")
+        return Judged(judgement, outcome.name.lower().replace("_", " "), tuple(watch.deaths.items()), watch.deviations)
+
+
+class AbstractJudge:
+    """Follows an abstract case.
+
+    Args:
+        compiled: the binding.
+        events: `serialise(abstract_case)`; those whose component no node runs are the tester's own.
+        names: of the components that are run, each with the number of its reference.
+        live: whether it judges while the case runs.
+    """
+
+    def __init__(self, compiled: Compiled, events: Sequence[Event], names: Sequence[str], *,
+                 live: bool = False) -> None:  # fmt: skip
+        self.watch = _Watch(compiled, names, live=live)
+        self._events = events
+        self._trace: list[TraceEvent] = []
+        self._stopped = ""
+
+    def observe(self, event: TraceEvent) -> None:
+        """Take note of the next event."""
+        self.watch.observe(event)
+        self._trace.append(replace(event, payload=None))
+        if event.kind == "deviation":
+            self._stopped = event.text
+
+    def judged(self) -> Judged:
+        """Return the verdict."""
+        watch = self.watch
+        watch.close()
+        trace = Trace("wall", tuple(sorted(self._trace, key=lambda event: event.time)))
+        times = tuple(held(trace).values())
+        return Judged(
+            watch.first() or self._order(trace, times), "", tuple(watch.deaths.items()), watch.deviations, times
+        )
+
+    def _order(self, trace: Trace, times: tuple[int, ...]) -> Judgement:
+        if self._stopped:
+            return Judgement(Verdict.INCONCLUSIVE, f"the order could not be enforced: {self._stopped}")
+        taken = [event for event in trace.events if event.kind == "take"]
+        if self.watch.ended < 0 or len(taken) != len(self._events):
+            return Judgement(Verdict.INCONCLUSIVE, "the case was cut short")
+        wrong = disorder(self._events, trace)
+        if wrong:
+            return Judgement(Verdict.INCONCLUSIVE, f"the order could not be enforced: {wrong}")
+        unseen = [event.transition for event in taken if event.text]
+        kept = f"; {len(times)} messages held, at most {max(times) * 1e-6:.1f} ms" if times else ""
+        assumed = f"; not visible, so assumed: {' '.join(unseen)}" if unseen else ""
+        return Judgement(Verdict.PASS, f"{len(taken)} transitions in their order{kept}{assumed}")

@@ -1,0 +1,1 @@
+"""Planners that others wrote, asked once a period in the simulated world: their answers become motion, and facts."""

@@ -1,0 +1,96 @@
+"""What a planner answered -> two finite speeds or a trajectory's points, or a sentence on what is wrong with it."""
+
+from __future__ import annotations
+
+import math
+import numbers
+import reprlib
+
+import numpy as np
+from numpy.typing import NDArray
+
+from parcours_navigation.guests.tracking import FARTHEST, SHORTEST_STEP, is_trajectory
+from parcours_navigation.protocol import Command, Trajectory
+
+Floats = NDArray[np.float64]
+
+_LEGAL = "an answer is a pair (v, w), a Command, a Trajectory or None"
+
+
+class BadAnswer(Exception):
+    """The planner's answer is no command and no trajectory; the message says what it was."""
+
+
+def read_answer(answer: object) -> tuple[float, float, Floats | None]:
+    """Return forward speed [m/s], yaw rate [rad/s] and None; or 0, 0 and the points of a trajectory, shape (n, 4).
+
+    Args:
+        answer: anything but None. A list or an array of two numbers is taken for a pair.
+
+    Raises:
+        BadAnswer: it is none of what `Answer` allows, or a number in it is not finite.
+
+    >>> read_answer(np.array([0.2, 0.0]))
+    (0.2, 0.0, None)
+    >>> read_answer((0.2, float("nan")))
+    Traceback (most recent call last):
+    parcours_navigation.guests.answers.BadAnswer: returned (0.2, nan), but speeds are finite numbers
+    """
+    if isinstance(answer, Trajectory):
+        return 0.0, 0.0, _points(answer.points)
+    if isinstance(answer, np.ndarray):
+        if answer.shape != (2,) or answer.dtype.kind not in "fiu":
+            raise BadAnswer(f"returned an array of shape {answer.shape} of {answer.dtype}, but {_LEGAL}")
+        v, w = answer.tolist()
+    elif isinstance(answer, tuple | list):
+        if len(answer) != 2:
+            raise BadAnswer(f"returned {_shown(answer)} of length {len(answer)}, but {_LEGAL}")
+        v, w = answer
+        if not (_is_number(v) and _is_number(w)):
+            raise BadAnswer(f"returned {_shown(answer)}, but speeds are numbers")
+    else:
+        raise BadAnswer(f"returned {_shown(answer)} of type {type(answer).__name__}, but {_LEGAL}")
+    try:
+        v, w = float(v), float(w)
+    except (OverflowError, ValueError, TypeError) as error:
+        raise BadAnswer(f"returned {_shown(answer)}, but speeds are finite numbers") from error
+    if not (math.isfinite(v) and math.isfinite(w)):
+        raise BadAnswer(f"returned {_pair(answer, v, w)}, but speeds are finite numbers")
+    return v, w, None
+
+
+def _pair(answer: object, v: float, w: float) -> str:
+    return f"{'Command' if isinstance(answer, Command) else ''}({v}, {w})"
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, numbers.Real) and not isinstance(value, bool | np.bool_)
+
+
+def _points(given: object) -> Floats:
+    """Return a copy of a trajectory's points, once they are found in order."""
+    if not isinstance(given, np.ndarray | list | tuple):
+        raise BadAnswer(f"returned a Trajectory whose points are {_shown(given)}, not an array of shape (n, 4)")
+    try:
+        array = np.asarray(given)
+        if array.dtype.kind not in "fiu" or array.ndim != 2 or array.shape[1] != 4 or len(array) == 0:
+            what = f"of shape {array.shape} of {array.dtype}"
+            raise BadAnswer(f"returned a Trajectory of points {what}, but they are numbers of shape (n, 4), n > 0")
+        points = np.array(array, np.float64, order="C")
+    except ValueError as error:
+        raise BadAnswer("returned a Trajectory of points that make no array of shape (n, 4)") from error
+    if not is_trajectory(points):
+        for i, row in enumerate(points.tolist()):
+            if not all(abs(value) <= FARTHEST for value in row):
+                rule = f"no number may exceed {FARTHEST:g}"
+                raise BadAnswer(f"returned a Trajectory whose point {i} is {_shown(tuple(row))}: {rule}")
+        raise BadAnswer(f"returned a Trajectory whose times do not increase by at least {SHORTEST_STEP:g} s")
+    return points
+
+
+def _shown(value: object) -> str:
+    """Return a short form of a value that cannot fail."""
+    try:
+        return reprlib.repr(value)
+    except Exception:
+        return "something"

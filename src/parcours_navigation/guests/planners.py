@@ -1,0 +1,283 @@
+"""A planner's name -> the planner: those that ship with Parcours by name, anybody's by module or file."""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import hashlib
+import importlib
+import importlib.util
+import inspect
+import os
+import signal
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib.metadata import entry_points
+from pathlib import Path
+from types import ModuleType
+from typing import TYPE_CHECKING, Protocol, cast
+
+from parcours.errors import BadRequest, one_of
+from parcours_navigation.protocol import Answer, Observation, Task
+
+if TYPE_CHECKING:
+    from parcours_navigation.cases.family import SystemCases
+    from parcours_navigation.cases.running import CaseStudy
+    from parcours_navigation.guests.scenario import Scenario
+
+SHIPPED = {
+    "orca": "parcours_navigation.planners.orca:Orca",
+    "dwa": "parcours_navigation.planners.dwa:Dwa",
+    "mppi": "parcours_navigation.planners.mppi:Mppi",
+    "stand-still": "parcours_navigation.planners.baselines:StandStill",
+    "straight-ahead": "parcours_navigation.planners.baselines:StraightAhead",
+}
+"""Planners that ship with Parcours and are run as anybody's are."""
+
+GROUP = "parcours.planners"
+"""Entry points by which packages add planners: a planner's class, or an `OwnLoop`."""
+
+_REMEDY = "name a planner that ships with Parcours, package.module:Name, or path/to/file.py:Name"
+
+Observe = Callable[[Observation], Answer]
+PlannerLike = str | type | Observe | object
+"""A name, a class that is constructed without arguments, a plain function, or an object with `observe`."""
+
+
+class OwnLoop(Protocol):
+    """A planner that is simulated by a loop of its own instead of being asked once a period."""
+
+    def study_of(self, cases: SystemCases, scenario: Scenario) -> CaseStudy:
+        """Return the study that runs it. Raises BadRequest if the scenario is not one that its loop can run."""
+
+
+@functools.cache
+def names() -> tuple[str, ...]:
+    """Return the names of planners: those that ship with this package first, then those that packages add."""
+    added = sorted(entry.name for entry in entry_points(group=GROUP) if entry.name not in SHIPPED)
+    return (*SHIPPED, *added)
+
+
+def own_loop(planner: object) -> OwnLoop | None:
+    """Return the loop that simulates a planner, None if it has none and is asked once a period."""
+    if not isinstance(planner, str) or planner in SHIPPED or planner not in names():
+        return None
+    (entry,) = entry_points(group=GROUP, name=planner)
+    found = entry.load()
+    return cast(OwnLoop, found) if hasattr(found, "study_of") else None
+
+
+@dataclass(frozen=True, slots=True)
+class Plugin:
+    """A planner that is ready to be asked.
+
+    Attributes:
+        name: as it was given.
+        observe: called with every observation.
+        reset: called before each case; None if the planner has none.
+        file: the file it is defined in, "" if unknown; faults are placed there.
+    """
+
+    name: str
+    observe: Observe
+    reset: Callable[[Task], object] | None
+    file: str
+
+
+def source_digest(planner: str) -> str:
+    """Return a digest of the file in which a planner is defined; of shipped ones "", as they are part of Parcours.
+
+    Raises:
+        BadRequest: the name is no planner's, or its module or file is missing.
+    """
+    if planner in names():
+        return ""
+    where, _ = _parts(planner)
+    path = Path(where) if _is_file(where) else _file_of(planner, where)
+    try:
+        return hashlib.sha256(path.read_bytes()).hexdigest()[:16] if path is not None else ""
+    except OSError as error:
+        raise _unknown(planner, f"its file must be readable, but: {error.strerror}") from error
+
+
+def located(planner: PlannerLike) -> PlannerLike:
+    """Return a planner with the whole path of its file, if it is named by one; else the same planner.
+
+    >>> located("orca"), located("/somewhere/mine.py:Mine")
+    ('orca', '/somewhere/mine.py:Mine')
+    """
+    if not isinstance(planner, str) or planner in names():
+        return planner
+    where, attribute = _parts(planner)
+    return f"{Path(where).absolute()}:{attribute}" if _is_file(where) else planner
+
+
+def load_planner(planner: PlannerLike) -> Plugin:
+    """Return a planner that is ready to be asked. The current folder is importable.
+
+    Args:
+        planner: a known name (but none with a loop of its own), "package.module:Name", "path/to/file.py:Name", or the
+            class, function or object itself. What it prints while it is loaded goes to standard error.
+
+    Raises:
+        BadRequest: the name leads nowhere, the constructor raised, or there is neither `observe` nor a function.
+
+    >>> load_planner("stand-still").name
+    'stand-still'
+    >>> load_planner(lambda observation: (0.0, 0.0)).reset is None
+    True
+    """
+    if isinstance(planner, str):
+        where, attribute = _parts(planner)
+        with contextlib.redirect_stdout(sys.stderr):
+            return _ready(planner, _attribute(planner, _module(planner, where), attribute))
+    name = getattr(planner, "__qualname__", type(planner).__qualname__)
+    return _ready(name, planner)
+
+
+def _place_of(planner: str) -> str:
+    """Return module:Name of a planner that is known by a short name; the planner itself if it is not."""
+    if planner in SHIPPED or planner not in names():
+        return SHIPPED.get(planner, planner)
+    (entry,) = entry_points(group=GROUP, name=planner)
+    return entry.value
+
+
+def _parts(planner: str) -> tuple[str, str]:
+    """Return the module or file of a name, and what to look for in it."""
+    where, colon, attribute = _place_of(planner).rpartition(":")
+    if own_loop(planner) is not None:
+        rule = "it runs in a loop of its own, and has no observe"
+        raise BadRequest(f"planner {planner!r}", rule, "parcours run and compare know how", slug="planner-own-loop")
+    if not colon or not where or not attribute:
+        rule = "must be a known name, or say what to take from where after a colon"
+        raise BadRequest(f"planner {planner!r}", rule, f"{_REMEDY}; {one_of(planner, names())}", slug="planner-unknown")
+    return where, attribute
+
+
+def _is_file(where: str) -> bool:
+    return where.endswith(".py") or os.sep in where
+
+
+def _unknown(planner: str, rule: str) -> BadRequest:
+    return BadRequest(f"planner {planner!r}", rule, _REMEDY, slug="planner-missing")
+
+
+def _importable_here() -> None:
+    """Make modules in the current folder importable, as they are for `python -m`."""
+    here = str(Path.cwd())
+    if here not in sys.path and "" not in sys.path:
+        sys.path.insert(0, here)
+
+
+def _file_of(planner: str, module: str) -> Path | None:
+    """Return the file of a module, without importing the module itself."""
+    _importable_here()
+    try:
+        spec = importlib.util.find_spec(module)
+    except (ImportError, ValueError, AttributeError) as error:
+        raise _unknown(planner, f"its module must be importable, but: {error}") from error
+    if spec is None:
+        raise _unknown(planner, f"its module must be importable, but there is no {module!r}")
+    return Path(spec.origin) if spec.has_location and spec.origin else None
+
+
+def _module(planner: str, where: str) -> ModuleType:
+    """Import the module or file."""
+    _importable_here()
+    if not _is_file(where):
+        _file_of(planner, where)
+        return cast(ModuleType, _guarded(planner, "its module", lambda: importlib.import_module(where)))
+    path = Path(where).absolute()
+    if not path.is_file():
+        raise _unknown(planner, "its file must exist, but there is none")
+    name = f"parcours_planner_{hashlib.sha256(path.read_bytes()).hexdigest()[:16]}"
+    spec = importlib.util.spec_from_file_location(name, path)
+    if spec is None or spec.loader is None:
+        raise _unknown(planner, "its file must be Python source with the ending .py, but is not")
+    module = importlib.util.module_from_spec(spec)
+    loader = spec.loader
+    sys.modules[name] = module
+    folder = str(path.resolve().parent)
+    sys.path.insert(0, folder)  # its neighbours are importable, as they are for `python file.py`
+    try:
+        _guarded(planner, "its file", lambda: loader.exec_module(module))
+    except BaseException:
+        del sys.modules[name]
+        raise
+    finally:
+        with contextlib.suppress(ValueError):
+            sys.path.remove(folder)
+    return module
+
+
+def _attribute(planner: str, module: ModuleType, dotted: str) -> object:
+    found: object = module
+    for part in dotted.split("."):
+        try:
+            found = getattr(found, part)
+        except AttributeError as error:
+            public = [name for name in vars(module) if not name.startswith("_")]
+            rule = f"{dotted!r} must be defined there, but is not"
+            raise BadRequest(f"planner {planner!r}", rule, one_of(dotted, public), slug="planner-missing") from error
+    return found
+
+
+def _ready(name: str, found: object) -> Plugin:
+    """Return the planner that a class, function or object makes."""
+    file = ""
+    with contextlib.suppress(TypeError, OSError):
+        file = inspect.getfile(found if inspect.isclass(found) or inspect.isfunction(found) else type(found))
+    if inspect.isclass(found):
+        made = found
+        found = _guarded(name, "its constructor, which is given nothing,", lambda: made())
+    observe = getattr(found, "observe", None)
+    reset = getattr(found, "reset", None)
+    if observe is None and callable(found):
+        observe = found
+    for method, what in ((observe, "observe(observation)"), (reset, "reset(task)")):
+        if method is None and what.startswith("reset"):
+            continue
+        if not callable(method):
+            rule = f"must be a function of an observation, or have {what}, but is a {type(found).__name__} without"
+            raise BadRequest(f"planner {name!r}", rule, "see docs/planners.md", slug="planner-form")
+        _require_one_argument(name, method, what)
+    return Plugin(name, cast(Observe, observe), cast("Callable[[Task], object] | None", reset), file)
+
+
+def _require_one_argument(name: str, method: Callable[..., object], what: str) -> None:
+    """Raise BadRequest unless the function can be called with one argument."""
+    try:
+        inspect.signature(method).bind(None)
+    except TypeError as error:
+        rule = f"{what} must take exactly one argument, but: {error}"
+        raise BadRequest(f"planner {name!r}", rule, "see docs/planners.md", slug="planner-form") from error
+    except ValueError:
+        return  # compiled code without a signature: the first call will tell
+
+
+def is_ctrl_c(error: BaseException) -> bool:
+    """Return whether it means that the user wants to stop: not where Ctrl-C is ignored, as it is in workers."""
+    return isinstance(error, KeyboardInterrupt) and signal.getsignal(signal.SIGINT) is not signal.SIG_IGN
+
+
+def end_if_forked(pid: int) -> None:
+    """End this process silently if it is not the one of that id, but a child that a planner forked."""
+    if os.getpid() != pid:
+        os._exit(0)
+
+
+def _guarded(planner: str, what: str, act: Callable[[], object]) -> object:
+    """Do something of the planner's own; what it raises becomes one line."""
+    pid = os.getpid()
+    try:
+        return act()
+    except BaseException as error:
+        end_if_forked(pid)
+        if is_ctrl_c(error):
+            raise
+        rule = f"{what} must not raise, but raised {type(error).__name__}: {error}"
+        raise BadRequest(f"planner {planner!r}", rule, "run it alone to see where", slug="planner-raised") from error
+    finally:
+        end_if_forked(pid)

@@ -1,0 +1,50 @@
+"""One run's track and where its obstacles were -> its MEASURES, compiled, without allocation.
+
+What each field means is said in `table`. An interval of no duration, two entries of the same time, counts for positions
+only.
+"""
+
+from __future__ import annotations
+
+from parcours.kernels import Record, kernel
+from parcours_navigation.measures.closeness import least_time_to_collision, measure_clearances
+from parcours_navigation.measures.driving import measure_drive, measure_halts
+from parcours_navigation.measures.way import measure_shape, measure_way
+
+
+@kernel
+def measure(
+    track: Record,
+    places: Record,
+    radii: Record,
+    robot_radius: float,
+    goal_x: float,
+    goal_y: float,
+    goal_tolerance: float,
+    t_goal: int,
+    safe_distance: float,
+    out: Record,
+) -> None:
+    """Fill `out` with the measures of one run.
+
+    Args:
+        track: array of TRACK (or of a dtype with its fields), shape (n,), times not decreasing.
+        places: centres of the obstacles at the same entries [m], shape (n, n_obstacles, 2).
+        radii: of the obstacles [m], shape (n_obstacles,).
+        robot_radius: [m].
+        goal_x: [m].
+        goal_y: [m].
+        goal_tolerance: distance to the goal that counts as reached [m].
+        t_goal: when the world saw the goal reached [ns], since a track may end a moment before; NEVER: take it from the
+            track.
+        safe_distance: gap below which time is unsafe [m].
+        out: record of MEASURES, filled. A track of fewer than two entries has no duration: integrals are 0, means NaN.
+    """
+    n = len(track)
+    out.duration = (track[n - 1].time - track[0].time) * 1e-9 if n > 0 else 0.0
+    measure_way(track, goal_x, goal_y, goal_tolerance, t_goal, out)
+    measure_clearances(track, places, radii, robot_radius, safe_distance, out)
+    out.least_time_to_collision = least_time_to_collision(track, places, radii, robot_radius)
+    measure_halts(track, out)
+    measure_shape(track, out)
+    measure_drive(track, out)

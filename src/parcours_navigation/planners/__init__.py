@@ -1,0 +1,1 @@
+"""Published planners, written for `parcours_navigation.protocol`: ORCA, DWA, MPPI, and two baselines."""

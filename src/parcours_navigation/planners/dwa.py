@@ -1,0 +1,226 @@
+"""DWA: an observation into the best of the speeds that can be reached soon and from which the robot can still brake.
+
+Candidates (v, w) on a grid over the dynamic window are driven as arcs; those that leave no room for braking are
+dropped, the others weighed by heading, clearance and velocity (Fox, Burgard, Thrun, The dynamic window approach to
+collision avoidance, IEEE Robotics & Automation Magazine 4(1), 1997). Obstacles are extrapolated at constant (v, w), and
+contact is found in continuous time.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from parcours.elementary import PI, atan2, sin_cos, wrap
+from parcours.kernels import kernel
+from parcours_navigation.planners.motion import extrapolate, gap_square, require_count, require_number, to_goal, travel
+from parcours_navigation.protocol import Command, Floats, Observation, Task
+
+_STRAIGHT = 1e-9
+
+
+@kernel
+def drive_arc(
+    robot: Floats, v: float, w: float, places: Floats, reaches: Floats, n: int, step: float, comfort: float
+) -> tuple[float, float, float]:
+    """Return (contact, closing, gap) of an arc: when it touches, when the robot runs into something, the least gap.
+
+    The times [s] are the begins of the steps in which it happens, infinite if it does not. The robot runs into an
+    obstacle that it touches while it moves towards it. With that the arc ends.
+
+    Args:
+        robot: as in `Observation.robot`, shape (5,).
+        v: speed [m/s].
+        w: yaw rate [rad/s].
+        places: where the obstacles will be [m], shape (n_instants, >= n, 2).
+        reaches: sums of the radii [m], shape (>= n,).
+        n: how many obstacles count.
+        step: time between two instants [s].
+        comfort: gaps above this are not told apart [m].
+    """
+    x, y = robot[0], robot[1]
+    half = 0.5 * w * step
+    s_half, c_half = sin_cos(half)
+    chord = v * step
+    if abs(half) > _STRAIGHT:
+        chord *= s_half / half
+    s, c = sin_cos(robot[2] + half)
+    s_turn, c_turn = 2.0 * s_half * c_half, c_half * c_half - s_half * s_half
+    contact, least = np.inf, comfort
+    for k in range(1, places.shape[0]):
+        dx, dy = chord * c, chord * s
+        for i in range(n):
+            x0, y0 = places[k - 1, i, 0] - x, places[k - 1, i, 1] - y
+            x1, y1 = places[k, i, 0] - x - dx, places[k, i, 1] - y - dy
+            square = gap_square(x0, y0, x1, y1)
+            if square < (reaches[i] + least) * (reaches[i] + least):
+                least = min(least, np.sqrt(square) - reaches[i])
+                if square < reaches[i] * reaches[i]:
+                    contact = min(contact, (k - 1) * step)
+                    if dx * (x0 + x1) + dy * (y0 + y1) > 0.0:
+                        return contact, (k - 1) * step, least
+        x += dx
+        y += dy
+        s, c = s * c_turn + c * s_turn, c * c_turn - s * s_turn
+    return contact, np.inf, least
+
+
+@kernel
+def is_admissible(v: float, closing: float, deceleration: float, reaction: float) -> bool:
+    """Return whether a robot that drives at v [m/s] can stand before it would run into something.
+
+    Args:
+        v: speed [m/s]; a robot that stands is always admissible.
+        closing: when it would run into something if it went on [s].
+        deceleration: how hard it brakes [m/s2].
+        reaction: time until it brakes [s].
+    """
+    return v <= 0.0 or closing > reaction + v / deceleration
+
+
+@kernel
+def best_speeds(
+    robot: Floats,
+    goal_x: float,
+    goal_y: float,
+    speed: float,
+    limits: Floats,
+    places: Floats,
+    reaches: Floats,
+    n: int,
+    step: float,
+    interval: float,
+    reaction: float,
+    n_v: int,
+    n_w: int,
+    weights: Floats,
+    comfort: float,
+) -> tuple[float, float]:
+    """Return the admissible (v, w) [m/s, rad/s] of the highest objective; v is 0 if nothing else is admissible.
+
+    Args:
+        robot: as in `Observation.robot`, shape (5,).
+        goal_x: where to go [m].
+        goal_y: its other part [m].
+        speed: how fast to go there at most [m/s].
+        limits: speed, yaw rate, acceleration, yaw acceleration [m/s, rad/s, m/s2, rad/s2], shape (4,).
+        places: where the obstacles will be [m], shape (n_instants, >= n, 2).
+        reaches: sums of the radii [m], shape (>= n,).
+        n: how many obstacles count.
+        step: time between two instants [s].
+        interval: speeds that can be reached within this time are in the window [s].
+        reaction: time until the robot brakes [s].
+        n_v: number of speeds in the window, besides 0.
+        n_w: number of yaw rates in the window.
+        weights: of heading, clearance, velocity and gap, shape (4,).
+        comfort: gaps above this are as good as any [m].
+    """
+    top, a, alpha = limits[0], limits[2], limits[3]
+    v_high = max(min(robot[3] + a * interval, speed), 0.0)
+    v_low = min(max(robot[3] - a * interval, 0.0), v_high)
+    w_low, w_high = max(robot[4] - alpha * interval, -limits[1]), min(robot[4] + alpha * interval, limits[1])
+    horizon = (places.shape[0] - 1) * step
+    best, best_v, best_w = -np.inf, 0.0, 0.0
+    for i in range(n_v + 1):
+        v = v_high - (v_high - v_low) * i / (n_v - 1) if i < n_v else 0.0
+        for j in range(n_w):
+            w = w_low + (w_high - w_low) * j / (n_w - 1)
+            contact, closing, gap = drive_arc(robot, v, w, places, reaches, n, step, comfort)
+            if not is_admissible(v, closing, a, reaction):
+                continue
+            x, y = travel(robot[0], robot[1], robot[2], v, w, interval)
+            heading = robot[2] + w * interval + 0.5 * w * abs(w) / alpha
+            off = abs(wrap(atan2(goal_y - y, goal_x - x) - heading))
+            value = weights[0] * (1.0 - off / PI) + weights[1] * min(contact / horizon, 1.0)
+            value += weights[2] * v / top + weights[3] * max(gap, 0.0) / comfort
+            if value > best:
+                best, best_v, best_w = value, v, w
+    return best_v, best_w
+
+
+class Dwa:
+    """The dynamic window approach, among obstacles that are taken to keep their speed and yaw rate.
+
+    Args:
+        horizon: how far to look ahead [s].
+        step: robot and obstacles are taken to move straight for this long [s].
+        interval: the window holds what can be reached within this time [s].
+        reaction: time until the robot brakes, for what is admissible [s].
+        n_v: number of speeds in the window.
+        n_w: number of yaw rates in the window; odd, so that the present one is among them.
+        heading: weight of heading at the goal.
+        clearance: weight of the time until contact.
+        velocity: weight of the speed.
+        gap: weight of the least gap on the way.
+        comfort: gaps above this are as good as any [m].
+        margin: the robot's radius is enlarged by this [m].
+
+    Raises:
+        BadRequest: a parameter is no number or out of its range.
+    """
+
+    def __init__(
+        self,
+        *,
+        horizon: float = 2.0,
+        step: float = 0.2,
+        interval: float = 0.25,
+        reaction: float = 0.1,
+        n_v: int = 5,
+        n_w: int = 15,
+        heading: float = 1.0,
+        clearance: float = 1.0,
+        velocity: float = 0.8,
+        gap: float = 0.4,
+        comfort: float = 0.15,
+        margin: float = 0.02,
+    ) -> None:
+        self._step = require_number("dwa", "step", step, 0.01, 1.0, "s")
+        self._n_steps = math.ceil(require_number("dwa", "horizon", horizon, self._step, 60.0, "s") / self._step - 1e-9)
+        self._interval = require_number("dwa", "interval", interval, 0.01, 10.0, "s")
+        self._reaction = require_number("dwa", "reaction", reaction, 0.0, 10.0, "s")
+        self._n_v = require_count("dwa", "n_v", n_v, 2, 1000)
+        self._n_w = require_count("dwa", "n_w", n_w, 2, 1000)
+        named = {"heading": heading, "clearance": clearance, "velocity": velocity, "gap": gap}
+        self._weights = np.array([require_number("dwa", name, value, 0.0, 1e6, "") for name, value in named.items()])
+        self._comfort = require_number("dwa", "comfort", comfort, 0.001, 10.0, "m")
+        self._margin = require_number("dwa", "margin", margin, 0.0, 10.0, "m")
+        self._places = np.empty((self._n_steps + 1, 0, 2))
+        self._reaches = np.empty(0)
+        self._limits = np.zeros(4)
+
+    def reset(self, task: Task) -> None:
+        """Begin a case; nothing is remembered from one observation to the next but the limits."""
+        limits = task.limits
+        self._limits = np.array([limits.speed, limits.yaw_rate, limits.acceleration, limits.yaw_acceleration])
+
+    def observe(self, observation: Observation) -> Command:
+        """Return the best admissible speeds; at the goal it stops."""
+        task, robot, obstacles = observation.task, observation.robot, observation.obstacles
+        _, _, _, speed = to_goal(observation)
+        if speed == 0.0:
+            return Command(0.0, 0.0)
+        if len(obstacles) > len(self._reaches):
+            self._places = np.empty((self._n_steps + 1, len(obstacles), 2))
+            self._reaches = np.empty(len(obstacles))
+        radius, top = task.robot_radius + self._margin, task.limits.speed
+        n = extrapolate(robot, obstacles, top, radius, self._comfort, self._step, self._places, self._reaches)
+        v, w = best_speeds(
+            robot,
+            task.goal[0],
+            task.goal[1],
+            speed,
+            self._limits,
+            self._places,
+            self._reaches,
+            n,
+            self._step,
+            self._interval,
+            self._reaction,
+            self._n_v,
+            self._n_w,
+            self._weights,
+            self._comfort,
+        )
+        return Command(v, w)

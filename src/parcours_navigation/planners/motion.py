@@ -1,0 +1,196 @@
+"""Discs that move at constant (v, w) -> where they will be, and their least gap in continuous time."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from parcours.elementary import sin_cos
+from parcours.errors import BadRequest
+from parcours.kernels import kernel
+from parcours_navigation.protocol import Floats, Observation, X, Y
+
+_STRAIGHT = 1e-9
+
+
+@kernel
+def gap_square(x0: float, y0: float, x1: float, y1: float) -> float:
+    """Return the square of the least distance [m2] from the origin to the segment from (x0, y0) to (x1, y1) [m].
+
+    With the points as relative positions at two instants, no contact between the instants is missed.
+
+    >>> gap_square(-1.0, 0.5, 1.0, 0.5)
+    0.25
+    """
+    dx, dy = x1 - x0, y1 - y0
+    square = dx * dx + dy * dy
+    share = 0.0
+    if square > 0.0:
+        share = min(max(-(x0 * dx + y0 * dy) / square, 0.0), 1.0)
+    x, y = x0 + share * dx, y0 + share * dy
+    return float(x * x + y * y)
+
+
+@kernel
+def chord_velocity(heading: float, v: float, w: float, t: float) -> tuple[float, float]:
+    """Return the mean velocity (x, y) [m/s] over t [s] of a body at constant v [m/s] and w [rad/s].
+
+    >>> chord_velocity(0.0, 0.5, 1.0, 0.0)
+    (0.5, 0.0)
+    """
+    half = 0.5 * w * t
+    s, c = sin_cos(heading + half)
+    if abs(half) > _STRAIGHT:
+        v *= sin_cos(half)[0] / half
+    return v * c, v * s
+
+
+@kernel
+def travel(x: float, y: float, heading: float, v: float, w: float, t: float) -> tuple[float, float]:
+    """Return (x, y) [m] of a body after t [s] at constant speed v [m/s] and yaw rate w [rad/s].
+
+    >>> x, y = travel(0.0, 0.0, 0.0, 1.0, 3.141592653589793, 1.0)
+    >>> abs(x) < 1e-15, round(y, 12)
+    (True, 0.636619772368)
+    """
+    vx, vy = chord_velocity(heading, v, w, t)
+    return x + vx * t, y + vy * t
+
+
+@kernel
+def extrapolate(
+    robot: Floats,
+    obstacles: Floats,
+    top: float,
+    radius: float,
+    comfort: float,
+    step: float,
+    places: Floats,
+    reaches: Floats,
+) -> int:
+    """Return how many obstacles matter, and fill in where they will be if they keep their speed and yaw rate.
+
+    An obstacle does not matter if no motion of the robot brings it within `comfort` of it in the time looked at.
+
+    Args:
+        robot: as in `Observation.robot`, shape (5,).
+        obstacles: as in `Observation.obstacles`, shape (n, 6).
+        top: the robot's greatest speed [m/s].
+        radius: of the robot with its margin [m].
+        comfort: gaps above this do not matter [m].
+        step: time between two instants, the first of which is now [s].
+        places: receives x, y of each obstacle that matters at each instant [m], shape (n_instants, >= n, 2).
+        reaches: receives the sum of its radius and the robot's [m], shape (>= n,).
+    """
+    n_instants = places.shape[0]
+    span = (n_instants - 1) * step
+    n = 0
+    for i in range(obstacles.shape[0]):
+        x, y, heading = obstacles[i, 0], obstacles[i, 1], obstacles[i, 2]
+        v, w = obstacles[i, 3], obstacles[i, 4]
+        reach = radius + obstacles[i, 5]
+        away = reach + comfort + (max(top, abs(robot[3])) + abs(v)) * span
+        if (x - robot[0]) * (x - robot[0]) + (y - robot[1]) * (y - robot[1]) > away * away:
+            continue
+        for k in range(n_instants):
+            places[k, n, 0], places[k, n, 1] = travel(x, y, heading, v, w, k * step)
+        reaches[n] = reach
+        n += 1
+    return n
+
+
+@kernel
+def runs_into(
+    robot: Floats, v: float, w: float, obstacles: Floats, radius: float, horizon: float, step: float
+) -> tuple[float, int]:
+    """Return (time, which): when the robot first comes within `radius` of an obstacle while moving towards it.
+
+    The robot moves at constant (v, w), obstacles keep their speeds. Obstacles that run into a robot which moves away
+    from them, or stands, are left out: braking would not help. Without any the time is infinite and `which` is -1.
+
+    Args:
+        robot: as in `Observation.robot`, shape (5,).
+        v: speed [m/s].
+        w: yaw rate [rad/s].
+        obstacles: as in `Observation.obstacles`, shape (n, 6).
+        radius: of the robot, with its margin [m].
+        horizon: how far to look ahead [s].
+        step: both are taken to move straight for this long [s].
+    """
+    n_steps = int(np.ceil(horizon / step))
+    first, which = np.inf, -1
+    for i in range(obstacles.shape[0]):
+        reach = radius + obstacles[i, 5]
+        ox, oy, rx, ry = obstacles[i, 0], obstacles[i, 1], robot[0], robot[1]
+        speeds = (abs(v) + abs(obstacles[i, 3])) * horizon + reach
+        if (ox - rx) * (ox - rx) + (oy - ry) * (oy - ry) > speeds * speeds:
+            continue
+        for k in range(1, n_steps + 1):
+            t = k * step
+            next_rx, next_ry = travel(robot[0], robot[1], robot[2], v, w, t)
+            next_ox, next_oy = travel(
+                obstacles[i, 0], obstacles[i, 1], obstacles[i, 2], obstacles[i, 3], obstacles[i, 4], t
+            )
+            if gap_square(ox - rx, oy - ry, next_ox - next_rx, next_oy - next_ry) < reach * reach:
+                mx, my = 0.5 * (ox + next_ox - rx - next_rx), 0.5 * (oy + next_oy - ry - next_ry)
+                if (next_rx - rx) * mx + (next_ry - ry) * my > 0.0:
+                    if t < first:
+                        first, which = t, i
+                    break
+            rx, ry, ox, oy = next_rx, next_ry, next_ox, next_oy
+    return first, which
+
+
+def to_goal(observation: Observation) -> tuple[float, float, float, float]:
+    """Return (x, y, distance, speed): where the goal is seen from the robot [m], and how fast to go there [m/s].
+
+    The speed is the robot's top speed, less where it must brake to stop on the goal, and 0 within half the tolerance.
+
+    Args:
+        observation: what is sensed now.
+    """
+    task, robot = observation.task, observation.robot
+    x, y = task.goal[0] - float(robot[X]), task.goal[1] - float(robot[Y])
+    distance = math.sqrt(x * x + y * y)
+    if distance <= 0.5 * task.goal_tolerance:
+        return x, y, distance, 0.0
+    return x, y, distance, min(task.limits.speed, math.sqrt(2.0 * task.limits.acceleration * distance))
+
+
+def require_number(planner: str, name: str, value: float, low: float, high: float, unit: str) -> float:
+    """Return the value as a float if it lies in [low, high].
+
+    Args:
+        planner: whose parameter it is.
+        name: the parameter's name.
+        value: what was given [unit].
+        low: least value allowed [unit].
+        high: greatest value allowed [unit].
+        unit: unit of all three, "" for none.
+
+    Raises:
+        BadRequest: the value is no number or lies outside.
+    """
+    if isinstance(value, bool) or not isinstance(value, (int, float, np.integer, np.floating)):
+        rule, remedy = f"must be a number, but {value!r} was given", f"give a number from {low:g} to {high:g}"
+        raise BadRequest(f"planner {planner}, {name}", rule, remedy, slug="planner-parameter")
+    if not low <= value <= high:
+        span = f"{low:g} to {high:g} {unit}".rstrip()
+        raise BadRequest(
+            f"planner {planner}, {name}", f"must lie in {span}, but is {value:g}", slug="planner-parameter"
+        )
+    return float(value)
+
+
+def require_count(planner: str, name: str, value: int, low: int, high: int) -> int:
+    """Return the value if it is a whole number in low .. high.
+
+    Raises:
+        BadRequest: the value is no whole number or lies outside.
+    """
+    if int(require_number(planner, name, value, low, high, "")) != value:
+        raise BadRequest(
+            f"planner {planner}, {name}", f"must be a whole number, but is {value:g}", slug="planner-parameter"
+        )
+    return int(value)

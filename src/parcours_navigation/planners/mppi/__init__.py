@@ -1,0 +1,5 @@
+"""MPPI: model predictive path integral control."""
+
+from parcours_navigation.planners.mppi.planner import Mppi
+
+__all__ = ["Mppi"]

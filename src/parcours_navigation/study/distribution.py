@@ -1,0 +1,223 @@
+"""Facts and measures of system cases -> what was measured on them, each as median with its 5 % and 95 % points.
+
+The measures are those of `parcours_navigation.measures`; with them stand what the world counted itself, the scores
+SPL and SCT, and how hard the cases are (`parcours_navigation.arena.survivability`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from parcours.report.pieces import Cell, Column, Table
+from parcours.verdict.statistics import quantiles
+from parcours_navigation.arena.solvability import SOLVABILITY, shortest_way, solve
+from parcours_navigation.arena.survivability import survivability
+from parcours_navigation.cases.family import TIME_LIMIT, SystemCases
+from parcours_navigation.facts import NEVER
+from parcours_navigation.guests.scenario import Scenario
+from parcours_navigation.measures.scores import sct, spl
+from parcours_navigation.outcomes import GOAL_TOLERANCE, Outcome, outcomes
+
+Facts = NDArray[np.void]
+Values = NDArray[np.float64]
+
+START, GOAL = (0.0, 0.0), (2.0, 2.0)
+"""Where the robot starts and is to go in a system case [m]."""
+
+_AT_ONCE = 4096
+"""Cases that are handed to the oracle together."""
+
+_AT = (0.5, 0.05, 0.95)
+
+
+@dataclass(frozen=True, slots=True)
+class Shown:
+    """One measure as it is shown.
+
+    Attributes:
+        words: what it is.
+        unit: SI; "1" for a share or a count, "%" for a share in per cent.
+        measure: the field of MEASURES it is; "" if it comes from the facts or the cases.
+        mean: whether its mean over all cases is shown, as for a score.
+    """
+
+    words: str
+    unit: str
+    measure: str = ""
+    mean: bool = False
+
+
+SHOWN: dict[str, Shown] = {
+    "time_to_goal": Shown("time to goal", "s"),
+    "path_length": Shown("path length", "m"),
+    "spl": Shown("SPL (mean)", "1", mean=True),
+    "sct": Shown("SCT (mean)", "1", mean=True),
+    "min_clearance": Shown("least clearance", "m"),
+    "mean_clearance": Shown("mean clearance", "m", "mean_clearance"),
+    "time_unsafe": Shown("time below 0.1 m of clearance", "s", "time_unsafe"),
+    "least_time_to_collision": Shown("least time to collision", "s", "least_time_to_collision"),
+    "time_halted": Shown("time in imminent collision", "s", "time_halted"),
+    "longest_halt": Shown("longest halt", "s", "longest_halt"),
+    "stop_distance": Shown("stopping distance", "m", "stop_distance"),
+    "time_at_rest": Shown("time at rest", "s", "time_at_rest"),
+    "switches": Shown("plan switches", "1"),
+    "late_cycles": Shown("planning cycles longer than their period", "%"),
+    "heading_change": Shown("heading change", "rad", "heading_change"),
+    "mean_curvature": Shown("mean curvature", "1/m", "mean_curvature"),
+    "squared_acceleration": Shown("squared acceleration", "m^2/s^3", "squared_acceleration"),
+    "squared_jerk": Shown("squared jerk", "m^2/s^5", "squared_jerk"),
+    "mean_jerk": Shown("mean jerk", "m/s^3", "mean_jerk"),
+    "survivability": Shown("survivability of the case", "1"),
+}
+"""What is shown, in this order."""
+
+NOTE = (
+    "Median and, in brackets, the points below which 5 % and 95 % of the cases lie; of SPL and SCT the mean. A measure "
+    "that a case does not have is left out of its row: time to goal where it was not reached in time, curvature where "
+    "the robot did not move, time to collision where the discs would never have met."
+)
+
+
+def reached(facts: Facts) -> NDArray[np.bool_]:
+    """Return in which cases the goal was reached in time, and no obstacle touched by the moving robot."""
+    return np.asarray(outcomes(facts) == int(Outcome.REACHED))
+
+
+def time_to_goal(facts: Facts) -> Values:
+    """Return when the goal was reached [s] in cases that count as reached, else NaN; shape (n_cases,)."""
+    known = reached(facts) & (facts["t_goal"] != NEVER)
+    return np.where(known, facts["t_goal"] * 1e-9, np.nan)
+
+
+def spl_of(facts: Facts) -> Values:
+    """Return success weighted by path length of each case, shape (n_cases,).
+
+    Success is `reached`; the shortest way is the straight line to the goal's tolerance, which no way undercuts.
+    """
+    shortest = shortest_way(START, GOAL, GOAL_TOLERANCE)
+    return spl(reached(facts), np.full(len(facts), shortest), facts["travelled"])
+
+
+def sct_of(facts: Facts, earliest: Values) -> Values:
+    """Return success weighted by the earliest conceivable arrival [s] over the time taken, shape (n_cases,).
+
+    NaN where `earliest` is not finite: nobody could have arrived, or nobody asked.
+    """
+    return sct(reached(facts), np.where(np.isfinite(earliest), earliest, np.nan), time_to_goal(facts))
+
+
+def oracle(
+    cases: SystemCases, numbers: NDArray[np.int64], told: Callable[[int, int], None] = lambda done, total: None
+) -> NDArray[np.void]:
+    """Return what a disc that knows the future could reach in the cases, array of SOLVABILITY, shape (n,).
+
+    Args:
+        cases: the family of cases.
+        numbers: which of them, shape (n,).
+        told: told (done, in all) as the work goes on.
+    """
+    found = np.zeros(len(numbers), SOLVABILITY)
+    for first in range(0, len(numbers), _AT_ONCE):
+        part = slice(first, first + _AT_ONCE)
+        found[part] = solve(
+            cases.obstacles(numbers[part]), start=START, goal=GOAL, tolerance=GOAL_TOLERANCE,
+            limit=1.0 + TIME_LIMIT, v_max=Scenario().limits.speed, robot_radius=cases.robot_radius,
+        )  # fmt: skip
+        told(min(first + _AT_ONCE, len(numbers)), len(numbers))
+    return found
+
+
+def survived(cases: SystemCases, numbers: NDArray[np.int64]) -> Values:
+    """Return the survivability of the cases, in [0, 1], 1 the easiest; shape (n,)."""
+    found = np.zeros(len(numbers))
+    for first in range(0, len(numbers), _AT_ONCE):
+        part = slice(first, first + _AT_ONCE)
+        found[part] = survivability(cases.obstacles(numbers[part]), robot_radius=cases.robot_radius)["survived"]
+    return found
+
+
+def measured(
+    facts: Facts, measures: Facts | None = None, *, earliest: Values | None = None, survival: Values | None = None
+) -> dict[str, Values]:
+    """Return what is known of the cases by the names of SHOWN, NaN where a case has none; shape (n_cases,) each.
+
+    Args:
+        facts: array of FACTS, shape (n_cases,).
+        measures: array of MEASURES, shape (n_cases,); None if the cases were not measured.
+        earliest: the earliest conceivable arrival [s], shape (n_cases,); None if not known.
+        survival: how long a standing robot survives, as a share, shape (n_cases,); None if not known.
+    """
+    cycles = facts["n_planning_cycles"]
+    late = np.divide(100.0 * facts["n_late_cycles"], cycles, out=np.full(len(facts), np.nan), where=cycles > 0)
+    found: dict[str, Values | None] = {
+        "time_to_goal": time_to_goal(facts),
+        "path_length": facts["travelled"],
+        "spl": spl_of(facts),
+        "sct": None if earliest is None else sct_of(facts, earliest),
+        "min_clearance": facts["min_clearance"],
+        "switches": facts["n_switches"].astype(np.float64),
+        "late_cycles": late,
+        "survivability": survival,
+    }
+    if measures is not None:
+        found |= {name: measures[shown.measure] for name, shown in SHOWN.items() if shown.measure}
+    kept = {name: values for name in SHOWN if (values := found.get(name)) is not None}
+    return {name: np.where(np.isfinite(values), values, np.nan) for name, values in kept.items()}
+
+
+def distribution_table(title: str, known: Mapping[str, Mapping[str, Values]], note: str = "") -> Table:
+    """Return one row a measure, one column a campaign or planner.
+
+    Args:
+        title: of the table.
+        known: name of the column -> what `measured` returns.
+        note: what else must be said below.
+    """
+    names = [name for name in SHOWN if any(name in values for values in known.values())]
+    rows: list[tuple[Cell, ...]] = [
+        (SHOWN[name].words, SHOWN[name].unit, *(_spread(name, values.get(name)) for values in known.values()))
+        for name in names
+    ]
+    columns = (Column("measure"), Column("unit"), *(Column(name) for name in known))
+    return Table(title, columns, tuple(rows), f"{NOTE} {note}".strip())
+
+
+def distribution_document(known: Mapping[str, Values]) -> dict[str, dict[str, object]]:
+    """Return the same as JSON values: of each measure unit, cases that have it, mean, median, 5 % and 95 % points."""
+    document: dict[str, dict[str, object]] = {}
+    for name, values in known.items():
+        n = int((~np.isnan(values)).sum())
+        points = quantiles(values, _AT) if n else (None,) * len(_AT)
+        document[name] = {
+            "unit": SHOWN[name].unit,
+            "n": n,
+            "mean": float(np.nanmean(values)) if n else None,
+            **dict(zip(("median", "p05", "p95"), points, strict=True)),
+        }
+    return document
+
+
+def _spread(name: str, values: Values | None) -> Cell:
+    """Return a measure in one cell, None where no case has it."""
+    if values is None or np.isnan(values).all():
+        return None
+    if SHOWN[name].mean:
+        return f"{np.nanmean(values):.3f}"
+    middle, low, high = (_short(value) for value in quantiles(values, _AT))
+    return f"{middle}\N{NO-BREAK SPACE}[{low},\N{NO-BREAK SPACE}{high}]"
+
+
+def _short(value: float) -> str:
+    """Return a number in three digits, without an exponent where it is of ordinary size.
+
+    >>> _short(12.345), _short(0.01234), _short(-0.5), _short(1234.5), _short(0.0)
+    ('12.3', '0.0123', '−0.5', '1234', '0')
+    """
+    if abs(value) < 1e-9:  # what rounding has left
+        return "0"
+    text = f"{value:.0f}" if abs(value) >= 1000.0 else f"{value:.3g}"
+    return text.replace("-", "\N{MINUS SIGN}")

@@ -1,0 +1,147 @@
+"""The navigation study as commands meet it: the same system cases, with any planner."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
+
+from parcours.errors import BadRequest
+from parcours.study.campaign.running import run_numbered
+from parcours.study.parameters import Parameter, Settings, workers_parameter
+from parcours.study.protocol import Finding, Judged, Progress, Rejudged, Reported, Request, Results, Run
+from parcours.suite import Case
+from parcours_navigation.cases.family import PUBLISHED_CASES
+from parcours_navigation.cases.running import CaseStudy
+from parcours_navigation.guests.planners import names, own_loop
+from parcours_navigation.guests.scenario import Scenario
+from parcours_navigation.study.asking import CASES, cases_of, numbers_of, question_of
+from parcours_navigation.study.results import read_folder, report_folders
+from parcours_navigation.study.study import study_of
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Navigation:
+    """Any planner among obstacles (`parcours.study.protocol.Study`).
+
+    Args:
+        planner: the planner that is run if none is named; a study.yaml of kind `planner` names one.
+    """
+
+    name: str = "navigation"
+    kind: str = "campaign"
+    doc: str = "the system cases with any planner: a shipped one, or your own"
+    where: str = "navigation"
+    family: str = "navigation"
+    compiles: bool = True
+    planner: str = ""
+    defaults: tuple[tuple[str, object], ...] = ()
+    n_cases: int = PUBLISHED_CASES
+
+    @property
+    def parameters(self) -> Sequence[Parameter]:
+        """The planner, the cases, and the scenario."""
+        plain = Scenario()
+        given = dict(self.defaults)
+        listed = (
+            Parameter("planner", "text", self.planner, f"{', '.join(names())}, module:Name or file.py:Name"),
+            *CASES,
+            Parameter("period", "real", plain.period, "between observations", "s", low=0.001, high=10.0),
+            Parameter(
+                "command_delay", "real", plain.command_delay, "from an answer to the robot", "s", low=0.0, high=10.0
+            ),
+            Parameter(
+                "time_limit", "real", plain.time_limit, "of a case, after its static second", "s", low=0.01, high=3600.0
+            ),
+            Parameter(
+                "watched_on",
+                "real",
+                plain.watched_on,
+                "beyond the end of an unfinished case",
+                "s",
+                low=0.0,
+                high=3600.0,
+            ),
+            Parameter(
+                "call_timeout",
+                "real",
+                plain.call_timeout,
+                "an answer that takes longer is an error; of wall clock",
+                "s",
+                low=0.001,
+                high=86400.0,
+            ),
+            workers_parameter(),
+        )
+        return tuple(dataclasses.replace(one, default=one.read(given.get(one.name, one.default))) for one in listed)
+
+    def study(self, settings: Settings, seed: int) -> CaseStudy:
+        """Return the study with its parameters set.
+
+        Raises:
+            BadRequest: no planner is named, or it is none, or a parameter is out of range.
+        """
+        scenario = Scenario(**{  # type: ignore[arg-type]
+            name: float(settings[name])
+            for name in ("period", "command_delay", "time_limit", "watched_on", "call_timeout")
+        })  # fmt: skip
+        return study_of(self._required(settings), cases_of(settings, seed), scenario)
+
+    def suite(self, settings: Settings, seed: int, n_cases: int | None = None) -> Iterator[Case]:
+        """Yield the cases."""
+        for case in cases_of(settings, seed).suite(n_cases):
+            yield dataclasses.replace(case, study=self.name, time_budget=float(settings["time_limit"]))
+
+    def run(self, request: Request, progress: Progress) -> Run:
+        """Run a campaign."""
+        study = self.study(request.settings, request.seed)
+        chosen = numbers_of(study.cases, request.chosen)
+        return run_numbered(
+            self.name, self.where, study, request.n_cases or self.n_cases, chosen, question_of(self, request),
+            int(request.settings["workers"]), request, progress, str(request.settings["planner"]),
+        )  # fmt: skip
+
+    def read(self, folder: Path) -> Results:
+        """Return the results in a folder."""
+        return read_folder(folder, self.name)
+
+    def report(self, results: Mapping[str, Results]) -> Reported:
+        """Return tables, pieces and documents."""
+        return report_folders(results)
+
+    def judge(self, case: Case, settings: Settings) -> Judged:
+        """Execute one case with the planner and judge it."""
+        from parcours_navigation.study.judging import judge_system
+
+        protocol = "published" if case.abstract.startswith("published-") else "table-vii"
+        study = self.study({**settings, "protocol": protocol, "time_limit": case.time_budget}, case.seed)
+        command = f"parcours run {self.where} --planner {settings['planner']} --protocol {protocol} --seed {case.seed}"
+        return judge_system(study, study.cases, case, command)
+
+    def rejudge(self, recording: Path) -> Rejudged:
+        """Refuse: campaigns are not recorded."""
+        raise BadRequest(str(recording), "campaigns of planners are not recorded", "replay a case instead",
+                         slug="recording-case")  # fmt: skip
+
+    def check(self, progress: Progress) -> Iterable[Finding]:
+        """Run the battery for authors of planners."""
+        if not self.planner or own_loop(self.planner) is not None:
+            return []
+        from parcours_navigation.checking.apart import check_apart
+
+        report = check_apart(self.planner, None, progress=lambda name, done, total: progress("checks", done, total))
+        return [Finding(one.level.value, one.check or one.slug, one.seen, one.remedy) for one in report.findings]
+
+    def _required(self, settings: Settings) -> str:
+        planner = str(settings["planner"])
+        if not planner:
+            remedy = f"name one of {', '.join(names())}, or module:Name, or file.py:Name"
+            raise BadRequest("--planner", "a planner must be named, but none is", remedy, slug="planner-unknown")
+        return planner
+
+
+@functools.cache
+def study() -> Navigation:
+    """Return the study."""
+    return Navigation()

@@ -1,0 +1,1 @@
+"""Commands on RAMP alone (entry points `parcours.commands`), each imported when it is called."""

@@ -1,0 +1,120 @@
+"""Component cases -> RAMP's components as the authors prepare theirs for a test, and what a tester may do to them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
+from functools import partial
+
+from parcours.errors import BadRequest, one_of
+from parcours.kernels import Record
+from parcours.run.port import Component, Step
+from parcours.suite import Case
+from parcours_ramp.planner.control import COMMAND_PERIOD, REPORT_PERIOD, Control
+from parcours_ramp.planner.messages import POSE, one
+from parcours_ramp.planner.parameters import Parameters, guarded
+from parcours_ramp.planner.path_modification import PathModification
+from parcours_ramp.planner.planner import Planner
+from parcours_ramp.planner.sensing import Sensing
+from parcours_ramp.planner.trajectory_evaluation import TrajectoryEvaluation
+from parcours_ramp.planner.trajectory_generator import TrajectoryGenerator
+
+GOAL = (2.0, 2.0)
+
+_LONG_AFTER = 60_000_000_000
+"""No case lasts so long [ns]."""
+
+
+def parameters_of(case: Case, base: Parameters | None = None) -> Parameters:
+    """Return RAMP's parameters, guarded by default, with the case's population."""
+    return replace(base or guarded(), population=int(case["population"]))
+
+
+def robot_of(case: Case, parameters: Parameters) -> Record:
+    """Return the robot's POSE at the begin of a case."""
+    begin = one(POSE)
+    begin.heading, begin.v = 0.7853981633974483, min(case["motion"], parameters.v_max)
+    return begin
+
+
+def component_of(name: str, case: Case, parameters: Parameters) -> Component:
+    """Return a fresh component for a case. Raises BadRequest if RAMP has none of that name."""
+    makers: dict[str, Callable[[], Component]] = {
+        "Planner": partial(_planner, case, parameters),
+        "TrajectoryGenerator": partial(TrajectoryGenerator, parameters),
+        "TrajectoryEvaluation": partial(TrajectoryEvaluation, parameters),
+        "PathModification": partial(PathModification, parameters, case.seed, case.number),
+        "Control": partial(Control, parameters),
+        "Sensing": Sensing,
+    }
+    if name not in makers:
+        raise BadRequest(
+            "RAMP", f"no component is called {name!r}", one_of(name, list(makers)), slug="component-unknown"
+        )
+    return makers[name]()
+
+
+def _planner(case: Case, parameters: Parameters) -> Planner:
+    """Return a planner after its first control cycle, as the authors prepare theirs for a test."""
+    planner = Planner(parameters, case.seed, case.number, robot_of(case, parameters), GOAL)
+    services: dict[str, TrajectoryGenerator | TrajectoryEvaluation] = {
+        "trajectory_request": TrajectoryGenerator(parameters),
+        "evaluation_request": TrajectoryEvaluation(parameters),
+    }
+    asked = [send for step in planner.control(0) for send in step.sends if send[0] in services]
+    while asked:
+        channel, request = asked.pop(0)
+        answers = [send for step in services[channel].handle(channel, request, 0) for send in step.sends]
+        for answer_channel, answer in answers:
+            steps = planner.handle(answer_channel, answer, 0)
+            asked += [send for step in steps for send in step.sends if send[0] in services]
+    planner.state.t_next = _LONG_AFTER  # a sensing cycle asks less just before a control cycle: the case says when
+    return planner
+
+
+def _tick(component: Component, now: int, *, due: bool) -> Iterator[Step]:
+    assert isinstance(component, Control)
+    return component.tick(REPORT_PERIOD if due else 0)
+
+
+def _execute(component: Component, now: int, *, later: int) -> Iterator[Step]:
+    assert isinstance(component, Control)
+    return component.execute(now + later)
+
+
+def _plan(component: Component, now: int) -> Iterator[Step]:
+    assert isinstance(component, Planner)
+    return component.plan()
+
+
+def _control(component: Component, now: int) -> Iterator[Step]:
+    assert isinstance(component, Planner)
+    return component.control(now)
+
+
+PROMPTS: Mapping[str, Callable[[Component, int], Iterator[Step]]] = {
+    "poll": lambda component, now: component.handle(None, None, now),
+    "plan": _plan,
+    "control": _control,
+    "tick": partial(_tick, due=False),
+    "tick, interval over": partial(_tick, due=True),
+    "execute": partial(_execute, later=COMMAND_PERIOD),
+    "execute, all done": partial(_execute, later=_LONG_AFTER),
+}
+"""What moves an idle component where the model lets no message do so: (component, time [ns]) -> steps."""
+
+PROMPT_OF: Mapping[str, str] = {
+    "p11": "plan",
+    "p12": "control",
+    "p43": "execute",
+    "p44": "execute",
+    "p46": "execute, all done",
+    "p47": "tick",
+    "p48": "tick, interval over",
+}
+"""Transition -> its prompt; of others, poll."""
+
+
+def view(component: Component) -> tuple[str, object] | None:
+    """Return the trajectory that a Control follows, as a message of `best_trajectory`; of other components None."""
+    return ("best_trajectory", component.trajectory.copy()) if isinstance(component, Control) else None

@@ -1,0 +1,135 @@
+"""Values of a component case -> the messages that its environment supplies, each real, drawn from a stream of its own.
+
+Trajectories come from a Trajectory Generator of the tester's own.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from parcours.abtc import Event
+from parcours.elementary import sin_cos
+from parcours.errors import HostFailure
+from parcours.kernels import Record
+from parcours.suite import Case
+from parcours_ramp.planner.messages import (
+    MODIFICATION,
+    OBSTACLE_STATE,
+    PATH,
+    POSE,
+    PREDICTION,
+    TRAJECTORY,
+    EvaluationRequest,
+    EvaluationResponse,
+    ModificationRequest,
+    Obstacles,
+    Tag,
+    TrajectoryRequest,
+    TrajectoryResponse,
+    many,
+    one,
+)
+from parcours_ramp.planner.parameters import Parameters
+from parcours_ramp.planner.path_modification import CHANGE, INSERT
+from parcours_ramp.planner.prediction import predict
+from parcours_ramp.planner.route import HYBRID, ROUTE
+from parcours_ramp.planner.trajectory_generator import generate
+
+_SENSING, _PLANNING = Tag("sensing", 2), Tag("planning", 2)
+"""The first conversations of a planner whose own first was the control cycle that prepared it."""
+
+_N_OBSTACLES = 2
+"""So many that p16 has something left to ask for (Table II)."""
+
+
+class Supply:
+    """The messages for one event of a case.
+
+    Args:
+        case: values motion [m/s], path [knots], trajectory [m], population [members], odometry [m].
+        parameters: of RAMP.
+        begin: the robot's POSE.
+        event: what is drawn for it does not depend on when others draw.
+    """
+
+    def __init__(self, case: Case, parameters: Parameters, begin: Record, event: Event) -> None:
+        self._case, self._parameters, self._begin = case, parameters, begin
+        self._stream = np.random.default_rng([case.seed, case.number, event.position])
+
+    def message(self, channel: str) -> object:
+        """Return the message for a channel. Raises HostFailure if none is known."""
+        makers = {
+            "odometry": self._obstacles,
+            "obstacles": self._obstacles,
+            "trajectory_request": self._trajectory_request,
+            "trajectory_response": self._trajectory_response,
+            "evaluation_request": self._evaluation_request,
+            "evaluation_response": self._evaluation_response,
+            "modification_request": self._modification_request,
+            "best_trajectory": self._trajectory,
+        }
+        if channel not in makers:
+            raise HostFailure(f"tester of {self._case.id}", f"no message is known for channel {channel!r}",
+                              slug="no-supply")  # fmt: skip
+        return makers[channel]()
+
+    def last_evaluation(self) -> EvaluationResponse:
+        """Return the answer that ends a sensing cycle: of the motion under way alone."""
+        return EvaluationResponse(_SENSING, np.ones(1, np.int64), np.full(1, 0.1), np.full(1, 9999.0))
+
+    def _obstacles(self) -> Obstacles:
+        states = many(OBSTACLE_STATE, _N_OBSTACLES)
+        for k in range(_N_OBSTACLES):
+            angle = self._stream.uniform(0.0, 0.5 * np.pi)
+            s, c = sin_cos(angle)
+            pose = states[k].pose
+            pose.x, pose.y = self._case["odometry"] * c, self._case["odometry"] * s
+            pose.heading, pose.v = angle - np.pi, self._case["motion"]
+            pose.w = self._stream.uniform(-0.5 * np.pi, 0.5 * np.pi)
+            states[k].radius = 0.1
+        return Obstacles(0, states)
+
+    def _path(self) -> Record:
+        """Return a PATH of the case's number of knots and length, from the robot on, bending gently at random."""
+        path, n = many(PATH, 1)[0], int(self._case["path"])
+        path.n = n
+        leg, heading = self._case["trajectory"] / (n - 1), float(self._begin.heading)
+        for k in range(1, n):
+            s, c = sin_cos(heading)
+            path.x[k], path.y[k] = path.x[k - 1] + leg * c, path.y[k - 1] + leg * s
+            heading += self._stream.uniform(-0.6, 0.6)
+        return path
+
+    def _trajectory(self) -> Record:
+        trajectory = one(TRAJECTORY)
+        generate(self._path(), self._begin, HYBRID, self._parameters.record(), one(ROUTE), trajectory)
+        return trajectory
+
+    def _predictions(self) -> Record:
+        predictions = many(PREDICTION, 1)
+        predict(self._obstacles().states[0], 0, predictions[0])
+        return predictions
+
+    def _trajectory_request(self) -> TrajectoryRequest:
+        paths, starts = many(PATH, 1), many(POSE, 1)
+        paths[0], starts[0] = self._path(), self._begin
+        return TrajectoryRequest(_SENSING, paths, starts, np.array([HYBRID]))
+
+    def _trajectory_response(self) -> TrajectoryResponse:
+        return TrajectoryResponse(_SENSING, self._predictions())
+
+    def _evaluation_request(self) -> EvaluationRequest:
+        trajectories = many(TRAJECTORY, int(self._case["population"]))
+        for k in range(len(trajectories)):
+            trajectories[k] = self._trajectory()
+        return EvaluationRequest(_SENSING, trajectories, self._predictions(), (0.0, 0.0), 0.0, False)
+
+    def _evaluation_response(self) -> EvaluationResponse:
+        n = int(self._case["population"])
+        return EvaluationResponse(_SENSING, np.ones(n, np.int64), np.full(n, 0.1), np.full(n, 9999.0))
+
+    def _modification_request(self) -> ModificationRequest:
+        modification = one(MODIFICATION)
+        modification.first = self._path()
+        modification.operator = INSERT if modification.first.n < 5 else CHANGE
+        return ModificationRequest(_PLANNING, modification)

@@ -1,0 +1,169 @@
+"""Outcomes under faults -> a table fault x outcome for each schedule, a page, and a document."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+
+from parcours.report.pieces import Cell, Column, Finding, Findings, Marked, Page, Section, Table, Tone
+from parcours_navigation.facts import NEVER
+from parcours_ramp.faults.judging import SHOWN, Outcome
+from parcours_ramp.faults.running import WATCHED, FaultResults, Row
+
+_TONE: dict[Outcome, Tone] = {
+    Outcome.NOT_STRUCK: "neutral",
+    Outcome.NO_EFFECT: "good",
+    Outcome.RECOVERS: "good",
+    Outcome.LATE: "fair",
+    Outcome.STOPS: "fair",
+    Outcome.STUCK: "poor",
+    Outcome.COASTS: "poor",
+    Outcome.RUNS_ON: "bad",
+    Outcome.CONTACT: "worst",
+    Outcome.ERROR: "bad",
+}
+
+_GROUPS = {"topics": "Messages sent unasked", "services": "Questions and answers", "components": "Components"}
+
+_NOTE = (
+    "Cases per fault and outcome. *Not struck*: nothing was sent that the fault could befall. *No effect*: the goal "
+    "within 1 s of when it is reached without the fault. *Recovers*: later, after the fault is over. *Late*: later, "
+    "with it still in force. *Stops safely*: stands without contact while the fault is in force. *Stuck*: stands "
+    "though the fault is over. *Coasts*: the goal, with a component dead or hung. *Runs on*: still moves at the end. "
+    "*Contact*: the robot, moving, closed the gap to an obstacle. "
+    "*Rest after*: the longest time from the fault, or a death by it, until a robot that stops or is stuck stood. "
+    "*Died or hangs*: components that raised because of a message, or did nothing at the end, in so many cases."
+)
+
+
+def count(rows: Sequence[Row]) -> Counter[Outcome]:
+    """Return how often each outcome occurs in the rows."""
+    return Counter(one.outcome for row in rows for one in row.outcomes)
+
+
+def died(row: Row) -> str:
+    """Return which components died of a message (not of the crash asked for) or hung, in how many cases, and why."""
+    found = Counter(
+        (death.component, death.why.partition(":")[0])
+        for one in row.outcomes
+        for death in one.deaths
+        if death.why != "crash"
+    )
+    told = [f"{component} {n} ({why})" for (component, why), n in sorted(found.items())]
+    hung = Counter(component for one in row.outcomes for component in one.silent)
+    told += [f"{component} hangs {n}" for component, n in sorted(hung.items())]
+    told += sorted({one.detail.partition("[")[0].strip() for one in row.outcomes if one.detail})
+    return "; ".join(told)
+
+
+def fault_table(results: FaultResults, schedule: str, group: str) -> Table:
+    """Return the table fault x outcome of one schedule and group of the catalogue."""
+    rows = [row for row in results.rows if row.schedule == schedule and row.entry.group == group]
+    columns = (
+        Column("fault", code=True),
+        *(Column(outcome.value, align="right") for outcome in SHOWN),
+        Column("rest after", ".1f", unit="s"),
+        Column("died or hangs"),
+    )
+    return Table(f"{_GROUPS[group]}, {schedule}", columns, tuple(_cells(row) for row in rows))
+
+
+def _cells(row: Row) -> tuple[Cell, ...]:
+    counts = count([row])
+    rests = [one.rest_after for one in row.outcomes if one.rest_after != NEVER]
+    return (
+        str(row.entry),
+        *(Marked(counts[outcome], _TONE[outcome]) if counts[outcome] else None for outcome in SHOWN),
+        max(rests) * 1e-9 if rests else None,
+        died(row),
+    )
+
+
+def total_table(results: FaultResults) -> Table:
+    """Return how often each outcome occurs, by schedule and group of the catalogue."""
+    cells: list[tuple[Cell, ...]] = []
+    for schedule in results.t_goal:
+        for group, title in _GROUPS.items():
+            rows = [row for row in results.rows if row.schedule == schedule and row.entry.group == group]
+            if rows:
+                counts = count(rows)
+                cells.append((schedule, title, len(rows), *(counts[outcome] or None for outcome in SHOWN)))
+    columns = (Column("schedule"), Column("faults of"), Column("faults"), *(Column(one.value) for one in SHOWN))
+    return Table("Outcomes by schedule", columns, tuple(cells), _NOTE)
+
+
+def tables(results: FaultResults) -> tuple[Table, ...]:
+    """Return all tables fault x outcome, and the totals."""
+    found = {(row.schedule, row.entry.group) for row in results.rows}
+    pairs = [(schedule, group) for schedule in results.t_goal for group in _GROUPS]
+    return (*(fault_table(results, *pair) for pair in pairs if pair in found), total_table(results))
+
+
+def fault_page(results: FaultResults) -> Page:
+    """Return the report on all rows."""
+    n, m = len(results.numbers), len(results.rows) // max(len(results.t_goal), 1)
+    facts = (
+        ("seed", str(results.seed)),
+        ("cases", ", ".join(map(str, results.numbers))),
+        ("faults", str(m)),
+        ("watched", f"{WATCHED + 1.0:g} s"),
+    )
+    *detailed, total = tables(results)
+    lead = (
+        f"{m} faults, each in the same {n} cases, which all go well without. A fault may be survived, it may be "
+        "answered by a stop, or it may go unnoticed until something is hit."
+    )
+    sections = [Section("What becomes of the robot", lead, (Findings(_findings(results)), total))]
+    for schedule in results.t_goal:
+        own = tuple(table for table in detailed if table.title.endswith(f", {schedule}"))
+        sections.append(Section(f"Fault by fault, {schedule}", "", own))
+    return Page("RAMP under faults", f"A table of faults and outcomes, {n} cases each", facts, tuple(sections))
+
+
+def _findings(results: FaultResults) -> tuple[Finding, ...]:
+    found: list[Finding] = []
+    for schedule in results.t_goal:
+        counts = count([row for row in results.rows if row.schedule == schedule])
+        total = max(sum(counts.values()) - counts[Outcome.NOT_STRUCK], 1)
+        unsafe = counts[Outcome.CONTACT] + counts[Outcome.RUNS_ON]
+        found.append(
+            Finding(
+                f"{unsafe / total:.1%}", f"of struck runs, {schedule}: contact, or never came to rest",
+                f"{unsafe} of {total}", "worst" if unsafe else "good",
+            )
+        )  # fmt: skip
+        reached = counts[Outcome.NO_EFFECT] + counts[Outcome.RECOVERS] + counts[Outcome.LATE]
+        found.append(Finding(f"{reached / total:.1%}", f"of struck runs, {schedule}: the goal, all alive",
+                             f"{reached} of {total}", "neutral"))  # fmt: skip
+    return tuple(found)
+
+
+def fault_document(results: FaultResults) -> dict[str, object]:
+    """Return everything as JSON: seed, cases, and for each row the fault, the counts and every case; times in ns."""
+    return {
+        "seed": results.seed,
+        "cases": list(results.numbers),
+        "t_goal_without": {schedule: list(times) for schedule, times in results.t_goal.items()},
+        "rows": [
+            {
+                "schedule": row.schedule,
+                "fault": str(row.entry),
+                "outcomes": {outcome.value: n for outcome in SHOWN if (n := count([row])[outcome])},
+                "runs": [
+                    {
+                        "case": one.number,
+                        "outcome": one.outcome.value,
+                        "t_goal": one.t_goal,
+                        "t_contact": one.t_contact,
+                        "rest_after": one.rest_after,
+                        "strikes": one.strikes,
+                        "deaths": [{"time": d.time, "component": d.component, "why": d.why} for d in one.deaths],
+                        "silent": list(one.silent),
+                        "detail": one.detail,
+                    }
+                    for one in row.outcomes
+                ],
+            }
+            for row in results.rows
+        ],
+    }

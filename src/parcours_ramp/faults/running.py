@@ -1,0 +1,172 @@
+"""The catalogue of faults x cases x schedules -> an outcome each.
+
+The cases are those that go well without a fault: the first by number in which the robot reaches the goal soon and
+without closing the gap to any obstacle, under both schedules, whichever is asked for.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from parcours.errors import BadRequest, HostFailure, require_known
+from parcours.run.faults import FaultPlan
+from parcours_navigation.facts import NEVER
+from parcours_ramp.faults.catalogue import Entry
+from parcours_ramp.faults.isolated import Ended, run_isolated
+from parcours_ramp.faults.judging import CaseOutcome, Outcome, judge
+from parcours_ramp.planner.latency import none
+from parcours_ramp.system.component_form import run_components
+from parcours_ramp.system.study import SCHEDULES, SystemStudy, system_study
+
+WATCHED = 39.0
+"""A case is watched for this long after its static second [s], twice as long as the paper's."""
+
+SOON = 25.0
+"""A case goes well if the goal is reached by then [s]: the rest of the time is for what a fault delays."""
+
+PATIENCE = 120.0
+"""A case that takes longer has hung [s of wall clock]; one takes about a second."""
+
+_BLOCK, _MOST = 64, 4096
+"""Cases are looked at by blocks, and no more than so many."""
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """One entry of the catalogue under one schedule, with an outcome a case."""
+
+    schedule: str
+    entry: Entry
+    outcomes: tuple[CaseOutcome, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class FaultResults:
+    """All rows; which cases were run, by which seed; and when each case reaches the goal without a fault [ns]."""
+
+    seed: int
+    numbers: tuple[int, ...]
+    rows: tuple[Row, ...]
+    t_goal: dict[str, tuple[int, ...]]
+
+
+@dataclass(frozen=True, slots=True)
+class Trial:
+    """One case under one fault."""
+
+    study: SystemStudy
+    number: int
+    entry: Entry
+    t_goal: int
+
+    @property
+    def plan(self) -> FaultPlan:
+        """The plan of faults; its seed is that of the study and the number of the case together."""
+        return FaultPlan((self.study.cases.seed + self.number) % 2**63, (self.entry.fault,))
+
+    def __str__(self) -> str:
+        return f"case {self.study.cases.id(self.number)}, {self.entry}"
+
+
+def faults_study(schedule: str, seed: int) -> SystemStudy:
+    """Return the study whose cases are run: RAMP's work takes no time, and each case is watched for WATCHED seconds."""
+    return dataclasses.replace(system_study(schedule, seed=seed), latencies=none(), time_limit=WATCHED, watched_on=0.0)
+
+
+def good_cases(
+    studies: Sequence[SystemStudy], count: int, most: int = _MOST
+) -> tuple[tuple[int, ...], list[tuple[int, ...]]]:
+    """Return the first cases that go well under every study, and for each study when they reach the goal [ns].
+
+    Args:
+        studies: alike but for the schedule.
+        count: how many are wanted.
+        most: no more cases than so many are looked at, rounded up to a block of 64.
+
+    Raises:
+        BadRequest: there are not so many.
+    """
+    numbers: list[int] = []
+    times: list[list[int]] = [[] for _ in studies]
+    for first in range(0, most, _BLOCK):
+        if len(numbers) >= count:
+            break
+        facts = [study(first, _BLOCK) for study in studies]
+        well = np.all([_goes_well(f) for f in facts], axis=0)
+        for place in np.flatnonzero(well)[: count - len(numbers)]:
+            numbers.append(first + int(place))
+            for kept, f in zip(times, facts, strict=True):
+                kept.append(int(f["t_goal"][place]))
+    if len(numbers) < count:
+        rule = f"so many cases that go well without a fault are wanted, {count}, but there are {len(numbers)}"
+        raise BadRequest("faults, cases", rule, f"ask for {len(numbers)} at most", slug="fault-cases")
+    return tuple(numbers), [tuple(kept) for kept in times]
+
+
+def _goes_well(facts: NDArray[np.void]) -> NDArray[np.bool_]:
+    reached = (facts["t_goal"] != NEVER) & (facts["t_goal"] <= SOON * 1e9)
+    return np.asarray(reached & (facts["n_robot_contacts"] + facts["n_shared_contacts"] == 0))
+
+
+def run_trial(trial: Trial) -> CaseOutcome:
+    """Run one case under one fault and judge it."""
+    plan = trial.plan
+    try:
+        ran = run_components(trial.study, trial.number, recording=False, faults=plan)
+    except HostFailure as error:
+        return CaseOutcome(trial.number, Outcome.ERROR, detail=str(error))
+    return judge(ran, plan.begins_ns, plan.until_ns, trial.t_goal)
+
+
+def run_faults(
+    entries: Sequence[Entry],
+    schedules: Sequence[str] = SCHEDULES,
+    *,
+    seed: int = 1,
+    cases: int = 5,
+    workers: int = 1,
+    patience: float = PATIENCE,
+    progress: Callable[[str, int, int], None] = lambda what, done, total: None,
+) -> FaultResults:
+    """Return what becomes of RAMP under each entry.
+
+    Args:
+        entries: of the catalogue.
+        schedules: each "original" or "guarded".
+        seed: of the cases and of what befalls which message.
+        cases: how many cases an entry, at least 1.
+        workers: how many processes; each case has one of its own.
+        patience: a case that takes longer is an error [s of wall clock].
+        progress: told what is done, how much of it, and of how much.
+
+    Raises:
+        BadRequest: a schedule is unknown, or there are not so many cases that go well without a fault.
+    """
+    for schedule in schedules:
+        require_known(schedule, SCHEDULES, "schedule", slug="unknown-schedule")
+    numbers, reached_by = good_cases([faults_study(schedule, seed) for schedule in SCHEDULES], cases)
+    studies = [faults_study(schedule, seed) for schedule in schedules]
+    times = [reached_by[SCHEDULES.index(schedule)] for schedule in schedules]
+    run_components(studies[0], numbers[0], 0.5)  # all that is compiled is loaded before processes are forked
+    trials = [
+        Trial(study, number, entry, t_goal)
+        for study, reached in zip(studies, times, strict=True)
+        for entry in entries
+        for number, t_goal in zip(numbers, reached, strict=True)
+    ]
+    found: list[CaseOutcome | None] = [None] * len(trials)
+    for done, (index, answer) in enumerate(run_isolated(run_trial, trials, workers, patience), 1):
+        if isinstance(answer, Ended):
+            answer = CaseOutcome(trials[index].number, Outcome.ERROR, detail=f"its process {answer.why}")
+        found[index] = answer
+        progress("cases under a fault", done, len(trials))
+    rows = []
+    for place, (schedule, entry) in enumerate((schedule, entry) for schedule in schedules for entry in entries):
+        outcomes = found[place * cases : (place + 1) * cases]
+        rows.append(Row(schedule, entry, tuple(one for one in outcomes if one is not None)))
+    return FaultResults(seed, numbers, tuple(rows), dict(zip(schedules, times, strict=True)))

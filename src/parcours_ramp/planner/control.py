@@ -1,0 +1,232 @@
+"""Control: a trajectory to follow and the robot's state -> commanded speeds, with pause and resume (component 4).
+
+The published controller replays the trajectory's speeds from the moment it is received, corrects only the heading on
+straights, and acts on imminent collision at the next trajectory point. The guarded one follows the planned poses at
+their planned times with feedback (Kanayama et al., ICRA 1990) and halts at once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from parcours.elementary import sin_cos, wrap
+from parcours.kernels import Record, kernel
+from parcours_ramp.planner.messages import (
+    POSE,
+    SAMPLE,
+    TRAJECTORY,
+    Report,
+    Step,
+    one,
+)
+from parcours_ramp.planner.parameters import GUARDED, ORIGINAL, Parameters
+from parcours_ramp.planner.trajectory import copy_trajectory, pose_at
+
+COMMAND_PERIOD = 50_000_000
+"""Time between two commands [ns]."""
+
+REPORT_PERIOD = 33_333_333
+"""Time between two reports of the robot's state [ns] (30 Hz)."""
+
+CONTROL = np.dtype(
+    [
+        ("has", "i8"),  # 1 once there is a trajectory
+        ("trajectory", TRAJECTORY),
+        ("begins", "i8"),  # when its first sample is due [ns], pauses included
+        ("halt", "i8"),  # 1 while imminent collision is signalled
+        ("t_halt", "i8"),  # when the signal came [ns]
+        ("paused", "i8"),  # 1 while the robot is held
+        ("limit", "f8"),  # how fast it may drive now [m/s]
+        ("lag", "i8"),  # by how much limits have delayed it so far [ns]
+        ("reference", POSE),  # working memory
+        ("command_v", "f8"),  # [m/s]
+        ("command_w", "f8"),  # [rad/s]
+    ]
+)
+"""State of the controller."""
+
+_ALONG, _ACROSS, _TURN = 2.0, 64.0, 16.0
+"""Feedback gains: [1/s], [1/m2], [1/m]."""
+
+_ASKEW = 0.3
+"""The plan waits for a robot whose heading is farther off than this [rad]."""
+
+_STRAIGHT = 1e-4
+_HEADING_GAIN = 0.5
+
+
+@kernel
+def follow(control: Record, trajectory: Record, now: int, parameters: Record) -> None:
+    """Take over a new TRAJECTORY at `now` [ns]."""
+    copy_trajectory(control.trajectory, trajectory, 0)
+    control.has = 1
+    control.begins = now if parameters.schedule == ORIGINAL else trajectory.begins + control.lag - trajectory.lag
+
+
+@kernel
+def signal(control: Record, imminent: bool, now: int, parameters: Record) -> None:
+    """Take note of the imminent-collision flag."""
+    if imminent and not control.halt:
+        control.t_halt = now
+    control.halt = 1 if imminent else 0
+    if imminent and parameters.schedule == GUARDED:
+        control.paused = 1
+        control.command_v = control.command_w = 0.0
+
+
+@kernel
+def _replay(control: Record, pose: Record, now: int) -> None:
+    """Set the command to the trajectory's own speeds (published controller)."""
+    trajectory = control.trajectory
+    i = int((now - control.begins) * 1e-9 / SAMPLE + 1e-6)
+    if i + 1 >= trajectory.n:
+        control.command_v = control.command_w = 0.0
+        return
+    reference = control.reference
+    pose_at(trajectory, i * SAMPLE, reference)
+    heading = reference.heading
+    pose_at(trajectory, (i + 1) * SAMPLE, reference)
+    control.command_v = reference.v
+    control.command_w = wrap(reference.heading - heading) / SAMPLE
+    if abs(control.command_w) < _STRAIGHT:
+        control.command_w = _HEADING_GAIN * wrap(heading - pose.heading)
+
+
+@kernel
+def _track(control: Record, pose: Record, now: int) -> None:
+    """Set the command so that the robot converges to the planned pose at the planned time.
+
+    Where its speed is limited, time goes on more slowly by the same share; where it looks elsewhere, time waits. It
+    never drives backward.
+    """
+    reference = control.reference
+    elapsed = (now - control.begins) * 1e-9
+    pose_at(control.trajectory, elapsed, reference)
+    turn = wrap(reference.heading - pose.heading)
+    share = control.limit / reference.v if reference.v > control.limit else 1.0
+    if abs(turn) > _ASKEW:
+        share = 0.0
+    late = int((1.0 - share) * COMMAND_PERIOD)
+    control.begins += late
+    control.lag += late
+    s, c = sin_cos(pose.heading)
+    dx, dy = reference.x - pose.x, reference.y - pose.y
+    ahead, aside = c * dx + s * dy, c * dy - s * dx
+    turn_s, turn_c = sin_cos(turn)
+    pose_at(control.trajectory, elapsed + share * 0.5e-9 * COMMAND_PERIOD, reference)
+    reference.v, reference.w = share * reference.v, share * reference.w
+    control.command_v = max(min(reference.v * turn_c + _ALONG * ahead, control.limit), 0.0)
+    control.command_w = reference.w + reference.v * (_ACROSS * aside + _TURN * turn_s)
+    if reference.v < 0.01:
+        control.command_w = reference.w + 3.0 * turn
+    if elapsed >= control.trajectory.duration and abs(ahead) < 0.005:
+        control.command_v = 0.0
+
+
+@kernel
+def command(control: Record, pose: Record, now: int, parameters: Record) -> None:
+    """Set command_v and command_w for the next command period, given the robot's POSE."""
+    if not control.has:
+        control.command_v = control.command_w = 0.0
+        return
+    if control.halt and not control.paused:
+        due = int((control.t_halt - control.begins) * 1e-9 / SAMPLE) + 1
+        if parameters.schedule == GUARDED or (now - control.begins) * 1e-9 / SAMPLE >= due - 1e-9:
+            control.paused = 1
+    elif not control.halt:
+        control.paused = 0
+    if control.paused:
+        control.begins += COMMAND_PERIOD
+        control.command_v = control.command_w = 0.0
+    elif parameters.schedule == ORIGINAL:
+        _replay(control, pose, now)
+    else:
+        _track(control, pose, now)
+
+
+class Control:
+    """The component: follows the best trajectory, pauses for imminent collision, and reports the robot's state.
+
+    It reads the robot's pose from `odometry` messages of the world and sends it `cmd_vel`.
+    """
+
+    name = "Control"
+
+    def __init__(self, parameters: Parameters) -> None:
+        self._parameters = parameters.record()
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget trajectory, flag and clock."""
+        self._state = one(CONTROL)
+        self._state.limit = np.inf
+        self._pose = one(POSE)
+        self._next_command = 0
+        self._next_report = REPORT_PERIOD
+        self._executing = False
+
+    def next_wake(self) -> int | None:
+        """The next command or report is due."""
+        return min(self._next_command, self._next_report)
+
+    def handle(self, channel: str | None, message: object, now: int) -> Iterator[Step]:
+        """Take a trajectory from `best_trajectory`, the flag from `imminent_collision`, the pose from `pose`."""
+        if channel == "best_trajectory":
+            if self._executing:
+                yield Step("p46")
+            follow(self._state, message, now, self._parameters)
+            self._executing = True
+            yield Step("p42")
+        elif channel == "imminent_collision":
+            signal(self._state, bool(message), now, self._parameters)
+            if self._state.paused:
+                yield Step("", (("cmd_vel", (0.0, 0.0)),))
+        elif channel == "pose" and isinstance(message, Report):
+            self._pose = message.pose
+        elif channel == "speed_limit" and isinstance(message, float):
+            self._state.limit = message
+            yield Step("")
+        else:
+            yield Step("p41")
+
+    def wake(self, now: int) -> Iterator[Step]:
+        """Report the state and command the robot, whichever is due."""
+        yield from self.tick(now)
+        if self._next_command <= now:
+            yield from self.execute(now)
+
+    def tick(self, now: int) -> Iterator[Step]:
+        """Report the robot's state if the interval is over at `now` [ns]."""
+        if self._next_report > now:
+            yield Step("p47")
+            return
+        self._next_report += REPORT_PERIOD
+        yield Step("p48", (("update", Report(now, self._pose.copy(), int(self._state.lag))),))
+        yield Step("p49")
+
+    def execute(self, now: int) -> Iterator[Step]:
+        """Command the robot for the next command period from `now` [ns]."""
+        self._next_command += COMMAND_PERIOD
+        state = self._state
+        was_paused = state.paused
+        command(state, self._pose, now, self._parameters)
+        yield Step("", (("cmd_vel", (float(state.command_v), float(state.command_w))),))
+        if state.paused and self._executing:
+            self._executing = False
+            yield Step("p43")
+        elif was_paused and not state.paused and not self._executing:
+            self._executing = True
+            yield Step("p44")
+            yield Step("p45")
+        elif self._executing and (now - state.begins) * 1e-9 >= state.trajectory.duration:
+            self._executing = False
+            yield Step("p46")
+        elif not self._executing:
+            yield Step("p41")
+
+    @property
+    def trajectory(self) -> Record:
+        """The TRAJECTORY it follows."""
+        return self._state.trajectory

@@ -1,0 +1,294 @@
+"""A path and the state it starts from -> the pieces of a drivable way: straights, rounded corners, turns on the spot.
+
+This is the geometry and the speed limits of a trajectory without its times; switching asks it often whether a way can
+be joined smoothly, and the trajectory generator times it. The hybrid scheme is the published one: one rounded corner,
+then straights as long as no turn on the spot is needed; the rest of the path is only estimated.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from parcours.elementary import atan2, sin_cos, wrap
+from parcours.kernels import Record, kernel
+from parcours_ramp.planner.corner import corner_length, corner_rate, corner_speed
+from parcours_ramp.planner.messages import CURVE, LINE, MAX_PIECES, TURN
+from parcours_ramp.planner.profile import reachable
+
+HYBRID, HOLONOMIC, TRANSITION = 0, 1, 2
+"""Kinds of way: round the first corner; stop and rotate at each; a switch (rounds the joint and one corner more)."""
+
+ROUTE = np.dtype(
+    [
+        ("n", "i8"),  # pieces
+        ("kind", "i8", (MAX_PIECES,)),
+        ("x", "f8", (MAX_PIECES,)),  # where the piece begins [m]
+        ("y", "f8", (MAX_PIECES,)),
+        ("heading", "f8", (MAX_PIECES,)),  # ... and its heading there [rad]
+        ("s", "f8", (MAX_PIECES,)),  # that angle's sine and cosine, but for turns
+        ("c", "f8", (MAX_PIECES,)),
+        ("to_s", "f8", (MAX_PIECES,)),  # those of the heading at the end of a curve
+        ("to_c", "f8", (MAX_PIECES,)),
+        ("length", "f8", (MAX_PIECES,)),  # [m], or [rad] for a turn
+        ("leg", "f8", (MAX_PIECES,)),  # of a curve [m]
+        ("angle", "f8", (MAX_PIECES,)),  # turned by a curve or turn [rad]
+        ("cap", "f8", (MAX_PIECES,)),  # speed limit [m/s]
+        ("v_in", "f8", (MAX_PIECES + 1,)),  # speed at the begin of each piece [m/s], and at the end
+        ("knot", "i8", (MAX_PIECES,)),  # the knot that the end of the piece passes; 0 for none
+        ("smooth", "i8"),  # 1 if it begins without a stop
+        ("rest_length", "f8"),  # [m]
+        ("rest_turn", "f8"),  # [rad]
+        ("first_heading", "f8"),  # from the start towards the next knot [rad]
+    ]
+)
+"""The pieces of a way."""
+
+NEAR = 0.01
+"""Knots nearer than this are one [m]; headings nearer than this are one [rad]; slower than this is at rest [m/s]."""
+
+GENTLE = 0.3
+"""Heading change up to which no stop is needed [rad]."""
+
+SLOW_CORNER = 0.4
+"""A corner that cannot be driven at this share of the top speed is not rounded."""
+
+SHORTEST_LEG = 0.1
+"""A rounded corner needs segments of at least this length [m]."""
+
+
+@kernel
+def _add(route: Record, kind: int, x: float, y: float, heading: float, length: float, cap: float) -> int:
+    """Append a piece and return its index."""
+    i = route.n
+    route.kind[i], route.x[i], route.y[i] = kind, x, y
+    route.heading[i], route.length[i], route.cap[i] = heading, length, cap
+    route.leg[i], route.angle[i], route.knot[i] = 0.0, 0.0, 0
+    route.n = i + 1
+    return int(i)
+
+
+@kernel
+def _add_line(route: Record, x: float, y: float, heading: float, s: float, c: float, length: float, cap: float) -> int:
+    """Append a straight in the direction (c, s), which is that of the heading, and return its index."""
+    i = _add(route, LINE, x, y, heading, length, cap)
+    route.s[i], route.c[i] = s, c
+    return int(i)
+
+
+@kernel
+def _add_curve(
+    route: Record, x: float, y: float, heading: float, s: float, c: float, leg: float, turn: float, cap: float
+) -> int:
+    """Append a rounded corner that begins at (x, y) in the direction (c, s) and return its index; set no end."""
+    i = _add(route, CURVE, x, y, heading, corner_length(leg, turn), cap)
+    route.s[i], route.c[i] = s, c
+    route.leg[i], route.angle[i] = leg, turn
+    return int(i)
+
+
+@kernel
+def _add_turn(route: Record, x: float, y: float, heading: float, turn: float) -> None:
+    """Append a turn on the spot."""
+    i = _add(route, TURN, x, y, heading, abs(turn), 0.0)
+    route.angle[i] = turn
+
+
+@kernel
+def _speeds(route: Record, v0: float, acceleration: float) -> bool:
+    """Set the speeds between the pieces, fastest first; return whether v0 can be slowed down in time.
+
+    Curves are driven at constant speed: speeding up on one would add to the yaw acceleration of its bend.
+    """
+    n = route.n
+    route.v_in[n] = 0.0
+    for i in range(n - 1, -1, -1):
+        if route.kind[i] == TURN:
+            route.v_in[i] = 0.0
+            continue
+        limit = route.cap[i] if i == 0 else min(route.cap[i - 1], route.cap[i])
+        before = route.v_in[i + 1]
+        if route.kind[i] == LINE:
+            before = reachable(before, route.length[i], acceleration)
+        route.v_in[i] = min(limit, before)
+    if v0 > route.v_in[0] + 1e-9:
+        return False
+    route.v_in[0] = v0
+    for i in range(n):
+        if route.kind[i] == LINE:
+            route.v_in[i + 1] = min(route.v_in[i + 1], reachable(route.v_in[i], route.length[i], acceleration))
+        elif route.kind[i] == CURVE:
+            route.v_in[i + 1] = min(route.v_in[i + 1], route.v_in[i])
+    return True
+
+
+@kernel
+def _round_corner(
+    before: float, after: float, turn: float, v: float, early: bool, parameters: Record
+) -> tuple[float, float]:
+    """Return (leg [m], speed [m/s]) of the rounded corner between two segments; leg 0 if there is none.
+
+    lambda is the share of the shorter segment that stays straight. A hybrid way corners as late as it can, from 0.85
+    down; a switch turns at once, from 0.1 up (published). `v` is the speed `before` metres ahead of the corner.
+    """
+    shorter = min(before, after)
+    if shorter < SHORTEST_LEG:
+        return 0.0, 0.0
+    rate = corner_rate(turn, parameters)
+    best_leg, best_speed = 0.0, SLOW_CORNER * parameters.v_max
+    for k in range(16):
+        share = 0.1 + 0.05 * k if early else 0.85 - 0.05 * k
+        leg = (1.0 - share) * shorter
+        speed = min(parameters.v_max, leg * rate)
+        if speed >= best_speed and speed * speed + 2.0 * parameters.a_max * (before - leg) >= v * v:
+            best_leg, best_speed = leg, speed
+            if speed >= 0.8 * parameters.v_max:
+                break
+    return best_leg, best_speed
+
+
+@kernel
+def _lay(path: Record, pose: Record, kind: int, stop_first: bool, parameters: Record, route: Record) -> bool:
+    """Lay the pieces of one kind of way; return whether that kind is possible."""
+    route.n = 0
+    route.smooth = 1
+    route.rest_length = route.rest_turn = 0.0
+    x, y, heading = pose.x, pose.y, pose.heading
+    v = pose.v if pose.v >= NEAR else 0.0
+    last = path.n - 1
+    k = 1
+    while k < last and (path.x[k] - x) ** 2 + (path.y[k] - y) ** 2 < NEAR * NEAR:
+        k += 1
+    route.first_heading = heading
+    to_x, to_y = path.x[k] - x, path.y[k] - y
+    before = np.sqrt(to_x * to_x + to_y * to_y)
+    if k > last or before < NEAR:
+        s, c = sin_cos(heading)
+        _add_line(route, x, y, heading, s, c, 0.0, parameters.v_max)
+        return bool(v < NEAR) and _speeds(route, v, parameters.a_max)
+    route.first_heading = atan2(to_y, to_x)
+    turn = wrap(route.first_heading - heading)
+    if v >= NEAR and (stop_first or abs(turn) > GENTLE):
+        if not stop_first:
+            return False
+        way = 0.5 * v * v / parameters.a_max
+        s, c = sin_cos(heading)
+        _add_line(route, x, y, heading, s, c, way, parameters.v_max)
+        x, y = x + way * c, y + way * s
+        to_x, to_y = path.x[k] - x, path.y[k] - y
+        before = np.sqrt(to_x * to_x + to_y * to_y)
+        turn = wrap(atan2(to_y, to_x) - heading)
+        _add_turn(route, x, y, heading, turn)
+        heading = wrap(heading + turn)
+        route.smooth = 0
+    elif v < NEAR or abs(turn) <= NEAR:
+        if abs(turn) > NEAR:
+            _add_turn(route, x, y, heading, turn)
+        heading = route.first_heading
+    else:
+        leg = min(0.3, 0.4 * before)
+        s, c = sin_cos(heading)
+        to_x, to_y = to_x - leg * c, to_y - leg * s
+        turn = wrap(atan2(to_y, to_x) - heading)
+        speed = corner_speed(leg, turn, parameters)
+        if speed < v or v < SLOW_CORNER * parameters.v_max:
+            return False
+        i = _add_curve(route, x, y, heading, s, c, leg, turn, speed)
+        after = np.sqrt(to_x * to_x + to_y * to_y)
+        route.to_s[i], route.to_c[i] = to_y / after, to_x / after
+        x, y = x + leg * (c + route.to_c[i]), y + leg * (s + route.to_s[i])
+        before = after - leg
+        to_x, to_y = before * route.to_c[i], before * route.to_s[i]
+        heading = wrap(heading + turn)
+    s, c = sin_cos(heading) if before < NEAR else (to_y / before, to_x / before)
+    corners = 2 if kind == TRANSITION else 1
+    first = True
+    while True:
+        # The way is at (x, y), `before` metres from knot k in the direction (c, s), which is that of the heading.
+        px, py = path.x[k], path.y[k]
+        following = k + 1
+        while following <= last and (path.x[following] - px) ** 2 + (path.y[following] - py) ** 2 < NEAR * NEAR:
+            following += 1
+        if following > last:
+            i = _add_line(route, x, y, heading, s, c, before, parameters.v_max)
+            route.knot[i] = last
+            break
+        after_x, after_y = path.x[following] - px, path.y[following] - py
+        after = np.sqrt(after_x * after_x + after_y * after_y)
+        turn = atan2(c * after_y - s * after_x, c * after_x + s * after_y)
+        leg, speed = 0.0, 0.0
+        if abs(turn) > NEAR and kind != HOLONOMIC:
+            if corners > 0:
+                early = kind == TRANSITION and first
+                leg, speed = _round_corner(before, after, turn, v if first else 0.0, early, parameters)
+                if leg == 0.0 and (first or abs(turn) > GENTLE):
+                    return False
+                corners -= 1
+            elif abs(turn) <= GENTLE:
+                leg = min(0.3, 0.4 * min(before, after))
+                speed = corner_speed(leg, turn, parameters)
+                if speed < 0.2 * parameters.v_max:
+                    leg = 0.0
+        i = _add_line(route, x, y, heading, s, c, before - leg, parameters.v_max)
+        first = False
+        if leg > 0.0:
+            i = _add_curve(route, px - leg * c, py - leg * s, heading, s, c, leg, turn, speed)
+        route.knot[i] = k
+        if leg == 0.0 and abs(turn) > NEAR:
+            if kind != HOLONOMIC:
+                _estimate_rest(path, k, heading, route)
+                break
+            _add_turn(route, px, py, heading, turn)
+        heading = wrap(heading + turn)
+        s, c = after_y / after, after_x / after
+        if leg > 0.0:
+            route.to_s[i], route.to_c[i] = s, c
+        x, y, before = px + leg * c, py + leg * s, after - leg
+        k = following
+    return _speeds(route, v, parameters.a_max)
+
+
+@kernel
+def _estimate_rest(path: Record, k: int, heading: float, route: Record) -> None:
+    """Set the length and the turning of the path from its knot k on, which is not generated."""
+    for i in range(k, path.n - 1):
+        x, y = path.x[i + 1] - path.x[i], path.y[i + 1] - path.y[i]
+        length = np.sqrt(x * x + y * y)
+        if length < NEAR:
+            continue
+        towards = atan2(y, x)
+        route.rest_length += length
+        route.rest_turn += abs(wrap(towards - heading))
+        heading = towards
+
+
+@kernel
+def can_switch(path: Record, pose: Record, parameters: Record, route: Record) -> bool:
+    """Return whether the PATH can be joined from the state `pose` without a stop; `route` is working memory."""
+    return bool(_lay(path, pose, TRANSITION, False, parameters, route))
+
+
+@kernel
+def plan_route(path: Record, pose: Record, kind: int, parameters: Record, route: Record) -> None:
+    """Lay the way along the path from the state `pose`: the asked kind if it can be, else with stops to rotate.
+
+    Args:
+        path: PATH; its first knot is the start, which `pose` replaces.
+        pose: POSE the robot has there; its speed need not be zero.
+        kind: HYBRID, HOLONOMIC or TRANSITION.
+        parameters: PARAMETERS with the limits.
+        route: ROUTE that is filled. `smooth` is 0 if the robot must stop and rotate before it can follow the way.
+    """
+    for attempt in range(4):
+        tried = kind if attempt == 0 else (HYBRID if attempt == 2 else HOLONOMIC)
+        if _lay(path, pose, tried, attempt >= 2, parameters, route):
+            if attempt == 1 and kind == TRANSITION:
+                route.smooth = 0
+            return
+    # Only standing at the goal, or so near that braking overshoots it, is left: brake and stay.
+    route.n = 0
+    s, c = sin_cos(pose.heading)
+    way = 0.5 * pose.v * pose.v / parameters.a_max
+    _add_line(route, pose.x, pose.y, pose.heading, s, c, way, parameters.v_max)
+    route.knot[0] = path.n - 1
+    route.rest_length = route.rest_turn = 0.0
+    _speeds(route, pose.v, parameters.a_max)

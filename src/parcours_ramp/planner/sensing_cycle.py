@@ -1,0 +1,84 @@
+"""The sensing cycle, at every obstacle message: predict obstacles, evaluate population and motion under way."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from parcours.elementary import atan2
+from parcours.kernels import Record, kernel
+from parcours_ramp.planner.guard import evaluate_moving_on
+from parcours_ramp.planner.prediction import change_of, predict
+from parcours_ramp.planner.trajectory_evaluation import evaluate
+
+NOT_BEFORE_CONTROL = 100_000_000
+"""The population is not evaluated when the next control cycle is nearer than this [ns] (published)."""
+
+
+@kernel
+def note_nearest(planner: Record, obstacles: Record) -> None:
+    """Keep direction and distance of the nearest obstacle, for the operator `move`."""
+    nearest = np.inf
+    for k in range(len(obstacles)):
+        x, y = obstacles[k].pose.x - planner.latest.x, obstacles[k].pose.y - planner.latest.y
+        distance = np.sqrt(x * x + y * y)
+        if distance < nearest:
+            nearest = distance
+            planner.near_direction, planner.near_distance = atan2(y, x), distance
+    planner.knows_obstacles = 1 if len(obstacles) > 0 else 0
+
+
+@kernel
+def evaluates_population(planner: Record, now: int) -> bool:
+    """Return whether this sensing cycle evaluates the population, or leaves it to the control cycle about to come."""
+    return bool(planner.t_next - now > NOT_BEFORE_CONTROL or planner.halted == 1 or planner.moving_on.n == 0)
+
+
+@kernel
+def evaluate_population(planner: Record, predictions: Record, parameters: Record) -> None:
+    """Evaluate every member of the population."""
+    for i in range(planner.n):
+        evaluate(
+            planner.members[i].trajectory,
+            predictions,
+            planner.scene,
+            planner.changed,
+            planner.drift_x,
+            planner.drift_y,
+            planner.latest.heading,
+            planner.halted == 1,
+            parameters,
+        )
+
+
+@kernel
+def changes_of(planner: Record, predictions: Record, obstacles: Record, stamp: int) -> float:
+    """Return by how much the predictions change at most if made of the obstacles as sensed now [m]; inf if unknown."""
+    changes = np.inf if planner.scene == 0 else 0.0
+    for k in range(len(obstacles)):
+        changes = max(changes, change_of(predictions[k], obstacles[k], stamp))
+    return changes
+
+
+@kernel
+def sensing_cycle(
+    planner: Record, obstacles: Record, stamp: int, now: int, predictions: Record, parameters: Record
+) -> bool:
+    """Run one whole sensing cycle on an array of OBSTACLE_STATE that was sensed at `stamp` [ns].
+
+    Returns:
+        Whether the population was evaluated.
+    """
+    changes = changes_of(planner, predictions, obstacles, stamp)
+    for k in range(len(obstacles)):
+        predict(obstacles[k], stamp, predictions[k])
+    if changes < np.inf:
+        planner.changed += changes
+    else:
+        planner.scene += 1
+        planner.changed = 0.0
+    note_nearest(planner, obstacles)
+    evaluates = evaluates_population(planner, now)
+    if evaluates:
+        evaluate_population(planner, predictions, parameters)
+    evaluate_moving_on(planner, predictions, now, planner.changed, parameters)
+    return evaluates

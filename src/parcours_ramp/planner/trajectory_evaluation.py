@@ -1,0 +1,177 @@
+"""Trajectory Evaluation: a trajectory and predicted obstacles -> feasible or not, and how fit (component 3)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from parcours.elementary import PI, wrap
+from parcours.kernels import Record, kernel
+from parcours_ramp.planner.collision import collision_time, earliest_collision
+from parcours_ramp.planner.messages import (
+    NO_COLLISION,
+    SAMPLE,
+    EvaluationRequest,
+    EvaluationResponse,
+    Step,
+)
+from parcours_ramp.planner.parameters import GUARDED, Parameters
+from parcours_ramp.planner.service import Service
+
+MODEST_TURN = 0.1
+"""Least angle an orientation penalty counts [rad]."""
+
+
+@kernel
+def passes_up_to(trajectory: Record, scene: int, changed: float, drift_x: float, drift_y: float) -> int:
+    """Return up to which sample the room that was left at the last look makes it sure that nobody is met."""
+    if scene == 0 or trajectory.scene != scene:
+        return 0
+    dx, dy = drift_x - trajectory.drift_x, drift_y - trajectory.drift_y
+    moved = np.sqrt(dx * dx + dy * dy) + changed - trajectory.changed
+    return int(trajectory.clear) if moved < trajectory.room else 0
+
+
+@kernel
+def remember(
+    trajectory: Record, scene: int, changed: float, drift_x: float, drift_y: float, room: float, clear: int
+) -> None:
+    """Keep what a look at all samples from the first on has found, for `passes_up_to`."""
+    trajectory.scene, trajectory.changed, trajectory.drift_x, trajectory.drift_y = scene, changed, drift_x, drift_y
+    trajectory.room, trajectory.clear = room, max(clear, 0)
+
+
+@kernel
+def _first_meeting(
+    trajectory: Record,
+    predictions: Record,
+    scene: int,
+    changed: float,
+    drift_x: float,
+    drift_y: float,
+    parameters: Record,
+) -> float:
+    """Return when the trajectory first meets any obstacle [s]; looks only at what the last look leaves open."""
+    first = passes_up_to(trajectory, scene, changed, drift_x, drift_y)
+    if first >= trajectory.n:
+        return NO_COLLISION
+    earliest, room, clear = earliest_collision(
+        trajectory,
+        trajectory.begins,
+        first,
+        trajectory.n,
+        predictions,
+        drift_x,
+        drift_y,
+        parameters.plan_margin,
+        parameters.schedule == GUARDED and first == 0,
+        parameters,
+    )
+    if first == 0:
+        remember(trajectory, scene, changed, drift_x, drift_y, room, clear)
+    return earliest * SAMPLE if earliest < trajectory.n else NO_COLLISION
+
+
+@kernel
+def evaluate(
+    trajectory: Record,
+    predictions: Record,
+    scene: int,
+    changed: float,
+    drift_x: float,
+    drift_y: float,
+    heading: float,
+    halted: bool,
+    parameters: Record,
+) -> None:
+    """Set feasible, fitness and t_collision of the trajectory.
+
+    Feasible: no collision at samples or between them, and joined without a stop while the robot moves. The fitness is
+    1 / cost; the cost of a feasible trajectory is its time plus the share of a half turn to its first heading, the rest
+    of the way at the estimated speeds. Infeasible ones come after all feasible ones, by time to collision.
+
+    Args:
+        trajectory: TRAJECTORY; `begins` says when.
+        predictions: array of PREDICTION.
+        scene: a number that changes whenever an obstacle does what was not predicted; 0 if unknown.
+        changed: by how much predictions have changed since, at most [m].
+        drift_x: correction of planned towards measured position [m].
+        drift_y: ...
+        heading: the robot's heading now [rad].
+        halted: whether the robot is stopped for imminent collision; then orientation costs nothing.
+        parameters: PARAMETERS.
+    """
+    t = _first_meeting(trajectory, predictions, scene, changed, drift_x, drift_y, parameters)
+    angle = abs(wrap(trajectory.first_heading - heading))
+    cost = (
+        trajectory.duration
+        + trajectory.rest_length / parameters.estimate_v
+        + trajectory.rest_turn / parameters.estimate_w
+        + angle / PI
+    )
+    must_stop = trajectory.smooth == 0 and not halted
+    if t < NO_COLLISION:
+        cost += parameters.q_collision / max(t, SAMPLE)
+    if must_stop:
+        cost += parameters.q_orientation * max(angle, MODEST_TURN) / PI
+    trajectory.t_collision = t
+    trajectory.feasible = 1 if t >= NO_COLLISION and not must_stop else 0
+    trajectory.fitness = 1.0 / max(cost, 1.0)
+
+
+class TrajectoryEvaluation(Service):
+    """The component: answers evaluation requests, one at a time, and keeps nothing in between."""
+
+    name = "TrajectoryEvaluation"
+
+    def __init__(self, parameters: Parameters) -> None:
+        self._parameters = parameters.record()
+
+    def handle(self, channel: str | None, message: object, now: int) -> Iterator[Step]:
+        """Answer an EvaluationRequest with an EvaluationResponse."""
+        if not isinstance(message, EvaluationRequest):
+            yield Step("p31")
+            return
+        yield Step("p32")
+        response = self._answer(message)
+        yield Step("p33")
+        yield Step("p34", (("evaluation_response", response),))
+        yield Step("p35")
+
+    def _answer(self, request: EvaluationRequest) -> EvaluationResponse:
+        trajectories, predictions = request.trajectories.copy(), request.predictions
+        drift_x, drift_y = request.drift
+        for k in range(len(trajectories)):
+            if request.window is None:
+                evaluate(
+                    trajectories[k],
+                    predictions,
+                    0,
+                    0.0,
+                    drift_x,
+                    drift_y,
+                    request.heading,
+                    request.halted,
+                    self._parameters,
+                )
+                continue
+            begins, first, last, margin, may_leave = request.window
+            trajectories[k].t_collision = collision_time(
+                trajectories[k],
+                begins,
+                first,
+                last,
+                predictions,
+                drift_x,
+                drift_y,
+                margin,
+                may_leave,
+                self._parameters,
+            )
+        return EvaluationResponse(
+            request.tag,
+            trajectories.feasible.copy(),
+            trajectories.fitness.copy(),
+            trajectories.t_collision.copy(),
+        )

@@ -1,0 +1,119 @@
+"""Folders of RAMP's system campaigns -> results, with the study that can run any of their cases again."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from parcours.errors import BadRequest, BadResults
+from parcours.report.pieces import Replay
+from parcours.run.store import open_results
+from parcours.study.campaign.running import facts_of
+from parcours_navigation.cases.family import Protocol, SystemCases
+from parcours_navigation.facts import FACTS as BASE
+from parcours_navigation.outcomes import explain
+from parcours_ramp.planner.latency import Duration, Latencies
+from parcours_ramp.planner.parameters import Parameters
+from parcours_ramp.system.facts import FACTS
+from parcours_ramp.system.study import STUDY, SystemStudy
+
+
+@dataclass(frozen=True, slots=True)
+class SystemResults:
+    """One campaign: its study, the facts of its finished cases (array of FACTS, shape (n,)), and how many it plans."""
+
+    study: SystemStudy
+    facts: NDArray[np.void]
+    planned: int
+
+    @property
+    def signals(self) -> bool:
+        """RAMP signals all that the paper's rule asks for."""
+        return True
+
+    @property
+    def label(self) -> str:
+        """The schedule."""
+        return self.study.parameters.schedule
+
+    @property
+    def cases(self) -> SystemCases:
+        """The family of cases."""
+        return self.study.cases
+
+    def replay(self, number: int) -> Replay:
+        """Return the replay of one case."""
+        return replay(self, number)
+
+
+def load_campaign(folder: Path) -> SystemResults:
+    """Return the finished cases of a campaign folder, with the study that can run any of them again.
+
+    Raises:
+        BadResults: there is no campaign of system cases in the folder, or it is damaged or of another version.
+    """
+    store = open_results(folder)
+    campaign = store.campaign
+    if campaign.study != "ramp_system" or campaign.dtype.names != FACTS.names:
+        raise BadResults(
+            str(folder),
+            f"results of ramp_system are expected, but these are of {campaign.study!r}",
+            slug="results-study",
+        )
+    try:
+        given = cast(dict[str, dict[str, object]], dict(campaign.parameters))
+        latencies = Latencies(
+            **{k: Duration(**v) if isinstance(v, dict) else v for k, v in given["latencies"].items()}  # type: ignore[arg-type]
+        )
+        radii = [float(cast(float, given[name])) for name in ("robot_radius", "obstacle_radius")]
+        cases = SystemCases(campaign.seed, cast(Protocol, given["protocol"]), *radii, STUDY)
+        study = SystemStudy(
+            cases, Parameters(**given["planner"]), latencies,  # type: ignore[arg-type]
+            float(cast(float, given["time_limit"])), float(cast(float, given["watched_on"])),
+        )  # fmt: skip
+    except (BadRequest, KeyError, TypeError, ValueError) as error:
+        raise BadResults(
+            str(folder), f"the manifest must hold the study's parameters, but: {error}", "run the campaign anew",
+            slug="results-parameters",
+        ) from error  # fmt: skip
+    return SystemResults(study, facts_of(store, folder), campaign.n_cases)
+
+
+def replay(campaign: SystemResults, number: int, words: str = "") -> Replay:
+    """Return the replay of one case: a re-simulation, shown up to 3 s beyond its end.
+
+    Raises:
+        BadResults: the re-simulation differs from the facts that the campaign kept.
+    """
+    study = campaign.study
+    facts, track, places = study.track(number)
+    kept = campaign.facts[campaign.facts["number"] == number]
+    if [row[list(BASE.names or ())].tolist() for row in kept] != [facts[0][list(BASE.names or ())].tolist()]:
+        raise BadResults(
+            study.cases.id(number), "a replay must give the facts that were kept, but gives others",
+            "they were made by another version of Parcours, or changed; run the campaign anew", slug="replay-differs",
+        )  # fmt: skip
+    n_shown = int(np.searchsorted(track["time"], int(facts[0]["t_end"]) + 3_000_000_000, "right"))
+    shown, places = track[:n_shown], places[:n_shown]
+    schedule = study.parameters.schedule
+    title = f"{words}: {schedule}" if words else f"{study.cases.id(number)}, {schedule}"
+    return Replay(
+        title=title,
+        subtitle=f"{study.cases.id(number)}: {explain(facts[0])}",
+        times=shown["time"] * 1e-9,
+        x=shown["x"],
+        y=shown["y"],
+        heading=shown["heading"],
+        halted=shown["halted"] == 1,
+        obstacle_x=places[:, :, 0],
+        obstacle_y=places[:, :, 1],
+        robot_radius=study.parameters.robot_radius,
+        obstacle_radii=(study.cases.obstacle_radius,) * 3,
+        arena=(study.parameters.arena, study.parameters.arena),
+        goal=(2.0, 2.0),
+        goal_tolerance=0.2,
+    )

@@ -1,0 +1,159 @@
+"""RAMP's system study as commands meet it: its parameters, campaigns in simulated time, and live cases on any host."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from parcours.errors import BadRequest
+from parcours.study.campaign.running import run_numbered
+from parcours.study.faults import FaultReport, FaultRequest
+from parcours.study.hosting import HOSTS
+from parcours.study.parameters import Parameter, Settings, workers_parameter
+from parcours.study.protocol import Finding, Judged, Progress, Rejudged, Reported, Request, Results, Run
+from parcours.suite import Case
+from parcours_navigation.cases.family import FILES, LONGEST, PUBLISHED_CASES, TIME_LIMIT
+from parcours_navigation.study.asking import CASES, cases_of, numbers_of, question_of
+from parcours_navigation.study.results import read_folder, report_folders
+from parcours_ramp.planner.latency import Latencies
+from parcours_ramp.system.study import SCHEDULES, SystemStudy, system_study
+
+if TYPE_CHECKING:
+    from parcours_ramp.system.campaigns import SystemResults
+
+LIVE_CASES = 20
+"""Cases of a run in real time if nothing is said."""
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class RampSystem:
+    """RAMP among obstacles (`parcours.study.protocol.Study`)."""
+
+    name: str = "ramp_system"
+    kind: str = "campaign"
+    doc: str = "complete RAMP among three obstacles, in simulated time or live (Tables VI, VII, IX)"
+    where: str = "ramp_system"
+    family: str = "navigation"
+    compiles: bool = True
+
+    @property
+    def files(self) -> Mapping[str, Path]:
+        """Where the model and the input domains lie."""
+        return dict(FILES)
+
+    @property
+    def parameters(self) -> Sequence[Parameter]:
+        """Schedule, cases, added delays; the host, and what only live cases have."""
+        return (
+            Parameter("schedule", "text", "original", "of RAMP", choices=SCHEDULES),
+            *CASES,
+            Parameter("added_sensing", "real", 0.0, "obstacles seen later", "s", low=0.0),
+            Parameter("added_planning", "real", 0.0, "cycles longer", "s", low=0.0),
+            Parameter("added_stop", "real", 0.0, "halts later", "s", low=0.0),
+            Parameter(
+                "time_limit", "real", TIME_LIMIT, "of a case, after its static second", "s", low=0.01, high=LONGEST
+            ),
+            workers_parameter(),
+            Parameter("host", "text", "simulated", "where the components run", choices=HOSTS),
+            Parameter(
+                "graph",
+                "text",
+                "",
+                "address of a running ROS 1 master, or a ROS 2 domain; else one of its own",
+                decides=False,
+            ),
+            Parameter("faults", "text", "", "in real time: a file of faults, or lines: 'Planner: crash at 3 s'"),
+            Parameter(
+                "record",
+                "text",
+                "",
+                "in real time: keep a recording of every case",
+                choices=("", "mcap", "bag"),
+                decides=False,
+            ),
+        )
+
+    def study(self, settings: Settings, seed: int) -> SystemStudy:
+        """Return the study with its parameters set. Raises BadRequest if one is out of range."""
+        plain = system_study(
+            str(settings["schedule"]), seed=seed, protocol=settings["protocol"],  # type: ignore[arg-type]
+            radius=float(settings["robot_radius"]), obstacle_radius=float(settings["obstacle_radius"]),
+        )  # fmt: skip
+        sensing, planning, stop = (float(settings[f"added_{name}"]) for name in ("sensing", "planning", "stop"))
+        latencies = Latencies(added_sensing=sensing, added_planning=planning, added_stop=stop)
+        return dataclasses.replace(plain, latencies=latencies, time_limit=float(settings["time_limit"]))
+
+    def suite(self, settings: Settings, seed: int, n_cases: int | None = None) -> Iterator[Case]:
+        """Yield the cases."""
+        return cases_of(settings, seed, self.name).suite(n_cases)
+
+    def run(self, request: Request, progress: Progress) -> Run:
+        """Run a campaign in simulated time, or cases on a live host."""
+        settings = request.settings
+        if settings["host"] != "simulated":
+            from parcours_ramp.system.live_running import run_live_cases
+
+            return run_live_cases(self, request, progress)
+        for name in ("faults", "record", "graph"):
+            if settings[name]:
+                rule = f"it is for cases in real time, but the host is {settings['host']}"
+                raise BadRequest(f"--{name}", rule, "give --host processes too, or see `parcours faults`",
+                                 slug="option-study")  # fmt: skip
+        study = self.study(settings, request.seed)
+        question = question_of(self, request)
+        return run_numbered(
+            self.name, self.where, study, request.n_cases or PUBLISHED_CASES, numbers_of(study.cases, request.chosen),
+            question, int(settings["workers"]), request, progress, str(settings["schedule"]),
+        )  # fmt: skip
+
+    def read(self, folder: Path) -> Results:
+        """Return the results in a folder, of a campaign or of live cases."""
+        from parcours_ramp.system.live_results import FILE, read_live
+
+        return read_live(folder) if (folder / FILE).exists() else read_folder(folder, self.name)
+
+    def load_campaign(self, folder: Path) -> SystemResults:
+        """Return a campaign of RAMP, for those who put it beside other planners'."""
+        from parcours_ramp.system.campaigns import load_campaign
+
+        return load_campaign(folder)
+
+    def report(self, results: Mapping[str, Results]) -> Reported:
+        """Return tables, pieces and documents on campaigns and live cases."""
+        return report_folders(results)
+
+    def judge(self, case: Case, settings: Settings) -> Judged:
+        """Execute one case in simulated time and judge it."""
+        from parcours_navigation.study.judging import judge_system
+
+        protocol = "published" if case.abstract.startswith("published-") else "table-vii"
+        study = dataclasses.replace(
+            self.study({**settings, "protocol": protocol}, case.seed), time_limit=case.time_budget
+        )
+        command = f"parcours run ramp_system --schedule {settings['schedule']} --protocol {protocol} --seed {case.seed}"
+        return judge_system(study, study.cases, case, command)
+
+    def rejudge(self, recording: Path) -> Rejudged:
+        """Judge a recording of a live case by what is recorded alone."""
+        from parcours_ramp.system.live_results import rejudge
+
+        return rejudge(recording)
+
+    def faults(self, request: FaultRequest, progress: Progress) -> FaultReport:
+        """Strike RAMP's channels and components; under both schedules if none is named."""
+        from parcours_ramp.faults.door import strike
+
+        return strike(request, progress)
+
+    def check(self, progress: Progress) -> Iterable[Finding]:
+        """RAMP's own tests check it."""
+        return ()
+
+
+@functools.cache
+def study() -> RampSystem:
+    """Return the study."""
+    return RampSystem()

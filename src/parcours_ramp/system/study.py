@@ -1,0 +1,197 @@
+"""The system study: numbered cases, run compiled -> facts; and what is needed to run them as a campaign."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from parcours.errors import BadRequest, require_known
+from parcours.kernels import Record, kernel
+from parcours.run.store import Campaign
+from parcours_navigation.cases.family import LONGEST, TIME_LIMIT, WATCHED_ON, Protocol, SystemCases
+from parcours_navigation.facts import TRACK, TRACK_PERIOD
+from parcours_navigation.study.study import code_digest
+from parcours_ramp.planner.latency import Latencies
+from parcours_ramp.planner.messages import OBSTACLE_STATE, PREDICTION, one
+from parcours_ramp.planner.parameters import Parameters, guarded, original
+from parcours_ramp.system.closed_loop import Floats, run_case
+from parcours_ramp.system.facts import FACTS
+from parcours_ramp.system.workspace import SETTING, WORKSPACE
+
+Track = tuple[NDArray[np.void], NDArray[np.void], Floats]
+"""Of one case: facts, array of FACTS of shape (1,); track, array of TRACK, shape (n,); places, shape (n, k, 2) [m]."""
+
+STUDY = "ramp_system"
+"""The name with which ids of its cases begin."""
+
+SCHEDULES = ("original", "guarded")
+
+
+@dataclass(frozen=True, slots=True)
+class SystemStudy:
+    """RAMP with one schedule on one family of cases; callable as a campaign's `simulate`.
+
+    Args:
+        cases: the cases.
+        parameters: of RAMP.
+        latencies: how long its work takes.
+        time_limit: length of a test after the static second [s].
+        watched_on: how long an unfinished case is watched beyond its end [s].
+
+    Raises:
+        BadRequest: a time is out of its range, or cases and planner have robots of different size.
+    """
+
+    cases: SystemCases
+    parameters: Parameters
+    latencies: Latencies = dataclasses.field(default_factory=Latencies)
+    time_limit: float = TIME_LIMIT
+    watched_on: float = WATCHED_ON
+
+    def __post_init__(self) -> None:
+        for name, value in (("time_limit", self.time_limit), ("watched_on", self.watched_on)):
+            least = 0.0 if name == "watched_on" else 0.01
+            if not least <= value <= LONGEST:
+                _refuse(name, f"it must be from {least:g} to {LONGEST:g} s, but is {value} s")
+        radius, planned = self.cases.robot_radius, self.parameters.robot_radius
+        if radius != planned:
+            _refuse("robot_radius", f"cases and planner must agree, but have {radius} m and {planned} m")
+
+    def __call__(self, first: int, count: int) -> NDArray[np.void]:
+        """Return the facts of cases first .. first + count - 1, array of FACTS of shape (count,)."""
+        return self.run(np.arange(first, first + count))
+
+    @property
+    def answers(self) -> str:
+        """How long RAMP's work takes in the simulated world."""
+        return "after its published durations"
+
+    @property
+    def pulse_words(self) -> int:
+        """None are shared with a parent: RAMP is no stranger."""
+        return 0
+
+    def prepare(self) -> bool:
+        """Load or compile the kernels, and derive the start vectors, that every case needs; all of it is ours."""
+        self._run(np.arange(0))
+        return True
+
+    def run(self, numbers: NDArray[np.int64]) -> NDArray[np.void]:
+        """Return the facts of the cases, array of FACTS of shape (n,); independent of what else is run."""
+        return self._run(numbers)[0]
+
+    def track(self, number: int) -> Track:
+        """Return facts, track and the obstacles' places of one case run anew, for a replay."""
+        facts, track, places = self._run(np.array([number]))
+        n = int(facts[0]["n_track"])
+        return facts, track[:n], places[:n]
+
+    def _run(self, numbers: NDArray[np.int64]) -> Track:
+        """Return the facts of the cases, and the working memory in which the last one has left its track."""
+        facts = np.zeros(len(numbers), FACTS)
+        obstacles = self.cases.obstacles(numbers)
+        n = obstacles.shape[1]
+        length = int((1.0 + self.time_limit + self.watched_on) * 1e9 / TRACK_PERIOD) + 2
+        track, places = np.zeros(length, TRACK), np.zeros((length, n, 2))
+        _run_cases(
+            numbers, obstacles, self.setting(), self.parameters.record(), self.latencies.record(), one(WORKSPACE),
+            np.zeros(n, OBSTACLE_STATE), np.zeros(n, PREDICTION), np.zeros(n, PREDICTION), facts, track, places,
+            np.zeros(n),
+        )  # fmt: skip
+        return facts, track, places
+
+    def setting(self) -> Record:
+        """Return the SETTING of the paper: start (0, 0) heading 45 degrees at 0.249 m/s, goal (2, 2)."""
+        setting = one(SETTING)
+        setting.seed = self.cases.seed
+        setting.limit = round((1.0 + self.time_limit) * 1e9)
+        setting.extension = round(self.watched_on * 1e9)
+        setting.robot_heading, setting.robot_speed = 0.7853981633974483, 0.249
+        setting.goal_x = setting.goal_y = 2.0
+        setting.goal_tolerance = 0.2
+        return setting
+
+    def campaign(self, n_cases: int, shard_size: int | None = None) -> Campaign:
+        """Return the campaign of cases 0 .. n_cases - 1; by default in about eight shards, of 64 to 1024 cases each."""
+        return Campaign(
+            study=STUDY,
+            schedule=self.parameters.schedule,
+            seed=self.cases.seed,
+            n_cases=n_cases,
+            dtype=FACTS,
+            parameters={
+                "code": ramp_digest(),
+                "protocol": self.cases.protocol,
+                "robot_radius": self.cases.robot_radius,
+                "obstacle_radius": self.cases.obstacle_radius,
+                "planner": dataclasses.asdict(self.parameters),
+                "latencies": dataclasses.asdict(self.latencies),
+                "time_limit": self.time_limit,
+                "watched_on": self.watched_on,
+            },
+            shard_size=shard_size or min(max(n_cases // 8, 64), 1024),
+        )
+
+
+def _refuse(name: str, rule: str) -> None:
+    raise BadRequest(f"system study, {name}", rule, slug="study-range")
+
+
+def ramp_digest() -> str:
+    """Return a digest of all that the bits of a case depend on."""
+    here = Path(__file__).parent
+    return code_digest(str(here.parent / "planner"), str(here))
+
+
+@kernel
+def _run_cases(
+    numbers: Record, obstacles: Record, setting: Record, parameters: Record, latencies: Record, work: Record,
+    seen: Record, predictions: Record, guarded: Record, facts: Record, track: Record, places: Floats, radii: Floats,
+) -> None:  # fmt: skip
+    """Run the cases one after the other; shapes as in `run_case`, with the cases as leading axis."""
+    for k in range(len(numbers)):
+        run_case(
+            numbers[k],
+            obstacles[k],
+            setting,
+            parameters,
+            latencies,
+            work,
+            seen,
+            predictions,
+            guarded,
+            facts[k],
+            track,
+            places,
+            radii,
+        )
+
+
+def system_study(
+    schedule: str,
+    *,
+    seed: int = 0,
+    protocol: Protocol = "table-vii",
+    radius: float = 0.125,
+    obstacle_radius: float = 0.1,
+) -> SystemStudy:
+    """Return the study of the paper for one schedule.
+
+    Args:
+        schedule: "original" or "guarded".
+        seed: campaign seed.
+        protocol: which family of cases.
+        radius: of the robot [m].
+        obstacle_radius: [m].
+
+    Raises:
+        BadRequest: schedule or protocol is unknown, or a radius is out of range.
+    """
+    require_known(schedule, SCHEDULES, "schedule", slug="unknown-schedule")
+    cases = SystemCases(seed, protocol, radius, obstacle_radius, STUDY)
+    make = original if schedule == "original" else guarded
+    return SystemStudy(cases, make(robot_radius=radius))
