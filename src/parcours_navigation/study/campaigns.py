@@ -132,7 +132,7 @@ def load_results(folder: Path) -> Results:
         lists = {name: tuple(cast("list[float]", setting.pop(name))) for name in ("start", "goal")}
         scenario = Scenario(limits=limits, **lists, **setting)  # type: ignore[arg-type]
         radii = [float(cast(float, given[name])) for name in ("robot_radius", "obstacle_radius")]
-        cases = SystemCases(campaign.seed, cast(Protocol, given["protocol"]), *radii)
+        cases = SystemCases(campaign.seed, cast(Protocol, given["protocol"]), radii[0], radii[1])
         source = str(given["planner_source"])
     except (KeyError, TypeError, ValueError, BadRequest) as error:
         rule = f"the manifest must hold the study's parameters, but: {error}"

@@ -70,7 +70,7 @@ def load_campaign(folder: Path) -> SystemResults:
             **{k: Duration(**v) if isinstance(v, dict) else v for k, v in given["latencies"].items()}  # type: ignore[arg-type]
         )
         radii = [float(cast(float, given[name])) for name in ("robot_radius", "obstacle_radius")]
-        cases = SystemCases(campaign.seed, cast(Protocol, given["protocol"]), *radii, STUDY)
+        cases = SystemCases(campaign.seed, cast(Protocol, given["protocol"]), radii[0], radii[1], STUDY)
         study = SystemStudy(
             cases, Parameters(**given["planner"]), latencies,  # type: ignore[arg-type]
             float(cast(float, given["time_limit"])), float(cast(float, given["watched_on"])),
