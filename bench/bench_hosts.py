@@ -58,7 +58,7 @@ def durations(execute: Execute, repeats: int) -> dict[str, list[int]]:
 
 def components(repeats: int) -> None:
     with started(component_nodes(), "processes") as hosted:
-        nodes = hosted.fabric, hosted.codec
+        nodes = hosted.transport, hosted.codec
         executes = {"here": here(WallClock), "strict": on(*nodes), "concurrent": on(*nodes, strict=False)}
         results = {name: durations(execute, repeats) for name, execute in executes.items()}
     print(f"{'interaction':<12}{'':<12}{'p50':>8} {'p95':>8} {'p99':>8} {'max':>8}  [ms]  p50, times here")
@@ -84,7 +84,7 @@ def relayed(trace: Trace) -> list[int]:
 def system(seconds: float) -> None:
     study = replace(system_study("guarded", seed=1), time_limit=seconds)
     with started(system_nodes(), "processes") as hosted:
-        nodes = hosted.fabric, hosted.codec
+        nodes = hosted.transport, hosted.codec
         run_live(replace(study, time_limit=1.0), 0, *nodes)
         for what, listener in (("not recorded", None), ("recorded", lambda event: None)):
             trace = run_live(study, 0, *nodes, listener=listener).trace

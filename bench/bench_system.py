@@ -31,7 +31,7 @@ from parcours.kernels import is_warm
 from parcours_navigation.cases.family import PUBLISHED_CASES, WATCHED_ON
 from parcours_navigation.facts import NEVER
 from parcours_ramp.planner.messages import SAMPLE
-from parcours_ramp.system.facts import TRANSITIONS
+from parcours_ramp.system.ramp_facts import TRANSITIONS
 from parcours_ramp.system.study import SCHEDULES, SystemStudy, system_study
 
 DEFAULT = str(next(option.default for option in command.params if option.name == "schedule"))

@@ -1,4 +1,4 @@
-"""What the tests on real ROS 1 share: the package with RAMP's messages, a master, and toys' fabrics."""
+"""What the tests on real ROS 1 share: the package with RAMP's messages, a master, and toys' transports."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ import pytest
 from tests_ros1 import ros1_toys as toys
 
 import parcours_ramp
-from parcours.model.reading import read_model
-from parcours.run.hosts.ros1.fabric import Ros1Fabric
+from parcours.model.model_file import read_model
 from parcours.run.hosts.ros1.interfaces import interfaces, write_package
 from parcours.run.hosts.ros1.master import Master
+from parcours.run.hosts.ros1.transport import Ros1Transport
 from parcours_ramp.planner.wire import FORMS
 
 
@@ -37,19 +37,19 @@ def package(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def master() -> Iterator[str]:
-    """The address of a master for all tests of a module: most of the time of a fabric goes into starting one."""
+    """The address of a master for all tests of a module: most of the time of a transport goes into starting one."""
     with Master() as started:
         yield started.uri
 
 
 @pytest.fixture
-def start(master: str) -> Iterator[Callable[..., Ros1Fabric]]:
-    """Starts fabrics of toys, as `ros1_toys.fabric_of` does, and closes them however a test ends."""
+def start(master: str) -> Iterator[Callable[..., Ros1Transport]]:
+    """Starts transports of toys, as `ros1_toys.transport_of` does, and closes them however a test ends."""
     with ExitStack() as started:
 
-        def begin(*arguments: Any, **options: Any) -> Ros1Fabric:
-            fabric = toys.fabric_of(*arguments, **options, master=master)
-            started.callback(fabric.close)
-            return fabric
+        def begin(*arguments: Any, **options: Any) -> Ros1Transport:
+            transport = toys.transport_of(*arguments, **options, master=master)
+            started.callback(transport.close)
+            return transport
 
         yield begin

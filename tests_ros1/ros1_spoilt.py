@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from typing import Any
 
-from parcours.run.hosts.ros1.packing import Ros1Resident
+from parcours.run.hosts.ros1.packing import Ros1NodeProgram
 from parcours.run.port import Component, Step
-from parcours_ramp.components.resident import ComponentResident
+from parcours_ramp.components.node_program import ComponentNodeProgram
 from parcours_ramp.components.ros1 import CODEC
 from parcours_ramp.planner.messages import (
     PATH,
@@ -71,9 +71,9 @@ class _Spoilt:
 
 
 class _SpoiltControl:
-    """A resident of a Control that always reports the same pose, and shows another trajectory than it was sent."""
+    """A node_program of a Control that always reports the same pose, and shows another trajectory than it was sent."""
 
-    def __init__(self, sound: ComponentResident) -> None:
+    def __init__(self, sound: ComponentNodeProgram) -> None:
         self._sound = sound
         self.instance, self.encode, self.decode = sound.instance, sound.encode, sound.decode
 
@@ -88,7 +88,7 @@ class _SpoiltControl:
         return shown  # type: ignore[no-any-return]
 
 
-class _SpoiltResident(ComponentResident):
+class _SpoiltNodeProgram(ComponentNodeProgram):
     def __init__(self, component: str, change: Change) -> None:
         super().__init__(component)
         self._change = change
@@ -98,17 +98,17 @@ class _SpoiltResident(ComponentResident):
         return _Spoilt(super().instance(case), self._change)
 
 
-def deviating(component: str) -> Ros1Resident:
-    """Return a resident of one of RAMP's components: TrajectoryGenerator is silent, PathModification breaks."""
+def deviating(component: str) -> Ros1NodeProgram:
+    """Return a node_program of one of RAMP's components: TrajectoryGenerator is silent, PathModification breaks."""
     faults: dict[str, Change] = {"TrajectoryGenerator": _silent, "PathModification": _breaking}
     sound = component not in faults
-    resident = ComponentResident(component) if sound else _SpoiltResident(component, faults[component])
-    return Ros1Resident(resident, CODEC)
+    node_program = ComponentNodeProgram(component) if sound else _SpoiltNodeProgram(component, faults[component])
+    return Ros1NodeProgram(node_program, CODEC)
 
 
-def lying(component: str) -> Ros1Resident:
-    """Return a resident of one of RAMP's components; most tell what Table VIII does not expect."""
+def lying(component: str) -> Ros1NodeProgram:
+    """Return a node_program of one of RAMP's components; most tell what Table VIII does not expect."""
     if component == "Control":
-        return Ros1Resident(_SpoiltControl(ComponentResident(component)), CODEC)
+        return Ros1NodeProgram(_SpoiltControl(ComponentNodeProgram(component)), CODEC)
     sound = component in ("Planner", "Sensing")
-    return Ros1Resident(ComponentResident(component) if sound else _SpoiltResident(component, _lying), CODEC)
+    return Ros1NodeProgram(ComponentNodeProgram(component) if sound else _SpoiltNodeProgram(component, _lying), CODEC)

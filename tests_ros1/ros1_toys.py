@@ -1,4 +1,4 @@
-"""Toy components as residents of ROS 1 nodes: the battery's, and a client that asks a service; and their fabrics."""
+"""Toy components as programs of ROS 1 nodes: the battery's, and a client that asks a service; their transports."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ import numpy as np
 
 from parcours.model.structure import Cefsm, Channel
 from parcours.run.hosts.battery import Counting, Sink, Source, Taken
-from parcours.run.hosts.resident import Plain, nodes_of
-from parcours.run.hosts.ros1.fabric import Ros1Fabric
+from parcours.run.hosts.node_program import Plain, nodes_of
 from parcours.run.hosts.ros1.interfaces import interfaces
-from parcours.run.hosts.ros1.packing import Ros1Codec, Ros1Resident
+from parcours.run.hosts.ros1.packing import Ros1Codec, Ros1NodeProgram
+from parcours.run.hosts.ros1.transport import Ros1Transport
 from parcours.run.port import Link, Step
 
 
@@ -101,25 +101,25 @@ _MAKERS: dict[str, Any] = {
 }
 
 
-def resident(component: str) -> Ros1Resident:
-    """Return the resident of a toy."""
-    return Ros1Resident(Plain(component, _MAKERS), CODEC)
+def node_program(component: str) -> Ros1NodeProgram:
+    """Return the node program of a toy."""
+    return Ros1NodeProgram(Plain(component, _MAKERS), CODEC)
 
 
-def many(component: str) -> Ros1Resident:
-    """Return the resident of a toy; a Source sends 2000 numbers, 2000 a second, a Client's questions are of 10 MB."""
-    return Ros1Resident(Plain({"Source": "Many", "Client": "Loud"}.get(component, component), _MAKERS), CODEC)
+def many(component: str) -> Ros1NodeProgram:
+    """Return the program of a toy; a Source sends 2000 numbers, 2000 a second, a Client's questions are of 10 MB."""
+    return Ros1NodeProgram(Plain({"Source": "Many", "Client": "Loud"}.get(component, component), _MAKERS), CODEC)
 
 
-def fabric_of(
+def transport_of(
     some: Sequence[Link],
     names: Sequence[str],
     *,
     model: Cefsm | None = None,
-    kind: str = "resident",
+    kind: str = "node_program",
     master: str | None = None,
-) -> Ros1Fabric:
-    """Return the fabric of toys; links that the model does not have are topics of their own names."""
+) -> Ros1Transport:
+    """Return the transport of toys; links that the model does not have are topics of their own names."""
     channels = interfaces(model or Cefsm("none", (), ()), also=some)
     nodes = nodes_of(some, names, f"tests_ros1.ros1_toys:{kind}")
-    return Ros1Fabric(nodes, channels, CODEC, ["tests_ros1.ros1_toys"], master=master, package="toys")
+    return Ros1Transport(nodes, channels, CODEC, ["tests_ros1.ros1_toys"], master=master, package="toys")

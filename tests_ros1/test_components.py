@@ -7,12 +7,12 @@ from contextlib import closing
 
 import pytest
 
-from parcours.run.gated import Execution, enforce
-from parcours.run.hosts.driven import DrivenInstances
-from parcours.run.hosts.resident import nodes_of
-from parcours.run.hosts.ros1.fabric import Ros1Fabric
+from parcours.run.enforcement import Execution, enforce
+from parcours.run.hosts.live_enforcement import DrivenInstances
+from parcours.run.hosts.node_program import nodes_of
 from parcours.run.hosts.ros1.graph import ask
 from parcours.run.hosts.ros1.interfaces import interfaces
+from parcours.run.hosts.ros1.transport import Ros1Transport
 from parcours.run.hosts.scheduling import real_time
 from parcours.run.port import links
 from parcours.suite import Case
@@ -22,24 +22,24 @@ from parcours_ramp.components.study import component_plan, component_study, run_
 from parcours_ramp.components.tester import ComponentTester
 from parcours_ramp.planner.wire import encode
 
-_RESIDENT = "parcours_ramp.components.ros1:resident"
+_RESIDENT = "parcours_ramp.components.ros1:node_program"
 _PRELOAD = ["parcours_ramp.components.ros1", "parcours_ramp.components.warm"]
 
 
 @pytest.fixture(scope="module")
-def fabric() -> Iterator[Ros1Fabric]:
+def transport() -> Iterator[Ros1Transport]:
     model = component_model()
     nodes = nodes_of(links(model), [one.name for one in model.components], _RESIDENT)
-    started = Ros1Fabric(nodes, interfaces(model), CODEC, _PRELOAD)
+    started = Ros1Transport(nodes, interfaces(model), CODEC, _PRELOAD)
     with closing(started), real_time():
         yield started
 
 
 @pytest.mark.parametrize("strict", [True, False], ids=["in their order", "as free as they may"])
-def test_all_component_cases_keep_their_order_and_pass(fabric: Ros1Fabric, strict: bool) -> None:
+def test_all_component_cases_keep_their_order_and_pass(transport: Ros1Transport, strict: bool) -> None:
     def execute(case: Case) -> Execution:
         tester = ComponentTester(case)
-        instances = DrivenInstances(fabric, CODEC, tester)
+        instances = DrivenInstances(transport, CODEC, tester)
         return enforce(component_study().events(case), instances, tester.supply, case=case.id, strict=strict)
 
     done = [run_functional(case, execute) for case in component_plan(0, 1).cases(0, 67)]
@@ -47,7 +47,7 @@ def test_all_component_cases_keep_their_order_and_pass(fabric: Ros1Fabric, stric
     assert [(one.case.id, one.judgement) for one in done if not one.judgement.passed] == []
     assert all(one.execution.completed for one in done)
     assert {one.execution.trace.host for one in done} == {"ros1, gated"}
-    assert not fabric.refusals
+    assert not transport.refusals
     sent = {event.channel: event for one in done for event in one.execution.trace.events if event.kind == "send"}
     for event in sent.values():
         again = CODEC.decode(event.channel, CODEC.encode(event.channel, event.payload))
@@ -55,9 +55,9 @@ def test_all_component_cases_keep_their_order_and_pass(fabric: Ros1Fabric, stric
     assert set(sent) >= {channel.name for channel in component_model().channels}
 
 
-def test_topics_and_services_on_the_graph_are_those_of_table_i(fabric: Ros1Fabric) -> None:
-    types = dict(ask(fabric.master, "getTopicTypes", "/test"))
-    publishers, subscribers, services = (dict(part) for part in ask(fabric.master, "getSystemState", "/test"))
+def test_topics_and_services_on_the_graph_are_those_of_table_i(transport: Ros1Transport) -> None:
+    types = dict(ask(transport.master, "getTopicTypes", "/test"))
+    publishers, subscribers, services = (dict(part) for part in ask(transport.master, "getSystemState", "/test"))
     of_the_paper = {
         "/odometry": ("parcours_ramp/Odometry", "/Sensing"),
         "/obstacles": ("parcours_ramp/ObstacleList", "/Planner"),

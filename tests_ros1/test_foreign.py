@@ -16,7 +16,7 @@ from tests_ros1.conftest import patient
 
 from parcours.run.binding import read_binding
 from parcours.run.hosts.ros1.foreign import ForeignHost
-from parcours.run.hosts.ros1.foreign_ends import Kind
+from parcours.run.hosts.ros1.foreign_endpoints import Kind
 from parcours.run.hosts.ros1.foreign_graph import Middle
 from parcours.run.hosts.ros1.foreign_session import Session
 from parcours.run.hosts.ros1.graph import Slave, ask
@@ -93,7 +93,7 @@ def test_what_cannot_be_kept_in_order_has_no_verdict(
         while reference in self._frozen and not self._failed and time.monotonic() < until:
             self._session.poll(self._session.now() + 5_000_000)
 
-    monkeypatch.setattr(Session, "hold", lambda self, seat: False)  # as if its process were somebody else's
+    monkeypatch.setattr(Session, "hold", lambda self, slot: False)  # as if its process were somebody else's
     monkeypatch.setattr(AbstractDrive, "_give", give_and_wait)  # and faster than we are
     judgement = _one(nodes / "binding.yaml", tmp_path, SIDE_BY_SIDE).judged.judgement
     assert judgement.verdict is Verdict.INCONCLUSIVE

@@ -13,7 +13,7 @@ from tests_ros1.conftest import patient
 
 from parcours.errors import HostFailure
 from parcours.run.binding import read_binding
-from parcours.run.binding.seats import whole
+from parcours.run.binding.slots import whole
 from parcours.run.hosts.ros1.foreign import ForeignHost
 from parcours.run.hosts.ros1.foreign_nodes import NodeProcess
 from parcours.run.hosts.ros1.foreign_session import Session

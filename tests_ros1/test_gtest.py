@@ -18,14 +18,14 @@ from xml.etree import ElementTree
 import pytest
 
 import parcours.suite.exporting
-from parcours.run.gated import Execution, enforce
-from parcours.run.hosts.driven import DrivenInstances
-from parcours.run.hosts.resident import nodes_of
-from parcours.run.hosts.ros1.fabric import Ros1Fabric
+from parcours.run.enforcement import Execution, enforce
+from parcours.run.hosts.live_enforcement import DrivenInstances
+from parcours.run.hosts.node_program import nodes_of
 from parcours.run.hosts.ros1.graph import ask
 from parcours.run.hosts.ros1.interfaces import interfaces
 from parcours.run.hosts.ros1.master import Master
 from parcours.run.hosts.ros1.messages import load
+from parcours.run.hosts.ros1.transport import Ros1Transport
 from parcours.run.noise import Noise
 from parcours.run.port import links
 from parcours.suite import Case, write_suite
@@ -37,7 +37,7 @@ from parcours_ramp.components.ros1 import CODEC
 from parcours_ramp.components.study import component_plan, component_study, run_functional
 from parcours_ramp.components.tester import ComponentTester
 from parcours_ramp.gtest_export import Repeats, export_gtest, gtest_channels, timing_limits
-from parcours_ramp.standing_nodes import RESIDENT
+from parcours_ramp.persistent_nodes import RESIDENT
 
 CASES = list(component_plan(0, 1).cases(0, 67))
 TIMED = ":".join(f"Timing.ITP{itp}_*_0_0_0_row0" for itp in (1, 2, 3)) + ":Timing.ITP6_*_0_0_0_0_0_0_0_row0"
@@ -123,22 +123,22 @@ def living(session: int) -> list[str]:
     return found
 
 
-def verdicts_here(resident: str) -> dict[str, tuple[str, str]]:
-    """Return the verdicts of our own tester on nodes of that resident, by case."""
+def verdicts_here(node_program: str) -> dict[str, tuple[str, str]]:
+    """Return the verdicts of our own tester on nodes of that node_program, by case."""
     model = component_model()
-    nodes = nodes_of(links(model), [one.name for one in model.components], resident)
-    fabric = Ros1Fabric(nodes, interfaces(model), CODEC, ["parcours_ramp.components.warm"])
+    nodes = nodes_of(links(model), [one.name for one in model.components], node_program)
+    transport = Ros1Transport(nodes, interfaces(model), CODEC, ["parcours_ramp.components.warm"])
 
     def execute(case: Case) -> Execution:
         tester = ComponentTester(case)
         return enforce(
-            component_study().events(case), DrivenInstances(fabric, CODEC, tester), tester.supply, case=case.id
+            component_study().events(case), DrivenInstances(transport, CODEC, tester), tester.supply, case=case.id
         )
 
     try:
         judged = {case.id: run_functional(case, execute).judgement for case in CASES}
     finally:
-        fabric.close()
+        transport.close()
     return {id: (str(one.verdict), one.why) for id, one in judged.items()}
 
 
@@ -169,7 +169,7 @@ def of_interactions(verdicts: dict[str, tuple[str, str]]) -> dict[str, set[str]]
 
 def test_deviations_are_found_at_the_same_events_in_the_same_words(folder: Path) -> None:
     spoilt = "tests_ros1.ros1_spoilt:deviating"
-    with standing(folder, "--resident", spoilt) as environment:
+    with standing(folder, "--program", spoilt) as environment:
         there = run(folder, environment, "Functional.*")
     here = verdicts_here(spoilt)
     assert {id.split()[1]: told.verdict for id, told in there.items()} == {id: one for id, (one, _) in here.items()}
@@ -184,7 +184,7 @@ def test_deviations_are_found_at_the_same_events_in_the_same_words(folder: Path)
 
 def test_what_is_not_as_table_viii_expects_fails_as_it_does_here(folder: Path) -> None:
     spoilt = "tests_ros1.ros1_spoilt:lying"
-    with standing(folder, "--resident", spoilt) as environment:
+    with standing(folder, "--program", spoilt) as environment:
         there = run(folder, environment, "Functional.*")
     here = verdicts_here(spoilt)
     assert {id.split()[1]: told.verdict for id, told in there.items()} == {id: one for id, (one, _) in here.items()}

@@ -10,7 +10,7 @@ from contextlib import ExitStack
 import pytest
 
 from parcours.errors import HostFailure
-from parcours.run.hosts.ros1.ends import Kind
+from parcours.run.hosts.ros1.endpoints import Kind
 from parcours.run.hosts.ros1.graph import ask
 from parcours.run.hosts.ros1.participant import Participant
 

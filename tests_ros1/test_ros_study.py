@@ -15,7 +15,7 @@ from parcours.study.copying import from_template, templates, write_new
 from parcours.study.finding import find
 from parcours.study.parameters import settings_of
 from parcours.study.protocol import Study
-from parcours_navigation.foreign.apart import Order, run_apart
+from parcours_navigation.foreign.isolation import Order, run_apart
 
 EXAMPLE = Path(__file__).parents[1] / "examples" / "ros1_python"
 

@@ -14,8 +14,8 @@ import pytest
 from tests_ros1 import ros1_toys as toys
 
 from parcours.run.hosts.realtime import RealTimeHost
-from parcours.run.hosts.ros1.fabric import Ros1Fabric
 from parcours.run.hosts.ros1.graph import ask
+from parcours.run.hosts.ros1.transport import Ros1Transport
 from parcours.run.port import ENVIRONMENT, Link, LinkKind, links
 
 PIPE = (Link("numbers", "Source", "Sink", 1, LinkKind.SERVICE), Link("seen", "Sink", ENVIRONMENT, 1000))
@@ -60,9 +60,9 @@ except rospy.ServiceException as error:
 """
 
 
-def _rospy(fabric: Ros1Fabric, script: str) -> subprocess.Popen[str]:
-    """Start a stranger that finds the fabric's master in its environment."""
-    return subprocess.Popen([sys.executable, "-c", _HEAD + script, str(fabric.folder)], stdin=subprocess.PIPE,
+def _rospy(transport: Ros1Transport, script: str) -> subprocess.Popen[str]:
+    """Start a stranger that finds the transport's master in its environment."""
+    return subprocess.Popen([sys.executable, "-c", _HEAD + script, str(transport.folder)], stdin=subprocess.PIPE,
                             stdout=subprocess.PIPE, text=True)  # fmt: skip
 
 
@@ -79,68 +79,68 @@ def _soon(holds: Callable[[], object], within: float = 10.0) -> bool:
 
 
 @pytest.fixture(scope="module")
-def running(master: str) -> Iterator[Ros1Fabric]:
-    started = toys.fabric_of(PIPE, ["Source", "Sink"], master=master)
+def running(master: str) -> Iterator[Ros1Transport]:
+    started = toys.transport_of(PIPE, ["Source", "Sink"], master=master)
     yield started
     started.close()
 
 
 @pytest.fixture
-def fabric(running: Ros1Fabric) -> Ros1Fabric:
+def transport(running: Ros1Transport) -> Ros1Transport:
     running.refusals.clear()
     return running
 
 
-def _run(fabric: Ros1Fabric) -> list[object]:
-    host = RealTimeHost(fabric, PIPE, toys.CODEC)
+def _run(transport: Ros1Transport) -> list[object]:
+    host = RealTimeHost(transport, PIPE, toys.CODEC)
     host.run(_LIMIT)
     host.rest()
     return [e.payload for e in host.trace().events if e.kind == "send" and e.channel == "seen"]
 
 
-def test_rospy_hears_what_passes_on_a_model_s_topic(fabric: Ros1Fabric) -> None:
-    with _rospy(fabric, _LISTENER) as stranger:
+def test_rospy_hears_what_passes_on_a_model_s_topic(transport: Ros1Transport) -> None:
+    with _rospy(transport, _LISTENER) as stranger:
         assert _said(stranger) == "ready"
-        tester = ask(fabric.master, "lookupNode", "/test", "/parcours")
+        tester = ask(transport.master, "lookupNode", "/test", "/parcours")
         assert _soon(lambda: "/stranger" in str(ask(tester, "getBusInfo", "/test"))), "it is connected"
-        assert _run(fabric) == list(range(40))
+        assert _run(transport) == list(range(40))
         assert stranger.stdin is not None
         stranger.stdin.write("\n")
         stranger.stdin.flush()
         assert _said(stranger) == str(list(range(40)))
-    assert not fabric.refusals
+    assert not transport.refusals
 
 
-def test_publishers_that_do_not_belong_there_are_not_heard_and_named(fabric: Ros1Fabric) -> None:
-    with _rospy(fabric, _INTRUDER) as stranger:
+def test_publishers_that_do_not_belong_there_are_not_heard_and_named(transport: Ros1Transport) -> None:
+    with _rospy(transport, _INTRUDER) as stranger:
         assert _said(stranger) == "ready"
-        assert _soon(lambda: len(fabric.refusals) == 2)
-        wrong, foreign = sorted(fabric.refusals, key=lambda text: "belongs" in text)
+        assert _soon(lambda: len(transport.refusals) == 2)
+        wrong, foreign = sorted(transport.refusals, key=lambda text: "belongs" in text)
         assert "/parcours/out/seen: its publisher at http://127.0.0.1:" in wrong and "types do not match" in wrong
         assert foreign.startswith("/parcours/out/numbers: /stranger publishes toys/Numbers (md5 ")
         assert foreign.endswith(") there, but it belongs to /Source; it is not heard")
-        assert _run(fabric) == list(range(40))
+        assert _run(transport) == list(range(40))
         stranger.communicate("\n", timeout=20.0)
 
 
 def test_a_stranger_s_call_is_declined_with_the_reason() -> None:
-    fabric = toys.fabric_of(links(toys.MODEL), ["Client", "Counting"], model=toys.MODEL)
-    with _rospy(fabric, _CALLER) as stranger:
+    transport = toys.transport_of(links(toys.MODEL), ["Client", "Counting"], model=toys.MODEL)
+    with _rospy(transport, _CALLER) as stranger:
         assert "serves /Client only, but /stranger calls it" in _said(stranger)
-    assert [text for text in fabric.refusals if "/parcours/out/counting: serves /Client only" in text]
-    fabric.close()
+    assert [text for text in transport.refusals if "/parcours/out/counting: serves /Client only" in text]
+    transport.close()
 
 
-def test_what_is_no_ros_is_told_and_harms_nobody(fabric: Ros1Fabric) -> None:
-    tester = ask(fabric.master, "lookupNode", "/test", "/parcours")
+def test_what_is_no_ros_is_told_and_harms_nobody(transport: Ros1Transport) -> None:
+    tester = ask(transport.master, "lookupNode", "/test", "/parcours")
     _, host, port = ask(tester, "requestTopic", "/test", "/numbers", [["TCPROS"]])
     assert (host, urlsplit(tester).hostname) == ("127.0.0.1", "127.0.0.1"), "it listens on loopback"
     for said in (b"GET / HTTP/1.1\r\n\r\n", b"\xff" * 64, b"\x08\0\0\0\x04\0\0\0what", b""):
-        fabric.refusals.clear()
+        transport.refusals.clear()
         with socket.create_connection((host, port)) as connection:
             connection.sendall(said)
             with contextlib.suppress(OSError):  # it may have hung up already
                 connection.shutdown(socket.SHUT_WR)
-            assert _soon(lambda: fabric.refusals)
-        assert "ROS 1 connection: begins with a header, but: " in fabric.refusals[0]
-    assert _run(fabric) == list(range(40))
+            assert _soon(lambda: transport.refusals)
+        assert "ROS 1 connection: begins with a header, but: " in transport.refusals[0]
+    assert _run(transport) == list(range(40))

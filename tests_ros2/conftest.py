@@ -8,26 +8,26 @@ from pathlib import Path
 
 import pytest
 
-from parcours.run.hosts.resident import nodes_of
-from parcours.run.hosts.ros2.fabric import Ros2Fabric
+from parcours.run.hosts.node_program import nodes_of
 from parcours.run.hosts.ros2.names import topics_of
+from parcours.run.hosts.ros2.transport import Ros2Transport
 from parcours.run.hosts.scheduling import real_time
 from parcours.run.port import links
 from parcours_ramp.components.model import component_model
 
-RESIDENT = "parcours_ramp.components.resident"
+RESIDENT = "parcours_ramp.components.node_program"
 
 
 @pytest.fixture(scope="session")
-def ramp() -> Iterator[Ros2Fabric]:
+def ramp() -> Iterator[Ros2Transport]:
     """RAMP's components as nodes, for component cases."""
     model = component_model()
     names = [component.name for component in model.components]
-    nodes = nodes_of(links(model), names, f"{RESIDENT}:ComponentResident")
+    nodes = nodes_of(links(model), names, f"{RESIDENT}:ComponentNodeProgram")
     with real_time():
-        fabric = Ros2Fabric(nodes, topics_of(model), [RESIDENT, "parcours_ramp.components.warm"])
-        yield fabric
-        fabric.close()
+        transport = Ros2Transport(nodes, topics_of(model), [RESIDENT, "parcours_ramp.components.warm"])
+        yield transport
+        transport.close()
 
 
 def lives(pid: int) -> bool:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from parcours.run.hosts.battery import Taken
-from parcours.run.hosts.resident import Plain
+from parcours.run.hosts.node_program import Plain
 from parcours.run.hosts.ros2.names import Topic
 from parcours.run.port import ENVIRONMENT, Link, LinkKind, Step
 
@@ -52,6 +52,6 @@ class Oracle(Asker):
             yield Taken("o1", tuple(("answer", one) for one in answers))
 
 
-def resident(component: str) -> Plain:
-    """Return the resident of a toy."""
+def node_program(component: str) -> Plain:
+    """Return the node program of a toy."""
     return Plain(component, {"Asker": Asker, "Oracle": Oracle})

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from parcours.run.hosts.ros2.fabric import Ros2Fabric
+from parcours.run.hosts.ros2.transport import Ros2Transport
 from parcours.run.hosts.scheduling import real_time
 from parcours.run.trace import transitions
 from parcours.suite import Case
@@ -19,7 +19,7 @@ def name(case: Case) -> str:
 
 
 @pytest.mark.parametrize("case", CASES, ids=name)
-def test_a_case_keeps_its_order_and_is_judged_as_in_simulated_time(ramp: Ros2Fabric, case: Case) -> None:
+def test_a_case_keeps_its_order_and_is_judged_as_in_simulated_time(ramp: Ros2Transport, case: Case) -> None:
     with real_time():
         real = run_functional(case, on(ramp))
     simulated = run_functional(case)
@@ -30,7 +30,9 @@ def test_a_case_keeps_its_order_and_is_judged_as_in_simulated_time(ramp: Ros2Fab
 
 
 @pytest.mark.parametrize("case", CASES, ids=name)
-def test_it_keeps_the_order_that_it_demands_when_its_nodes_run_at_the_same_time(ramp: Ros2Fabric, case: Case) -> None:
+def test_it_keeps_the_order_that_it_demands_when_its_nodes_run_at_the_same_time(
+    ramp: Ros2Transport, case: Case
+) -> None:
     with real_time():
         real = run_functional(case, on(ramp, strict=False))
     assert real.judgement.verdict is Verdict.PASS, real.judgement

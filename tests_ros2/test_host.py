@@ -17,17 +17,17 @@ from tests_ros2.conftest import lives, soon
 from parcours.errors import BadRequest, HostFailure
 from parcours.run.hosts.battery import DUTIES, Counting, Host, Sink, Source
 from parcours.run.hosts.frames import Deliver, Died, Idle, Ready, Received, Report, Rest, Run, Took, Wire
+from parcours.run.hosts.node_program import Plain, nodes_of
 from parcours.run.hosts.realtime import RealTimeHost
-from parcours.run.hosts.resident import Plain, nodes_of
-from parcours.run.hosts.ros2.fabric import Ros2Fabric
 from parcours.run.hosts.ros2.names import Topic
 from parcours.run.hosts.ros2.participant import Participant
+from parcours.run.hosts.ros2.transport import Ros2Transport
 from parcours.run.hosts.scheduling import real_time
-from parcours.run.hosts.seats import Answer
+from parcours.run.hosts.slots import Answer
 from parcours.run.port import ENVIRONMENT, Component, Link
 
 DESK = (Link("ask", ENVIRONMENT, "Counting", 1000), Link("answer", "Counting", ENVIRONMENT, 1000))
-TOYS = "parcours.run.hosts.toys:resident"
+TOYS = "parcours.run.hosts.reference_components:node_program"
 
 
 def toys(component: str) -> Plain:
@@ -36,19 +36,19 @@ def toys(component: str) -> Plain:
 
 def toy_host(components: Sequence[Component], links: Sequence[Link], tester: Answer) -> Host:
     names = [part.name for part in components]
-    return RealTimeHost(Ros2Fabric(nodes_of(links, names, TOYS)), links, toys(""), environment=tester)
+    return RealTimeHost(Ros2Transport(nodes_of(links, names, TOYS)), links, toys(""), environment=tester)
 
 
-def desk(topics: dict[str, Topic] | None = None) -> Ros2Fabric:
-    return Ros2Fabric(nodes_of(DESK, ["Counting"], TOYS), topics)
+def desk(topics: dict[str, Topic] | None = None) -> Ros2Transport:
+    return Ros2Transport(nodes_of(DESK, ["Counting"], TOYS), topics)
 
 
-def heard(fabric: Ros2Fabric, last: type | Report, within: float = 10.0) -> list[Report]:
+def heard(transport: Ros2Transport, last: type | Report, within: float = 10.0) -> list[Report]:
     """Return what the one node says, up to that report, or the first of that kind."""
     said: list[Report] = []
     until = time.perf_counter_ns() + int(within * 1e9)
     while time.perf_counter_ns() < until:
-        for _, report in fabric.poll(until):
+        for _, report in transport.poll(until):
             said.append(report)
             if isinstance(report, last) if isinstance(last, type) else report == last:
                 return said
@@ -61,44 +61,44 @@ def test_it_does_what_every_host_owes(duty: Callable[..., None]) -> None:
 
 
 def test_a_killed_node_is_noticed_after_its_last_words() -> None:
-    fabric = desk()
-    fabric.command("Counting", Run(b"", time.perf_counter_ns()))
-    heard(fabric, Idle)
-    fabric.deliver("ask", 0, toys("").encode("ask", "a"))
-    fabric.poll(time.perf_counter_ns() + 100_000)
-    fabric.signal("Counting", signal.SIGSTOP)
-    fabric.signal("Counting", signal.SIGKILL)
-    *_, died = heard(fabric, Died)
-    fabric.close()
+    transport = desk()
+    transport.command("Counting", Run(b"", time.perf_counter_ns()))
+    heard(transport, Idle)
+    transport.deliver("ask", 0, toys("").encode("ask", "a"))
+    transport.poll(time.perf_counter_ns() + 100_000)
+    transport.signal("Counting", signal.SIGSTOP)
+    transport.signal("Counting", signal.SIGKILL)
+    *_, died = heard(transport, Died)
+    transport.close()
     assert isinstance(died, Died) and died.status == -signal.SIGKILL
 
 
 def test_what_a_node_has_said_before_it_ended_is_heard() -> None:
     with real_time():
-        fabric = desk()
-        fabric.command("Counting", Run(b"", time.perf_counter_ns()))
-        heard(fabric, Idle)
-        fabric.deliver("ask", 7, toys("").encode("ask", "a"))
-        fabric.poll(time.perf_counter_ns())
+        transport = desk()
+        transport.command("Counting", Run(b"", time.perf_counter_ns()))
+        heard(transport, Idle)
+        transport.deliver("ask", 7, toys("").encode("ask", "a"))
+        transport.poll(time.perf_counter_ns())
         time.sleep(1.0)  # it answers, and the tester does not listen yet
-        fabric.signal("Counting", signal.SIGKILL)
-        assert soon(lambda: not lives(fabric.pids["Counting"]))
-        said = heard(fabric, Died)
-        fabric.close()
+        transport.signal("Counting", signal.SIGKILL)
+        assert soon(lambda: not lives(transport.pids["Counting"]))
+        said = heard(transport, Died)
+        transport.close()
     assert [type(one) for one in said] == [Received, Took, Idle, Died]
 
 
 def test_a_frozen_node_takes_up_afterwards_all_that_it_was_sent() -> None:
-    fabric = desk()
-    fabric.command("Counting", Run(b"", time.perf_counter_ns()))
-    heard(fabric, Idle)
-    fabric.signal("Counting", signal.SIGSTOP)
+    transport = desk()
+    transport.command("Counting", Run(b"", time.perf_counter_ns()))
+    heard(transport, Idle)
+    transport.signal("Counting", signal.SIGSTOP)
     for number in range(500):
-        fabric.deliver("ask", number, toys("").encode("ask", "x" * 1000))
-    assert not fabric.poll(time.perf_counter_ns() + 100_000_000)
-    fabric.signal("Counting", signal.SIGCONT)
-    said = heard(fabric, Idle(500))
-    fabric.close()
+        transport.deliver("ask", number, toys("").encode("ask", "x" * 1000))
+    assert not transport.poll(time.perf_counter_ns() + 100_000_000)
+    transport.signal("Counting", signal.SIGCONT)
+    said = heard(transport, Idle(500))
+    transport.close()
     assert [one.number for one in said if isinstance(one, Received)] == list(range(500))
     assert [toys("").decode("answer", one.sends[0].data) for one in said if isinstance(one, Took)] == [*range(1, 501)]
 
@@ -106,12 +106,12 @@ def test_a_frozen_node_takes_up_afterwards_all_that_it_was_sent() -> None:
 def test_no_process_no_thread_and_no_shared_memory_is_left() -> None:
     desk().close()  # libraries keep some threads from their first use on
     threads, files = _threads(), _shared_memory()
-    fabric = desk()
-    [pid] = fabric.pids.values()
+    transport = desk()
+    [pid] = transport.pids.values()
     assert _threads() > threads
-    fabric.signal("Counting", signal.SIGKILL)
-    fabric.close()
-    fabric.close()
+    transport.signal("Counting", signal.SIGKILL)
+    transport.close()
+    transport.close()
     assert not lives(pid)
     assert soon(lambda: _threads() == threads)
     assert _shared_memory() == files
@@ -145,8 +145,8 @@ def test_no_node_outlives_a_tester_that_is_killed() -> None:
 
 
 def test_several_graphs_of_one_machine_do_not_hear_each_other() -> None:
-    one = Ros2Fabric(nodes_of(DESK, ["Counting"], TOYS), domain=50)
-    other = Ros2Fabric(nodes_of(DESK, ["Counting"], TOYS), domain=51)
+    one = Ros2Transport(nodes_of(DESK, ["Counting"], TOYS), domain=50)
+    other = Ros2Transport(nodes_of(DESK, ["Counting"], TOYS), domain=51)
     one.command("Counting", Rest())
     heard(one, Ready)
     assert not other.poll(time.perf_counter_ns() + 50_000_000)
@@ -166,24 +166,24 @@ def test_two_testers_do_not_share_a_graph() -> None:
 
 def test_a_domain_that_does_not_exist_is_refused() -> None:
     with pytest.raises(HostFailure, match=r"0 to 232, but 9999.*ros2-domain"):
-        Ros2Fabric(nodes_of(DESK, ["Counting"], TOYS), domain=9999)
+        Ros2Transport(nodes_of(DESK, ["Counting"], TOYS), domain=9999)
 
 
 def test_channels_that_would_share_a_topic_are_refused() -> None:
     with pytest.raises(BadRequest, match=r"ask, answer.*ros2-topic-shared"):
         three = (*DESK, Link("more", ENVIRONMENT, "Counting"))
-        Ros2Fabric(nodes_of(three, ["Counting"], TOYS), {link.channel: Topic("/desk") for link in three})
+        Ros2Transport(nodes_of(three, ["Counting"], TOYS), {link.channel: Topic("/desk") for link in three})
 
 
-def test_a_resident_that_is_not_there_ends_the_start() -> None:
+def test_a_node_program_that_is_not_there_ends_the_start() -> None:
     began = time.monotonic()
     with pytest.raises(HostFailure, match=r"Counting.*node-start"):
-        Ros2Fabric(nodes_of(DESK, ["Counting"], "parcours.run.hosts.toys:nobody"))
+        Ros2Transport(nodes_of(DESK, ["Counting"], "parcours.run.hosts.reference_components:nobody"))
     assert time.monotonic() - began < 20
 
 
 def test_messages_travel_on_the_topics_that_the_model_names() -> None:
-    fabric = desk({"ask": Topic("/obstacles", "ObstacleList"), "answer": Topic("/update", "MotionState")})
+    transport = desk({"ask": Topic("/obstacles", "ObstacleList"), "answer": Topic("/update", "MotionState")})
     onlooker = Participant("onlooker", int(os.environ["ROS_DOMAIN_ID"]))  # as any other node sees the graph
     wanted = {"/obstacles", "/parcours/out/update", "/parcours/Counting/command", "/parcours/Counting/report"}
     seen: dict[str, list[str]] = {}
@@ -197,26 +197,26 @@ def test_messages_travel_on_the_topics_that_the_model_names() -> None:
         assert {kind for topic in wanted for kind in seen[topic]} == {"std_msgs/msg/UInt8MultiArray"}
     finally:
         onlooker.close()
-        fabric.close()
+        transport.close()
 
 
 def test_a_node_ends_at_once_even_if_a_message_that_was_announced_never_came() -> None:
-    fabric = desk()
-    fabric.command("Counting", Deliver(1, Wire("ask")))
+    transport = desk()
+    transport.command("Counting", Deliver(1, Wire("ask")))
     began = time.monotonic()
-    fabric.close()
+    transport.close()
     assert time.monotonic() - began < 1.5  # after 2 s it would be killed
 
 
 @pytest.mark.parametrize("name", ["deliver", "command"])
 def test_what_is_meant_for_nobody_goes_nowhere(name: str) -> None:
-    fabric = desk()
-    fabric.signal("Counting", signal.SIGKILL)
-    heard(fabric, Died)
+    transport = desk()
+    transport.signal("Counting", signal.SIGKILL)
+    heard(transport, Died)
     if name == "deliver":
         for channel in ("a channel that nobody knows", "ask", "answer"):
-            fabric.deliver(channel, 0, b"x")
+            transport.deliver(channel, 0, b"x")
     else:
-        fabric.command("Counting", Rest())
-    assert not fabric.poll(time.perf_counter_ns() + 20_000_000)
-    fabric.close()
+        transport.command("Counting", Rest())
+    assert not transport.poll(time.perf_counter_ns() + 20_000_000)
+    transport.close()

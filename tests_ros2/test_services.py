@@ -7,13 +7,13 @@ from collections.abc import Callable, Iterator, Sequence
 
 import pytest
 from tests_ros2.conftest import soon
-from tests_ros2.desks import LINKS, TOPICS, resident
+from tests_ros2.desks import LINKS, TOPICS, node_program
 
 from parcours.run.faults.plan import ChannelFault, ComponentFault, FaultPlan
+from parcours.run.hosts.node_program import nodes_of
 from parcours.run.hosts.realtime import RealTimeHost
-from parcours.run.hosts.resident import nodes_of
-from parcours.run.hosts.ros2.fabric import Ros2Fabric
 from parcours.run.hosts.ros2.participant import Participant
+from parcours.run.hosts.ros2.transport import Ros2Transport
 
 SECOND = 1_000_000_000
 
@@ -33,8 +33,8 @@ def desk() -> Iterator[Desk]:
     made: list[RealTimeHost] = []
 
     def make(told: Told, names: Sequence[str] = ("Asker", "Oracle"), faults: FaultPlan | None = None) -> RealTimeHost:
-        fabric = Ros2Fabric(nodes_of(LINKS, names, "tests_ros2.desks:resident"), TOPICS)
-        made.append(RealTimeHost(fabric, LINKS, resident(""), environment=told, faults=faults))
+        transport = Ros2Transport(nodes_of(LINKS, names, "tests_ros2.desks:node_program"), TOPICS)
+        made.append(RealTimeHost(transport, LINKS, node_program(""), environment=told, faults=faults))
         return made[-1]
 
     yield make
@@ -107,7 +107,7 @@ def test_a_call_that_nobody_answers_is_ended_when_the_node_rests(desk: Desk) -> 
     ended: list[bytes | None] = []
     oracle = caller.call("/oracle", ended.append)
     assert soon(lambda: oracle.is_matched)
-    oracle.ask(resident("").encode("question", "nobody answers this"))
+    oracle.ask(node_program("").encode("question", "nobody answers this"))
     caller.spin(time.perf_counter_ns() + 200_000_000)
     assert not ended
     host.reset()

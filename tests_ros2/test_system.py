@@ -7,9 +7,9 @@ from collections.abc import Iterator
 import pytest
 
 from parcours.run.faults.plan import ComponentFault, FaultPlan
-from parcours.run.hosts.resident import nodes_of
-from parcours.run.hosts.ros2.fabric import Ros2Fabric
+from parcours.run.hosts.node_program import nodes_of
 from parcours.run.hosts.ros2.names import topics_of
+from parcours.run.hosts.ros2.transport import Ros2Transport
 from parcours.run.hosts.scheduling import real_time
 from parcours.run.trace import transitions
 from parcours.verdict.judgement import Verdict
@@ -22,15 +22,17 @@ RESIDENT = "parcours_ramp.system.live"
 
 
 @pytest.fixture
-def ramp_system() -> Iterator[Ros2Fabric]:
-    nodes = nodes_of(system_links(), COMPONENTS, f"{RESIDENT}:SystemResident")
+def ramp_system() -> Iterator[Ros2Transport]:
+    nodes = nodes_of(system_links(), COMPONENTS, f"{RESIDENT}:SystemNodeProgram")
     with real_time():
-        fabric = Ros2Fabric(nodes, topics_of(component_model()), [RESIDENT], domain=43)  # the other RAMP still lives
-        yield fabric
-        fabric.close()
+        transport = Ros2Transport(
+            nodes, topics_of(component_model()), [RESIDENT], domain=43
+        )  # the other RAMP still lives
+        yield transport
+        transport.close()
 
 
-def test_cases_run_to_their_end_as_the_model_allows(ramp_system: Ros2Fabric) -> None:
+def test_cases_run_to_their_end_as_the_model_allows(ramp_system: Ros2Transport) -> None:
     for number in (1, 2):
         run = run_live(system_study("guarded"), number, ramp_system)
         assert run.conformance.verdict is Verdict.PASS, run.conformance
@@ -43,7 +45,7 @@ def test_cases_run_to_their_end_as_the_model_allows(ramp_system: Ros2Fabric) -> 
             assert transitions(run.trace, component), component
 
 
-def test_a_dead_planner_is_a_failure_wherever_the_robot_coasts_to(ramp_system: Ros2Fabric) -> None:
+def test_a_dead_planner_is_a_failure_wherever_the_robot_coasts_to(ramp_system: Ros2Transport) -> None:
     crash = FaultPlan(0, (ComponentFault("Planner", "crash", at_ns=3_000_000_000),))
     run = run_live(system_study("guarded"), 1, ramp_system, faults=crash)
     assert run.deaths == {"Planner": "killed by SIGKILL"}

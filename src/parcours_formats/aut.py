@@ -18,9 +18,9 @@ from typing import NoReturn
 from parcours.errors import BadModel, BadRequest
 from parcours.model.conversion import Loss, Reading, Writing
 from parcours.model.structure import Cefsm, Component, Machine, Receive, Send, Transition
+from parcours_formats.losses import unsaid
 from parcours_formats.naming import as_label, part_names
 from parcours_formats.symbols import Alphabet, silent, symbols_of, unsaid_of_channels
-from parcours_formats.unsaid import unsaid
 
 MAX_TRANSITIONS = 5_000_000
 """Most transitions of one file."""

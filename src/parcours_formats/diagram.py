@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from parcours.model.conversion import Loss
 from parcours.model.drawing import predicate
 from parcours.model.structure import Cefsm, Machine
-from parcours_formats.unsaid import ASPECTS, unsaid
+from parcours_formats.losses import ASPECTS, unsaid
 
 
 def states(cefsm: Cefsm, plain: Callable[[str], str]) -> Iterator[str]:

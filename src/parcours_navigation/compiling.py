@@ -17,7 +17,7 @@ def _planner(name: str) -> None:
 
 
 def _oracle() -> None:
-    from parcours_navigation.arena.witness import witness
+    from parcours_navigation.arena.solution import witness
     from parcours_navigation.cases.family import SystemCases
     from parcours_navigation.study.distribution import oracle, survived
 

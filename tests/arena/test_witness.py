@@ -11,8 +11,8 @@ from parcours.kernels import Record
 from parcours_navigation.arena.contact import least_distance
 from parcours_navigation.arena.obstacles import OBSTACLE, move
 from parcours_navigation.arena.robot import ROBOT, drive
+from parcours_navigation.arena.solution import PERIOD, Witness, witness
 from parcours_navigation.arena.solvability import SOLVABLE, solve
-from parcours_navigation.arena.witness import PERIOD, Witness, witness
 from parcours_navigation.arena.world import NEVER, TICK, WORLD, advance, begin
 from parcours_navigation.cases.family import SystemCases
 

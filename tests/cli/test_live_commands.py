@@ -17,7 +17,7 @@ import pytest
 from parcours.cli import main
 from parcours.run.recording import read_recording
 from parcours.verdict.judgement import Verdict
-from parcours_ramp.components.resident import RampCodec
+from parcours_ramp.components.node_program import RampCodec
 from parcours_ramp.components.study import component_study
 from parcours_ramp.system.live_results import rejudge
 

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from parcours.cli.model import command as model_command
 from parcours.filenames import LONGEST, file_name
-from parcours.run.binding.seats import Seat
+from parcours.run.binding.slots import Slot
 from parcours.run.binding.structure import Process
 from parcours.run.hosts.ros1 import foreign
 from parcours.study.components.archive import Archive
@@ -91,5 +91,5 @@ def test_output_of_foreign_nodes_stays_in_its_folder_and_apart(tmp_path: Path, m
     host.folder, host.running, host.environment = tmp_path, {}, {}
     host.master = cast(Any, SimpleNamespace(copy_parameters=lambda own, other: None))
     host.middle = cast(Any, SimpleNamespace(watch=lambda descriptor, look: None))
-    host.start([Seat(name, Process(name, (), ("run",))) for name in (ESCAPE, "Node#1", "Node_1")])
+    host.start([Slot(name, Process(name, (), ("run",))) for name in (ESCAPE, "Node#1", "Node_1")])
     assert len(set(logs)) == 3 and {log.parent for log in logs} == {tmp_path}

@@ -23,7 +23,7 @@ from parcours.model.expression import (
     evaluate,
     parse_expression,
 )
-from parcours.model.witness import EFFORT, Budget, Question, with_terms
+from parcours.model.solutions import EFFORT, Budget, Question, with_terms
 
 NUMBERS = [0.0, 0.5, 1.0, 1.5, 2.0]
 atoms = st.one_of(

@@ -15,10 +15,10 @@ import pytest
 
 from parcours.abtc import Emission, Event, Reception
 from parcours.errors import HostFailure
-from parcours.run.gated import Deviation, Execution, Held, enforce
-from parcours.run.hosts.driven import DrivenInstances
-from parcours.run.hosts.processes import ProcessFabric
-from parcours.run.hosts.resident import Plain, nodes_of
+from parcours.run.enforcement import Deviation, Execution, Held, enforce
+from parcours.run.hosts.live_enforcement import DrivenInstances
+from parcours.run.hosts.node_program import Plain, nodes_of
+from parcours.run.hosts.processes import ProcessTransport
 from parcours.run.port import Component, Link, Send, Step
 from parcours.run.trace import held
 
@@ -98,7 +98,7 @@ class Toy:
         pass
 
 
-class Resident(Plain):
+class NodeProgram(Plain):
     """A toy that is spoilt if the case says so."""
 
     def __init__(self, component: str) -> None:
@@ -147,13 +147,13 @@ CASE = (
 
 
 @pytest.fixture(scope="module")
-def start() -> Iterator[Callable[[], ProcessFabric]]:
+def start() -> Iterator[Callable[[], ProcessTransport]]:
     """Nodes find this module by its bare name."""
-    opened: list[ProcessFabric] = []
+    opened: list[ProcessTransport] = []
     sys.path.insert(0, str(Path(__file__).parent))
 
-    def start() -> ProcessFabric:
-        opened.append(ProcessFabric(nodes_of(LINKS, ["Asker", "Answerer"], "test_driven_deviations:Resident")))
+    def start() -> ProcessTransport:
+        opened.append(ProcessTransport(nodes_of(LINKS, ["Asker", "Answerer"], "test_driven_deviations:NodeProgram")))
         return opened[-1]
 
     yield start
@@ -163,13 +163,13 @@ def start() -> Iterator[Callable[[], ProcessFabric]]:
 
 
 @pytest.fixture(scope="module")
-def fabric(start: Callable[[], ProcessFabric]) -> ProcessFabric:
+def transport(start: Callable[[], ProcessTransport]) -> ProcessTransport:
     return start()
 
 
-def executed(fabric: ProcessFabric, how: str, *, strict: bool = True, patience: int = 5_000_000_000,
+def executed(transport: ProcessTransport, how: str, *, strict: bool = True, patience: int = 5_000_000_000,
              supply: Callable[[Event], object] = lambda event: 7) -> Execution:  # fmt: skip
-    instances = DrivenInstances(fabric, Plain("", {}), Stimuli("Answerer", how))
+    instances = DrivenInstances(transport, Plain("", {}), Stimuli("Answerer", how))
     return enforce(CASE, instances, supply, case=how, strict=strict, patience=patience)
 
 
@@ -181,8 +181,8 @@ def found(execution: Execution) -> Deviation:
 
 
 @pytest.mark.parametrize("strict", [True, False])
-def test_sound_components_complete_the_case_and_what_waits_is_held(fabric: ProcessFabric, strict: bool) -> None:
-    execution = executed(fabric, "", strict=strict)
+def test_sound_components_complete_the_case_and_what_waits_is_held(transport: ProcessTransport, strict: bool) -> None:
+    execution = executed(transport, "", strict=strict)
     assert execution.completed, execution.deviation
     taken = [(e.component, e.transition) for e in execution.trace.events if e.kind == "take"]
     assert taken == [("Asker#0", "a1"), ("Answerer#1", "b1"), ("Answerer#1", "b2"), ("Asker#0", "a2"),
@@ -214,22 +214,22 @@ PATHS: dict[int, tuple[str, ...]] = {1: (), 2: ("b1",), 4: ("b1", "b2")}
 @pytest.mark.parametrize("strict", [True, False])
 @pytest.mark.parametrize("how", DEVIATIONS)
 def test_a_deviation_names_event_expectation_path_and_held_messages(
-    fabric: ProcessFabric, how: str, strict: bool
+    transport: ProcessTransport, how: str, strict: bool
 ) -> None:
     position, expected, got = DEVIATIONS[how]
-    deviation = found(executed(fabric, how, strict=strict))
+    deviation = found(executed(transport, how, strict=strict))
     assert (deviation.event.position, deviation.expected, deviation.got) == (position, expected, got)
     assert deviation.path == PATHS[position]
     waiting = [] if position == 4 else [("more", 0)]
     sent_in_vain = [("answer", 2)] * 2 if how == "sends twice" else []
     assert [(one.channel, one.sent_by) for one in deviation.held] == waiting + sent_in_vain
-    assert executed(fabric, "").completed, "the nodes must be as good as new for the next case"
+    assert executed(transport, "").completed, "the nodes must be as good as new for the next case"
 
 
-def test_a_frozen_node_says_nothing_and_serves_the_next_case_when_it_is_let_go_on(fabric: ProcessFabric) -> None:
-    deviation = found(executed(fabric, "is frozen", patience=300_000_000))
+def test_a_frozen_node_says_nothing_and_serves_the_next_case_when_it_is_let_go_on(transport: ProcessTransport) -> None:
+    deviation = found(executed(transport, "is frozen", patience=300_000_000))
     assert (deviation.event.position, deviation.got, deviation.path) == (2, "nothing within 0.3 s", ("b1",))
-    assert executed(fabric, "").completed
+    assert executed(transport, "").completed
 
 
 ENDS = {
@@ -241,51 +241,54 @@ ENDS = {
 
 @pytest.mark.parametrize("how", ENDS)
 def test_a_node_that_is_lost_fails_its_case_and_the_next_case_says_so_at_once(
-    start: Callable[[], ProcessFabric], how: str
+    start: Callable[[], ProcessTransport], how: str
 ) -> None:
-    fabric = start()
+    transport = start()
     patience = 300_000_000 if how == "hangs" else 5_000_000_000
-    deviation = found(executed(fabric, how, patience=patience))
+    deviation = found(executed(transport, how, patience=patience))
     assert (deviation.event.position, deviation.got, deviation.path) == (1, ENDS[how], ())
     assert deviation.held == (Held(2, "more", 0),)
     begun = time.monotonic()
     with pytest.raises(HostFailure, match=r"node Answerer.*process ended"):
-        executed(fabric, "")
+        executed(transport, "")
     assert time.monotonic() - begun < 5.0
-    fabric.close()
+    transport.close()
 
 
 @pytest.mark.parametrize("strict", [True, False])
 def test_a_node_that_dies_while_it_waits_is_found_dead_not_silent(
-    start: Callable[[], ProcessFabric], strict: bool
+    start: Callable[[], ProcessTransport], strict: bool
 ) -> None:
-    fabric = start()
+    transport = start()
 
     def supply(event: Event) -> object:
-        fabric.signal("Answerer", signal.SIGKILL)
-        while Path(f"/proc/{fabric.pids['Answerer']}").exists():
+        transport.signal("Answerer", signal.SIGKILL)
+        while Path(f"/proc/{transport.pids['Answerer']}").exists():
             time.sleep(0.001)
         return 7
 
-    deviation = found(executed(fabric, "", strict=strict, supply=supply))
+    deviation = found(executed(transport, "", strict=strict, supply=supply))
     assert deviation.got == "its process ended: killed by SIGKILL"
     assert deviation.event.position == 1
-    fabric.close()
+    transport.close()
 
 
-def test_a_component_without_a_node_is_named(start: Callable[[], ProcessFabric]) -> None:
-    with ProcessFabricOf(["Asker"]) as fabric, pytest.raises(HostFailure, match=r"Answerer has none.*node-missing"):
-        executed(fabric, "")
+def test_a_component_without_a_node_is_named(start: Callable[[], ProcessTransport]) -> None:
+    with (
+        ProcessTransportOf(["Asker"]) as transport,
+        pytest.raises(HostFailure, match=r"Answerer has none.*node-missing"),
+    ):
+        executed(transport, "")
 
 
-class ProcessFabricOf:
-    """A fabric of some of the nodes only."""
+class ProcessTransportOf:
+    """A transport of some of the nodes only."""
 
     def __init__(self, names: Sequence[str]) -> None:
-        self._fabric = ProcessFabric(nodes_of(LINKS, names, "test_driven_deviations:Resident"))
+        self._transport = ProcessTransport(nodes_of(LINKS, names, "test_driven_deviations:NodeProgram"))
 
-    def __enter__(self) -> ProcessFabric:
-        return self._fabric
+    def __enter__(self) -> ProcessTransport:
+        return self._transport
 
     def __exit__(self, *error: object) -> None:
-        self._fabric.close()
+        self._transport.close()

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from parcours.errors import BadRequest, HostFailure
 from parcours.run.hosts.battery import Counting, Sink, Source, Taken
-from parcours.run.hosts.passage import Passage, constant, uniform
+from parcours.run.hosts.channel_delay import ChannelDelay, constant, uniform
 from parcours.run.hosts.simulated import SimulatedHost
 from parcours.run.hosts.wallclock import WallClockHost, measure
 from parcours.run.port import ENVIRONMENT, Link, LinkKind, Send, Step
@@ -73,7 +73,7 @@ def test_a_transition_is_taken_and_its_messages_leave_when_its_execution_time_is
     host = SimulatedHost(
         (one, two),
         links,
-        passages={"ball": Passage(constant(7))},
+        channel_delays={"ball": ChannelDelay(constant(7))},
         execution=lambda c, t, rng: {"q1": 10, "q2": 100}.get(t, 0),
     )
     host.run(10_000)
@@ -91,8 +91,8 @@ def test_a_transition_is_taken_and_its_messages_leave_when_its_execution_time_is
 def test_the_same_seed_gives_the_same_trace_and_reset_repeats_it(seed: int, spread: int) -> None:
     def run() -> SimulatedHost:
         one, two, links = ping_pong(8)
-        passages = {link.channel: Passage(uniform(0, spread), drop=0.05) for link in links}
-        host = SimulatedHost((one, two), links, passages=passages, rng=np.random.default_rng(seed))
+        channel_delays = {link.channel: ChannelDelay(uniform(0, spread), drop=0.05) for link in links}
+        host = SimulatedHost((one, two), links, channel_delays=channel_delays, rng=np.random.default_rng(seed))
         host.run(10**6)
         return host
 
@@ -175,8 +175,8 @@ def test_messages_overtake_only_where_that_is_allowed() -> None:
     def received(reorder: bool) -> list[int]:
         sink = Scripted("S", lambda c, m, n: takes("s"))
         link = Link("n", ENVIRONMENT, "S", 100)
-        passage = Passage(uniform(0, 1000), reorder=reorder)
-        host = SimulatedHost((sink,), (link,), passages={"n": passage}, rng=np.random.default_rng(3))
+        channel_delay = ChannelDelay(uniform(0, 1000), reorder=reorder)
+        host = SimulatedHost((sink,), (link,), channel_delays={"n": channel_delay}, rng=np.random.default_rng(3))
         for k in range(30):
             host.inject("n", k, at=k)
         host.run(10_000)
@@ -190,7 +190,7 @@ def test_a_lost_message_is_recorded_and_never_taken_up() -> None:
     host = SimulatedHost(
         (Counting(),),
         (Link("ask", ENVIRONMENT, "Counting", 50), Link("answer", "Counting", ENVIRONMENT)),
-        passages={"ask": Passage(constant(1), drop=0.5)},
+        channel_delays={"ask": ChannelDelay(constant(1), drop=0.5)},
         rng=np.random.default_rng(1),
     )
     for _ in range(40):
@@ -266,10 +266,10 @@ def test_requests_that_make_no_sense_are_refused() -> None:
     with pytest.raises(BadRequest, match="foreign-channel"):
         host.inject("answer", 1)
     with pytest.raises(HostFailure, match="unknown-channel"):
-        SimulatedHost((), links, passages={"asks": Passage(constant(0))})
+        SimulatedHost((), links, channel_delays={"asks": ChannelDelay(constant(0))})
     with pytest.raises(HostFailure, match="host-names"):
         SimulatedHost((Counting(), Counting()), links)
-    late = SimulatedHost((Counting(),), links, passages={"ask": Passage(constant(-1))})
+    late = SimulatedHost((Counting(),), links, channel_delays={"ask": ChannelDelay(constant(-1))})
     late.inject("ask", 1)
     with pytest.raises(HostFailure, match="time-backwards"):
         late.run(1)

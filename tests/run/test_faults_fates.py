@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from parcours.run.faults import HOWS, UNTOUCHED, Fates, How, corrupted, corrupted_bytes, parse_plan
+from parcours.run.faults import HOWS, UNTOUCHED, Effects, How, corrupted, corrupted_bytes, parse_plan
 
 MS = 1_000_000
 
@@ -24,37 +24,37 @@ GOLD: list[tuple[tuple[int, ...], int | None]] = [
 """Delays of the copies [ns], and the seed of the corruption, of the first six messages."""
 
 
-def test_the_fate_of_a_message_depends_on_seed_channel_and_number_only() -> None:
+def test_the_effect_of_a_message_depends_on_seed_channel_and_number_only() -> None:
     text = "a: drop 30 %; a: jitter 40 ms; a: corrupt 10 %; b: drop 30 %"
-    one = Fates(parse_plan("seed: 5\n" + text))
-    forth = [one.fate("a", k, k * MS) for k in range(200)]
-    again = Fates(parse_plan("seed: 5\n" + text))
-    back = [again.fate("a", k, 17 * k) for k in reversed(range(200))]
+    one = Effects(parse_plan("seed: 5\n" + text))
+    forth = [one.effect("a", k, k * MS) for k in range(200)]
+    again = Effects(parse_plan("seed: 5\n" + text))
+    back = [again.effect("a", k, 17 * k) for k in reversed(range(200))]
     assert forth == back[::-1]
-    alone = Fates(parse_plan("seed: 5\na: drop 30 %"))
-    assert [bool(fate.copies) for fate in forth] == [bool(alone.fate("a", k, 0).copies) for k in range(200)]
-    assert [bool(fate.copies) for fate in forth] != [bool(one.fate("b", k, 0).copies) for k in range(200)]
-    other = Fates(parse_plan("seed: 6\n" + text))
-    assert forth != [other.fate("a", k, 0) for k in range(200)]
+    alone = Effects(parse_plan("seed: 5\na: drop 30 %"))
+    assert [bool(effect.copies) for effect in forth] == [bool(alone.effect("a", k, 0).copies) for k in range(200)]
+    assert [bool(effect.copies) for effect in forth] != [bool(one.effect("b", k, 0).copies) for k in range(200)]
+    other = Effects(parse_plan("seed: 6\n" + text))
+    assert forth != [other.effect("a", k, 0) for k in range(200)]
 
 
-def test_the_fates_of_a_plan_are_these_on_every_machine_and_version() -> None:
-    fates = Fates(parse_plan("seed: 7\na: drop 20 %; a: jitter 1 ms; a: duplicate 20 %; a: corrupt 20 %"))
-    told = [fates.fate("a", k, 0) for k in range(6)]
-    assert [(fate.copies, fate.corrupt) for fate in told] == GOLD
+def test_the_effects_of_a_plan_are_these_on_every_machine_and_version() -> None:
+    effects = Effects(parse_plan("seed: 7\na: drop 20 %; a: jitter 1 ms; a: duplicate 20 %; a: corrupt 20 %"))
+    told = [effects.effect("a", k, 0) for k in range(6)]
+    assert [(effect.copies, effect.corrupt) for effect in told] == GOLD
 
 
 @pytest.mark.parametrize("share", [0.01, 0.3, 0.9])
 def test_messages_are_struck_at_the_rate_of_the_plan(share: float) -> None:
-    fates = Fates(parse_plan(f"a: drop {share * 100:g} %"))
+    effects = Effects(parse_plan(f"a: drop {share * 100:g} %"))
     n = 20_000
-    lost = sum(not fates.fate("a", k, 0).copies for k in range(n))
+    lost = sum(not effects.effect("a", k, 0).copies for k in range(n))
     assert abs(lost - n * share) < 5.0 * math.sqrt(n * share * (1.0 - share))
 
 
 def test_jitter_is_spread_over_all_of_its_time() -> None:
-    fates = Fates(parse_plan("a: jitter 100 ms"))
-    late = np.array([fates.fate("a", k, 0).copies[0] for k in range(5000)])
+    effects = Effects(parse_plan("a: jitter 100 ms"))
+    late = np.array([effects.effect("a", k, 0).copies[0] for k in range(5000)])
     assert late.min() >= 0
     assert late.max() <= 100 * MS
     assert late.mean() == pytest.approx(50 * MS, rel=0.05)
@@ -62,20 +62,20 @@ def test_jitter_is_spread_over_all_of_its_time() -> None:
 
 
 def test_delays_of_several_faults_add_up_and_a_copy_comes_later() -> None:
-    fates = Fates(parse_plan("a: delay 5 ms; a: duplicate 3 ms; a: reorder 20 ms from 1 s"))
-    early, late = fates.fate("a", 0, 0), fates.fate("a", 1, 1000 * MS)
+    effects = Effects(parse_plan("a: delay 5 ms; a: duplicate 3 ms; a: reorder 20 ms from 1 s"))
+    early, late = effects.effect("a", 0, 0), effects.effect("a", 1, 1000 * MS)
     assert (early.copies, early.reorder) == ((5 * MS, 8 * MS), False)
     assert (late.copies, late.reorder) == ((25 * MS, 28 * MS), True)
     assert early.why == "delayed by 5 ms, doubled, again after 3 ms"
 
 
 def test_a_fault_reaches_messages_within_its_window_only() -> None:
-    fates = Fates(parse_plan("a: drop from 2 s to 5 s; b: drop messages 3 to 4"))
-    assert [bool(fates.fate("a", 0, t * 1000 * MS).copies) for t in (1, 2, 4, 5)] == [True, False, False, True]
-    assert [bool(fates.fate("b", k, 0).copies) for k in (2, 3, 4, 5)] == [True, False, False, True]
-    assert fates.fate("c", 0, 0) is UNTOUCHED
-    assert fates.concerns("a")
-    assert not fates.concerns("c")
+    effects = Effects(parse_plan("a: drop from 2 s to 5 s; b: drop messages 3 to 4"))
+    assert [bool(effects.effect("a", 0, t * 1000 * MS).copies) for t in (1, 2, 4, 5)] == [True, False, False, True]
+    assert [bool(effects.effect("b", k, 0).copies) for k in (2, 3, 4, 5)] == [True, False, False, True]
+    assert effects.effect("c", 0, 0) is UNTOUCHED
+    assert effects.concerns("a")
+    assert not effects.concerns("c")
 
 
 _FIELDS = st.one_of(

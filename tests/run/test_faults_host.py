@@ -8,9 +8,9 @@ from typing import Any
 import pytest
 
 from parcours.errors import BadRequest, HostFailure
-from parcours.run.faults import NO_FAULTS, Fates, FaultPlan, parse_plan
+from parcours.run.faults import NO_FAULTS, Effects, FaultPlan, parse_plan
 from parcours.run.hosts.battery import Counting, Sink, Source
-from parcours.run.hosts.passage import Execution, Passage, at_once, constant
+from parcours.run.hosts.channel_delay import ChannelDelay, Execution, at_once, constant
 from parcours.run.hosts.simulated import SimulatedHost
 from parcours.run.port import ENVIRONMENT, Link, LinkKind, Step
 from parcours.run.trace import Trace, transitions
@@ -46,7 +46,7 @@ def pipe(
     capacity: int = 100,
     sink: Callable[[], Sink] = Sink,
     execution: Execution = at_once,
-    passages: dict[str, Passage] | None = None,
+    channel_delays: dict[str, ChannelDelay] | None = None,
     until: int = 100 * MS,
 ) -> tuple[list[tuple[int, object]], SimulatedHost]:
     """Send 0, 1, ..., two a millisecond, through the sink; return when it passed on what [ns], and the host."""
@@ -61,7 +61,7 @@ def pipe(
         (Link("numbers", "Source", "Sink", capacity, kind), Link("seen", "Sink", ENVIRONMENT, 1000)),
         environment=tester,
         execution=execution,
-        passages=passages,
+        channel_delays=channel_delays,
         faults=parse_plan(plan) if isinstance(plan, str) else plan,
         codec=Numbers(),
     )
@@ -80,21 +80,21 @@ def test_a_plan_without_faults_changes_nothing() -> None:
     assert plain[0] == empty[0] == idle[0]
 
 
-def test_messages_meet_the_fate_that_the_plan_foretells() -> None:
+def test_messages_meet_the_effect_that_the_plan_foretells() -> None:
     plan = parse_plan("seed: 9\nnumbers: drop 30 %; numbers: delay 40 % by 2 ms; numbers: duplicate 30 % by 7 ms")
-    fates = Fates(plan)
+    effects = Effects(plan)
     due = []
     latest = 0
     for k in range(40):
-        fate = fates.fate("numbers", k, k // 2 * MS)
-        if fate.copies:
-            latest = max(latest, k // 2 * MS + fate.copies[0])  # in order
-            due += [(latest + later - fate.copies[0], k) for later in fate.copies]
+        effect = effects.effect("numbers", k, k // 2 * MS)
+        if effect.copies:
+            latest = max(latest, k // 2 * MS + effect.copies[0])  # in order
+            due += [(latest + later - effect.copies[0], k) for later in effect.copies]
     seen, host = pipe(plan)
     assert sorted(seen) == sorted(due)
     lost = [event.payload for event in host.trace().events if event.kind == "drop"]
-    assert lost == [k for k in range(40) if not fates.fate("numbers", k, 0).copies]
-    assert host.strikes == sum(bool(fates.fate("numbers", k, 0).why) for k in range(40))
+    assert lost == [k for k in range(40) if not effects.effect("numbers", k, 0).copies]
+    assert host.strikes == sum(bool(effects.effect("numbers", k, 0).why) for k in range(40))
     assert {text for _, text in told(host.trace(), "drop")} == {"fault: lost"}
 
 
@@ -126,8 +126,8 @@ def test_delayed_messages_keep_their_order_and_held_back_ones_are_overtaken() ->
     assert [n for n in order if n != 3] == [n for n in range(40) if n != 3]
 
 
-def test_faults_and_latencies_of_a_passage_add_up() -> None:
-    seen, _ = pipe("numbers: delay 2 ms", passages={"numbers": Passage(constant(MS))})
+def test_faults_and_latencies_of_a_channel_delay_add_up() -> None:
+    seen, _ = pipe("numbers: delay 2 ms", channel_delays={"numbers": ChannelDelay(constant(MS))})
     assert seen == [(n // 2 * MS + 3 * MS, n) for n in range(40)]
 
 

@@ -12,12 +12,12 @@ import pytest
 from parcours.abtc import Event, abstract_cases, serialise
 from parcours.abtc.sequencing import Emission, Reception
 from parcours.errors import BadRequest
-from parcours.model.reading import read_model
+from parcours.model.model_file import read_model
 from parcours.model.structure import Cefsm
 from parcours.run.clocks import WallClock
-from parcours.run.gated import Execution, instance_name
-from parcours.run.here import execute
+from parcours.run.enforcement import Execution, instance_name
 from parcours.run.hosts.battery import Taken
+from parcours.run.in_process import execute
 from parcours.run.port import Send, Step
 from parcours.run.trace import held, transitions
 

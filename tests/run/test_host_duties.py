@@ -10,9 +10,9 @@ import pytest
 
 from parcours.errors import HostFailure
 from parcours.run.hosts.battery import DUTIES, Factory, Host
-from parcours.run.hosts.passage import Passage, uniform
-from parcours.run.hosts.seats import Answer
+from parcours.run.hosts.channel_delay import ChannelDelay, uniform
 from parcours.run.hosts.simulated import SimulatedHost
+from parcours.run.hosts.slots import Answer
 from parcours.run.hosts.wallclock import WallClockHost
 from parcours.run.port import Component, Link
 from parcours.run.trace import Trace, TraceEvent
@@ -27,7 +27,7 @@ def simulated_with_jitter(components: Sequence[Component], links: Sequence[Link]
         components,
         links,
         environment=environment,
-        passages={link.channel: Passage(uniform(0, 900_000)) for link in links},
+        channel_delays={link.channel: ChannelDelay(uniform(0, 900_000)) for link in links},
         execution=lambda component, transition, rng: int(rng.integers(0, 500_000)),
         rng=np.random.default_rng(11),
     )

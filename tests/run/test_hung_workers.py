@@ -6,7 +6,7 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
-from parcours.run import pulse
+from parcours.run import heartbeat as heartbeat
 from parcours.run.pool import run_tasks
 
 
@@ -17,22 +17,22 @@ class Neighbours:
     folder: Path
     allowed: float
 
-    def __call__(self, number: int, lost: tuple[pulse.LostCase, ...]) -> None:
+    def __call__(self, number: int, lost: tuple[heartbeat.LostCase, ...]) -> None:
         with (self.folder / "begun").open("a") as file:
             file.write(f"{number}\n")
         if number or lost:
             return
-        words = pulse.words(3)
-        words[pulse.TIME], words[pulse.LIMIT], words[pulse.CASE] = 0.0, self.allowed, 0.0
+        words = heartbeat.words(3)
+        words[heartbeat.TIME], words[heartbeat.LIMIT], words[heartbeat.CASE] = 0.0, self.allowed, 0.0
         while not (self.folder / "others are done").exists():
             time.sleep(0.01)
-        words[pulse.CASE] = pulse.NO_CASE
+        words[heartbeat.CASE] = heartbeat.NO_CASE
 
 
 def test_fast_neighbours_do_not_make_a_slow_case_hung(tmp_path: Path) -> None:
     n = 400  # turns of the loop; 305 looks of 0.1 s at one place are as long as the slow case may stay there
     done = set()
-    for number in run_tasks(Neighbours(tmp_path, 20.0), range(n), 2, str, pulse_words=3, forks=True):
+    for number in run_tasks(Neighbours(tmp_path, 20.0), range(n), 2, str, heartbeat_words=3, forks=True):
         done.add(number)
         if len(done | {0}) == n:
             (tmp_path / "others are done").touch()
@@ -41,13 +41,13 @@ def test_fast_neighbours_do_not_make_a_slow_case_hung(tmp_path: Path) -> None:
 
 
 def test_a_case_that_stays_too_long_is_lost_and_its_task_done_without_it(tmp_path: Path) -> None:
-    assert list(run_tasks(Neighbours(tmp_path, 0.1), [0], 1, str, pulse_words=3, forks=True)) == [0]
+    assert list(run_tasks(Neighbours(tmp_path, 0.1), [0], 1, str, heartbeat_words=3, forks=True)) == [0]
     assert (tmp_path / "begun").read_text().split() == ["0", "0"]
 
 
 def test_a_stopped_machine_counts_as_one_look() -> None:
-    words = pulse.words(3)
-    words[pulse.TIME], words[pulse.LIMIT], words[pulse.CASE] = 0.0, 0.1, 4.0
-    watch = pulse.Watch(words)
+    words = heartbeat.words(3)
+    words[heartbeat.TIME], words[heartbeat.LIMIT], words[heartbeat.CASE] = 0.0, 0.1, 4.0
+    watch = heartbeat.Watch(words)
     seen = [watch.has_hung() for _ in range(10)]
     assert seen == [False] * 7 + [True] * 3

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from parcours.errors import BadRequest, BadResults
-from parcours.model.reading import read_model
+from parcours.model.model_file import read_model
 from parcours.run.noise import Noise
 from parcours.run.port import Link, LinkKind, links
 from parcours.run.trace import Kind, Trace, TraceEvent, durations, read_trace, write_trace

@@ -16,14 +16,14 @@ import pytest
 from parcours.errors import HostFailure
 from parcours.run.hosts.battery import DUTIES, Counting, Host, Sink, Source
 from parcours.run.hosts.frames import Begin, Died, Grant, Idle, Look, Ready, Rest, Run, Turn, Wire
-from parcours.run.hosts.processes import ProcessFabric
+from parcours.run.hosts.node_program import Plain, nodes_of
+from parcours.run.hosts.processes import ProcessTransport
 from parcours.run.hosts.realtime import RealTimeHost
-from parcours.run.hosts.resident import Plain, nodes_of
-from parcours.run.hosts.seats import Answer
+from parcours.run.hosts.slots import Answer
 from parcours.run.port import ENVIRONMENT, Component, Link
 
 LINKS = (Link("ask", ENVIRONMENT, "Counting", 100), Link("answer", "Counting", ENVIRONMENT, 100))
-TOYS = "parcours.run.hosts.toys"
+TOYS = "parcours.run.hosts.reference_components"
 
 
 def toys(component: str) -> Plain:
@@ -31,24 +31,24 @@ def toys(component: str) -> Plain:
 
 
 def toy_host(components: Sequence[Component], links: Sequence[Link], tester: Answer) -> Host:
-    fabric = started([part.name for part in components], links)
-    return RealTimeHost(fabric, links, toys(""), environment=tester)
+    transport = started([part.name for part in components], links)
+    return RealTimeHost(transport, links, toys(""), environment=tester)
 
 
-def started(names: Sequence[str] = ("Counting",), links: Sequence[Link] = LINKS) -> ProcessFabric:
-    return ProcessFabric(nodes_of(links, names, f"{TOYS}:resident"), [TOYS])
+def started(names: Sequence[str] = ("Counting",), links: Sequence[Link] = LINKS) -> ProcessTransport:
+    return ProcessTransport(nodes_of(links, names, f"{TOYS}:node_program"), [TOYS])
 
 
 @pytest.fixture
-def fabric() -> Iterator[ProcessFabric]:
-    fabric = started(("Counting", "Source"))
-    yield fabric
-    fabric.close()
+def transport() -> Iterator[ProcessTransport]:
+    transport = started(("Counting", "Source"))
+    yield transport
+    transport.close()
 
 
-def said(fabric: ProcessFabric, within: float = 10.0) -> list[tuple[str, object]]:
+def said(transport: ProcessTransport, within: float = 10.0) -> list[tuple[str, object]]:
     """Return what nodes say next; nothing after so many seconds."""
-    return list(fabric.poll(time.perf_counter_ns() + int(within * 1e9)))
+    return list(transport.poll(time.perf_counter_ns() + int(within * 1e9)))
 
 
 def is_alive(pid: int) -> bool:
@@ -71,100 +71,102 @@ def test_it_does_what_every_host_owes(duty: Callable[..., None]) -> None:
     duty(toy_host)
 
 
-def test_a_killed_node_is_noticed_with_its_signal_and_again_whenever_it_is_spoken_to(fabric: ProcessFabric) -> None:
-    os.kill(fabric.pids["Counting"], signal.SIGKILL)
-    [(node, died)] = said(fabric)
+def test_a_killed_node_is_noticed_with_its_signal_and_again_whenever_it_is_spoken_to(
+    transport: ProcessTransport,
+) -> None:
+    os.kill(transport.pids["Counting"], signal.SIGKILL)
+    [(node, died)] = said(transport)
     assert node == "Counting" and isinstance(died, Died) and died.status == -signal.SIGKILL
-    assert said(fabric, within=0.05) == []
+    assert said(transport, within=0.05) == []
     for command in (Rest(), Run(b"", 0), Look(0)):
-        fabric.command("Counting", command)
-        [(node, died)] = said(fabric)
+        transport.command("Counting", command)
+        [(node, died)] = said(transport)
         assert node == "Counting" and isinstance(died, Died) and died.status == -signal.SIGKILL
-    fabric.command("Source", Rest())
-    assert said(fabric) == [("Source", Ready())], "the others go on"
+    transport.command("Source", Rest())
+    assert said(transport) == [("Source", Ready())], "the others go on"
 
 
-def test_a_node_that_is_found_dead_while_it_is_sent_to_is_noticed_nevertheless(fabric: ProcessFabric) -> None:
-    pid = fabric.pids["Counting"]
+def test_a_node_that_is_found_dead_while_it_is_sent_to_is_noticed_nevertheless(transport: ProcessTransport) -> None:
+    pid = transport.pids["Counting"]
     os.kill(pid, signal.SIGKILL)
     assert all_end([pid], 5.0)
     for _ in range(3):
-        fabric.deliver("ask", 0, b"x")
-        fabric.command("Counting", Rest())
-    [*_, (node, died)] = said(fabric)
+        transport.deliver("ask", 0, b"x")
+        transport.command("Counting", Rest())
+    [*_, (node, died)] = said(transport)
     assert node == "Counting" and isinstance(died, Died) and died.status == -signal.SIGKILL
 
 
-def test_what_a_node_said_before_it_died_is_heard_before_its_death(fabric: ProcessFabric) -> None:
-    fabric.command("Counting", Run(b"", time.perf_counter_ns()))
-    fabric.command("Counting", Rest())
+def test_what_a_node_said_before_it_died_is_heard_before_its_death(transport: ProcessTransport) -> None:
+    transport.command("Counting", Run(b"", time.perf_counter_ns()))
+    transport.command("Counting", Rest())
     time.sleep(0.2)
-    os.kill(fabric.pids["Counting"], signal.SIGKILL)
-    assert all_end([fabric.pids["Counting"]], 5.0)
+    os.kill(transport.pids["Counting"], signal.SIGKILL)
+    assert all_end([transport.pids["Counting"]], 5.0)
     heard: list[object] = []
     while not any(isinstance(one, Died) for one in heard):
-        heard += [one for _, one in said(fabric)]
+        heard += [one for _, one in said(transport)]
     assert isinstance(heard[-1], Died) and Ready() in heard
 
 
-def test_a_driven_node_takes_turns_and_shows_itself(fabric: ProcessFabric) -> None:
-    fabric.command("Counting", Begin(b"", (4, 7), time.perf_counter_ns()))
-    assert said(fabric) == [("Counting", Ready())]
+def test_a_driven_node_takes_turns_and_shows_itself(transport: ProcessTransport) -> None:
+    transport.command("Counting", Begin(b"", (4, 7), time.perf_counter_ns()))
+    assert said(transport) == [("Counting", Ready())]
     asked = Wire("ask", toys("").encode("ask", None))
     for reference, transition in ((4, "c2"), (4, "c1"), (7, "c2")):
-        fabric.command("Counting", Grant(reference, (Turn(transition, given=asked),)))
-        [(_, turned)] = said(fabric)
+        transport.command("Counting", Grant(reference, (Turn(transition, given=asked),)))
+        [(_, turned)] = said(transport)
         assert (turned.reference, turned.manner, turned.transition) == (reference, "taken", transition)  # type: ignore[attr-defined]
-    fabric.command("Counting", Look(4))
-    [(_, shown)] = said(fabric)
+    transport.command("Counting", Look(4))
+    [(_, shown)] = said(transport)
     assert shown.message is None  # type: ignore[attr-defined]
 
 
 @pytest.mark.parametrize("at_rest", [True, False])
 def test_closing_ends_nodes_even_frozen_ones_and_closing_again_does_nothing(at_rest: bool) -> None:
-    fabric = started(("Counting", "Source"))
-    pids = list(fabric.pids.values())
+    transport = started(("Counting", "Source"))
+    pids = list(transport.pids.values())
     if not at_rest:
-        for name in fabric.nodes:
-            fabric.signal(name, signal.SIGSTOP)
+        for name in transport.nodes:
+            transport.signal(name, signal.SIGSTOP)
     begun = time.monotonic()
-    fabric.close()
+    transport.close()
     assert not any(map(is_alive, pids)) and time.monotonic() - begun < 6.0
-    fabric.close()
-    fabric.signal("Counting", signal.SIGKILL)
+    transport.close()
+    transport.signal("Counting", signal.SIGKILL)
 
 
 def test_a_node_whose_backlog_is_full_is_ended_all_the_same() -> None:
-    fabric = started()
-    [pid] = fabric.pids.values()
-    fabric.signal("Counting", signal.SIGSTOP)
+    transport = started()
+    [pid] = transport.pids.values()
+    transport.signal("Counting", signal.SIGSTOP)
     for number in range(8):
-        fabric.deliver("ask", number, b"x" * 4_000_000)
+        transport.deliver("ask", number, b"x" * 4_000_000)
     begun = time.monotonic()
-    fabric.close()
+    transport.close()
     assert not is_alive(pid) and time.monotonic() - begun < 8.0
 
 
-def test_a_message_to_nobody_here_goes_nowhere(fabric: ProcessFabric) -> None:
-    fabric.deliver("answer", 0, b"x")
-    fabric.deliver("unheard of", 0, b"x")
-    fabric.command("Source", Rest())
-    assert said(fabric) == [("Source", Ready())]
+def test_a_message_to_nobody_here_goes_nowhere(transport: ProcessTransport) -> None:
+    transport.deliver("answer", 0, b"x")
+    transport.deliver("unheard of", 0, b"x")
+    transport.command("Source", Rest())
+    assert said(transport) == [("Source", Ready())]
 
 
 RESIDENTS = {
     f"{TOYS}:nothing": "leads nowhere.*nothing",
-    "no.such.module:resident": "leads nowhere.*no",
+    "no.such.module:node_program": "leads nowhere.*no",
     "no colon": "leads nowhere",
     f"{TOYS}:Plain": "TypeError",
 }
 
 
-@pytest.mark.parametrize("resident", RESIDENTS)
-def test_a_resident_that_cannot_be_had_is_named_and_nothing_is_left_running(resident: str) -> None:
+@pytest.mark.parametrize("node_program", RESIDENTS)
+def test_a_node_program_that_cannot_be_had_is_named_and_nothing_is_left_running(node_program: str) -> None:
     begun = time.monotonic()
-    with pytest.raises(HostFailure, match=rf"node (Counting|Source).*{RESIDENTS[resident]}.*node-start"):
-        ProcessFabric(nodes_of(LINKS, ("Counting", "Source"), resident), [TOYS])
+    with pytest.raises(HostFailure, match=rf"node (Counting|Source).*{RESIDENTS[node_program]}.*node-start"):
+        ProcessTransport(nodes_of(LINKS, ("Counting", "Source"), node_program), [TOYS])
     assert time.monotonic() - begun < 5.0
     names = [Path(f"/proc/{pid}/cmdline").read_bytes() for pid in children(os.getpid())]
     assert sum(b"forkserver" in name for name in names) <= 1, "the server stays, for the next; no node does"
@@ -181,13 +183,14 @@ def children(pid: int) -> list[int]:
 
 TESTER = """
 import os, sys, time
-from parcours.run.hosts.processes import ProcessFabric
-from parcours.run.hosts.resident import nodes_of
+from parcours.run.hosts.processes import ProcessTransport
+from parcours.run.hosts.node_program import nodes_of
 from parcours.run.port import Link
 if __name__ == "__main__":
     links = (Link("numbers", "Source", "Sink"),)
-    fabric = ProcessFabric(nodes_of(links, ["Source", "Sink"], "parcours.run.hosts.toys:resident"))
-    print(*fabric.pids.values(), flush=True)
+    program = "parcours.run.hosts.reference_components:node_program"
+    transport = ProcessTransport(nodes_of(links, ["Source", "Sink"], program))
+    print(*transport.pids.values(), flush=True)
     {then}
 """
 
@@ -243,24 +246,27 @@ def test_no_node_outlives_a_tester_that_forgets_to_close_or_raises(
         assert complaint.count("Traceback") == ("raise" in then)
 
 
-def test_no_node_outlives_its_fork_server(fabric: ProcessFabric) -> None:
-    pids = list(fabric.pids.values())
+def test_no_node_outlives_its_fork_server(transport: ProcessTransport) -> None:
+    pids = list(transport.pids.values())
     [server] = {int(Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[1]) for pid in pids}
     os.kill(server, signal.SIGKILL)
     assert all_end(pids, 3.0)
-    assert {node for node, one in said(fabric) + said(fabric, 1.0) if isinstance(one, Died)} <= {"Counting", "Source"}
+    assert {node for node, one in said(transport) + said(transport, 1.0) if isinstance(one, Died)} <= {
+        "Counting",
+        "Source",
+    }
     again = started()
     again.command("Counting", Rest())
-    assert said(again) == [("Counting", Ready())], "the next fabric has a server of its own"
+    assert said(again) == [("Counting", Ready())], "the next transport has a server of its own"
     again.close()
 
 
-def test_idle_nodes_say_so_once_and_use_no_time(fabric: ProcessFabric) -> None:
-    fabric.command("Counting", Run(b"", time.perf_counter_ns()))
-    assert said(fabric) == [("Counting", Idle(0))]
-    used = processor_time(fabric.pids["Counting"])
-    assert said(fabric, 0.3) == []
-    assert processor_time(fabric.pids["Counting"]) - used <= 2, "hundredths of a second"
+def test_idle_nodes_say_so_once_and_use_no_time(transport: ProcessTransport) -> None:
+    transport.command("Counting", Run(b"", time.perf_counter_ns()))
+    assert said(transport) == [("Counting", Idle(0))]
+    used = processor_time(transport.pids["Counting"])
+    assert said(transport, 0.3) == []
+    assert processor_time(transport.pids["Counting"]) - used <= 2, "hundredths of a second"
 
 
 def processor_time(pid: int) -> int:

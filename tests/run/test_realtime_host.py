@@ -13,10 +13,10 @@ import pytest
 
 from parcours.errors import BadRequest, HostFailure
 from parcours.run.faults import parse_plan
-from parcours.run.hosts.processes import ProcessFabric
+from parcours.run.hosts.node_program import Plain, nodes_of
+from parcours.run.hosts.processes import ProcessTransport
 from parcours.run.hosts.realtime import RealTimeHost
-from parcours.run.hosts.resident import Plain, nodes_of
-from parcours.run.hosts.seats import Answer, silence
+from parcours.run.hosts.slots import Answer, silence
 from parcours.run.port import ENVIRONMENT, Component, Link, LinkKind, Send, Step
 from parcours.run.trace import Trace, TraceEvent
 
@@ -112,7 +112,7 @@ class Hung(Part):
         yield
 
 
-class Resident(Plain):
+class NodeProgram(Plain):
     """What the case tells the source and the sink to be."""
 
     def __init__(self, component: str) -> None:
@@ -131,8 +131,8 @@ class Resident(Plain):
         return {"Part": Part, "Slow": Slow, "Picky": Picky, "Hung": Hung}[kind]("Sink")
 
 
-def opened() -> ProcessFabric:
-    return ProcessFabric(nodes_of(LINKS[:4], ["Source", "Sink"], "test_realtime_host:Resident"))
+def opened() -> ProcessTransport:
+    return ProcessTransport(nodes_of(LINKS[:4], ["Source", "Sink"], "test_realtime_host:NodeProgram"))
 
 
 @pytest.fixture(scope="module")
@@ -144,17 +144,18 @@ def here() -> Iterator[None]:
 
 
 @pytest.fixture(scope="module")
-def fabric(here: None) -> Iterator[ProcessFabric]:
-    fabric = opened()
-    yield fabric
-    fabric.close()
+def transport(here: None) -> Iterator[ProcessTransport]:
+    transport = opened()
+    yield transport
+    transport.close()
 
 
 class Run:
-    """One run on the fabric, and what the tester saw."""
+    """One run on the transport, and what the tester saw."""
 
-    def __init__(self, fabric: ProcessFabric, *, until: int = 20 * S, plan: str = "", local: Sequence[Component] = (),
-                 inject: Sequence[tuple[object, int]] = (), answer: Answer = silence, rest: bool = True,
+    def __init__(self, transport: ProcessTransport, *, until: int = 20 * S, plan: str = "",
+                 local: Sequence[Component] = (), inject: Sequence[tuple[object, int]] = (), answer: Answer = silence,
+                 rest: bool = True,
                  listener: Callable[[TraceEvent], None] | None = None, **case: object) -> None:  # fmt: skip
         self.seen: list[object] = []
 
@@ -163,7 +164,7 @@ class Run:
             return tuple(answer(channel, payload, now))
 
         self.host = RealTimeHost(
-            fabric, LINKS, Plain("", {}), case=json.dumps(case).encode(), environment=tester, local=local,
+            transport, LINKS, Plain("", {}), case=json.dumps(case).encode(), environment=tester, local=local,
             faults=parse_plan(plan) if plan else None, listener=listener,
         )  # fmt: skip
         for payload, at in inject:
@@ -184,39 +185,39 @@ class Run:
         ]
 
 
-def test_a_run_ends_when_nothing_is_left_that_could_happen(fabric: ProcessFabric) -> None:
-    run = Run(fabric, n=5)
+def test_a_run_ends_when_nothing_is_left_that_could_happen(transport: ProcessTransport) -> None:
+    run = Run(transport, n=5)
     assert run.seen == [0, 1, 2, 3, 4] and run.seconds < 10.0 and run.deaths == {}
     assert {event.kind for event in run.trace.events} == {"take", "send", "receive"}
 
 
-def test_a_flood_on_a_service_loses_nothing_and_keeps_its_order(fabric: ProcessFabric) -> None:
-    run = Run(fabric, n=5000)
+def test_a_flood_on_a_service_loses_nothing_and_keeps_its_order(transport: ProcessTransport) -> None:
+    run = Run(transport, n=5000)
     assert run.seen == list(range(5000))
     assert run.of("receive", "numbers") == list(range(5000)) and run.of("drop") == []
 
 
-def test_a_full_topic_loses_its_oldest_messages(fabric: ProcessFabric) -> None:
-    run = Run(fabric, n=40, channel="news", sink="Slow")
+def test_a_full_topic_loses_its_oldest_messages(transport: ProcessTransport) -> None:
+    run = Run(transport, n=40, channel="news", sink="Slow")
     got, lost = run.of("receive", "news"), run.of("drop", "news")
     assert run.seen == got and got[-3:] == [37, 38, 39]
     assert sorted([*got, *lost]) == list(range(40)) and got == sorted(got) and lost == sorted(lost)  # type: ignore[type-var]
     assert {event.text for event in run.trace.events if event.kind == "drop"} == {"overrun"}
 
 
-def test_a_message_of_five_megabytes_arrives_whole(fabric: ProcessFabric) -> None:
+def test_a_message_of_five_megabytes_arrives_whole(transport: ProcessTransport) -> None:
     big = bytes(range(250)) * 20_000
-    run = Run(fabric, inject=[(big, 0), ("small", 0)])
+    run = Run(transport, inject=[(big, 0), ("small", 0)])
     assert run.seen == [big, "small"]
 
 
-def test_a_message_larger_than_any_frame_may_be_is_refused_by_name(fabric: ProcessFabric) -> None:
+def test_a_message_larger_than_any_frame_may_be_is_refused_by_name(transport: ProcessTransport) -> None:
     with pytest.raises(HostFailure, match=r"64 MiB.*frame-size"):
-        Run(fabric, inject=[(b"x" * (65 * 1024 * 1024), 0)])
-    assert Run(fabric, inject=[(1, 0)]).seen == [1]
+        Run(transport, inject=[(b"x" * (65 * 1024 * 1024), 0)])
+    assert Run(transport, inject=[(1, 0)]).seen == [1]
 
 
-def test_a_frozen_node_takes_nothing_from_the_tester_and_hears_all_when_it_goes_on(fabric: ProcessFabric) -> None:
+def test_a_frozen_node_takes_nothing_from_the_tester_and_hears_all_when_it_goes_on(transport: ProcessTransport) -> None:
     big = b"x" * 3_000_000
     plan = "Sink: freeze at 1 ms for 400 ms"
     ticks: list[int] = []
@@ -231,30 +232,30 @@ def test_a_frozen_node_takes_nothing_from_the_tester_and_hears_all_when_it_goes_
             ticks.append(now)
             return iter(())
 
-    run = Run(fabric, plan=plan, inject=[(big, 20 * MS)] * 10, local=[Clock("Local")])
+    run = Run(transport, plan=plan, inject=[(big, 20 * MS)] * 10, local=[Clock("Local")])
     assert len(ticks) == 30 and run.seen == [big] * 10
     notes = [(e.component, e.text, e.time) for e in run.trace.events if e.kind == "note"]
     assert [note[:2] for note in notes] == [("Sink", "fault: stop"), ("Sink", "fault: continue")]
     assert min(e.time for e in run.trace.events if e.kind == "receive") >= 401 * MS > ticks[-1]
 
 
-def test_a_component_that_raises_is_noted_and_all_others_go_on(fabric: ProcessFabric) -> None:
-    run = Run(fabric, n=20, sink="Picky", inject=[(100, 300 * MS)])
+def test_a_component_that_raises_is_noted_and_all_others_go_on(transport: ProcessTransport) -> None:
+    run = Run(transport, n=20, sink="Picky", inject=[(100, 300 * MS)])
     assert run.deaths == {"Sink": "raised IndexError: six"} and run.seen == [0, 1, 2, 3, 4, 5]
     assert [e.text for e in run.trace.events if e.kind == "note"] == ["died: raised IndexError: six"]
     assert run.of("drop", "given") == [100] and run.seconds < 10.0
-    assert Run(fabric, n=3).seen == [0, 1, 2], "its process lives, and serves the next run"
+    assert Run(transport, n=3).seen == [0, 1, 2], "its process lives, and serves the next run"
 
 
-def test_a_component_that_cannot_be_made_is_noted(fabric: ProcessFabric) -> None:
-    run = Run(fabric, sink="unmade", n=2)
+def test_a_component_that_cannot_be_made_is_noted(transport: ProcessTransport) -> None:
+    run = Run(transport, sink="unmade", n=2)
     assert run.deaths == {"Sink": "raised ValueError: no such case"}
-    assert Run(fabric, n=3).seen == [0, 1, 2]
+    assert Run(transport, n=3).seen == [0, 1, 2]
 
 
-def test_a_message_that_cannot_be_read_is_dropped_and_says_why(fabric: ProcessFabric) -> None:
+def test_a_message_that_cannot_be_read_is_dropped_and_says_why(transport: ProcessTransport) -> None:
     plan = "seed: 1; numbers: corrupt length messages 1 to 2; seen: corrupt length messages 0"
-    run = Run(fabric, n=4, plan=plan)
+    run = Run(transport, n=4, plan=plan)
     drops = [(e.component, e.channel) for e in run.trace.events if e.kind == "drop" and "unreadable" in e.text]
     assert run.deaths == {} and set(drops) <= {("Sink", "numbers"), (ENVIRONMENT, "seen")}
     assert len(run.of("receive")) + len(drops) == len(run.of("send"))
@@ -262,14 +263,14 @@ def test_a_message_that_cannot_be_read_is_dropped_and_says_why(fabric: ProcessFa
 
 @pytest.mark.parametrize("local", [Restless("Local", ()), Restless("Local", (("back", 1),))])
 def test_a_local_component_that_is_always_due_does_not_deafen_the_tester(
-    fabric: ProcessFabric, local: Component
+    transport: ProcessTransport, local: Component
 ) -> None:
-    run = Run(fabric, n=5, local=[local], until=300 * MS)
+    run = Run(transport, n=5, local=[local], until=300 * MS)
     assert run.of("receive", "seen") == [0, 1, 2, 3, 4]
     assert run.seconds < 5.0
 
 
-def test_an_endless_conversation_in_the_testers_own_process_ends_with_the_run(fabric: ProcessFabric) -> None:
+def test_an_endless_conversation_in_the_testers_own_process_ends_with_the_run(transport: ProcessTransport) -> None:
     class Echo(Part):
         def handle(self, channel: str | None, message: object, now: int) -> Iterator[Step]:
             yield Taken("e", (("back", 1),))
@@ -283,12 +284,12 @@ def test_an_endless_conversation_in_the_testers_own_process_ends_with_the_run(fa
 
         begun = False
 
-    run = Run(fabric, local=[Echo("Local")], answer=lambda channel, payload, now: (("there", 1),), until=100 * MS)
+    run = Run(transport, local=[Echo("Local")], answer=lambda channel, payload, now: (("there", 1),), until=100 * MS)
     assert run.seconds < 5.0 and len(run.of("receive", "back")) > 10
 
 
-def test_a_node_that_never_stops_sending_is_brought_to_rest(fabric: ProcessFabric) -> None:
-    run = Run(fabric, restless=True, until=100 * MS, rest=False)
+def test_a_node_that_never_stops_sending_is_brought_to_rest(transport: ProcessTransport) -> None:
+    run = Run(transport, restless=True, until=100 * MS, rest=False)
     assert run.seconds < 5.0
     for until in range(200, 20_000, 100):
         run.host.run(until * MS)
@@ -297,21 +298,21 @@ def test_a_node_that_never_stops_sending_is_brought_to_rest(fabric: ProcessFabri
     assert set(run.seen) == {1}, "the receiver of a flood gets to work nevertheless"
     run.host.rest()
     assert run.host.deaths == {}
-    assert Run(fabric, n=3).seen == [0, 1, 2]
+    assert Run(transport, n=3).seen == [0, 1, 2]
 
 
 def test_a_node_that_does_not_come_to_rest_is_killed_and_counts_as_dead(here: None) -> None:
-    fabric = opened()
-    run = Run(fabric, sink="Hung", inject=[(1, 0)], until=100 * MS)
+    transport = opened()
+    run = Run(transport, sink="Hung", inject=[(1, 0)], until=100 * MS)
     assert run.deaths == {"Sink": "hung: it did not come to rest within 5 s"}
     assert [e.text for e in run.trace.events if e.kind == "note"] == [f"died: {run.deaths['Sink']}"]
     with pytest.raises(HostFailure, match=r"Sink: killed by SIGKILL.*node-gone"):
-        Run(fabric, n=1)
-    fabric.close()
+        Run(transport, n=1)
+    transport.close()
 
 
-def test_what_cannot_be_injected_is_refused_by_name(fabric: ProcessFabric) -> None:
-    host = RealTimeHost(fabric, LINKS, Plain("", {}))
+def test_what_cannot_be_injected_is_refused_by_name(transport: ProcessTransport) -> None:
+    host = RealTimeHost(transport, LINKS, Plain("", {}))
     for channel, slug in (("nothing", "unknown-channel"), ("numbers", "foreign-channel")):
         with pytest.raises(BadRequest, match=slug):
             host.inject(channel, 1)
@@ -321,8 +322,8 @@ def test_what_cannot_be_injected_is_refused_by_name(fabric: ProcessFabric) -> No
 
 
 def test_a_closed_host_refuses_to_run_and_keeps_its_trace(here: None) -> None:
-    fabric = opened()
-    run = Run(fabric, n=2)
+    transport = opened()
+    run = Run(transport, n=2)
     run.host.close()
     run.host.close()
     assert run.host.trace() == run.trace
@@ -330,15 +331,15 @@ def test_a_closed_host_refuses_to_run_and_keeps_its_trace(here: None) -> None:
         run.host.run(S)
 
 
-def test_what_an_abandoned_run_left_is_not_heard_by_the_next(fabric: ProcessFabric) -> None:
-    Run(fabric, restless=True, until=50 * MS, rest=False)
-    run = Run(fabric, n=3)
+def test_what_an_abandoned_run_left_is_not_heard_by_the_next(transport: ProcessTransport) -> None:
+    Run(transport, restless=True, until=50 * MS, rest=False)
+    run = Run(transport, n=3)
     assert run.seen == [0, 1, 2] and run.of("send", "numbers") == [0, 1, 2]
 
 
-def test_the_listener_hears_all_that_stands_in_the_trace_with_payloads(fabric: ProcessFabric) -> None:
+def test_the_listener_hears_all_that_stands_in_the_trace_with_payloads(transport: ProcessTransport) -> None:
     heard: list[TraceEvent] = []
-    run = Run(fabric, n=30, plan="numbers: drop 30 %", listener=heard.append)
+    run = Run(transport, n=30, plan="numbers: drop 30 %", listener=heard.append)
     assert sorted(heard, key=lambda event: event.time) == list(run.trace.events) != []
     assert all(event.payload is not None for event in heard if event.channel and event.message >= 0)
     assert run.of("drop") and run.seen

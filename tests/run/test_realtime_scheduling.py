@@ -70,18 +70,18 @@ def test_a_refusal_is_told_as_the_ordinary_class(monkeypatch: pytest.MonkeyPatch
 
 HOST = f"""
 import os, pathlib
-from parcours.run.hosts.processes import ProcessFabric
-from parcours.run.hosts.resident import nodes_of
+from parcours.run.hosts.processes import ProcessTransport
+from parcours.run.hosts.node_program import nodes_of
 from parcours.run.hosts.scheduling import real_time
 from parcours.run.port import Link
 if __name__ == "__main__":
     links = (Link("numbers", "Source", "Sink"),)
     with real_time():
-        fabric = ProcessFabric(nodes_of(links, ["Sink"], "parcours.run.hosts.toys:resident"))
-        [pid] = fabric.pids.values()
+        transport = ProcessTransport(nodes_of(links, ["Sink"], "parcours.run.hosts.reference_components:node_program"))
+        [pid] = transport.pids.values()
         server = int(pathlib.Path(f"/proc/{{pid}}/stat").read_text().rpartition(")")[2].split()[1])
         print({STATE}[0], os.sched_getscheduler(pid), os.sched_getscheduler(server))
-    fabric.close()
+    transport.close()
     print({STATE}[0])
 """
 

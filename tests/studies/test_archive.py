@@ -17,7 +17,7 @@ from parcours.study.components.archive import Archive, Form
 from parcours.study.components.archive import rejudge as rejudge_of
 from parcours.study.protocol import Rejudged
 from parcours.verdict.judgement import Judgement, Verdict
-from parcours_ramp.components.resident import RampCodec
+from parcours_ramp.components.node_program import RampCodec
 from parcours_ramp.components.study import (
     Functional,
     component_plan,

@@ -36,37 +36,37 @@ from parcours_navigation.study.distribution import time_to_goal
 N = 40
 
 
-def facts(fates: str) -> NDArray[np.void]:
+def facts(effects: str) -> NDArray[np.void]:
     """Return facts of cases by letter: g goal, t touched, s stood for ever, l later, e error, o run into."""
-    made = np.zeros(len(fates), FACTS)
+    made = np.zeros(len(effects), FACTS)
     for name in FACTS.names or ():
         if name.startswith("t_"):
             made[name] = NEVER
-    made["number"] = np.arange(len(fates))
+    made["number"] = np.arange(len(effects))
     made["t_end"], made["to_goal"], made["goal_gap"], made["min_clearance"] = 21_000_000_000, 1.0, 1.0, 0.1
     made["moved_after"], made["t_last_moving"], made["travelled"] = 1, 21_000_000_000, 3.0
-    for row, fate in zip(made, fates, strict=True):
-        if fate in "go":
+    for row, effect in zip(made, effects, strict=True):
+        if effect in "go":
             row["t_goal"] = row["t_end"] = row["t_last_moving"] = 12_000_000_000
-            row["n_obstacle_contacts"] = fate == "o"
-        elif fate == "t":
+            row["n_obstacle_contacts"] = effect == "o"
+        elif effect == "t":
             row["n_robot_contacts"], row["t_contact"], row["min_clearance"] = 1, 5_000_000_000, -0.02
-        elif fate == "s":
+        elif effect == "s":
             row["halted"], row["moved_after"], row["t_last_moving"] = 1, 0, 9_000_000_000
-        elif fate == "l":
+        elif effect == "l":
             row["t_goal_after"] = 30_000_000_000
-        elif fate == "e":
+        elif effect == "e":
             row["error"] = 1
     return made
 
 
-def results(**fates: str) -> Results:
+def results(**effects: str) -> Results:
     contenders = tuple(
         Contender(
-            name.replace("_", "-"), facts(fate), answers="published" if name.startswith("ramp") else "at once",
-            reasons=tuple(f"raised at {k}.5 s" for k in range(fate.count("e"))),
+            name.replace("_", "-"), facts(effect), answers="published" if name.startswith("ramp") else "at once",
+            reasons=tuple(f"raised at {k}.5 s" for k in range(effect.count("e"))),
         )
-        for name, fate in fates.items()
+        for name, effect in effects.items()
     )  # fmt: skip
     n = len(contenders[0].facts)
     oracle = np.zeros(n, SOLVABILITY)

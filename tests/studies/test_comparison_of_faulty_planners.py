@@ -15,7 +15,7 @@ from parcours_navigation.comparison.deciding import decision_times
 from parcours_navigation.comparison.measuring import Reproducing
 from parcours_navigation.comparison.running import run_comparison
 from parcours_navigation.comparison.tables import decision_table
-from parcours_navigation.guests.facts import PlannerFault
+from parcours_navigation.guests.planner_facts import PlannerFault
 from parcours_navigation.guests.scenario import Scenario
 from parcours_navigation.study.study import NavigationStudy
 

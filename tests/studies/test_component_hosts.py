@@ -15,18 +15,18 @@ import pytest
 
 from parcours.abtc import Event, serialise
 from parcours.errors import HostFailure
-from parcours.run.driving import Turn
-from parcours.run.gated import disorder, enforce, instance_name
-from parcours.run.hosts.driven import DrivenInstances
-from parcours.run.hosts.processes import ProcessFabric
-from parcours.run.hosts.resident import nodes_of
+from parcours.run.enforcement import disorder, enforce, instance_name
+from parcours.run.executor import Turn
+from parcours.run.hosts.live_enforcement import DrivenInstances
+from parcours.run.hosts.node_program import nodes_of
+from parcours.run.hosts.processes import ProcessTransport
 from parcours.run.port import links
 from parcours.run.trace import Trace, TraceEvent, held, transitions
 from parcours.study.hosting import started
 from parcours.suite import Case
 from parcours.verdict.judgement import Verdict
 from parcours_ramp.components.model import component_model
-from parcours_ramp.components.resident import RampCodec
+from parcours_ramp.components.node_program import RampCodec
 from parcours_ramp.components.study import (
     Functional,
     component_nodes,
@@ -41,7 +41,7 @@ from parcours_ramp.components.study import (
 from parcours_ramp.components.tester import ComponentTester
 from parcours_ramp.planner.wire import FORMS, flatten
 
-RESIDENT = "parcours_ramp.components.resident:ComponentResident"
+RESIDENT = "parcours_ramp.components.node_program:ComponentNodeProgram"
 WARM = ["parcours_ramp.components.warm"]
 CASES = tuple(component_plan(seed=5, rows=1).cases())
 
@@ -52,15 +52,15 @@ def simulated() -> dict[str, Functional]:
 
 
 @pytest.fixture(scope="module")
-def fabric() -> Iterator[ProcessFabric]:
+def transport() -> Iterator[ProcessTransport]:
     with started(component_nodes(), "processes") as hosted:
-        assert isinstance(hosted.fabric, ProcessFabric)
-        yield hosted.fabric
+        assert isinstance(hosted.transport, ProcessTransport)
+        yield hosted.transport
 
 
 @pytest.fixture(scope="module", params=[True, False], ids=["strict", "as concurrent as allowed"])
-def ran(request: pytest.FixtureRequest, fabric: ProcessFabric) -> tuple[bool, list[Functional]]:
-    execute = on(fabric, RampCodec(), strict=request.param)
+def ran(request: pytest.FixtureRequest, transport: ProcessTransport) -> tuple[bool, list[Functional]]:
+    execute = on(transport, RampCodec(), strict=request.param)
     return request.param, [run_functional(case, execute) for case in CASES]
 
 
@@ -182,9 +182,9 @@ def test_a_trace_that_lacks_or_doubles_a_transition_fails() -> None:
 class Striking(DrivenInstances):
     """Sends a signal to a node just before its k-th turn is granted."""
 
-    def __init__(self, fabric: ProcessFabric, tester: ComponentTester, node: str, number: int) -> None:
-        super().__init__(fabric, RampCodec(), tester)
-        self._of, self._node, self._number, self._struck = fabric, node, number, False
+    def __init__(self, transport: ProcessTransport, tester: ComponentTester, node: str, number: int) -> None:
+        super().__init__(transport, RampCodec(), tester)
+        self._of, self._node, self._number, self._struck = transport, node, number, False
 
     def grant(self, turns: Sequence[Turn]) -> None:
         if turns[0].event.component == self._node and not self._struck:
@@ -205,12 +205,12 @@ def process_state(pid: int) -> str:
 
 def test_a_planner_that_freezes_or_dies_in_the_middle_of_a_case_fails_it() -> None:
     model, case = component_model(), next(case for case in CASES if interaction_of(case) == "ITP1")
-    fabric = ProcessFabric(nodes_of(links(model), ["Planner", "TrajectoryGenerator"], RESIDENT), WARM)
+    transport = ProcessTransport(nodes_of(links(model), ["Planner", "TrajectoryGenerator"], RESIDENT), WARM)
     try:
         for number, got in (signal.SIGSTOP, "nothing within 1 s"), (signal.SIGKILL, "killed by SIGKILL"):
             tester = ComponentTester(case)
             events = events_of(case)
-            instances = Striking(fabric, tester, "TrajectoryGenerator", number)
+            instances = Striking(transport, tester, "TrajectoryGenerator", number)
             execution = enforce(events, instances, tester.supply, case=case.id, patience=1_000_000_000)
             judged = judge_trace(case, execution.trace)
             assert execution.deviation is not None
@@ -219,17 +219,19 @@ def test_a_planner_that_freezes_or_dies_in_the_middle_of_a_case_fails_it() -> No
             taken = transitions(execution.trace, instance_name(execution.deviation.event))
             assert execution.deviation.path == taken
             if number == signal.SIGSTOP:
-                assert run_functional(case, on(fabric, RampCodec())).judgement.passed, "let go on, it is as good as new"
+                assert run_functional(case, on(transport, RampCodec())).judgement.passed, (
+                    "let go on, it is as good as new"
+                )
         with pytest.raises(HostFailure, match=r"TrajectoryGenerator.*SIGKILL.*node-gone"):
-            on(fabric, RampCodec())(case)
+            on(transport, RampCodec())(case)
     finally:
-        fabric.close()
+        transport.close()
 
 
-def test_nodes_give_what_the_same_case_gives_in_this_process_on_the_real_clock(fabric: ProcessFabric) -> None:
+def test_nodes_give_what_the_same_case_gives_in_this_process_on_the_real_clock(transport: ProcessTransport) -> None:
     from parcours.run.clocks import WallClock
 
     for case in CASES[::20]:
-        mine, theirs = here(WallClock)(case), on(fabric, RampCodec())(case)
+        mine, theirs = here(WallClock)(case), on(transport, RampCodec())(case)
         assert mine.completed and theirs.completed
         assert transitions(mine.trace) == transitions(theirs.trace)

@@ -14,7 +14,7 @@ from parcours.run.binding.decoding import Decoder
 from parcours.run.binding.definitions import defined_types
 from parcours.run.binding.passing import BEGINS, CONTINUED, STALLED, STOPPED, Answered, Message
 from parcours.run.binding.relay import Relay
-from parcours.run.binding.seats import Seating, Spoke, apart, whole
+from parcours.run.binding.slots import SlotPlan, Spoke, apart, whole
 from parcours.run.faults.text import parse_plan
 from parcours.run.trace import TraceEvent
 from parcours_navigation.facts import NEVER
@@ -34,12 +34,12 @@ def binding() -> Binding:
 
 
 def test_each_reference_of_a_case_has_a_process_behind_names_of_its_own(binding: Binding) -> None:
-    seating = apart(binding, {0: "Follower", 1: "Planner", 2: "Follower"})
-    assert [seat.name for seat in seating.seats] == ["Follower#0", "Planner#1", "Follower#2"]
-    first, _, second = seating.seats
+    slot_plan = apart(binding, {0: "Follower", 1: "Planner", 2: "Follower"})
+    assert [slot.name for slot in slot_plan.slots] == ["Follower#0", "Planner#1", "Follower#2"]
+    first, _, second = slot_plan.slots
     assert (first.ros_node, second.ros_node) == ("/follower", "/follower_2")
     assert "__name:=follower_2" in second.arguments
-    names = [{name for _, name in seat.remap} for seat in (first, second)]
+    names = [{name for _, name in slot.remap} for slot in (first, second)]
     assert names[0].isdisjoint(names[1])
     assert "/plan:=/parcours/out/Follower_2/plan" in second.arguments
 
@@ -75,15 +75,15 @@ class _Graph:
         return self.time
 
 
-def _relay(binding: Binding, faults: str = "") -> tuple[Relay, _Graph, Seating]:
-    graph, seating = _Graph(), whole(binding)
-    relay = Relay(binding, seating, graph, lambda channel: (channel, "*", ""), graph.now, parse_plan(faults))
+def _relay(binding: Binding, faults: str = "") -> tuple[Relay, _Graph, SlotPlan]:
+    graph, slot_plan = _Graph(), whole(binding)
+    relay = Relay(binding, slot_plan, graph, lambda channel: (channel, "*", ""), graph.now, parse_plan(faults))
     relay.case_began = 0
-    return relay, graph, seating
+    return relay, graph, slot_plan
 
 
-def _out(seating: Seating, channel: str) -> Spoke:
-    return next(one for one in seating.spokes if one.side == "out" and channel in one.channels)
+def _out(slot_plan: SlotPlan, channel: str) -> Spoke:
+    return next(one for one in slot_plan.spokes if one.side == "out" and channel in one.channels)
 
 
 def _told(relay: Relay) -> list[tuple[str, str, str]]:
@@ -91,8 +91,8 @@ def _told(relay: Relay) -> list[tuple[str, str, str]]:
 
 
 def test_one_topic_of_two_channels_reaches_both_receivers_unchanged(binding: Binding) -> None:
-    relay, graph, seating = _relay(binding)
-    relay.heard(_out(seating, "obstacles"), b"as it came")
+    relay, graph, slot_plan = _relay(binding)
+    relay.heard(_out(slot_plan, "obstacles"), b"as it came")
     assert graph.said == [("/parcours/in/Planner/obstacles", b"as it came"),
                           ("/parcours/in/Follower/obstacles", b"as it came")]  # fmt: skip
     assert _told(relay) == [
@@ -102,9 +102,9 @@ def test_one_topic_of_two_channels_reaches_both_receivers_unchanged(binding: Bin
 
 
 def test_a_call_is_passed_on_and_its_answer_comes_back(binding: Binding) -> None:
-    relay, graph, seating = _relay(binding)
+    relay, graph, slot_plan = _relay(binding)
     answers: list[bytes | None] = []
-    relay.asked(_out(seating, "plan_request"), b"ask", answers.append)
+    relay.asked(_out(slot_plan, "plan_request"), b"ask", answers.append)
     [(address, data, answered)] = graph.asked
     assert (address, data, answers) == ("/plan", b"ask", [])
     answered(b"answer", "")
@@ -115,9 +115,9 @@ def test_a_call_is_passed_on_and_its_answer_comes_back(binding: Binding) -> None
 
 @pytest.mark.parametrize(("faults", "late"), [("", 1000 * MS), ("plan_response: drop 100 %", 0)])
 def test_a_call_without_an_answer_fails_for_its_client(binding: Binding, faults: str, late: int) -> None:
-    relay, graph, seating = _relay(binding, faults)
+    relay, graph, slot_plan = _relay(binding, faults)
     answers: list[bytes | None] = []
-    relay.asked(_out(seating, "plan_request"), b"ask", answers.append)
+    relay.asked(_out(slot_plan, "plan_request"), b"ask", answers.append)
     if faults:
         graph.asked[0][2](b"answer", "")
     graph.time = late + 1
@@ -127,9 +127,9 @@ def test_a_call_without_an_answer_fails_for_its_client(binding: Binding, faults:
 
 
 def test_a_delayed_message_keeps_its_place(binding: Binding) -> None:
-    relay, graph, seating = _relay(binding, "obstacles: delay 20 ms messages 0 to 0")
+    relay, graph, slot_plan = _relay(binding, "obstacles: delay 20 ms messages 0 to 0")
     for data in (b"first", b"second"):
-        relay.heard(_out(seating, "obstacles"), data)
+        relay.heard(_out(slot_plan, "obstacles"), data)
     assert [data for address, data in graph.said if "Planner" in address] == []
     graph.time = 20 * MS
     relay.do_what_is_due()
@@ -137,10 +137,10 @@ def test_a_delayed_message_keeps_its_place(binding: Binding) -> None:
 
 
 def test_what_is_kept_by_a_hook_goes_nowhere_until_it_is_released(binding: Binding) -> None:
-    relay, graph, seating = _relay(binding)
+    relay, graph, slot_plan = _relay(binding)
     kept: list[Message] = []
     relay.arrived = kept.append
-    relay.heard(_out(seating, "obstacles"), b"x")
+    relay.heard(_out(slot_plan, "obstacles"), b"x")
     assert (len(kept), graph.said) == (2, [])
     relay.release(kept[0])
     assert graph.said == [("/parcours/in/Planner/obstacles", b"x")]

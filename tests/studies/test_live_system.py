@@ -13,19 +13,19 @@ import pytest
 
 from parcours.errors import HostFailure
 from parcours.run.faults import parse_plan
-from parcours.run.hosts.processes import ProcessFabric
-from parcours.run.hosts.resident import nodes_of
+from parcours.run.hosts.node_program import nodes_of
+from parcours.run.hosts.processes import ProcessTransport
 from parcours.run.recording import Recorder, read_recording
 from parcours.run.trace import Trace, TraceEvent
 from parcours.verdict.judgement import Verdict
-from parcours_ramp.components.resident import RampCodec
+from parcours_ramp.components.node_program import RampCodec
 from parcours_ramp.planner.wire import flatten
 from parcours_ramp.system.component_form import system_links
 from parcours_ramp.system.live import COMPONENTS, LiveRun, rerun, run_live
 from parcours_ramp.system.live_results import rejudge, system_about
 from parcours_ramp.system.study import SystemStudy, system_study
 
-RESIDENT, NUMBER = "parcours_ramp.system.live:SystemResident", 3
+RESIDENT, NUMBER = "parcours_ramp.system.live:SystemNodeProgram", 3
 
 
 @pytest.fixture(scope="module")
@@ -34,28 +34,28 @@ def study() -> SystemStudy:
 
 
 @pytest.fixture(scope="module")
-def fabric() -> Iterator[ProcessFabric]:
-    fabric = opened()
-    yield fabric
-    fabric.close()
+def transport() -> Iterator[ProcessTransport]:
+    transport = opened()
+    yield transport
+    transport.close()
 
 
-def opened() -> ProcessFabric:
+def opened() -> ProcessTransport:
     """Start nodes that load code when they need it."""
-    return ProcessFabric(nodes_of(system_links(), COMPONENTS, RESIDENT), ["parcours_ramp.system.live"])
+    return ProcessTransport(nodes_of(system_links(), COMPONENTS, RESIDENT), ["parcours_ramp.system.live"])
 
 
 @pytest.fixture(scope="module")
 def recorded(
-    study: SystemStudy, fabric: ProcessFabric, tmp_path_factory: pytest.TempPathFactory
+    study: SystemStudy, transport: ProcessTransport, tmp_path_factory: pytest.TempPathFactory
 ) -> tuple[LiveRun, Path]:
     """Return a case that was run, and its recording."""
     path = tmp_path_factory.mktemp("recorded") / "system.mcap"
     about = system_about("guarded", 2, NUMBER, study.cases.protocol, study.time_limit)
-    run_live(study, NUMBER, fabric, RampCodec())  # loads the code in the nodes
+    run_live(study, NUMBER, transport, RampCodec())  # loads the code in the nodes
     case = study.cases.id(NUMBER)
     with Recorder(path, RampCodec(), clock="wall", host="processes", case=case, about=about) as recorder:
-        run = run_live(study, NUMBER, fabric, RampCodec(), listener=recorder.write)
+        run = run_live(study, NUMBER, transport, RampCodec(), listener=recorder.write)
         recorder.conclude(about={"verdict": str(run.judgement.verdict), "why": run.judgement.why})
     return run, path
 
@@ -142,35 +142,35 @@ def test_a_flipped_byte_is_noticed(recorded: tuple[LiveRun, Path], tmp_path: Pat
 def test_a_dead_component_fails_the_case_however_its_robot_fares_and_the_next_case_is_not_begun(
     study: SystemStudy,
 ) -> None:
-    with contextlib.closing(opened()) as fabric:
-        run = run_live(study, NUMBER, fabric, RampCodec(), faults=parse_plan("Planner: crash at 200 ms"))
+    with contextlib.closing(opened()) as transport:
+        run = run_live(study, NUMBER, transport, RampCodec(), faults=parse_plan("Planner: crash at 200 ms"))
         assert run.deaths == {"Planner": "killed by SIGKILL"}
         assert run.judgement.verdict is Verdict.FAIL
         assert run.judgement.why.startswith("dead at the end: Planner (killed by SIGKILL)")
         assert rerun(study, NUMBER, run.trace).judgement == run.judgement
         with pytest.raises(HostFailure, match=r"Planner: killed by SIGKILL.*node-gone"):
-            run_live(study, NUMBER, fabric, RampCodec())
+            run_live(study, NUMBER, transport, RampCodec())
 
 
-def test_a_frozen_component_is_let_go_on_for_the_next_case(study: SystemStudy, fabric: ProcessFabric) -> None:
-    run = run_live(study, NUMBER, fabric, RampCodec(), faults=parse_plan("Control: freeze at 300 ms"))
+def test_a_frozen_component_is_let_go_on_for_the_next_case(study: SystemStudy, transport: ProcessTransport) -> None:
+    run = run_live(study, NUMBER, transport, RampCodec(), faults=parse_plan("Control: freeze at 300 ms"))
     assert run.deaths == {}
     [stopped] = [e.time for e in run.trace.events if e.text.startswith("fault")]
     acting = [e.time for e in run.trace.events if e.component == "Control" and e.kind in ("take", "receive")]
     assert acting and max(acting) < stopped + 50_000_000 < int(run.facts[0]["t_end"])
-    again = run_live(study, NUMBER, fabric, RampCodec())
+    again = run_live(study, NUMBER, transport, RampCodec())
     acting = [e.time for e in again.trace.events if e.component == "Control" and e.kind in ("take", "receive")]
     assert again.deaths == {} and max(acting) > stopped + 50_000_000
 
 
 def test_a_node_killed_by_somebody_else_is_found_out(study: SystemStudy) -> None:
-    with contextlib.closing(opened()) as fabric:
+    with contextlib.closing(opened()) as transport:
         begun: list[int] = []
 
         def kill_it_once(event: TraceEvent) -> None:
             if event.time > 200_000_000 and not begun:
                 begun.append(event.time)
-                fabric.signal("TrajectoryEvaluation", signal.SIGKILL)
+                transport.signal("TrajectoryEvaluation", signal.SIGKILL)
 
-        run = run_live(study, NUMBER, fabric, RampCodec(), listener=kill_it_once)
+        run = run_live(study, NUMBER, transport, RampCodec(), listener=kill_it_once)
         assert run.deaths == {"TrajectoryEvaluation": "killed by SIGKILL"} and run.judgement.verdict is Verdict.FAIL

@@ -18,7 +18,7 @@ from parcours.report.terminal import to_text
 from parcours.run.campaign import run_campaign
 from parcours.run.store import open_results
 from parcours_navigation.cases.family import SystemCases
-from parcours_navigation.guests.facts import PlannerFault
+from parcours_navigation.guests.planner_facts import PlannerFault
 from parcours_navigation.guests.planners import load_planner
 from parcours_navigation.guests.scenario import Scenario
 from parcours_navigation.protocol import Answer, Observation

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from parcours.errors import BadRequest
-from parcours_navigation.checking.apart import check_apart
 from parcours_navigation.checking.battery import CHECKS, run_battery, told_in_lines
 from parcours_navigation.checking.finding import Level
+from parcours_navigation.checking.isolation import check_apart
 from parcours_navigation.checking.loading import load_subject
 from parcours_navigation.checking.subject import Subject
 from parcours_navigation.planners.baselines import StraightAhead as Sound

@@ -18,11 +18,11 @@ from parcours.errors import BadRequest, HostFailure
 from parcours.report.page import to_html
 from parcours.report.terminal import to_text
 from parcours.run.faults import FaultPlan, parse_fault, parse_plan
-from parcours.run.hosts.striking import Death
+from parcours.run.hosts.component_faults import Death
 from parcours.run.trace import Trace
 from parcours_navigation.facts import NEVER, TRACK
 from parcours_ramp.faults.catalogue import COMPONENTS, SERVICES, TOPICS, Entry, catalogue, chosen
-from parcours_ramp.faults.isolated import Ended, run_isolated
+from parcours_ramp.faults.isolation import Ended, run_isolated
 from parcours_ramp.faults.judging import SHOWN, CaseOutcome, Outcome, judge
 from parcours_ramp.faults.reporting import fault_document, fault_page, tables
 from parcours_ramp.faults.running import (
@@ -36,7 +36,7 @@ from parcours_ramp.faults.running import (
     run_trial,
 )
 from parcours_ramp.system.component_form import ComponentRun, run_components, system_links
-from parcours_ramp.system.facts import FACTS
+from parcours_ramp.system.ramp_facts import FACTS
 
 S = 1_000_000_000
 

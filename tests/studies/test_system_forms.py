@@ -21,7 +21,7 @@ from parcours_navigation.facts import NEVER
 from parcours_navigation.outcomes import Outcome, explain, outcomes
 from parcours_ramp.planner.latency import none
 from parcours_ramp.system.component_form import ComponentRun, run_components
-from parcours_ramp.system.facts import TRANSITIONS
+from parcours_ramp.system.ramp_facts import TRANSITIONS
 from parcours_ramp.system.study import SCHEDULES, SystemStudy, system_study
 
 SHORT = 3.0

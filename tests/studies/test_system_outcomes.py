@@ -20,7 +20,7 @@ from parcours_navigation.outcomes import (
     shares,
     true_time_left,
 )
-from parcours_ramp.system.facts import TRANSITIONS
+from parcours_ramp.system.ramp_facts import TRANSITIONS
 from parcours_ramp.system.study import SCHEDULES, system_study
 
 CASES = 270

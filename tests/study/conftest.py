@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from parcours.errors import HostFailure
-from parcours.model.reading import parse_model
+from parcours.model.model_file import parse_model
 from parcours.model.structure import Cefsm
 from parcours.run.port import Component
 from parcours.study.components.process import end_programs

@@ -26,7 +26,7 @@ from parcours.study.components.systems import ProgramPart
 from parcours.study.finding import find
 from parcours.study.parameters import Parameter, settings_of
 from parcours.study.protocol import Request, Study
-from parcours.study.reading import check_study_file
+from parcours.study.study_file import check_study_file
 from parcours.verdict.judgement import Verdict
 
 PARKING = Path(__file__).parents[2] / "examples" / "parking"

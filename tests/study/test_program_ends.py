@@ -207,7 +207,7 @@ def test_a_forked_process_has_programs_of_its_own(workshop: Workshop) -> None:
 TESTER = """
 import sys, time
 from pathlib import Path
-from parcours.model.reading import parse_model
+from parcours.model.model_file import parse_model
 from parcours.study.components.program import Program
 from parcours.study.components.systems import ProgramPart
 

@@ -13,15 +13,15 @@ import pytest
 
 from parcours.abtc import abstract_cases, serialise
 from parcours.errors import HostFailure
-from parcours.run.gated import Execution
-from parcours.run.here import execute
+from parcours.run.enforcement import Execution
+from parcours.run.in_process import execute
 from parcours.run.port import Component
 from parcours.study.components.executing import in_process
 from parcours.study.components.process import end_programs
 from parcours.study.components.program import Program
 from parcours.study.components.study import ComponentStudy
 from parcours.study.components.tester import prompted
-from parcours.study.reading import read_study
+from parcours.study.study_file import read_study
 
 if TYPE_CHECKING:
     from tests.study.conftest import Workshop

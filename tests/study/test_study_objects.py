@@ -16,7 +16,7 @@ from click.testing import CliRunner, Result
 
 from parcours.cli import parcours
 from parcours.errors import BadRequest
-from parcours.model.reading import parse_model
+from parcours.model.model_file import parse_model
 from parcours.run.recording import read_recording
 from parcours.study import Request, finding
 from parcours.study.components.study import ComponentStudy

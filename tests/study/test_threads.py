@@ -10,9 +10,9 @@ from collections.abc import Callable
 import pytest
 
 from parcours.abtc import abstract_cases, serialise
-from parcours.model.reading import parse_model
-from parcours.run.gated import Execution
-from parcours.run.here import execute
+from parcours.model.model_file import parse_model
+from parcours.run.enforcement import Execution
+from parcours.run.in_process import execute
 from parcours.run.port import Component
 from parcours.run.trace import Trace, transitions
 from parcours.study.components.tester import prompted

@@ -11,7 +11,7 @@ import pytest
 from parcours.abtc import abstract_cases, serialise
 from parcours.model import parse_model
 from parcours.run.clocks import WallClock
-from parcours.run.here import execute
+from parcours.run.in_process import execute
 from parcours.run.trace import Trace, TraceEvent
 from parcours.verdict.conformance import Checker, check
 from parcours.verdict.conformance.tracking import Observes

@@ -7,9 +7,9 @@ from parcours.data.choosing import MODEL_CRITERIA, Selection, choose
 from parcours.data.constraints import Constraint
 from parcours.data.domains import Domain, enumeration, split
 from parcours.data.drawing import draw
+from parcours.data.input_file import parse_input_model, read_input_model
 from parcours.data.inputs import Group, InputModel
 from parcours.data.measuring import TupleCoverage, measure
-from parcours.data.reading import parse_input_model, read_input_model
 from parcours.data.selecting import CRITERIA, count, select
 
 __all__ = [

@@ -13,8 +13,8 @@ from parcours.data.blocks import Block
 from parcours.data.bounds import Bounds, may_hold
 from parcours.data.constraints import Constraint, Over, meets
 from parcours.data.domains import Domain
+from parcours.data.rule_names import flat, numbered_words
 from parcours.data.rules import MAX_CELLS, Rules, RuleTable
-from parcours.data.words import flat, numbered_words
 from parcours.errors import BadDomain, BadModel
 from parcours.model.expression import BOOL, INT, REAL, Expression, Type, names, type_of
 

@@ -15,7 +15,7 @@ from typing import Literal, TypeAlias
 
 from parcours.data.constraints import substitute
 from parcours.data.domains import Domain
-from parcours.data.words import path_of
+from parcours.data.rule_names import path_of
 from parcours.model.expression import Expression, Name
 
 Scope: TypeAlias = Literal["row", "each", "pairs"]

@@ -4,8 +4,8 @@ from parcours.model.checking import findings
 from parcours.model.configuration import Configuration, Layout, Move
 from parcours.model.drawing import predicate, to_dot, to_text
 from parcours.model.finding import Finding
+from parcours.model.model_file import Checked, check_file, check_text, parse_model, read_model
 from parcours.model.picture import to_svg
-from parcours.model.reading import Checked, check_file, check_text, parse_model, read_model
 from parcours.model.stepping import enabled, initial, step
 from parcours.model.steps import Steps
 from parcours.model.structure import (

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections import ChainMap
 from collections.abc import Collection, Iterator, Mapping
 
+from parcours.model.candidates import endless, holds, is_linear, is_plain, likely, may_hold
 from parcours.model.configuration import Configuration, Layout, Message, Site
 from parcours.model.exactness import inexact, keeps
 from parcours.model.expression import Binary, Expression, evaluate
-from parcours.model.likely import endless, holds, is_linear, is_plain, likely, may_hold
-from parcours.model.witness import Question, Values, with_terms
+from parcours.model.solutions import Question, Values, with_terms
 
 _CACHED = 100_000
 

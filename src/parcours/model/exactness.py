@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from math import prod
 
+from parcours.model.candidates import is_plain, listed
 from parcours.model.expression import Expression
 from parcours.model.expression.syntax import COMPARISONS, Binary, walk
-from parcours.model.likely import is_plain, listed
-from parcours.model.witness import EFFORT, Question
+from parcours.model.solutions import EFFORT, Question
 
 
 def inexact(question: Question, guards: Sequence[Expression], effects: Sequence[Expression], id: str) -> str:

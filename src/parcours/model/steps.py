@@ -6,13 +6,13 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Set
 
 from parcours.errors import BadModel, BadRequest, one_of
+from parcours.model.candidates import may_hold
 from parcours.model.choice import Choices
 from parcours.model.configuration import Configuration, Content, Inputs, Layout, Message, Move, Site, stored
 from parcours.model.expression import evaluate
-from parcours.model.likely import may_hold
 from parcours.model.scope import is_local
+from parcours.model.solutions import with_terms
 from parcours.model.structure import Cefsm
-from parcours.model.witness import with_terms
 
 
 class Steps:

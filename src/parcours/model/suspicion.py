@@ -8,8 +8,8 @@ from itertools import combinations, islice
 from parcours.model.expression import Apply, Binary, Expression, Field, Literal, Name, Unary
 from parcours.model.finding import Finding
 from parcours.model.scope import Scopes
+from parcours.model.solutions import Answer, Budget, Question
 from parcours.model.structure import ENVIRONMENT, Cefsm, Component, Machine, Transition
-from parcours.model.witness import Answer, Budget, Question
 
 MAX_PAIRS = 500
 """Most pairs of transitions compared in one state."""

@@ -16,8 +16,8 @@ from typing import Protocol, cast, runtime_checkable
 
 from parcours.errors import BadRequest, HostFailure, ParcoursError
 from parcours.run.atomic import sweep
+from parcours.run.heartbeat import LostCase, RunsStrangers
 from parcours.run.pool import run_tasks
-from parcours.run.pulse import LostCase, RunsStrangers
 from parcours.run.store import Campaign, Rows, Store, create
 
 Simulate = Callable[[int, int], Rows]
@@ -65,7 +65,7 @@ def run_campaign(
 ) -> Outcome:
     """Compute what is missing of a campaign, and return how far it came. Ctrl-C or SIGTERM ends it early.
 
-    A function that runs strangers' code (`parcours.run.pulse.RunsStrangers`) always runs in processes of its own, and
+    A function that runs strangers' code (`parcours.run.heartbeat.RunsStrangers`) always runs in processes of its own, and
     a case in which it hangs or takes its process down costs that case only.
 
     Args:
@@ -135,21 +135,21 @@ def _done(
     function: Simulate, task: _ComputeShard, missing: tuple[int, ...], workers: int, name: Callable[[int], str]
 ) -> Generator[int, None, None]:
     """Yield each shard once it is computed: here if one process is enough, else in workers."""
-    words = _pulse_words(function)
+    words = _heartbeat_words(function)
     if not missing or (not words and (workers == 1 or len(missing) == 1)):
         yield from (_here(task, shard, name) for shard in missing)
         return
     runs: object = function
     forks = isinstance(runs, Prepares) and runs.prepare()
     with contextlib.closing(
-        run_tasks(task, missing, min(workers, len(missing)), name, pulse_words=words, forks=forks)
+        run_tasks(task, missing, min(workers, len(missing)), name, heartbeat_words=words, forks=forks)
     ) as done:
         yield from done
 
 
-def _pulse_words(function: object) -> int:
+def _heartbeat_words(function: object) -> int:
     """Return how many words the function shares with the parent; 0 if it runs no strangers' code."""
-    return function.pulse_words if isinstance(function, RunsStrangers) else 0
+    return function.heartbeat_words if isinstance(function, RunsStrangers) else 0
 
 
 def _without(function: Simulate, lost: tuple[LostCase, ...]) -> Simulate:

@@ -24,7 +24,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from parcours.errors import BadRequest, HostFailure, ParcoursError
-from parcours.run.pulse import NO_CASE, POLL, LostCase, Watch, share
+from parcours.run.heartbeat import NO_CASE, POLL, LostCase, Watch, share
 
 _ATTEMPTS = 2
 _BY_OTHERS = (-signal.SIGKILL, -signal.SIGTERM)
@@ -53,14 +53,14 @@ def run_tasks(
     workers: int,
     name: Callable[[int], str],
     *,
-    pulse_words: int = 0,
+    heartbeat_words: int = 0,
     forks: bool = False,
 ) -> Generator[int, None, None]:
     """Yield each number once `task(number, lost)` has returned in some worker, in order of completion.
 
     A task whose worker dies is given to a fresh worker once. After a failure no further task is begun, those
     in progress are finished, and then the failure is raised. Leaving the iterator early stops the workers.
-    With `pulse_words`, a task whose worker hung or died in a case is begun anew as often as it takes, without
+    With `heartbeat_words`, a task whose worker hung or died in a case is begun anew as often as it takes, without
     the cases that were lost; what ended a worker from outside is believed to be the case's doing the second time only.
     What tasks print goes to standard error.
 
@@ -69,7 +69,7 @@ def run_tasks(
         numbers: what to run, in the order in which to begin.
         workers: how many processes, at least 1.
         name: what to call a task in a message.
-        pulse_words: size of the array that a worker shares (`parcours.run.pulse`), or 0 for none.
+        heartbeat_words: size of the array that a worker shares (`parcours.run.heartbeat`), or 0 for none.
         forks: whether workers are forked of this process where that is safe (`can_fork`), so that they begin with all
             that it has loaded. Only for tasks that share no lock with a thread of this process; others get a process
             that shares nothing with this one.
@@ -90,7 +90,7 @@ def run_tasks(
 
     def hire() -> _Worker:
         ours, theirs = context.Pipe()
-        block = context.RawArray("d", [NO_CASE] * pulse_words) if pulse_words else None
+        block = context.RawArray("d", [NO_CASE] * heartbeat_words) if heartbeat_words else None
         # A forked worker holds the parent's ends too, and would not see them close when the parent is killed.
         held = [ours, *(worker.line for worker in staff)] if forks else []
         process = context.Process(target=_serve, args=(theirs, task, block, held), daemon=True)  # type: ignore[attr-defined]
@@ -118,7 +118,7 @@ def run_tasks(
             busy = [worker for worker in staff if worker.task >= 0]
             if not busy:
                 break
-            ready = wait([worker.line for worker in busy], POLL if pulse_words else None)
+            ready = wait([worker.line for worker in busy], POLL if heartbeat_words else None)
             if (now := time.monotonic()) - looked >= POLL:  # neighbours that finish often end the wait early
                 looked = now
                 for worker in busy:

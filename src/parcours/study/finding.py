@@ -52,7 +52,7 @@ def find(given: str) -> Study:
     if path.is_dir():
         path = path / FILE
     if path.is_file() or os.sep in given or given.endswith((".yaml", ".yml")):
-        from parcours.study.reading import read_study
+        from parcours.study.study_file import read_study
 
         return read_study(path)
     rule = (

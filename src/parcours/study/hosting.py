@@ -1,4 +1,4 @@
-"""The name of a host -> its fabric, with a node for each component, in real time."""
+"""The name of a host -> its transport, with a node for each component, in real time."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Literal, get_args
 
 from parcours.errors import require_known
 from parcours.model.structure import Cefsm
-from parcours.run.hosts.resident import Codec, Fabric, nodes_of
+from parcours.run.hosts.node_program import Codec, Transport, nodes_of
 from parcours.run.port import Link
 
 HostName = Literal["simulated", "processes", "ros1", "ros2"]
@@ -24,20 +24,20 @@ class Nodes:
         model: whose channels give topics and services their names.
         links: the channels.
         components: those that get a node.
-        resident: dotted name of what runs in a node.
+        node_program: dotted name of what runs in a node.
         codec: of messages, where they travel as they are.
-        ros1_resident: the same on ROS 1.
+        ros1_node_program: the same on ROS 1.
         ros1_codec: dotted name of what returns the codec there; called with `given` unless that is empty.
         preload: modules to load before processes are forked.
-        given: the second argument of residents, such as where a study is.
+        given: the second argument of node programs, such as where a study is.
     """
 
     model: Cefsm
     links: tuple[Link, ...]
     components: tuple[str, ...]
-    resident: str
+    node_program: str
     codec: Codec
-    ros1_resident: str
+    ros1_node_program: str
     ros1_codec: str
     preload: tuple[str, ...] = ()
     given: str = ""
@@ -45,9 +45,9 @@ class Nodes:
 
 @dataclass(frozen=True, slots=True)
 class Hosted:
-    """A started fabric, and the codec of its messages' bytes."""
+    """A started transport, and the codec of its messages' bytes."""
 
-    fabric: Fabric
+    transport: Transport
     codec: Codec
 
 
@@ -74,7 +74,7 @@ def started(nodes: Nodes, host: str, graph: str = "") -> Iterator[Hosted]:
         try:
             yield hosted
         finally:
-            hosted.fabric.close()
+            hosted.transport.close()
 
 
 def isolate(host: str, graph: str) -> None:
@@ -90,32 +90,32 @@ def isolate(host: str, graph: str) -> None:
 
 
 def _processes(nodes: Nodes, graph: str) -> Hosted:
-    from parcours.run.hosts.processes import ProcessFabric
+    from parcours.run.hosts.processes import ProcessTransport
 
-    started = nodes_of(nodes.links, nodes.components, nodes.resident, nodes.given)
-    return Hosted(ProcessFabric(started, list(nodes.preload)), nodes.codec)
+    started = nodes_of(nodes.links, nodes.components, nodes.node_program, nodes.given)
+    return Hosted(ProcessTransport(started, list(nodes.preload)), nodes.codec)
 
 
 def _ros1(nodes: Nodes, graph: str) -> Hosted:
     from importlib import import_module
 
-    from parcours.run.hosts.ros1.fabric import Ros1Fabric
     from parcours.run.hosts.ros1.interfaces import interfaces
+    from parcours.run.hosts.ros1.transport import Ros1Transport
 
     module, _, name = nodes.ros1_codec.partition(":")
     make = getattr(import_module(module), name)
     codec = make(nodes.given) if nodes.given else make()
-    started = nodes_of(nodes.links, nodes.components, nodes.ros1_resident, nodes.given)
-    preload = [nodes.ros1_resident.partition(":")[0], *nodes.preload]
+    started = nodes_of(nodes.links, nodes.components, nodes.ros1_node_program, nodes.given)
+    preload = [nodes.ros1_node_program.partition(":")[0], *nodes.preload]
     return Hosted(
-        Ros1Fabric(started, interfaces(nodes.model, nodes.links), codec, preload, master=graph or None), codec
+        Ros1Transport(started, interfaces(nodes.model, nodes.links), codec, preload, master=graph or None), codec
     )
 
 
 def _ros2(nodes: Nodes, graph: str) -> Hosted:
-    from parcours.run.hosts.ros2.fabric import Ros2Fabric
     from parcours.run.hosts.ros2.names import topics_of
+    from parcours.run.hosts.ros2.transport import Ros2Transport
 
-    started = nodes_of(nodes.links, nodes.components, nodes.resident, nodes.given)
+    started = nodes_of(nodes.links, nodes.components, nodes.node_program, nodes.given)
     domain = int(graph) if graph else None
-    return Hosted(Ros2Fabric(started, topics_of(nodes.model), list(nodes.preload), domain=domain), nodes.codec)
+    return Hosted(Ros2Transport(started, topics_of(nodes.model), list(nodes.preload), domain=domain), nodes.codec)

@@ -2,7 +2,7 @@
 
 A study joins a model, test data, a system under test and oracles. Commands know no study by name: they find one
 (`parcours.study.finding`) and ask it. Whoever needs full control writes an object of this protocol; everybody else
-writes `study.yaml`, from which `parcours.study.reading` makes one.
+writes `study.yaml`, from which `parcours.study.study_file` makes one.
 """
 
 from __future__ import annotations

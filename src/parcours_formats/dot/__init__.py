@@ -14,9 +14,9 @@ from parcours_formats.dot.drawing import drawings
 from parcours_formats.dot.graphs import parse_dot, quoted
 from parcours_formats.graphwalker import Model, joined, parted
 from parcours_formats.graphwalker.labels import edge_label, vertex_label
+from parcours_formats.losses import unsaid
 from parcours_formats.naming import Names, joint_name, part_names, stem
 from parcours_formats.symbols import Alphabet, is_alphabetic, symbols_of, unsaid_of_channels
-from parcours_formats.unsaid import unsaid
 
 
 def read(text: str, origin: str) -> Reading:

@@ -8,10 +8,10 @@ from dataclasses import dataclass, field
 from parcours.model.conversion import Loss
 from parcours.model.expression import Assignment, Expression, Name
 from parcours.model.structure import Transition, Variable
-from parcours_formats.foreign import Branch, Scope, branches, condition
-from parcours_formats.foreign.tree import Identifier, Member, Tree
-from parcours_formats.foreign.values import TRUE, conjunction
 from parcours_formats.graphwalker.variables import declared
+from parcours_formats.guard_languages import Branch, Scope, branches, condition
+from parcours_formats.guard_languages.tree import Identifier, Member, Tree
+from parcours_formats.guard_languages.values import TRUE, conjunction
 from parcours_formats.naming import Names
 
 

@@ -10,11 +10,11 @@ from parcours.model.conversion import Loss
 from parcours.model.expression import Apply, Assignment, Binary, Expression, Literal, Name, names
 from parcours.model.expression.syntax import walk
 from parcours.model.structure import BASE_TYPES, CLOCK, Cefsm, Component, Machine, Transition
-from parcours_formats.foreign.javascript import javascript
-from parcours_formats.foreign.values import literal, replaced
 from parcours_formats.graphwalker.models import Edge, Model, Vertex
+from parcours_formats.guard_languages.javascript import javascript
+from parcours_formats.guard_languages.values import literal, replaced
+from parcours_formats.losses import unsaid
 from parcours_formats.naming import Names, joint_name
-from parcours_formats.unsaid import unsaid
 
 GENERATOR = "random(edge_coverage(100))"
 """How GraphWalker is told to walk; every model of its needs a generator."""

@@ -10,8 +10,8 @@ from parcours.model.conversion import Loss
 from parcours.model.expression import Assignment, Binary, Expression, Literal, Name, Unary, names
 from parcours.model.expression.syntax import COMPARISONS, walk
 from parcours.model.structure import Variable
-from parcours_formats.foreign import variables
-from parcours_formats.foreign.kinds import kind_of
+from parcours_formats.guard_languages import variables
+from parcours_formats.guard_languages.kinds import kind_of
 
 _FIRST: dict[str, bool | int | float | str] = {"bool": False, "int": 0, "real": 0.0, "text": ""}
 

@@ -13,7 +13,7 @@ from parcours.data.inputs import InputModel, rules_of
 from parcours.errors import ParcoursError
 from parcours.model.conversion import Loss, Writing
 from parcours.model.expression import Binary, Expression, Literal, Name, Unary, parse_expression
-from parcours_formats.pict.reading import CROSSED
+from parcours_formats.pict.pict_reader import CROSSED
 
 MAX_FORBIDDEN = 1_000
 """Most combinations that a constraint is written out as, where PICT has no words for it."""

@@ -9,9 +9,9 @@ from dataclasses import dataclass, field, replace
 from parcours.errors import BadModel
 from parcours.model.conversion import Loss
 from parcours.model.expression import Expression, Name
-from parcours_formats.foreign import Branch, Scope, Tokens, Translation, performed, refusal, sized
-from parcours_formats.foreign.texts import MAX_ACTIONS
-from parcours_formats.foreign.tree import (
+from parcours_formats.guard_languages import Branch, Scope, Tokens, Translation, performed, refusal, sized
+from parcours_formats.guard_languages.texts import MAX_ACTIONS
+from parcours_formats.guard_languages.tree import (
     Applied,
     Constant,
     Identifier,
@@ -20,10 +20,10 @@ from parcours_formats.foreign.tree import (
     Statement,
     Tree,
 )
-from parcours_formats.foreign.tree import (
+from parcours_formats.guard_languages.tree import (
     Set as Assign,
 )
-from parcours_formats.foreign.values import (
+from parcours_formats.guard_languages.values import (
     FALSE,
     MAX_CASES,
     TRUE,

@@ -7,9 +7,9 @@ from collections.abc import Iterable, Mapping
 from parcours.errors import BadModel
 from parcours.model.conversion import Loss
 from parcours.model.expression import Expression, Literal
-from parcours_formats.foreign import Scope, Tokens, Translation, refusal
-from parcours_formats.foreign.kinds import kind_of
-from parcours_formats.foreign.tree import (
+from parcours_formats.guard_languages import Scope, Tokens, Translation, refusal
+from parcours_formats.guard_languages.kinds import kind_of
+from parcours_formats.guard_languages.tree import (
     Choice,
     Constant,
     Identifier,
@@ -23,7 +23,7 @@ from parcours_formats.foreign.tree import (
     Tree,
     When,
 )
-from parcours_formats.foreign.values import is_constant
+from parcours_formats.guard_languages.values import is_constant
 from parcours_formats.naming import Names
 from parcours_formats.scxml.parts import ChartParser, Part, Whole, part_at, refused
 from parcours_formats.xml_lines import Element

@@ -13,8 +13,8 @@ from itertools import product
 
 from parcours.errors import BadModel
 from parcours.model.expression import Expression
-from parcours_formats.foreign import sized
-from parcours_formats.foreign.values import FALSE, MAX_CASES, TRUE, conjunction, negation
+from parcours_formats.guard_languages import sized
+from parcours_formats.guard_languages.values import FALSE, MAX_CASES, TRUE, conjunction, negation
 from parcours_formats.scxml.chart import Arc, Node
 from parcours_formats.scxml.configuring import Configuration, arrived, start, take, without_conflicts
 from parcours_formats.scxml.content import Content, DataScope, Outcome

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 from typing import TypeAlias
 
 from parcours.errors import BadModel
-from parcours_formats.foreign.parsing import Parser
-from parcours_formats.foreign.tree import (
+from parcours_formats.guard_languages.parsing import Parser
+from parcours_formats.guard_languages.tree import (
     Applied,
     Choice,
     Constant,
@@ -53,7 +53,7 @@ Part: TypeAlias = str | Whole
 class ChartParser(Parser):
     """Reads JavaScript with objects and lists written out.
 
-    >>> from parcours_formats.foreign import Tokens
+    >>> from parcours_formats.guard_languages import Tokens
     >>> ChartParser(Tokens("{a: 1, 'b': [x, 2]}", "javascript", "here")).condition().fields[0]
     ('a', Constant(value=1))
     """

@@ -21,8 +21,8 @@ from parcours.model.structure import (
     Transition,
     Variable,
 )
-from parcours_formats.foreign import variables
-from parcours_formats.foreign.values import TRUE, conjunction, is_constant, replaced
+from parcours_formats.guard_languages import variables
+from parcours_formats.guard_languages.values import TRUE, conjunction, is_constant, replaced
 from parcours_formats.naming import Names, as_label
 from parcours_formats.scxml.chart import Arc, ChartReader, Node
 from parcours_formats.scxml.configuring import Configuration, exits

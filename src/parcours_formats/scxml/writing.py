@@ -13,11 +13,11 @@ from parcours.model.conversion import Loss, Writing
 from parcours.model.expression import Apply, Assignment, Expression, Name, names
 from parcours.model.expression.syntax import walk
 from parcours.model.structure import BASE_TYPES, CLOCK, ENVIRONMENT, Cefsm, Component, Machine, Transition
-from parcours_formats.foreign.javascript import WORDS, javascript
-from parcours_formats.foreign.values import FALSE, TRUE, conjunction, conjuncts, literal, replaced
+from parcours_formats.guard_languages.javascript import WORDS, javascript
+from parcours_formats.guard_languages.values import FALSE, TRUE, conjunction, conjuncts, literal, replaced
+from parcours_formats.losses import unsaid
 from parcours_formats.naming import Names, as_identifier
 from parcours_formats.scxml.chart import ID, OWN, SILENT
-from parcours_formats.unsaid import unsaid
 
 OUTSIDE = "#_external"
 """The target of events that leave the model."""

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from parcours_formats.foreign.parsing import Parser
-from parcours_formats.foreign.tokens import Tokens
-from parcours_formats.foreign.tree import Applied, Constant, Infix, Other, Set, Statement, Tree
+from parcours_formats.guard_languages.parsing import Parser
+from parcours_formats.guard_languages.tokens import Tokens
+from parcours_formats.guard_languages.tree import Applied, Constant, Infix, Other, Set, Statement, Tree
 from parcours_formats.uppaal.declarations import DeclarationReader
 from parcours_formats.uppaal.declared import Declared, TypeTree
 

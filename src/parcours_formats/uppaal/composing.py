@@ -24,7 +24,7 @@ from parcours.model.structure import (
     Transition,
     Variable,
 )
-from parcours_formats.foreign.values import TRUE, literal, replaced
+from parcours_formats.guard_languages.values import TRUE, literal, replaced
 from parcours_formats.naming import Names
 from parcours_formats.uppaal.instantiation import Process
 from parcours_formats.uppaal.linking import Linking

@@ -6,9 +6,9 @@ The grammar is that of UPPAAL 4 and 5 (docs.uppaal.org/language-reference), with
 
 from __future__ import annotations
 
-from parcours_formats.foreign.parsing import Parser
-from parcours_formats.foreign.tokens import Tokens
-from parcours_formats.foreign.tree import Tree
+from parcours_formats.guard_languages.parsing import Parser
+from parcours_formats.guard_languages.tokens import Tokens
+from parcours_formats.guard_languages.tree import Tree
 from parcours_formats.uppaal.declared import (
     Aside,
     Declaration,

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TypeAlias
 
-from parcours_formats.foreign.tokens import Tokens
-from parcours_formats.foreign.tree import Tree
+from parcours_formats.guard_languages.tokens import Tokens
+from parcours_formats.guard_languages.tree import Tree
 
 
 @dataclass(frozen=True, slots=True)

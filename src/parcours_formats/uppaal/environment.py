@@ -7,9 +7,9 @@ from typing import Self
 
 from parcours.errors import BadModel
 from parcours.model.expression import Binary, Expression, Literal, Name, Unary
-from parcours_formats.foreign import Scope, Translation, refusal
-from parcours_formats.foreign.tree import Identifier, Index, Member, Quantified, Tree
-from parcours_formats.foreign.values import (
+from parcours_formats.guard_languages import Scope, Translation, refusal
+from parcours_formats.guard_languages.tree import Identifier, Index, Member, Quantified, Tree
+from parcours_formats.guard_languages.values import (
     FALSE,
     MAX_CASES,
     TRUE,

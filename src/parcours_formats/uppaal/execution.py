@@ -11,9 +11,9 @@ from dataclasses import dataclass, replace
 
 from parcours.errors import BadModel
 from parcours.model.expression import Expression
-from parcours_formats.foreign import Branch, Translation, performed, refusal
-from parcours_formats.foreign.tree import Applied, Set, Statement, When
-from parcours_formats.foreign.values import (
+from parcours_formats.guard_languages import Branch, Translation, performed, refusal
+from parcours_formats.guard_languages.tree import Applied, Set, Statement, When
+from parcours_formats.guard_languages.values import (
     MAX_CASES,
     Cases,
     always,

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from itertools import product
 
 from parcours.errors import BadModel, one_of
-from parcours_formats.foreign import refusal
-from parcours_formats.foreign.tree import Tree
+from parcours_formats.guard_languages import refusal
+from parcours_formats.guard_languages.tree import Tree
 from parcours_formats.uppaal.declared import Declaration, Declared, Instance, Routine, System
 from parcours_formats.uppaal.environment import Environment
 from parcours_formats.uppaal.templates import Template

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from parcours.model.expression import Apply, Assignment, Binary, Expression, Field, Literal, Name, Unary, names
 from parcours.model.expression.syntax import walk
 from parcours.model.structure import CLOCK, Cefsm
-from parcours_formats.foreign.kinds import is_natural
+from parcours_formats.guard_languages.kinds import is_natural
 
 WORDS = frozenset(
     re.findall(

@@ -8,9 +8,9 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from parcours.model.expression import Assignment, Expression, names
-from parcours_formats.foreign import Branch, Tokens, refusal, sized
-from parcours_formats.foreign.tree import Applied
-from parcours_formats.foreign.values import (
+from parcours_formats.guard_languages import Branch, Tokens, refusal, sized
+from parcours_formats.guard_languages.tree import Applied
+from parcours_formats.guard_languages.values import (
     TRUE,
     Cases,
     replaced,

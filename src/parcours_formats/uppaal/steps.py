@@ -9,10 +9,10 @@ from math import prod
 
 from parcours.errors import BadModel
 from parcours.model.expression import Assignment, Expression
-from parcours_formats.foreign import Branch, Tokens, Translation, sized
-from parcours_formats.foreign.parsing import Parser
-from parcours_formats.foreign.tree import Constant, Tree
-from parcours_formats.foreign.values import FALSE, TRUE, conjunction
+from parcours_formats.guard_languages import Branch, Tokens, Translation, sized
+from parcours_formats.guard_languages.parsing import Parser
+from parcours_formats.guard_languages.tree import Constant, Tree
+from parcours_formats.guard_languages.values import FALSE, TRUE, conjunction
 from parcours_formats.naming import Names
 from parcours_formats.uppaal.declarations import parse_selections
 from parcours_formats.uppaal.environment import Environment

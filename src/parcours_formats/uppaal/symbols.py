@@ -8,7 +8,7 @@ from typing import TypeAlias
 
 from parcours.errors import BadModel
 from parcours.model.expression import Expression
-from parcours_formats.foreign.values import TRUE, literal
+from parcours_formats.guard_languages.values import TRUE, literal
 from parcours_formats.uppaal.declared import Routine
 
 MAX_CELLS = 200_000

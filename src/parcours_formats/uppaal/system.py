@@ -8,7 +8,7 @@ from parcours.errors import BadModel
 from parcours.model.conversion import Loss, Reading, accepted
 from parcours.model.expression import Expression, names
 from parcours.model.structure import CLOCK, Cefsm
-from parcours_formats.foreign.values import TRUE, conjunction, conjuncts
+from parcours_formats.guard_languages.values import TRUE, conjunction, conjuncts
 from parcours_formats.naming import as_label
 from parcours_formats.uppaal.composing import Composing, Part
 from parcours_formats.uppaal.declarations import parse_declarations

@@ -15,8 +15,8 @@ from xml.sax.saxutils import escape
 from parcours.model.conversion import Loss, Writing
 from parcours.model.expression import Assignment, Expression
 from parcours.model.structure import Cefsm, Component, Machine, Transition
+from parcours_formats.losses import unsaid
 from parcours_formats.naming import Names, as_identifier
-from parcours_formats.unsaid import unsaid
 from parcours_formats.uppaal.rendering import WORDS, Rendering, UnsayableError
 from parcours_formats.uppaal.sharing import TESTER, Shared
 

@@ -26,7 +26,7 @@ class CaseStudy(Protocol):
         """In words how long the planner's work takes in the simulated world; empty if it answers when it is told to."""
 
     @property
-    def pulse_words(self) -> int:
+    def heartbeat_words(self) -> int:
         """How many words a worker shares with its parent; 0 for code that is trusted to end."""
 
     def __call__(self, first: int, count: int) -> NDArray[np.void]:

@@ -8,11 +8,11 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from parcours_navigation.checking.driving import drive
+from parcours_navigation.checking.closed_loop_run import drive
 from parcours_navigation.checking.finding import Finding, OutOfPatience, error, note, warning
 from parcours_navigation.checking.form import malformed, told
 from parcours_navigation.checking.scenes import PERIOD, crowd, observation, standard_task
-from parcours_navigation.checking.subject import Malformed, Seat, Subject
+from parcours_navigation.checking.subject import Malformed, Slot, Subject
 from parcours_navigation.protocol import Observation, Task
 
 COUNTS = (1, 3, 10, 50)
@@ -51,9 +51,9 @@ def survives_odd_scenes(subject: Subject) -> Iterator[Finding]:
     ill: dict[str, tuple[Malformed, list[str]]] = {}
     for name, steps in odd_scenes(task).items():
         try:
-            seat = subject.seat(task)
+            slot = subject.slot(task)
             for seen in steps:
-                seat.speeds(seen)
+                slot.speeds(seen)
         except Malformed as wrong:
             ill.setdefault(wrong.slug, (wrong, []))[1].append(name)
         except (KeyboardInterrupt, OutOfPatience):
@@ -71,7 +71,7 @@ def survives_odd_scenes(subject: Subject) -> Iterator[Finding]:
 def decides_in_time(subject: Subject) -> Iterator[Finding]:
     """A decision takes less than the period, also with many obstacles; wall time of this machine."""
     task = standard_task()
-    times = {count: decision_times(subject.seat(task), task, count) for count in COUNTS}
+    times = {count: decision_times(subject.slot(task), task, count) for count in COUNTS}
     usual = times[3]
     median, p99, largest = (float(x) * 1e3 for x in (np.median(usual), np.quantile(usual, 0.99), usual.max()))
     growth = ", ".join(f"{1e3 * float(np.median(taken)):.3g} ms with {count}" for count, taken in times.items())
@@ -85,11 +85,11 @@ def decides_in_time(subject: Subject) -> Iterator[Finding]:
         yield note("decision-time", seen)
 
 
-def decision_times(seat: Seat, task: Task, count: int, n: int = 40, patience: float = 5.0) -> np.ndarray:
+def decision_times(slot: Slot, task: Task, count: int, n: int = 40, patience: float = 5.0) -> np.ndarray:
     """Return the wall times of decisions among so many obstacles [s], shape (n,), fewer where patience ends first.
 
     Args:
-        seat: reset to the task already.
+        slot: reset to the task already.
         task: the task.
         count: number of obstacles.
         n: decisions after a first one that does not count: it may compile.
@@ -101,7 +101,7 @@ def decision_times(seat: Seat, task: Task, count: int, n: int = 40, patience: fl
         robot = (0.1 + 0.02 * k * task.period, 0.1, 0.7, 0.2, 0.0)
         seen = observation(task, robot, crowd(count), k * task.period)
         before = time.perf_counter()
-        seat.speeds(seen)
+        slot.speeds(seen)
         after = time.perf_counter()
         taken.append(after - before)
         if after - begun > patience and k:

@@ -64,10 +64,10 @@ def _takes_one(function: object, what: str, argument: str) -> Iterator[Finding]:
 def answers_in_form(subject: Subject) -> Iterator[Finding]:
     """It answers pairs of finite numbers, trajectories or None, and not always None."""
     task = standard_task()
-    seat = subject.seat(task)
+    slot = subject.slot(task)
     answers = []
     for seen in script(task):
-        answer = seat.answer(seen)
+        answer = slot.answer(seen)
         try:
             require_form(answer)
         except Malformed as wrong:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from parcours_navigation.checking.driving import drive
+from parcours_navigation.checking.closed_loop_run import drive
 from parcours_navigation.checking.finding import Finding, error, note, warning
 from parcours_navigation.checking.scenes import LIMITS, mirrored, moved, script, standard_task
 from parcours_navigation.checking.subject import Speeds, Subject, replayed

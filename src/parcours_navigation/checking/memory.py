@@ -32,10 +32,10 @@ def forgets_the_last_case(subject: Subject) -> Iterator[Finding]:
     fresh = replayed(subject, task, script(task))
     if fresh != replayed(subject, task, script(task)):
         return  # not the reset's fault: repeats_itself tells it
-    seat = subject.seat(other)
+    slot = subject.slot(other)
     for seen in script(other, 17):
-        seat.speeds(seen)
-    again = replayed(subject, task, script(task), seat)
+        slot.speeds(seen)
+    again = replayed(subject, task, script(task), slot)
     if again != fresh:
         yield error(
             "remembers",
@@ -67,10 +67,10 @@ def _dice() -> dict[str, str]:
 def leaves_observations_alone(subject: Subject) -> Iterator[Finding]:
     """It does not write into the arrays it is shown."""
     task = standard_task()
-    seat = subject.seat(task)
+    slot = subject.slot(task)
     for seen in script(task):
         shown = copied(seen)
-        seat.speeds(shown)
+        slot.speeds(shown)
         if name := changes_observation(seen, shown):
             yield error(
                 "changes-observation",
@@ -86,14 +86,14 @@ def keeps_no_observation(subject: Subject) -> Iterator[Finding]:
     fresh = replayed(subject, task, script(task))
     if fresh != replayed(subject, task, script(task)):
         return
-    seat = subject.seat(task)
+    slot = subject.slot(task)
     steps = script(task)
     shared = observation(task, (0.0, 0.0, 0.0), ((0.0,),) * 3)
     reused = []
     for seen in steps:
         shared.time = seen.time
         shared.robot[:], shared.obstacles[:] = seen.robot, seen.obstacles
-        reused.append(seat.speeds(shared))
+        reused.append(slot.speeds(shared))
         shared.robot[:], shared.obstacles[:] = 7.7e3, -7.7e3  # what a kept reference would show from now on
     if reused != fresh:
         yield error(

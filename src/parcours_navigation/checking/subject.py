@@ -35,14 +35,14 @@ class Subject:
     name: str
     make: Callable[[], object]
 
-    def seat(self, task: Task) -> Seat:
+    def slot(self, task: Task) -> Slot:
         """Return a new planner, reset to the task."""
-        seat = Seat(self.make())
-        seat.reset(task)
-        return seat
+        slot = Slot(self.make())
+        slot.reset(task)
+        return slot
 
 
-class Seat:
+class Slot:
     """One planner that is asked: remembers the speeds of its last answer, which `None` leaves as they are."""
 
     def __init__(self, planner: object) -> None:
@@ -120,7 +120,7 @@ def speeds_along(trajectory: Trajectory, observation: Observation) -> Speeds:
 
 
 def replayed(
-    subject: Subject, task: Task, observations: Iterable[Observation], seat: Seat | None = None
+    subject: Subject, task: Task, observations: Iterable[Observation], slot: Slot | None = None
 ) -> list[Speeds]:
     """Return the speeds that a planner answers to observations, one after the other, after a reset.
 
@@ -128,13 +128,13 @@ def replayed(
         subject: what to ask.
         task: for the reset.
         observations: shown in this order.
-        seat: a planner to go on with; a new one if None.
+        slot: a planner to go on with; a new one if None.
     """
-    if seat is None:
-        seat = subject.seat(task)
+    if slot is None:
+        slot = subject.slot(task)
     else:
-        seat.reset(task)
-    return [seat.speeds(seen) for seen in observations]
+        slot.reset(task)
+    return [slot.speeds(seen) for seen in observations]
 
 
 def _brief(value: object) -> str:

@@ -83,7 +83,7 @@ def _check_types(binding: Binding) -> None:
 def _check_live(binding: Binding, master: str) -> None:
     import tempfile
 
-    from parcours.run.binding.seats import whole
+    from parcours.run.binding.slots import whole
     from parcours.run.hosts.ros1.foreign import ForeignHost
     from parcours.run.hosts.ros1.foreign_session import Session
 

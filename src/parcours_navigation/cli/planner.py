@@ -38,8 +38,8 @@ def check(planner: str, only: tuple[str, ...], listed: bool, patience: float, as
 
     from parcours.cli.progress import progress, say_if_cold
     from parcours.report.terminal import print_table
-    from parcours_navigation.checking.apart import check_apart
     from parcours_navigation.checking.battery import CHECKS, checks_table, told_in_lines
+    from parcours_navigation.checking.isolation import check_apart
 
     if listed:
         words = {name: (made.__doc__ or "").strip() for name, made in CHECKS.items()}

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from parcours.errors import ParcoursError
-from parcours.run import pulse
+from parcours.run import heartbeat as heartbeat
 from parcours.run.pool import run_tasks
 from parcours_navigation.arena.obstacles import move
 from parcours_navigation.comparison.results import DecisionTimes
@@ -45,7 +45,7 @@ def decision_times(
         forks = len(numbers) > 0 and study.prepare()
         try:
             with contextlib.closing(
-                run_tasks(task, numbers, 1, _name, pulse_words=study.pulse_words, forks=forks)
+                run_tasks(task, numbers, 1, _name, heartbeat_words=study.heartbeat_words, forks=forks)
             ) as done:
                 for _ in done:
                     if time.monotonic() - begun > patience:
@@ -81,14 +81,14 @@ class _TimeCase:
     folder: Path
     patience: float
 
-    def __call__(self, number: int, lost: tuple[pulse.LostCase, ...]) -> None:
+    def __call__(self, number: int, lost: tuple[heartbeat.LostCase, ...]) -> None:
         """Time one case, unless it is lost."""
         for case in lost:
             said = "did not answer" if case.how == "hung" else f"died: its process {case.detail}"
             (self.folder / f"{number}.txt").write_text(said)
         if lost:
             return
-        words = pulse.words(self.study.pulse_words)
+        words = heartbeat.words(self.study.heartbeat_words)
         _at(words, number, -1.0, FIRST_CASE * self.study.scenario.call_timeout)  # it is loaded here
         plugin = load_planner(self.study.located)
         facts, track, _ = self.study.track(number)
@@ -117,13 +117,13 @@ class _TimeCase:
         except BaseException as raised:  # also SystemExit
             (self.folder / f"{number}.txt").write_text(f"raised {type(raised).__name__}")
         finally:
-            words[pulse.CASE] = pulse.NO_CASE
+            words[heartbeat.CASE] = heartbeat.NO_CASE
         np.save(self.folder / f"{number}.npy", np.array(taken))
 
 
-def _at(words: pulse.Words, number: int, now: float, limit: float) -> None:
+def _at(words: heartbeat.Words, number: int, now: float, limit: float) -> None:
     """Tell the parent where this process is: the case, the time in it, and how long it may stay there [s]."""
-    words[pulse.TIME], words[pulse.LIMIT], words[pulse.CASE] = now * 1e9, limit, number
+    words[heartbeat.TIME], words[heartbeat.LIMIT], words[heartbeat.CASE] = now * 1e9, limit, number
 
 
 def _observations(study: NavigationStudy, number: int, track: np.ndarray) -> list[Observation]:

@@ -11,7 +11,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from parcours.run.pulse import LostCase
+from parcours.run.heartbeat import LostCase
 from parcours.run.store import Campaign
 from parcours_navigation.cases.running import CaseStudy
 from parcours_navigation.measures.one_case import measures_as_published
@@ -37,9 +37,9 @@ class Reproducing:
     lost: tuple[LostCase, ...] = ()
 
     @property
-    def pulse_words(self) -> int:
+    def heartbeat_words(self) -> int:
         """How many words a worker shares with its parent."""
-        return self.study.pulse_words
+        return self.study.heartbeat_words
 
     def without(self, lost: tuple[LostCase, ...]) -> Self:
         """Return the same, which does not run the lost cases."""

@@ -14,13 +14,13 @@ from dataclasses import dataclass, field
 
 from parcours.abtc import Event
 from parcours.run.binding.passing import CONTINUED, ENDS, STOPPED, Call, Message
-from parcours.run.binding.seats import Seat
-from parcours.run.gated import instance_name
+from parcours.run.binding.slots import Slot
+from parcours.run.enforcement import instance_name
 from parcours.run.hosts.ros1.foreign_session import Session
 from parcours_navigation.foreign.background import Background
 from parcours_navigation.foreign.judging import AbstractJudge
-from parcours_navigation.foreign.made import Maker
 from parcours_navigation.foreign.system import answer_call
+from parcours_navigation.foreign.tester_messages import Maker
 
 PATIENCE = 4_000_000_000
 """So long an event may take once it is its turn [ns]."""
@@ -45,7 +45,7 @@ class AbstractDrive:
     """Enforces the order of a case on a session.
 
     Args:
-        session: started, with a seat for each reference whose component a node runs.
+        session: started, with a slot for each reference whose component a node runs.
         judge: of the case; the session's listener is its `observe`.
         maker: makes the tester's messages.
         events: `serialise(abstract_case)`.
@@ -57,10 +57,10 @@ class AbstractDrive:
                  early: Sequence[Message] = (), patience: int = PATIENCE) -> None:  # fmt: skip
         self._session, self._relay, self._judge, self._maker = session, session.relay, judge, maker
         self._events, self._patience, self._early = events, patience, early
-        self._seats: dict[int, Seat] = {
-            seat.reference: seat for seat in session.seating.seats if seat.reference is not None
+        self._slots: dict[int, Slot] = {
+            slot.reference: slot for slot in session.slot_plan.slots if slot.reference is not None
         }
-        self._of_seat = {seat.name: reference for reference, seat in self._seats.items()}
+        self._of_slot = {slot.name: reference for reference, slot in self._slots.items()}
         self._to_do: dict[int, deque[_Turn]] = {}
         for event in events:
             turn = _Turn(event, missing=[send.channel for send in event.sends if self._is_bound(send.channel)])
@@ -138,7 +138,7 @@ class AbstractDrive:
 
     def _begin(self, reference: int, turn: _Turn) -> bool:
         event = turn.event
-        if reference not in self._seats:
+        if reference not in self._slots:
             self._play(turn)
         elif event.receives is not None and self._is_bound(event.receives.channel):
             if not turn.missing:
@@ -156,7 +156,7 @@ class AbstractDrive:
 
     def _give(self, reference: int, turn: _Turn) -> None:
         """Open the gate of the message that the event receives, or make it up."""
-        event, seat = turn.event, self._seats[reference]
+        event, slot = turn.event, self._slots[reference]
         assert event.receives is not None
         channel, source = event.receives.channel, event.receives.event
         if source is None:
@@ -164,27 +164,27 @@ class AbstractDrive:
         else:
             gate = self._gates.get((source, channel))
             if not gate:
-                self._failed = f"{event.transition} of {seat.name} awaits {channel}, which event {source} did not send"
+                self._failed = f"{event.transition} of {slot.name} awaits {channel}, which event {source} did not send"
                 return
             message = gate.popleft()
             self._relay.record("release", message.sender, message)
         part = self._session.host.binding.channel(channel).part
         if part == "response":
-            call = self._call_of(seat, channel)
+            call = self._call_of(slot, channel)
             if call is None:
-                self._failed = f"{event.transition} of {seat.name} awaits an answer on {channel}, but has asked nothing"
+                self._failed = f"{event.transition} of {slot.name} awaits an answer on {channel}, but has asked nothing"
                 return
             self._relay.answer(call, message)
         else:
-            copy = Message(message.number, channel, message.seat, message.sender, message.data, message.time)
-            self._relay.release(copy, seat.name)
+            copy = Message(message.number, channel, message.slot, message.sender, message.data, message.time)
+            self._relay.release(copy, slot.name)
         turn.last = self._session.now()
 
-    def _call_of(self, seat: Seat, channel: str) -> Call | None:
+    def _call_of(self, slot: Slot, channel: str) -> Call | None:
         service = self._session.host.binding.channel(channel).address
-        spokes = [one.address for one in self._session.seating.spokes
-                  if one.seat == seat.name and one.side == "out" and channel in one.channels]  # fmt: skip
-        calls = [call for call in self._relay.calls if call.client == seat.name and call.service in (service, *spokes)]
+        spokes = [one.address for one in self._session.slot_plan.spokes
+                  if one.slot == slot.name and one.side == "out" and channel in one.channels]  # fmt: skip
+        calls = [call for call in self._relay.calls if call.client == slot.name and call.service in (service, *spokes)]
         return calls[0] if calls else None
 
     def _finish(self, reference: int, turn: _Turn) -> bool:
@@ -192,11 +192,11 @@ class AbstractDrive:
         to_do = self._to_do[reference]
         to_do.popleft()
         event = turn.event
-        is_seen = turn.last >= 0 or reference not in self._seats
+        is_seen = turn.last >= 0 or reference not in self._slots
         stamp = turn.last if turn.last >= 0 else self._session.now()
         self._done.add(event.position)
         self._relay.tell("take", instance_name(event), event.transition, "" if is_seen else UNSEEN, stamp)
-        if reference in self._seats:
+        if reference in self._slots:
             self._freeze(reference)
         return True
 
@@ -204,32 +204,32 @@ class AbstractDrive:
 
     def _freeze(self, reference: int, after: int | None = None) -> None:
         """Stop the process if what it shall do next, once the event `after` is over, is not its turn yet."""
-        to_do, seat = list(self._to_do[reference]), self._seats[reference]
+        to_do, slot = list(self._to_do[reference]), self._slots[reference]
         follows = to_do[1:] if after is not None else to_do
-        if not follows or not seat.node.is_ours or reference in self._frozen:
+        if not follows or not slot.node.is_ours or reference in self._frozen:
             return
         done = self._done if after is None else self._done | {after}
         if self._is_due(follows[0].event, done):
             return
         self._frozen.add(reference)
-        self._session.hold(seat)
-        for component in seat.node.components:
-            self._relay.note(STOPPED, seat.component(component))
+        self._session.hold(slot)
+        for component in slot.node.components:
+            self._relay.note(STOPPED, slot.component(component))
 
     def _thaw(self, *, all_of_them: bool = False) -> None:
         for reference in list(self._frozen):
             to_do = self._to_do[reference]
             if all_of_them or not to_do or self._is_due(to_do[0].event):
                 self._frozen.discard(reference)
-                seat = self._seats[reference]
-                for component in seat.node.components:
-                    self._relay.note(CONTINUED, seat.component(component))
-                self._session.act(seat, "continue")
+                slot = self._slots[reference]
+                for component in slot.node.components:
+                    self._relay.note(CONTINUED, slot.component(component))
+                self._session.act(slot, "continue")
 
     # What nodes say.
 
     def _arrived(self, message: Message) -> None:
-        reference = self._of_seat.get(message.seat)
+        reference = self._of_slot.get(message.slot)
         to_do = self._to_do.get(reference, deque()) if reference is not None else deque()
         turn = to_do[0] if to_do else None
         if turn is None or message.channel not in turn.missing or not self._is_possible(turn):
@@ -285,7 +285,7 @@ class AbstractDrive:
             if to_do and to_do[0].since >= 0 and now - to_do[0].since > self._patience and not self._failed:
                 event = to_do[0].event
                 wanted = ", ".join(to_do[0].missing)
-                name = self._seats[reference].name if reference in self._seats else event.component
+                name = self._slots[reference].name if reference in self._slots else event.component
                 self._failed = (
                     f"{name} did not take {event.transition} (send {wanted}) within {self._patience * 1e-9:g} s"
                 )

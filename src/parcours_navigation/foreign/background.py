@@ -8,13 +8,13 @@ from dataclasses import dataclass
 
 from parcours.abtc import Event
 from parcours.run.hosts.ros1.foreign_session import Session
-from parcours_navigation.foreign.made import Maker
+from parcours_navigation.foreign.tester_messages import Maker
 
 
 @dataclass(slots=True)
 class _Told:
     channel: str
-    seat: str | None
+    slot: str | None
     period: int
     due: int = 0
 
@@ -31,13 +31,13 @@ class Background:
     def __init__(self, session: Session, maker: Maker, events: Sequence[Event]) -> None:
         self._session, self._maker = session, maker
         system = session.host.binding.system
-        references = {seat.name: seat.reference for seat in session.seating.seats}
+        references = {slot.name: slot.reference for slot in session.slot_plan.slots}
         self._told: list[_Told] = []
         for channel, period in system.sense if system else ():
             given = {one.reference for one in events if one.receives is not None and one.receives.channel == channel}
-            for spoke in session.seating.speaking(channel):
-                if references.get(spoke.seat, -1) not in given:
-                    self._told.append(_Told(channel, spoke.seat or None, round(period * 1e9)))
+            for spoke in session.slot_plan.speaking(channel):
+                if references.get(spoke.slot, -1) not in given:
+                    self._told.append(_Told(channel, spoke.slot or None, round(period * 1e9)))
 
     def tell(self, now: int) -> None:
         """Say what is due [ns since the run began]."""
@@ -46,4 +46,4 @@ class Background:
                 one.due = now + one.period
                 began = now - self._session.case_began
                 data = self._maker.of_the_environment(one.channel, began, time.time())
-                self._session.relay.inject(one.channel, data, one.seat)
+                self._session.relay.inject(one.channel, data, one.slot)

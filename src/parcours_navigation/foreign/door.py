@@ -27,8 +27,8 @@ from parcours.study.protocol import Finding, Judged, Progress, Rejudged, Reporte
 from parcours.suite import Case
 from parcours.verdict.judgement import Verdict
 from parcours_navigation.foreign.abstract import PATIENCE
-from parcours_navigation.foreign.apart import Order, run_apart
 from parcours_navigation.foreign.cases import abstract_scenes
+from parcours_navigation.foreign.isolation import Order, run_apart
 from parcours_navigation.foreign.results import RosResults
 
 if TYPE_CHECKING:

@@ -18,7 +18,7 @@ from parcours.errors import HostFailure
 from parcours.run.binding import Compiled
 from parcours.run.binding.decoding import Decoder
 from parcours.run.binding.passing import BEGINS, ENDS
-from parcours.run.gated import disorder
+from parcours.run.enforcement import disorder
 from parcours.run.hosts.realtime import DIED
 from parcours.run.recording import Raw
 from parcours.run.trace import Trace, TraceEvent, held

@@ -13,7 +13,7 @@ from parcours.abtc import require_cases
 from parcours.errors import BadRequest, HostFailure
 from parcours.run.binding.passing import Message
 from parcours.run.binding.relay import Relay
-from parcours.run.binding.seats import Seating, apart, whole
+from parcours.run.binding.slots import SlotPlan, apart, whole
 from parcours.run.hosts.ros1.foreign import ForeignHost
 from parcours.run.hosts.ros1.foreign_session import Session
 from parcours.run.hosts.scheduling import real_time
@@ -21,13 +21,13 @@ from parcours.run.noise import NoiseMeter
 from parcours.run.trace import TraceEvent
 from parcours.verdict.judgement import Judgement, Verdict
 from parcours_navigation.foreign.abstract import AbstractDrive
-from parcours_navigation.foreign.acting import act
 from parcours_navigation.foreign.cases import AbstractScene, abstract_scenes, find_scene
 from parcours_navigation.foreign.judging import FAULTY, AbstractJudge, Judged, SystemJudge
-from parcours_navigation.foreign.made import Maker
 from parcours_navigation.foreign.recorded import Tape, recording_place
 from parcours_navigation.foreign.results import Result, Wanted
+from parcours_navigation.foreign.setup_steps import act
 from parcours_navigation.foreign.system import SystemDrive
+from parcours_navigation.foreign.tester_messages import Maker
 from parcours_navigation.foreign.timing import Exercise, durations, spans, timed
 from parcours_navigation.foreign.world import ForeignWorld, Scene
 
@@ -35,7 +35,7 @@ _SWITCH = 0.0005
 """So long one thread of the tester goes on before another that waits may [s]."""
 
 
-class _Ear:
+class _Subscriber:
     """A session's listener: keeps what comes before anybody listens, and then tells all of it."""
 
     def __init__(self) -> None:
@@ -145,18 +145,18 @@ class ForeignStudy:
         return result
 
     def _abstract(self, scene: AbstractScene) -> Result:
-        seating = apart(self._host.binding, scene.references)
-        ear = _Ear()
-        session = Session(self._host, seating, faults=self._wanted.faults, listener=ear)
+        slot_plan = apart(self._host.binding, scene.references)
+        subscriber = _Subscriber()
+        session = Session(self._host, slot_plan, faults=self._wanted.faults, listener=subscriber)
         early = _Early(session.relay)
         try:
             self._begin(session)
             compiled = self._host.compile()
-            names = _names(seating)
+            names = _names(slot_plan)
             with _attentive():
                 judge = AbstractJudge(compiled, scene.events, names, live=True)
                 tape = self._tape(session, scene.id, {"kind": "abstract", "names": " ".join(names)})
-                ear.tell(judge.observe, *([tape.write] if tape else []))
+                subscriber.tell(judge.observe, *([tape.write] if tape else []))
                 maker = Maker(compiled, dict(scene.inputs))
                 AbstractDrive(session, judge, maker, scene.events, early.calls).run()
             act(session, maker, "after_case")
@@ -170,13 +170,13 @@ class ForeignStudy:
         warm = ForeignWorld(system, scene)  # compiled before anybody waits for it
         warm.advance(100_000_000)
         warm.items(0)
-        seating = whole(self._host.binding)
-        ear = _Ear()
-        session = Session(self._host, seating, faults=self._wanted.faults, listener=ear)
+        slot_plan = whole(self._host.binding)
+        subscriber = _Subscriber()
+        session = Session(self._host, slot_plan, faults=self._wanted.faults, listener=subscriber)
         try:
             self._begin(session)
             compiled = self._host.compile()
-            names = _names(seating)
+            names = _names(slot_plan)
             about = {
                 "kind": "system",
                 "names": " ".join(names),
@@ -186,7 +186,7 @@ class ForeignStudy:
             with _attentive():
                 judge = SystemJudge(compiled, scene, names, live=True)
                 tape = self._tape(session, scene.id, about)
-                ear.tell(judge.observe, *([tape.write] if tape else []))
+                subscriber.tell(judge.observe, *([tape.write] if tape else []))
                 SystemDrive(session, judge, Maker(compiled)).run()
             act(session, Maker(compiled), "after_case")
         finally:
@@ -226,13 +226,13 @@ class ForeignStudy:
             return
         took = {name: list(times) for name, times in self.passive.items()}
         began = time.monotonic()
-        ear = _Ear()
-        session = Session(self._host, whole(binding), listener=ear)
+        subscriber = _Subscriber()
+        session = Session(self._host, whole(binding), listener=subscriber)
         try:
             session.start()
             with NoiseMeter(trips=2, work=100_000) as meter, real_time():
                 exercise = Exercise(session, Maker(self._host.compile()), meter)
-                ear.tell(exercise.listen)
+                subscriber.tell(exercise.listen)
                 for span in self._spans:
                     if exercise.can(span):
                         took[span.name] = exercise.run(span, wanted.repeats + binding.warm_up)
@@ -259,5 +259,5 @@ def _attentive() -> Iterator[None]:
         sys.setswitchinterval(before)
 
 
-def _names(seating: Seating) -> Sequence[str]:
-    return [seat.component(component) for seat in seating.seats for component in seat.node.components]
+def _names(slot_plan: SlotPlan) -> Sequence[str]:
+    return [slot.component(component) for slot in slot_plan.slots for component in slot.node.components]

@@ -9,7 +9,7 @@ from parcours.run.binding.passing import ENDS, Call, Message
 from parcours.run.binding.relay import Relay
 from parcours.run.hosts.ros1.foreign_session import Session
 from parcours_navigation.foreign.judging import SystemJudge
-from parcours_navigation.foreign.made import Maker
+from parcours_navigation.foreign.tester_messages import Maker
 
 _ONCE = 200_000_000
 """So long after the first sensor messages those are sent that are sent once [ns]."""
@@ -87,12 +87,12 @@ class SystemDrive:
         answer_call(relay, self._maker, binding.channel(message.channel).address, call)
 
 
-def answer_call(relay: Relay, maker: Maker, service: str, call: Call, seat_time: int = 0) -> None:
+def answer_call(relay: Relay, maker: Maker, service: str, call: Call, slot_time: int = 0) -> None:
     """Let the tester answer a call, as the binding's `inject` says, or with an empty message."""
     binding = relay.binding
     responses = [one for one in binding.channels if one.part == "response" and one.address == service]
     if responses:
-        data = maker.of_the_environment(responses[0].name, seat_time, time.time())
+        data = maker.of_the_environment(responses[0].name, slot_time, time.time())
         relay.answer(call, relay.made(responses[0].name, data))
         return
     requests = [one for one in binding.channels if one.part == "request" and one.address == service]

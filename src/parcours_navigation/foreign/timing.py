@@ -20,7 +20,7 @@ from parcours.run.noise import Noise, NoiseMeter
 from parcours.run.trace import TraceEvent
 from parcours.verdict.judgement import Judgement, Verdict
 from parcours.verdict.timing import NEVER, judge, parse_bound
-from parcours_navigation.foreign.made import Maker
+from parcours_navigation.foreign.tester_messages import Maker
 
 _GAP = 5_000_000
 _LONGEST = 1_000_000_000
@@ -105,7 +105,7 @@ class Exercise:
 
     def can(self, span: Span) -> bool:
         """Return whether the tester can send what the span begins with."""
-        return bool(self._session.seating.speaking(span.begin))
+        return bool(self._session.slot_plan.speaking(span.begin))
 
     def run(self, span: Span, repeats: int) -> list[int]:
         """Return the durations of so many repeats [ns]; NEVER for one that did not end."""

@@ -1,7 +1,7 @@
 """A call that takes too long -> an exception inside it, where the interpreter can be interrupted at all.
 
 Compiled code that never returns to the interpreter is beyond this: there the parent process ends the worker
-(`parcours.run.pulse`).
+(`parcours.run.heartbeat`).
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from parcours.run.pulse import CASE, LIMIT, NO_CASE, TIME
+from parcours.run.heartbeat import CASE, LIMIT, NO_CASE, TIME
 
 FIRST_CASE = 6.0
 """In the first case of a process a call may take so many times longer: imports, and compilation."""
@@ -30,7 +30,7 @@ class Deadline:
     Does nothing in threads other than the main one, where signals do not arrive.
 
     Args:
-        words: of the case: its number, its time and the limit, see `parcours.run.pulse`.
+        words: of the case: its number, its time and the limit, see `parcours.run.heartbeat`.
         call_timeout: the shortest limit to come [s].
     """
 

@@ -16,13 +16,12 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from parcours.run import pulse
+from parcours.run import heartbeat as heartbeat
 from parcours.streams import start
 from parcours_navigation.arena.obstacles import OBSTACLE
 from parcours_navigation.facts import NEVER, TRACK, TRACK_PERIOD
 from parcours_navigation.guests.answers import BadAnswer, read_answer
 from parcours_navigation.guests.deadline import FIRST_CASE, Deadline, Hung
-from parcours_navigation.guests.facts import FACTS, PlannerFault, lost, reason_bytes, unmeasured
 from parcours_navigation.guests.loop import (
     ARRIVED,
     GO_ON,
@@ -37,6 +36,7 @@ from parcours_navigation.guests.loop import (
     observed,
     recorded,
 )
+from parcours_navigation.guests.planner_facts import FACTS, PlannerFault, lost, reason_bytes, unmeasured
 from parcours_navigation.guests.planners import Plugin, end_if_forked, is_ctrl_c
 from parcours_navigation.guests.scenario import Scenario
 from parcours_navigation.measures.kernel import measure
@@ -83,7 +83,7 @@ class Host:
 
     def __init__(self, plugin: Plugin, scenario: Scenario, robot_radius: float, n_obstacles: int) -> None:
         self._plugin, self._scenario, self._radius, self._n = plugin, scenario, robot_radius, n_obstacles
-        self._memory = pulse.words(host_words(scenario, n_obstacles))
+        self._memory = heartbeat.words(host_words(scenario, n_obstacles))
         self._robot, self._obstacles = observed(self._memory, n_obstacles)
         limits = scenario.limits
         self._setting = np.array(
@@ -107,7 +107,7 @@ class Host:
     def _compile(self) -> None:
         """Call every kernel once, so that no compilation counts as a planner's time."""
         begin_case(self._memory, 0, 1.0, np.zeros(0), self._setting, 0)
-        self._memory[pulse.CASE] = pulse.NO_CASE
+        self._memory[heartbeat.CASE] = heartbeat.NO_CASE
         hold(self._memory, 0, 0.0, 0.0)
         follow(self._memory, 0, np.zeros((1, 4)))
         freeze(self._memory, np.zeros(1, FACTS)[0])
@@ -134,7 +134,7 @@ class Host:
                     self._run_case(number, seed, facts[k : k + 1])
                     self._allowed = self._scenario.call_timeout
             finally:
-                self._memory[pulse.CASE] = pulse.NO_CASE
+                self._memory[heartbeat.CASE] = heartbeat.NO_CASE
 
     def track(self) -> tuple[NDArray[np.void], Floats]:
         """Return the track of the last case, array of TRACK of shape (n,), and the obstacles' places, (n, k, 2) [m]."""
@@ -182,8 +182,8 @@ class Host:
                 facts["moved_after"] = facts["t_goal_after"] != NEVER or moved_since(self._memory, later)
         except Hung:
             end_if_forked(self._pid)
-            self._memory[pulse.CASE] = pulse.NO_CASE
-            facts[:] = hung(number, int(self._memory[pulse.TIME]), scenario.call_timeout)
+            self._memory[heartbeat.CASE] = heartbeat.NO_CASE
+            facts[:] = hung(number, int(self._memory[heartbeat.TIME]), scenario.call_timeout)
             return
         except BadAnswer as error:
             end_if_forked(self._pid)

@@ -1,8 +1,8 @@
 """Commands and trajectories -> the world's motion between two observations, compiled, with the case's whole state in
 one array of float64: passing one plain array costs a tenth of passing records.
 
-The array begins with three words that a supervising process may read (`parcours.run.pulse`); the rest is the world, the
-observation, the obstacles and the track, each viewed with its own layout.
+The array begins with three words that a supervising process may read (`parcours.run.heartbeat`); the rest is the
+world, the observation, the obstacles and the track, each viewed with its own layout.
 """
 
 from __future__ import annotations

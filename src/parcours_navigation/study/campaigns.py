@@ -20,7 +20,7 @@ from parcours.study.finding import find, registered
 from parcours.verdict.judgement import Verdict
 from parcours_navigation.cases.family import Protocol, SystemCases
 from parcours_navigation.facts import FACTS as BASE
-from parcours_navigation.guests.facts import FACTS, PlannerFault
+from parcours_navigation.guests.planner_facts import FACTS, PlannerFault
 from parcours_navigation.guests.scenario import Scenario
 from parcours_navigation.outcomes import VERDICT_OF, Outcome, explain, outcomes, published
 from parcours_navigation.protocol import Limits

@@ -128,7 +128,7 @@ class Navigation:
         """Run the battery for authors of planners."""
         if not self.planner or own_loop(self.planner) is not None:
             return []
-        from parcours_navigation.checking.apart import check_apart
+        from parcours_navigation.checking.isolation import check_apart
 
         report = check_apart(self.planner, None, progress=lambda name, done, total: progress("checks", done, total))
         return [Finding(one.level.value, one.check or one.slug, one.seen, one.remedy) for one in report.findings]

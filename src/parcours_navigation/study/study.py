@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 
 import parcours
 from parcours.errors import BadRequest
-from parcours.run.pulse import LostCase
+from parcours.run.heartbeat import LostCase
 from parcours.run.store import Campaign
 from parcours_navigation.cases.family import SystemCases
 from parcours_navigation.cases.running import CaseStudy, Track
-from parcours_navigation.guests.facts import FACTS, PlannerFault, lost
 from parcours_navigation.guests.host import Host, host_words, hung
+from parcours_navigation.guests.planner_facts import FACTS, PlannerFault, lost
 from parcours_navigation.guests.planners import SHIPPED, PlannerLike, load_planner, located, own_loop, source_digest
 from parcours_navigation.guests.scenario import Scenario
 
@@ -80,7 +80,7 @@ class NavigationStudy:
         return source_digest(self.located) if isinstance(self.located, str) else ""
 
     @property
-    def pulse_words(self) -> int:
+    def heartbeat_words(self) -> int:
         """How many words a worker shares with its parent."""
         return host_words(self.scenario, _N_OBSTACLES)
 

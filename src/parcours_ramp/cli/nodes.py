@@ -9,8 +9,8 @@ import click
 @click.argument("study", type=click.Choice(["ramp_components"]))
 @click.option("--master", envvar="ROS_MASTER_URI", default="http://127.0.0.1:11311", show_default=True,
               help="http://host:port; ROS_MASTER_URI by default.")  # fmt: skip
-@click.option("--resident", default="", help="module:callable of what runs in the nodes, instead of RAMP's components.")
-def command(study: str, master: str, resident: str) -> None:
+@click.option("--program", default="", help="module:callable of what runs in the nodes, instead of RAMP's components.")
+def command(study: str, master: str, program: str) -> None:
     """Start the nodes of a study; they serve one tester after the other, until Ctrl-C.
 
     Example: parcours nodes ramp_components --master http://127.0.0.1:11311
@@ -18,10 +18,10 @@ def command(study: str, master: str, resident: str) -> None:
     import contextlib
     import signal
 
-    from parcours_ramp.standing_nodes import RESIDENT, StandingNodes
+    from parcours_ramp.persistent_nodes import RESIDENT, StandingNodes
 
     for number in (signal.SIGINT, signal.SIGTERM):  # a shell's background jobs inherit that Ctrl-C is ignored
         signal.signal(number, signal.default_int_handler)
-    with contextlib.suppress(KeyboardInterrupt), StandingNodes(master, resident or RESIDENT, click.echo) as nodes:
+    with contextlib.suppress(KeyboardInterrupt), StandingNodes(master, program or RESIDENT, click.echo) as nodes:
         click.echo(f"nodes wait for a tester at {master}; Ctrl-C ends them")
         nodes.stay()

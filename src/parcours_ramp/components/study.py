@@ -9,8 +9,8 @@ import numpy as np
 
 from parcours.abtc import AbstractCase, abstract_cases
 from parcours.run.clocks import Clock, WallClock
-from parcours.run.here import View
-from parcours.run.hosts.resident import Codec, Fabric
+from parcours.run.hosts.node_program import Codec, Transport
+from parcours.run.in_process import View
 from parcours.run.port import links
 from parcours.run.recording import Codec as RecordingCodec
 from parcours.run.trace import Trace
@@ -26,8 +26,8 @@ from parcours.verdict.judgement import Judgement
 from parcours.verdict.timing import Bound
 from parcours_ramp.components.components import view
 from parcours_ramp.components.model import component_files, component_inputs, component_model
+from parcours_ramp.components.node_program import RampCodec
 from parcours_ramp.components.oracles import ORACLES
-from parcours_ramp.components.resident import RampCodec
 from parcours_ramp.components.tester import ComponentTester
 
 CASES_OF_PAPER = {"ITP1": 8, "ITP2": 8, "ITP3": 8, "ITP4": 12, "ITP5": 9, "ITP6": 15}
@@ -106,8 +106,8 @@ def component_nodes(kind: str = "component") -> Nodes:
     also = tuple(link for link in system_links() if link.channel not in {one.channel for one in inner})
     room = "parcours_ramp.components"
     return Nodes(
-        model, (*inner, *also), names, f"{room}.resident:ComponentResident", RampCodec(), f"{room}.ros1:resident",
-        f"{room}.ros1:codec", (f"{room}.warm",),
+        model, (*inner, *also), names, f"{room}.node_program:ComponentNodeProgram", RampCodec(),
+        f"{room}.ros1:node_program", f"{room}.ros1:codec", (f"{room}.warm",),
     )  # fmt: skip
 
 
@@ -158,15 +158,15 @@ def here(clock: Callable[[], Clock] | None = None) -> Execute:
     return executing.in_process(_exercise(), clock)
 
 
-def on(fabric: Fabric, codec: Codec | None = None, *, strict: bool = True) -> Execute:
-    """Return what executes cases on the nodes of a fabric.
+def on(transport: Transport, codec: Codec | None = None, *, strict: bool = True) -> Execute:
+    """Return what executes cases on the nodes of a transport.
 
     Args:
-        fabric: started, with a node for each component that the cases visit.
-        codec: of the fabric's messages; MessagePack's if not given.
+        transport: started, with a node for each component that the cases visit.
+        codec: of the transport's messages; MessagePack's if not given.
         strict: keep the serialised order itself; else any order that the case leaves open.
     """
-    return executing.on_fabric(_exercise(), fabric, codec or RampCodec(), strict=strict)
+    return executing.on_transport(_exercise(), transport, codec or RampCodec(), strict=strict)
 
 
 def run_functional(case: Case, execute: Execute | None = None) -> Functional:

@@ -43,7 +43,7 @@ class ComponentTester:
         return self._supply(event).message(event.receives.channel)
 
     def case(self) -> bytes:
-        """Return the case as `ComponentResident` knows it."""
+        """Return the case as `ComponentNodeProgram` knows it."""
         return msgspec.json.encode(self._case)
 
     def prompt(self, event: Event) -> str:

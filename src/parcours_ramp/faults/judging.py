@@ -12,7 +12,7 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from parcours.run.hosts.striking import Death
+from parcours.run.hosts.component_faults import Death
 from parcours_navigation.facts import NEVER
 from parcours_ramp.system.component_form import ComponentRun
 

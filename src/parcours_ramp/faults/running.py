@@ -17,7 +17,7 @@ from parcours.errors import BadRequest, HostFailure, require_known
 from parcours.run.faults import FaultPlan
 from parcours_navigation.facts import NEVER
 from parcours_ramp.faults.catalogue import Entry
-from parcours_ramp.faults.isolated import Ended, run_isolated
+from parcours_ramp.faults.isolation import Ended, run_isolated
 from parcours_ramp.faults.judging import CaseOutcome, Outcome, judge
 from parcours_ramp.planner.latency import none
 from parcours_ramp.system.component_form import run_components

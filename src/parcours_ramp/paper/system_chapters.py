@@ -35,7 +35,7 @@ from parcours_navigation.study.campaigns import measure_table
 from parcours_ramp.components.model import component_model
 from parcours_ramp.paper.results import PaperResults
 from parcours_ramp.system.campaigns import SystemResults
-from parcours_ramp.system.facts import TRANSITIONS
+from parcours_ramp.system.ramp_facts import TRANSITIONS
 from parcours_ramp.system.study import SCHEDULES
 
 _TIME_EDGES = tuple(float(t) for t in range(0, 22, 1))

@@ -18,7 +18,7 @@ from parcours_navigation.facts import FACTS as BASE
 from parcours_navigation.outcomes import explain
 from parcours_ramp.planner.latency import Duration, Latencies
 from parcours_ramp.planner.parameters import Parameters
-from parcours_ramp.system.facts import FACTS
+from parcours_ramp.system.ramp_facts import FACTS
 from parcours_ramp.system.study import STUDY, SystemStudy
 
 

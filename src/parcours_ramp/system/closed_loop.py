@@ -20,10 +20,10 @@ from parcours_ramp.planner.guard import GUARD_PERIOD
 from parcours_ramp.planner.parameters import GUARDED, ORIGINAL
 from parcours_ramp.planner.planner_state import begin_population
 from parcours_ramp.planner.sensing_cycle import evaluate_population
-from parcours_ramp.system.facts import TRANSITIONS
 from parcours_ramp.system.mailbox import FAR, clear, take
 from parcours_ramp.system.observing import SENSING_PERIOD, freeze, watch
 from parcours_ramp.system.planner_thread import decide, guard, think
+from parcours_ramp.system.ramp_facts import TRANSITIONS
 
 Floats = NDArray[np.float64]
 

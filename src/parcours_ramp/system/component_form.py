@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from parcours.kernels import Record
 from parcours.run.faults import FaultPlan
+from parcours.run.hosts.component_faults import Death
 from parcours.run.hosts.simulated import SimulatedHost
-from parcours.run.hosts.striking import Death
 from parcours.run.port import Link, links
 from parcours.run.trace import Trace
 from parcours_navigation.arena.observing import measure_robot, sense
@@ -33,8 +33,8 @@ from parcours_ramp.planner.planner import Planner
 from parcours_ramp.planner.sensing import Sensing
 from parcours_ramp.planner.trajectory_evaluation import TrajectoryEvaluation
 from parcours_ramp.planner.trajectory_generator import TrajectoryGenerator
-from parcours_ramp.system.facts import FACTS, TRANSITIONS
 from parcours_ramp.system.observing import SENSING_PERIOD, freeze, watch
+from parcours_ramp.system.ramp_facts import FACTS, TRANSITIONS
 from parcours_ramp.system.study import SystemStudy
 from parcours_ramp.system.workspace import WORKSPACE
 

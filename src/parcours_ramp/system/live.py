@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from parcours.kernels import Record
 from parcours.run.faults import FaultPlan
+from parcours.run.hosts.node_program import Codec, Transport
 from parcours.run.hosts.realtime import DIED, RealTimeHost
-from parcours.run.hosts.resident import Codec, Fabric
 from parcours.run.port import Component, Step
 from parcours.run.trace import Trace, TraceEvent
 from parcours.verdict.conformance import Allowance, check
@@ -27,7 +27,7 @@ from parcours_navigation.arena.world import advance
 from parcours_navigation.facts import NEVER, TRACK
 from parcours_navigation.outcomes import VERDICT_OF, Outcome, explain, outcomes
 from parcours_ramp.components.model import component_model
-from parcours_ramp.components.resident import RampCodec
+from parcours_ramp.components.node_program import RampCodec
 from parcours_ramp.planner.control import COMMAND_PERIOD, Control
 from parcours_ramp.planner.messages import Report
 from parcours_ramp.planner.path_modification import PathModification
@@ -36,7 +36,7 @@ from parcours_ramp.planner.sensing import Sensing
 from parcours_ramp.planner.trajectory_evaluation import TrajectoryEvaluation
 from parcours_ramp.planner.trajectory_generator import TrajectoryGenerator
 from parcours_ramp.system.component_form import World, begin_world, start_pose, system_links
-from parcours_ramp.system.facts import FACTS
+from parcours_ramp.system.ramp_facts import FACTS
 from parcours_ramp.system.study import SystemStudy, system_study
 
 COMPONENTS = ("Planner", "TrajectoryGenerator", "TrajectoryEvaluation", "PathModification", "Control", "Sensing")
@@ -58,7 +58,7 @@ class Told(TypedDict):
     number: int
 
 
-class SystemResident(RampCodec):
+class SystemNodeProgram(RampCodec):
     """One of RAMP's components, for system cases.
 
     Args:
@@ -167,19 +167,19 @@ class LiveRun:
 def run_live(
     study: SystemStudy,
     number: int,
-    fabric: Fabric,
+    transport: Transport,
     codec: Codec | None = None,
     *,
     faults: FaultPlan | None = None,
     listener: Callable[[TraceEvent], None] | None = None,
 ) -> LiveRun:
-    """Run one case of the study on the fabric's nodes until the goal is reached or its time limit is over.
+    """Run one case of the study on the transport's nodes until the goal is reached or its time limit is over.
 
     Args:
         study: its latencies are not applied: they are whatever they are.
         number: of the case.
-        fabric: started, with a node for each of `COMPONENTS`; stays open, its nodes at rest.
-        codec: of the fabric's messages; MessagePack's if not given.
+        transport: started, with a node for each of `COMPONENTS`; stays open, its nodes at rest.
+        codec: of the transport's messages; MessagePack's if not given.
         faults: what befalls messages and nodes.
         listener: told of each event as soon as it is known.
 
@@ -190,7 +190,7 @@ def run_live(
     observer = Observer(study, number)
     told: Told = {"schedule": study.parameters.schedule, "seed": study.cases.seed, "number": number}
     host = RealTimeHost(
-        fabric, system_links(), codec or RampCodec(), case=msgspec.json.encode(told), local=(observer.world,),
+        transport, system_links(), codec or RampCodec(), case=msgspec.json.encode(told), local=(observer.world,),
         faults=faults, listener=listener,
     )  # fmt: skip
     until = 0

@@ -22,7 +22,7 @@ from parcours.run.trace import TraceEvent
 from parcours.study.components.archive import Form, incomplete, not_ours
 from parcours.study.protocol import Measure, Rejudged, Reported
 from parcours.verdict.judgement import Verdict
-from parcours_ramp.components.resident import RampCodec
+from parcours_ramp.components.node_program import RampCodec
 from parcours_ramp.system.live import LiveRun, outcome_of, rerun
 from parcours_ramp.system.study import SystemStudy, system_study
 

@@ -12,7 +12,7 @@ from parcours.study.hosting import Nodes, started
 from parcours.study.journal import write_question
 from parcours.study.protocol import Progress, Request, Run
 from parcours_ramp.components.model import component_model
-from parcours_ramp.components.resident import RampCodec
+from parcours_ramp.components.node_program import RampCodec
 from parcours_ramp.system.component_form import system_links
 from parcours_ramp.system.live import COMPONENTS, run_live
 from parcours_ramp.system.live_results import LiveLog
@@ -25,8 +25,8 @@ def system_nodes() -> Nodes:
     """Return RAMP's components as nodes for system cases."""
     room = "parcours_ramp.system"
     return Nodes(
-        component_model(), tuple(system_links()), tuple(COMPONENTS), f"{room}.live:SystemResident", RampCodec(),
-        f"{room}.ros1:resident", "parcours_ramp.components.ros1:codec", (f"{room}.live", f"{room}.warm"),
+        component_model(), tuple(system_links()), tuple(COMPONENTS), f"{room}.live:SystemNodeProgram", RampCodec(),
+        f"{room}.ros1:node_program", "parcours_ramp.components.ros1:codec", (f"{room}.live", f"{room}.warm"),
     )  # fmt: skip
 
 
@@ -54,7 +54,9 @@ def run_live_cases(door: RampSystem, request: Request, progress: Progress) -> Ru
                 with started(system_nodes(), host, graph) as hosted:
                     for number in left:
                         with log.recording(number) as listener:
-                            run = run_live(study, number, hosted.fabric, hosted.codec, faults=plan, listener=listener)
+                            run = run_live(
+                                study, number, hosted.transport, hosted.codec, faults=plan, listener=listener
+                            )
                             log.add(number, run)
                         progress(what, sum(one in log.done for one in numbers), len(numbers))
                         if run.deaths:

@@ -22,8 +22,8 @@ from parcours_ramp.planner.parameters import GUARDED, ORIGINAL
 from parcours_ramp.planner.planning_cycle import compensate, planning_cycle
 from parcours_ramp.planner.prediction import predict
 from parcours_ramp.planner.sensing_cycle import changes_of, sensing_cycle
-from parcours_ramp.system.facts import TRANSITIONS
 from parcours_ramp.system.mailbox import FAR, post
+from parcours_ramp.system.ramp_facts import TRANSITIONS
 
 _INDEX = {name: i for i, name in enumerate(TRANSITIONS)}
 _P11, _P12, _P13, _P15, _P16, _P17, _P18, _P19, _P21, _P31, _P51 = (

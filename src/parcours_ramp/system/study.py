@@ -19,7 +19,7 @@ from parcours_ramp.planner.latency import Latencies
 from parcours_ramp.planner.messages import OBSTACLE_STATE, PREDICTION, one
 from parcours_ramp.planner.parameters import Parameters, guarded, original
 from parcours_ramp.system.closed_loop import Floats, run_case
-from parcours_ramp.system.facts import FACTS
+from parcours_ramp.system.ramp_facts import FACTS
 from parcours_ramp.system.workspace import SETTING, WORKSPACE
 
 Track = tuple[NDArray[np.void], NDArray[np.void], Floats]
@@ -71,7 +71,7 @@ class SystemStudy:
         return "after its published durations"
 
     @property
-    def pulse_words(self) -> int:
+    def heartbeat_words(self) -> int:
         """None are shared with a parent: RAMP is no stranger."""
         return 0
 

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 from parcours.errors import BadModel
 from parcours.model.expression import evaluate, parse_expression
-from parcours_formats.foreign import Scope, actions, branches, guard, variables
-from parcours_formats.foreign.javascript import javascript
+from parcours_formats.guard_languages import Scope, actions, branches, guard, variables
+from parcours_formats.guard_languages.javascript import javascript
 
 Values = dict[str, object]
 KINDS = {"i": "int", "j": "int", "k": "int", "p": "bool", "q": "bool"}

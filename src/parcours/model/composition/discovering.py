@@ -7,8 +7,8 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from parcours.model.composition.acting import Actor, Record
 from parcours.model.composition.local import LocalMoves
+from parcours.model.composition.moves import Actor, Record
 from parcours.model.composition.space import Discovery, Space
 from parcours.model.configuration import Configuration, Layout, Message
 

@@ -10,9 +10,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from parcours.errors import BadRequest
-from parcours.model.composition.acting import Actor, Record, actors
 from parcours.model.composition.discovering import discoveries
 from parcours.model.composition.local import LocalMoves
+from parcours.model.composition.moves import Actor, Record, actors
 from parcours.model.composition.packing import Packing
 from parcours.model.composition.space import Space
 from parcours.model.configuration import Layout

@@ -15,8 +15,8 @@ from collections.abc import Iterator, Sequence
 from parcours.model.expression import Assignment, names
 from parcours.model.structure import Component, Machine, Transition
 from parcours.paths.criteria.requirement import START, Requirement
+from parcours.paths.solving.event_terms import Begin
 from parcours.paths.solving.ground import Bound, Ground
-from parcours.paths.solving.reading import Begin
 from parcours.paths.solving.terms import NoTerm
 from parcours.paths.solving.walk import Walk
 from parcours.paths.timing.events import Event

@@ -15,8 +15,8 @@ from parcours.errors import BadModel, BadRequest
 from parcours.model import Steps
 from parcours.model.configuration import Configuration, Move, Site
 from parcours.model.exactness import inexact
+from parcours.model.solutions import Question
 from parcours.model.structure import Cefsm, Component
-from parcours.model.witness import Question
 from parcours.paths.criteria.requirement import Requirement
 from parcours.paths.solving.targets import Node, Targets
 

@@ -17,8 +17,8 @@ from parcours.model.configuration import Inputs
 from parcours.model.expression import Assignment, Expression, Type, names
 from parcours.model.scope import is_local, variable_type
 from parcours.model.structure import Transition, Variable
+from parcours.paths.solving.event_terms import Begin, Level, Reading, time_of
 from parcours.paths.solving.ground import Bound, Ground, domain_text
-from parcours.paths.solving.reading import Begin, Level, Reading, time_of
 from parcours.paths.solving.terms import NoTerm, Translator, Value, is_constant, rational, variable
 from parcours.paths.timing.clocks import Condition, NoBound, ways
 from parcours.paths.timing.clockwork import Clockwork, Facts, set_when

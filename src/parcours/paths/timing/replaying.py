@@ -14,8 +14,8 @@ from parcours.errors import BadModel, BadRequest
 from parcours.model import Steps
 from parcours.model.configuration import Configuration, Inputs, Layout, Move
 from parcours.model.expression import evaluate
+from parcours.model.solutions import with_terms
 from parcours.model.structure import Cefsm
-from parcours.model.witness import with_terms
 from parcours.paths.timing.events import Event, taken_messages
 
 

@@ -1,10 +1,10 @@
 """Foreign systems: a binding file to processes, topics and services that stand for the parts of a model."""
 
+from parcours.run.binding.binding_file import check_binding, parse_binding, read_binding
 from parcours.run.binding.classifying import Classifier, Observed
 from parcours.run.binding.compiling import Compiled, compile_binding
 from parcours.run.binding.graph import Graph, graph_findings
 from parcours.run.binding.message_types import MessageTypes
-from parcours.run.binding.reading import check_binding, parse_binding, read_binding
 from parcours.run.binding.routes import Route, arguments, remappings, routes
 from parcours.run.binding.structure import Binding, BoundChannel, Process
 

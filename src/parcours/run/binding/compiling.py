@@ -10,10 +10,10 @@ from parcours.model.expression import BOOL, REAL, Type
 from parcours.model.expression.typing import accepts
 from parcours.model.finding import Finding
 from parcours.model.structure import BASE_TYPES
+from parcours.run.binding.binding_file import refusal
 from parcours.run.binding.formulas import Formula
 from parcours.run.binding.injecting import Writer, compile_injection
 from parcours.run.binding.message_types import MessageTypes
-from parcours.run.binding.reading import refusal
 from parcours.run.binding.readings import Compiler, Reading, message_type
 from parcours.run.binding.structure import Action, Binding, BoundChannel
 

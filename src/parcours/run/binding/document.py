@@ -8,8 +8,8 @@ from parcours.data import read_input_model
 from parcours.errors import BadDomain
 from parcours.model.documents import Node, Scalar
 from parcours.model.finding import errors_among
+from parcours.model.model_file import check_file
 from parcours.model.nodes import brief
-from parcours.model.reading import check_file
 from parcours.model.structure import Cefsm
 from parcours.run.binding.formulas import Formula, parse_formula
 from parcours.run.binding.quantities import plain

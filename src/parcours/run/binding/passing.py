@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
-from parcours.run.binding.seats import Spoke
+from parcours.run.binding.slots import Spoke
 
 BEGINS, ENDS = "the case begins", "the case ends"
 """Notes in a trace: the nodes are ready; the case is over."""
@@ -45,11 +45,11 @@ class Call:
 
 @dataclass(eq=False, slots=True)
 class Message:
-    """A message of which the tester has the bytes. `seat` is who sent it; empty for the tester."""
+    """A message of which the tester has the bytes. `slot` is who sent it; empty for the tester."""
 
     number: int
     channel: str
-    seat: str
+    slot: str
     sender: str
     data: bytes
     time: int

@@ -13,11 +13,11 @@ from collections.abc import Callable, Mapping
 
 from parcours.model.structure import ENVIRONMENT
 from parcours.run.binding.passing import Call, Ends, Message
-from parcours.run.binding.seats import Seat, Seating, Spoke
+from parcours.run.binding.slots import Slot, SlotPlan, Spoke
 from parcours.run.binding.structure import Binding
 from parcours.run.faults import FaultPlan
 from parcours.run.faults.corruption import corrupted_bytes
-from parcours.run.faults.fates import UNTOUCHED, Fate, Fates
+from parcours.run.faults.effects import UNTOUCHED, Effect, Effects
 from parcours.run.recording import Raw
 from parcours.run.trace import Kind, TraceEvent
 
@@ -29,7 +29,7 @@ class Relay:
 
     Args:
         binding: whose channels.
-        seating: who is there.
+        slot_plan: who is there.
         ends: lets bytes go on.
         kinds: channel -> (type, md5, definition) of its messages, for recordings; asked for at each message.
         now: the time since the run began [ns].
@@ -42,12 +42,12 @@ class Relay:
     """
 
     def __init__(
-        self, binding: Binding, seating: Seating, ends: Ends, kinds: Callable[[str], tuple[str, str, str]],
+        self, binding: Binding, slot_plan: SlotPlan, ends: Ends, kinds: Callable[[str], tuple[str, str, str]],
         now: Callable[[], int], faults: FaultPlan | None = None,
         listener: Callable[[TraceEvent], None] = lambda event: None,
     ) -> None:  # fmt: skip
-        self.binding, self.seating, self._ends, self._kinds, self._now = binding, seating, ends, kinds, now
-        self._fates = Fates(faults or FaultPlan(0))
+        self.binding, self.slot_plan, self._ends, self._kinds, self._now = binding, slot_plan, ends, kinds, now
+        self._effects = Effects(faults or FaultPlan(0))
         self._listener = listener
         self.arrived: Hook = self.release
         self.unserved: Hook = lambda message: self.fail(message, "nobody serves it")
@@ -62,8 +62,8 @@ class Relay:
         self._due: list[tuple[int, int, Callable[[], None]]] = []
         self._order = itertools.count()
         self._ends_of = {one.name: (one.sender, one.receiver) for one in binding.model.channels}
-        self._seats: Mapping[str, Seat] = {seat.name: seat for seat in seating.seats}
-        self._into = {one.name: seating.speaking(one.name) for one in binding.channels}
+        self._slots: Mapping[str, Slot] = {slot.name: slot for slot in slot_plan.slots}
+        self._into = {one.name: slot_plan.speaking(one.name) for one in binding.channels}
         self._timeouts = {one.name: round(one.timeout * 1e9) for one in binding.channels}
         self._raw: dict[int, Raw] = {}
         self._closed = False
@@ -75,7 +75,7 @@ class Relay:
         if self._closed:
             return
         for channel in spoke.channels:
-            message = self._message(channel, spoke.seat, data)
+            message = self._message(channel, spoke.slot, data)
             if spoke.overheard:
                 self.record("receive", self._name(channel, "", 1), message)
             else:
@@ -86,74 +86,76 @@ class Relay:
         if self._closed:
             reply(None)
             return
-        call = Call(spoke.address, spoke.seat, reply)
+        call = Call(spoke.address, spoke.slot, reply)
         self.calls.append(call)
         if spoke.channels[0]:
-            self.arrived(self._message(spoke.channels[0], spoke.seat, data, call))
+            self.arrived(self._message(spoke.channels[0], spoke.slot, data, call))
         else:  # only the responses are bound
-            self._ask(Message(-1, "", spoke.seat, "", data, self._now(), call), spoke.channels[1])
+            self._ask(Message(-1, "", spoke.slot, "", data, self._now(), call), spoke.channels[1])
 
     # What goes on to them.
 
-    def release(self, message: Message, seat: str | None = None) -> None:
-        """Let a message go on by its fate, to all who shall have it, or to one seat."""
+    def release(self, message: Message, slot: str | None = None) -> None:
+        """Let a message go on by its effect, to all who shall have it, or to one slot."""
         k = self._count[message.channel]
         self._count[message.channel] += 1
         began = self.case_began
-        fate = self._fates.fate(message.channel, k, message.time - began) if 0 <= began <= message.time else UNTOUCHED
-        if not fate.copies:
-            self.fail(message, f"fault: {fate.why}")
+        effect = (
+            self._effects.effect(message.channel, k, message.time - began) if 0 <= began <= message.time else UNTOUCHED
+        )
+        if not effect.copies:
+            self.fail(message, f"fault: {effect.why}")
             return
-        if fate.why:
-            self.note(f"fault: {message.channel} {fate.why}", message.sender)
-        self._befall(message, seat, fate)
+        if effect.why:
+            self.note(f"fault: {message.channel} {effect.why}", message.sender)
+        self._befall(message, slot, effect)
 
-    def _befall(self, message: Message, seat: str | None, fate: Fate) -> None:
+    def _befall(self, message: Message, slot: str | None, effect: Effect) -> None:
         data = message.data
-        if fate.corrupt is not None:
-            data = corrupted_bytes(data, fate.corrupt, fate.how)
+        if effect.corrupt is not None:
+            data = corrupted_bytes(data, effect.corrupt, effect.how)
         now = self._now()
-        for later in fate.copies:
+        for later in effect.copies:
             arrival = now + later
-            if not fate.reorder:
+            if not effect.reorder:
                 arrival = max(arrival, self._last_arrival.get(message.channel, 0))
                 self._last_arrival[message.channel] = arrival
             if arrival > now:
-                self.at(arrival, lambda: self._deliver(message, seat, data))
+                self.at(arrival, lambda: self._deliver(message, slot, data))
             else:
-                self._deliver(message, seat, data)
+                self._deliver(message, slot, data)
 
-    def _deliver(self, message: Message, seat: str | None, data: bytes) -> None:
+    def _deliver(self, message: Message, slot: str | None, data: bytes) -> None:
         part = self.binding.channel(message.channel).part
         if part == "request":
-            self._ask(message, "", seat, data)
+            self._ask(message, "", slot, data)
         elif part == "response":
             self._reply(message, data)
         else:
-            self._say(message, seat, data)
+            self._say(message, slot, data)
 
-    def _say(self, message: Message, seat: str | None, data: bytes) -> None:
-        spokes = [one for one in self._into[message.channel] if seat is None or one.seat in (seat, "")]
+    def _say(self, message: Message, slot: str | None, data: bytes) -> None:
+        spokes = [one for one in self._into[message.channel] if slot is None or one.slot in (slot, "")]
         if not spokes:
             self.record("receive", ENVIRONMENT, message)
         for spoke in spokes:
             lost = self._ends.say(spoke, data)
-            who = self._name(message.channel, spoke.seat, 1)
+            who = self._name(message.channel, spoke.slot, 1)
             if lost:
                 self.record("drop", who, message, "overrun: its receiver does not keep up")
             else:
                 self.record("receive", who, message, data=data)
 
-    def _ask(self, message: Message, response: str, seat: str | None = None, data: bytes | None = None) -> None:
+    def _ask(self, message: Message, response: str, slot: str | None = None, data: bytes | None = None) -> None:
         channel = message.channel or response
-        spokes = [one for one in self._into[channel] if seat is None or one.seat == seat]
+        spokes = [one for one in self._into[channel] if slot is None or one.slot == slot]
         if not spokes:
             self.unserved(message)
             return
         spoke, call = spokes[0], message.call or Call(self.binding.channel(channel).address, "", None)
         message.call = call
         if message.channel:
-            self.record("receive", self._name(message.channel, spoke.seat, 1), message, data=data)
+            self.record("receive", self._name(message.channel, spoke.slot, 1), message, data=data)
 
         def answered(answer: bytes | None, why: str) -> None:
             if call.is_over:
@@ -161,7 +163,7 @@ class Relay:
             if answer is None:
                 self.fail(message, f"the call failed: {why}")
             elif spoke.channels[1]:
-                self.arrived(self._message(spoke.channels[1], spoke.seat, answer, call))
+                self.arrived(self._message(spoke.channels[1], spoke.slot, answer, call))
             else:
                 self._end(call, answer)
 
@@ -218,10 +220,10 @@ class Relay:
         """Return a message of the tester's own, noted as sent; it goes nowhere yet."""
         return self._message(channel, "", data)
 
-    def inject(self, channel: str, data: bytes, seat: str | None = None) -> Message:
-        """Send a message of the tester's own to all who hear the channel, or to one seat."""
+    def inject(self, channel: str, data: bytes, slot: str | None = None) -> Message:
+        """Send a message of the tester's own to all who hear the channel, or to one slot."""
         message = self.made(channel, data)
-        self.release(message, seat)
+        self.release(message, slot)
         return message
 
     # Time, and what is told of it.
@@ -268,8 +270,8 @@ class Relay:
             self._end(call, None)
         self._due.clear()
 
-    def _message(self, channel: str, seat: str, data: bytes, call: Call | None = None) -> Message:
-        message = Message(next(self._numbers), channel, seat, self._name(channel, seat, 0), data, self._now(), call)
+    def _message(self, channel: str, slot: str, data: bytes, call: Call | None = None) -> Message:
+        message = Message(next(self._numbers), channel, slot, self._name(channel, slot, 0), data, self._now(), call)
         self.record("send", message.sender, message)
         return message
 
@@ -280,11 +282,11 @@ class Relay:
             self._raw[message.number] = Raw(*self._kinds(message.channel), message.data)
         return self._raw[message.number]
 
-    def _name(self, channel: str, seat: str, end: int) -> str:
-        """Return who sends (0) or receives (1) on a channel at a seat, as traces call it."""
+    def _name(self, channel: str, slot: str, end: int) -> str:
+        """Return who sends (0) or receives (1) on a channel at a slot, as traces call it."""
         component = self._ends_of.get(channel, ("", ""))[end]
-        found = self._seats.get(seat)
+        found = self._slots.get(slot)
         if found is None:
-            runs = any(component in one.node.components for one in self.seating.seats)
+            runs = any(component in one.node.components for one in self.slot_plan.slots)
             return component if component and runs else ENVIRONMENT
         return found.component(component if component in found.node.components else found.name.partition("#")[0])

@@ -1,7 +1,7 @@
 """Faults on purpose: a seeded plan -> what befalls each message of a channel, and each component, on every host."""
 
 from parcours.run.faults.corruption import HOWS, FlatCodec, How, corrupted, corrupted_bytes
-from parcours.run.faults.fates import UNTOUCHED, Fate, Fates
+from parcours.run.faults.effects import UNTOUCHED, Effect, Effects
 from parcours.run.faults.plan import NO_FAULTS, ChannelFault, ComponentFault, Fault, FaultPlan
 from parcours.run.faults.signals import Signal, signals
 from parcours.run.faults.text import parse_fault, parse_plan, plan_from_json, read_plan
@@ -12,8 +12,8 @@ __all__ = [
     "UNTOUCHED",
     "ChannelFault",
     "ComponentFault",
-    "Fate",
-    "Fates",
+    "Effect",
+    "Effects",
     "Fault",
     "FaultPlan",
     "FlatCodec",

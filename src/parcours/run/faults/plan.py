@@ -1,7 +1,7 @@
 """What shall go wrong, where, when and how much: plain data that stands in a case, on a command line, or in a file.
 
 All times are whole nanoseconds since the run began. A plan says nothing of chance but its seed: what befalls which
-message follows from it (`fates`).
+message follows from it (`effects`).
 """
 
 from __future__ import annotations

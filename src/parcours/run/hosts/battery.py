@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from parcours.errors import HostFailure
-from parcours.run.hosts.seats import Answer
+from parcours.run.hosts.slots import Answer
 from parcours.run.port import ENVIRONMENT, Component, Link, LinkKind, Send, Step
 from parcours.run.trace import Trace, transitions
 

@@ -21,9 +21,9 @@ import numpy as np
 from parcours.errors import BadRequest, HostFailure, one_of
 from parcours.run.clocks import Clock
 from parcours.run.faults import FaultPlan, FlatCodec
-from parcours.run.hosts.passage import Execution, Passage, Streams, at_once
-from parcours.run.hosts.seats import Answer, Answering, Lane, Seat, silence
-from parcours.run.hosts.striking import Death, Striker
+from parcours.run.hosts.channel_delay import ChannelDelay, Execution, Streams, at_once
+from parcours.run.hosts.component_faults import Death, Striker
+from parcours.run.hosts.slots import Answer, Answering, Queue, Slot, silence
 from parcours.run.hosts.traffic import ARRIVE, END, STRIKE, WAKE, Traffic, not_negative
 from parcours.run.noise import Noise
 from parcours.run.port import ENVIRONMENT, Component, Link, Step
@@ -42,7 +42,7 @@ class Exchange(Traffic):
         clock: Clock,
         *,
         environment: Component | Answer = silence,
-        passages: Mapping[str, Passage] | None = None,
+        channel_delays: Mapping[str, ChannelDelay] | None = None,
         execution: Execution = at_once,
         rng: np.random.Generator | None = None,
         recording: bool = True,
@@ -51,25 +51,25 @@ class Exchange(Traffic):
     ) -> None:
         tester = Answering(environment) if not hasattr(environment, "next_wake") else cast(Component, environment)
         self._clock = clock
-        self._seats = {part.name: Seat(part, k) for k, part in enumerate((*components, tester))}
-        self._environment = self._seats[tester.name]
-        self._lanes = {link.channel: Lane(link, k) for k, link in enumerate(links)}
-        self._passages = dict(passages or {})
+        self._slots = {part.name: Slot(part, k) for k, part in enumerate((*components, tester))}
+        self._environment = self._slots[tester.name]
+        self._queues = {link.channel: Queue(link, k) for k, link in enumerate(links)}
+        self._channel_delays = dict(channel_delays or {})
         self._execution = execution
         self._streams = Streams(rng or np.random.default_rng(0))
         self._open = True
         self._recording = recording
-        if tester.name != ENVIRONMENT or len(self._seats) != len(components) + 1:
+        if tester.name != ENVIRONMENT or len(self._slots) != len(components) + 1:
             names = ", ".join(part.name for part in (*components, tester))
             rule = f"component names differ, and the tester's is {ENVIRONMENT!r}, but given were: {names}"
             raise HostFailure(f"{self.label} host", rule, slug="host-names")
-        for channel in self._passages:
-            if channel not in self._lanes:
-                remedy = one_of(channel, list(self._lanes))
-                raise HostFailure("passages", f"no link is called {channel!r}", remedy, slug="unknown-channel")
+        for channel in self._channel_delays:
+            if channel not in self._queues:
+                remedy = one_of(channel, list(self._queues))
+                raise HostFailure("channel_delays", f"no link is called {channel!r}", remedy, slug="unknown-channel")
         self._striker: Striker | None = None
         if faults:
-            self._striker = Striker(faults, codec, self._seats, self._lanes, clock, self)
+            self._striker = Striker(faults, codec, self._slots, self._queues, clock, self)
         self._clear()
 
     def _clear(self) -> None:
@@ -81,11 +81,11 @@ class Exchange(Traffic):
         """Return everything to where it began: no message, no event, random streams at their start."""
         self._must_be_open()
         self._clear()
-        for seat in self._seats.values():
-            seat.component.reset()
-            seat.clear()
-        for lane in self._lanes.values():
-            lane.clear()
+        for slot in self._slots.values():
+            slot.component.reset()
+            slot.clear()
+        for queue in self._queues.values():
+            queue.clear()
         self._streams.restart()
         self._clock.restart()
 
@@ -93,8 +93,8 @@ class Exchange(Traffic):
         """Let go of the components. Closing again does nothing; the trace stays readable."""
         self._open = False
         self._heap.clear()
-        for seat in self._seats.values():
-            seat.clear()
+        for slot in self._slots.values():
+            slot.clear()
 
     def trace(self, case: str = "", noise: Noise | None = None) -> Trace:
         """Return what has happened since the beginning or the last reset; payloads included."""
@@ -116,7 +116,7 @@ class Exchange(Traffic):
 
     def acted(self, component: str) -> int:
         """Return when a component of this host last ended a transition or action [ns]; 0 if never, or if it is dead."""
-        return self._seats[component].acted
+        return self._slots[component].acted
 
     def inject(self, channel: str, message: object, at: int | None = None) -> None:
         """Send `message` in the place of the environment, or of a component that is not on this host.
@@ -130,18 +130,18 @@ class Exchange(Traffic):
             BadRequest: the channel is unknown, belongs to a component of this host, or the time is past.
         """
         self._must_be_open()
-        lane = self._lanes.get(channel)
-        if lane is None:
-            raise BadRequest("inject", f"no link is called {channel!r}", one_of(channel, list(self._lanes)),
+        queue = self._queues.get(channel)
+        if queue is None:
+            raise BadRequest("inject", f"no link is called {channel!r}", one_of(channel, list(self._queues)),
                              slug="unknown-channel")  # fmt: skip
-        if lane.link.sender != ENVIRONMENT and lane.link.sender in self._seats:
-            rule = f"only the tester's channels can be injected, but {lane.link.sender} itself sends here"
+        if queue.link.sender != ENVIRONMENT and queue.link.sender in self._slots:
+            rule = f"only the tester's channels can be injected, but {queue.link.sender} itself sends here"
             raise BadRequest(f"channel {channel!r}", rule, "leave the component out", slug="foreign-channel")
         now = self._clock.now()
         if at is not None and at < now:
             rule = f"time never runs backwards, but {at} ns was given at {now} ns"
             raise BadRequest(f"inject on {channel!r}", rule, "inject before the run", slug="time-backwards")
-        self._push(now if at is None else at, ARRIVE, lane.index, lambda: self._send(None, lane, message))
+        self._push(now if at is None else at, ARRIVE, queue.index, lambda: self._send(None, queue, message))
 
     def run(self, until: int) -> None:
         """Run until the time `until` [ns], or until nothing is left that could happen.
@@ -150,8 +150,8 @@ class Exchange(Traffic):
             HostFailure: a component raised, sent on a channel that is not its own, or never comes to rest.
         """
         self._must_be_open()
-        for seat in self._seats.values():
-            self._push(self._clock.now(), WAKE, seat.index, lambda seat=seat: self._work(seat, rung=True))  # type: ignore[misc]
+        for slot in self._slots.values():
+            self._push(self._clock.now(), WAKE, slot.index, lambda slot=slot: self._work(slot, rung=True))  # type: ignore[misc]
         while self._heap and self._heap[0][0] <= until:
             due, _, _, _, act = heapq.heappop(self._heap)
             self._watch(self._clock.advance(due))
@@ -160,9 +160,9 @@ class Exchange(Traffic):
             self._clock.advance(until)
             return
         stuck = [
-            f"{seat.name} waits to send on {seat.waits}"
-            for seat in self._seats.values()
-            if seat.waits and not seat.dead
+            f"{slot.name} waits to send on {slot.waits}"
+            for slot in self._slots.values()
+            if slot.waits and not slot.dead
         ]
         if stuck:
             self.note("deadlock: " + ", ".join(stuck))
@@ -172,126 +172,126 @@ class Exchange(Traffic):
         if not self._open:
             raise HostFailure(f"{self.label} host", "is closed", "make a new one", slug="host-closed")
 
-    def _work(self, seat: Seat, *, rung: bool = False) -> None:
+    def _work(self, slot: Slot, *, rung: bool = False) -> None:
         """Let a component go on until it waits for time, for room, or for something to do.
 
         A wake that is due at this very instant begins only when its own event `rung`: messages come first.
         """
-        if seat.is_out:
+        if slot.is_out:
             return
         fruitless = 0
-        self._acting = seat.name
-        while seat.step is None and not seat.waits and not seat.outbox:
-            if seat.work is None and not self._take_up(seat, rung):
+        self._acting = slot.name
+        while slot.step is None and not slot.waits and not slot.outbox:
+            if slot.work is None and not self._take_up(slot, rung):
                 return
             rung = False
-            assert seat.work is not None
+            assert slot.work is not None
             try:
-                seat.step = next(seat.work, None)
-                cost = self._cost(seat, seat.step)
+                slot.step = next(slot.work, None)
+                cost = self._cost(slot, slot.step)
             except HostFailure:
                 raise
             except Exception as error:
-                self._broke(seat, error)
+                self._broke(slot, error)
                 return
-            if seat.step is None:
-                seat.work = None
+            if slot.step is None:
+                slot.work = None
                 fruitless += 1
-                self._count(fruitless, seat.name)
-            elif cost == 0 and self._is_next(seat):
+                self._count(fruitless, slot.name)
+            elif cost == 0 and self._is_next(slot):
                 self._watch(self._clock.now())
-                self._finish(seat)
+                self._finish(slot)
             else:
-                self.ends(seat, self._clock.now() + cost)
+                self.ends(slot, self._clock.now() + cost)
 
-    def _take_up(self, seat: Seat, rung: bool) -> bool:
+    def _take_up(self, slot: Slot, rung: bool) -> bool:
         """Give an idle component the message or wake that has been due longest; say whether there was one."""
         now = self._clock.now()
         try:
-            wake = seat.component.next_wake()
+            wake = slot.component.next_wake()
         except Exception as error:
-            self._broke(seat, error)
+            self._broke(slot, error)
             return False
-        first = seat.inbox[0] if seat.inbox else None
+        first = slot.inbox[0] if slot.inbox else None
         is_due = wake is not None and (wake < now or (rung and wake == now))
         if is_due and (first is None or cast(int, wake) < first.arrived):
-            return self._begin(seat, seat.component.wake, now)
+            return self._begin(slot, slot.component.wake, now)
         if first is not None:
-            seat.inbox.popleft()
-            self._record("receive", seat, first)
+            slot.inbox.popleft()
+            self._record("receive", slot, first)
             self._make_room(first)
-            return self._begin(seat, seat.component.handle, first.channel, first.payload, now)
-        if wake is not None and wake != seat.wake:
-            seat.wake = wake
-            self._push(wake, WAKE, seat.index, lambda: self._ring(seat, wake))
+            return self._begin(slot, slot.component.handle, first.channel, first.payload, now)
+        if wake is not None and wake != slot.wake:
+            slot.wake = wake
+            self._push(wake, WAKE, slot.index, lambda: self._ring(slot, wake))
         return False
 
-    def _begin(self, seat: Seat, act: Callable[..., Iterator[Step]], *arguments: object) -> bool:
+    def _begin(self, slot: Slot, act: Callable[..., Iterator[Step]], *arguments: object) -> bool:
         try:
-            seat.work = iter(act(*arguments))
+            slot.work = iter(act(*arguments))
         except Exception as error:
-            self._broke(seat, error)
+            self._broke(slot, error)
             return False
         return True
 
-    def _ring(self, seat: Seat, wake: int) -> None:
-        if seat.wake == wake:
-            seat.wake = None
-            self._work(seat, rung=True)
+    def _ring(self, slot: Slot, wake: int) -> None:
+        if slot.wake == wake:
+            slot.wake = None
+            self._work(slot, rung=True)
 
-    def _cost(self, seat: Seat, step: Step | None) -> int:
-        if step is None or (seat is self._environment and not step.transition):
+    def _cost(self, slot: Slot, step: Step | None) -> int:
+        if step is None or (slot is self._environment and not step.transition):
             return 0
         for _channel, _payload in step.sends:
             pass  # a step that is none is found here, while its component can be blamed
         cost = 0
         if self._execution is not at_once:
-            drawn = self._execution(seat.name, step.transition, self._streams[f"component {seat.name}"])
+            drawn = self._execution(slot.name, step.transition, self._streams[f"component {slot.name}"])
             cost = not_negative(drawn, f"execution time of {step.transition}")
-        return cost if self._striker is None else self._striker.cost(seat, cost)
+        return cost if self._striker is None else self._striker.cost(slot, cost)
 
-    def _is_next(self, seat: Seat) -> bool:
+    def _is_next(self, slot: Slot) -> bool:
         """Whether a transition of the component's that ends now is what happens next anyway."""
-        return not self._heap or self._heap[0][:3] > (self._clock.now(), END, seat.index)
+        return not self._heap or self._heap[0][:3] > (self._clock.now(), END, slot.index)
 
-    def _end(self, seat: Seat, turn: int) -> None:
-        if seat.turn == turn:
-            self._finish(seat)
-            self._work(seat)
+    def _end(self, slot: Slot, turn: int) -> None:
+        if slot.turn == turn:
+            self._finish(slot)
+            self._work(slot)
 
-    def _finish(self, seat: Seat) -> None:
+    def _finish(self, slot: Slot) -> None:
         """Record the transition in progress, and let its messages leave."""
-        step, seat.step = seat.step, None
+        step, slot.step = slot.step, None
         assert step is not None
-        seat.acted = self._clock.now()
+        slot.acted = self._clock.now()
         if step.transition:
-            self._record("take", seat, transition=step.transition)
+            self._record("take", slot, transition=step.transition)
         if step.sends:
-            seat.outbox.extend(step.sends)
-            self._drain(seat)
+            slot.outbox.extend(step.sends)
+            self._drain(slot)
 
     # What its faults need (`striking.Floor`).
 
-    def strike(self, time: int, seat: Seat, act: Callable[[], None]) -> None:
-        """Let `act` happen to the seat at `time` [ns], before all else that happens then."""
-        self._push(time, STRIKE, seat.index, act)
+    def strike(self, time: int, slot: Slot, act: Callable[[], None]) -> None:
+        """Let `act` happen to the slot at `time` [ns], before all else that happens then."""
+        self._push(time, STRIKE, slot.index, act)
 
-    def ends(self, seat: Seat, time: int) -> None:
+    def ends(self, slot: Slot, time: int) -> None:
         """Let the transition in progress end at `time` [ns]."""
-        seat.turn, seat.ends = seat.turn + 1, time
-        self._push(time, END, seat.index, lambda turn=seat.turn: self._end(seat, turn))  # type: ignore[misc]
+        slot.turn, slot.ends = slot.turn + 1, time
+        self._push(time, END, slot.index, lambda turn=slot.turn: self._end(slot, turn))  # type: ignore[misc]
 
-    def go_on(self, seat: Seat) -> None:
+    def go_on(self, slot: Slot) -> None:
         """Send what waits to be sent, and go on working; a wake that was due meanwhile comes first."""
-        self._drain(seat)
-        self._work(seat, rung=True)
+        self._drain(slot)
+        self._work(slot, rung=True)
 
-    def _broke(self, seat: Seat, error: Exception) -> None:
+    def _broke(self, slot: Slot, error: Exception) -> None:
         """Blame a component that raised; under a plan of faults it has died of it, as a process would."""
-        if self._striker is not None and seat is not self._environment:
-            self._striker.kill(seat, f"{type(error).__name__}: {error}")
+        if self._striker is not None and slot is not self._environment:
+            self._striker.kill(slot, f"{type(error).__name__}: {error}")
             return
         rule = f"must keep to the port's contract, but raised {type(error).__name__}: {error}"
-        after = next((e.transition for e in reversed(self._events) if e.transition and e.component == seat.name), "")
+        after = next((e.transition for e in reversed(self._events) if e.transition and e.component == slot.name), "")
         remedy = f"it happened at {self._clock.now()} ns" + (f", after {after}" if after else ", before any transition")
-        raise HostFailure(f"component {seat.name!r}", rule, remedy, slug="component-raised") from error
+        raise HostFailure(f"component {slot.name!r}", rule, remedy, slug="component-raised") from error

@@ -20,7 +20,7 @@ from multiprocessing.process import BaseProcess
 from parcours.errors import HostFailure
 from parcours.run.hosts.frames import Broke
 from parcours.run.hosts.node import live
-from parcours.run.hosts.resident import Line, Node, resident_of
+from parcours.run.hosts.node_program import Line, Node, node_program_of
 from parcours.run.hosts.scheduling import NODE_PRIORITY, ordinary, prefer_real_time
 
 _PARENT_DEATH = 1  # PR_SET_PDEATHSIG
@@ -29,7 +29,7 @@ _GRACE = 2.0
 
 
 class Processes:
-    """The processes of a fabric's nodes.
+    """The processes of a transport's nodes.
 
     Args:
         preload: modules that the server loads before it forks.
@@ -45,7 +45,7 @@ class Processes:
 
         Args:
             node: what it runs.
-            line: called in the process with the node and the arguments, returns its end of the fabric.
+            line: called in the process with the node and the arguments, returns its end of the transport.
         """
         process = self._context.Process(target=_main, args=(node, line, *arguments), name=node.component, daemon=True)
         try:
@@ -140,8 +140,8 @@ def _main(node: Node, line: Callable[..., Line], *arguments: object) -> None:
     prefer_real_time(NODE_PRIORITY)
     mine = line(node, *arguments)
     try:
-        resident = resident_of(node)
+        node_program = node_program_of(node)
     except Exception as error:
         mine.report(Broke(time.perf_counter_ns(), f"{type(error).__name__}: {error}"))
         sys.exit(1)
-    live(node, resident, mine)
+    live(node, node_program, mine)

@@ -31,7 +31,7 @@ from parcours.run.hosts.frames import (
     Turned,
     Wire,
 )
-from parcours.run.hosts.resident import Line, Node, Resident
+from parcours.run.hosts.node_program import Line, Node, NodeProgram
 from parcours.run.instance import Begin, Instance, Outcome
 from parcours.run.port import Component, LinkKind, Send, Step
 
@@ -39,16 +39,16 @@ _AT_ONCE = 1000
 """After so many commands a component gets to work, even if more are there."""
 
 
-def live(node: Node, resident: Resident, line: Line) -> None:
+def live(node: Node, node_program: NodeProgram, line: Line) -> None:
     """Serve the tester until it says Quit, or is no more."""
     gc.freeze()
     gc.disable()  # a collection in the middle of a turn would be taken for the component's own slowness
-    _Life(node, resident, line).serve()
+    _Life(node, node_program, line).serve()
 
 
 class _Life:
-    def __init__(self, node: Node, resident: Resident, line: Line) -> None:
-        self._node, self._resident, self._line = node, resident, line
+    def __init__(self, node: Node, node_program: NodeProgram, line: Line) -> None:
+        self._node, self._node_program, self._line = node, node_program, line
         self._capacity = {one.channel: one.capacity for one in node.links
                           if one.kind is LinkKind.TOPIC and one.receiver == node.component}  # fmt: skip
         self._instances: dict[int, Instance] = {}
@@ -93,7 +93,7 @@ class _Life:
                 self._forget()
                 self._clock = WallClock(zero)
                 try:
-                    self._instances = {one: Instance(self._resident.instance(case)) for one in references}
+                    self._instances = {one: Instance(self._node_program.instance(case)) for one in references}
                 except Exception as error:
                     self._unmade = error
                 self._line.report(Ready())
@@ -106,7 +106,7 @@ class _Life:
                 self._clock = WallClock(zero)
                 self._is_idle = False
                 try:
-                    self._component = self._resident.instance(case)
+                    self._component = self._node_program.instance(case)
                 except Exception as error:
                     self._break(error)
             case Rest():
@@ -116,7 +116,7 @@ class _Life:
     def _shown(self, reference: int) -> Wire | None:
         """Return what an instance shows of itself; nothing of one that raises instead."""
         try:
-            shown = self._resident.view(self._instances[reference].component)
+            shown = self._node_program.view(self._instances[reference].component)
             return None if shown is None else self._wire(shown)
         except Exception:
             return None
@@ -154,15 +154,15 @@ class _Life:
         if turn.given is not None:
             return instance.turn(turn.transition, clock, prompt=self._handing(component, turn.given))
         return instance.turn(turn.transition, clock,
-                             prompt=lambda now: self._resident.prompt(turn.prompt, component, now))  # fmt: skip
+                             prompt=lambda now: self._node_program.prompt(turn.prompt, component, now))  # fmt: skip
 
     def _handing(self, component: Component, message: Wire) -> Begin:
-        payload = self._resident.decode(message.channel, message.data)
+        payload = self._node_program.decode(message.channel, message.data)
         return lambda now: component.handle(message.channel, payload, now)
 
     def _wire(self, send: Send) -> Wire:
         channel, payload = send
-        return Wire(channel, self._resident.encode(channel, payload))
+        return Wire(channel, self._node_program.encode(channel, payload))
 
     # Free: the component lives by its own timers and what it is sent.
 
@@ -213,7 +213,7 @@ class _Life:
         self._n_taken += 1
         self._is_idle = False
         try:
-            payload = self._resident.decode(channel, delivery.message.data)
+            payload = self._node_program.decode(channel, delivery.message.data)
         except BadRequest as error:
             self._line.report(Dropped(delivery.number, self._clock.now(), f"unreadable: {error}"))
             return

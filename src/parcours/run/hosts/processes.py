@@ -15,7 +15,7 @@ from collections.abc import Sequence
 from parcours.errors import HostFailure
 from parcours.run.hosts.frames import Broke, Command, Deliver, Died, Quit, Report, Wire, command, packed, report
 from parcours.run.hosts.launching import Processes
-from parcours.run.hosts.resident import Node
+from parcours.run.hosts.node_program import Node
 from parcours.run.hosts.sockets import FrameSocket
 
 _START = 120.0
@@ -49,7 +49,7 @@ class SocketLine:
         self._socket.send(packed(report), wait=True)
 
 
-class ProcessFabric:
+class ProcessTransport:
     """The tester's end.
 
     Args:

@@ -1,4 +1,4 @@
-"""Nodes of a fabric and components of the tester's own -> a trace: they live in real time, each message is relayed.
+"""Nodes of a transport and components of the tester's own -> a trace: they live in real time, each message is relayed.
 
 The tester is in the middle of every channel: it records, and by a plan of faults it delays, drops, doubles, reorders
 and corrupts. A sender never waits for room: what a receiver cannot keep up with is dropped there (topics) or queues up.
@@ -16,14 +16,14 @@ from typing import cast
 from parcours.errors import BadRequest, HostFailure, one_of
 from parcours.run.clocks import WallClock
 from parcours.run.faults.corruption import corrupted_message
-from parcours.run.faults.fates import UNTOUCHED, Fate, Fates
+from parcours.run.faults.effects import UNTOUCHED, Effect, Effects
 from parcours.run.faults.plan import FaultPlan
 from parcours.run.faults.signals import Signal, signals
+from parcours.run.hosts.event_log import EventLog
 from parcours.run.hosts.frames import Broke, Died, Dropped, Idle, Ready, Received, Report, Rest, Run, Took, Wire
-from parcours.run.hosts.ledger import Ledger
+from parcours.run.hosts.node_program import Codec, Transport
 from parcours.run.hosts.processes import ending
-from parcours.run.hosts.resident import Codec, Fabric
-from parcours.run.hosts.seats import Answer, Answering, silence
+from parcours.run.hosts.slots import Answer, Answering, silence
 from parcours.run.noise import Noise
 from parcours.run.port import ENVIRONMENT, Component, Link, Step
 from parcours.run.trace import Trace, TraceEvent
@@ -41,10 +41,10 @@ class RealTimeHost:
     """Runs nodes freely, by their own timers.
 
     Args:
-        fabric: started; closed with the host.
+        transport: started; closed with the host.
         links: the channels.
         codec: of the payloads; with `flatten` and `restore`, so that messages can be corrupted field by field.
-        case: what the nodes' residents are told; they make their components from it.
+        case: what the nodes' programs are given; they make their components from it.
         local: components that live in the tester's own process.
         environment: the tester; gets what is sent to nobody else.
         faults: what befalls messages and nodes.
@@ -57,7 +57,7 @@ class RealTimeHost:
 
     def __init__(
         self,
-        fabric: Fabric,
+        transport: Transport,
         links: Sequence[Link],
         codec: Codec,
         *,
@@ -68,25 +68,25 @@ class RealTimeHost:
         listener: Callable[[TraceEvent], None] | None = None,
     ) -> None:
         tester = Answering(environment) if not hasattr(environment, "next_wake") else cast(Component, environment)
-        self.label = fabric.label
-        self._fabric, self._codec, self._case, self._listener = fabric, codec, case, listener
+        self.label = transport.label
+        self._transport, self._codec, self._case, self._listener = transport, codec, case, listener
         self._links = {link.channel: link for link in links}
         self._local = {part.name: part for part in (*local, tester)}
         self._tester = tester
-        names = [*fabric.nodes, *(part.name for part in (*local, tester))]
+        names = [*transport.nodes, *(part.name for part in (*local, tester))]
         if len(set(names)) != len(names):
             rule = f"component names differ, but given were: {', '.join(names)}"
             raise HostFailure(f"{self.label} host", rule, slug="host-names")
         self._plan = faults or FaultPlan(0)
-        self._plan.check(list(self._links), list(fabric.nodes))
-        self._fates = Fates(self._plan)
+        self._plan.check(list(self._links), list(transport.nodes))
+        self._effects = Effects(self._plan)
         self._open = True
         self._clock = WallClock()
         self._clear()
 
     def _clear(self) -> None:
-        self._ledger = Ledger(self._codec, self._listener)
-        self._record = self._ledger.record
+        self._event_log = EventLog(self._codec, self._listener)
+        self._record = self._event_log.record
         self._begun = False
         self._until = 0
         self._sent = self._order = 0
@@ -116,11 +116,11 @@ class RealTimeHost:
     def close(self) -> None:
         """End the nodes. Closing again does nothing; the trace stays readable."""
         self._open = False
-        self._fabric.close()
+        self._transport.close()
 
     def trace(self, case: str = "", noise: Noise | None = None) -> Trace:
         """Return what has happened since the beginning or the last reset; payloads included."""
-        return Trace("wall", self._ledger.events(), self.label, case, noise)
+        return Trace("wall", self._event_log.events(), self.label, case, noise)
 
     def note(self, text: str) -> None:
         """Write a remark of the tester's into the trace."""
@@ -142,7 +142,7 @@ class RealTimeHost:
         if link is None:
             raise BadRequest("inject", f"no link is called {channel!r}", one_of(channel, list(self._links)),
                              slug="unknown-channel")  # fmt: skip
-        if link.sender != ENVIRONMENT and (link.sender in self._local or link.sender in self._fabric.nodes):
+        if link.sender != ENVIRONMENT and (link.sender in self._local or link.sender in self._transport.nodes):
             rule = f"only the tester's channels can be injected, but {link.sender} itself sends here"
             raise BadRequest(f"channel {channel!r}", rule, "leave the component out", slug="foreign-channel")
         if at is not None and at < self._now():
@@ -171,7 +171,7 @@ class RealTimeHost:
                 if wake is None and self._is_at_rest():
                     return
                 target = until if wake is None else min(until, wake)
-                for node, said in self._fabric.poll(self._clock.zero + max(target, now)):
+                for node, said in self._transport.poll(self._clock.zero + max(target, now)):
                     self._hear(node, said)
 
     def _must_be_open(self) -> None:
@@ -189,8 +189,8 @@ class RealTimeHost:
             raise HostFailure(f"{self.label} host", rule, "start the host anew", slug="node-gone")
         self._clock.restart()
         self._begun = True
-        for node in self._fabric.nodes:
-            self._fabric.command(node, Run(self._case, self._clock.zero))
+        for node in self._transport.nodes:
+            self._transport.command(node, Run(self._case, self._clock.zero))
             self._next_signal(signals(self._plan, node))
 
     def _next_signal(self, coming: Iterator[Signal]) -> None:
@@ -200,7 +200,7 @@ class RealTimeHost:
 
     def _signal(self, one: Signal, coming: Iterator[Signal]) -> None:
         if one.component not in self.deaths:
-            self._fabric.signal(one.component, _SIGNALS[one.act])
+            self._transport.signal(one.component, _SIGNALS[one.act])
             self._record("note", self._now(), component=one.component, text=f"fault: {one.act}")
         self._next_signal(coming)
 
@@ -217,7 +217,8 @@ class RealTimeHost:
     def _is_at_rest(self) -> bool:
         """Whether no node has anything to do: all have said so after the last message that was sent to them."""
         return not self._inbox and all(
-            node in self.deaths or self._resting.get(node, -1) == self._delivered[node] for node in self._fabric.nodes
+            node in self.deaths or self._resting.get(node, -1) == self._delivered[node]
+            for node in self._transport.nodes
         )
 
     def _do_what_is_due(self) -> None:
@@ -254,7 +255,7 @@ class RealTimeHost:
             self.deaths[node] = how
             self._record("note", max(when, 0), component=node, text=DIED + how)
 
-    # Messages: from whoever sends, by their fate, to whoever receives.
+    # Messages: from whoever sends, by their effect, to whoever receives.
 
     def _send(self, sender: str, wire: Wire, when: int) -> None:
         link = self._links.get(wire.channel)
@@ -266,27 +267,27 @@ class RealTimeHost:
         self._sent += 1
         self._count[wire.channel] += 1
         self._record("send", when, component=sender, wire=wire, number=number)
-        fate = self._fates.fate(wire.channel, k, when)
-        if fate is UNTOUCHED:
+        effect = self._effects.effect(wire.channel, k, when)
+        if effect is UNTOUCHED:
             self._pass_on(link, wire, number, self._now())
         else:
-            self._befall(link, wire, number, fate)
+            self._befall(link, wire, number, effect)
 
-    def _befall(self, link: Link, wire: Wire, number: int, fate: Fate) -> None:
+    def _befall(self, link: Link, wire: Wire, number: int, effect: Effect) -> None:
         now = self._now()
-        if not fate.copies:
-            self._record("drop", now, component=link.sender, wire=wire, number=number, text=f"fault: {fate.why}")
+        if not effect.copies:
+            self._record("drop", now, component=link.sender, wire=wire, number=number, text=f"fault: {effect.why}")
             return
         self._record("note", now, component=link.sender, wire=wire, number=number,
-                     text=f"fault: {wire.channel} {fate.why}")  # fmt: skip
-        if fate.corrupt is not None:
-            data, said = corrupted_message(self._codec, wire.channel, wire.data, fate.corrupt, fate.how)
+                     text=f"fault: {wire.channel} {effect.why}")  # fmt: skip
+        if effect.corrupt is not None:
+            data, said = corrupted_message(self._codec, wire.channel, wire.data, effect.corrupt, effect.how)
             wire = Wire(wire.channel, data)
             self._record("note", now, component=link.sender, text=f"fault: {wire.channel} {said}")
-        arrival = now + fate.copies[0]
-        for copy in fate.copies:
-            later = copy - fate.copies[0]
-            if fate.reorder or later:
+        arrival = now + effect.copies[0]
+        for copy in effect.copies:
+            later = copy - effect.copies[0]
+            if effect.reorder or later:
                 self._at(arrival + later, lambda: self._hand_over(link, wire, number))
             else:
                 arrival = self._pass_on(link, wire, number, arrival)
@@ -309,14 +310,14 @@ class RealTimeHost:
         return arrival
 
     def _hand_over(self, link: Link, wire: Wire, number: int) -> None:
-        if link.receiver in self._fabric.nodes:
+        if link.receiver in self._transport.nodes:
             if link.receiver in self.deaths:
                 self._record("drop", self._now(), component=link.receiver, wire=wire, number=number,
                              text="its receiver is dead")  # fmt: skip
                 return
             self._wires[number] = wire
             self._delivered[link.receiver] += 1
-            self._fabric.deliver(wire.channel, number, wire.data)
+            self._transport.deliver(wire.channel, number, wire.data)
         else:
             self._inbox.append((self._local.get(link.receiver, self._tester), number, wire))
 
@@ -345,17 +346,17 @@ class RealTimeHost:
 
         A node that does not come to rest hangs: it is killed, and counts as dead.
         """
-        waiting = set(self._fabric.nodes) - set(self.deaths)
+        waiting = set(self._transport.nodes) - set(self.deaths)
         for node in waiting:
-            self._fabric.signal(node, signal.SIGCONT)
-            self._fabric.command(node, Rest())
+            self._transport.signal(node, signal.SIGCONT)
+            self._transport.command(node, Rest())
         until = time.perf_counter_ns() + _ANSWER
         while waiting and time.perf_counter_ns() < until:
-            for node, said in self._fabric.poll(until):
+            for node, said in self._transport.poll(until):
                 if isinstance(said, Ready | Died):
                     waiting.discard(node)
                 if isinstance(said, Died):
                     self._hear(node, said)
         for node in waiting:
-            self._fabric.signal(node, signal.SIGKILL)
+            self._transport.signal(node, signal.SIGKILL)
             self._bury(node, f"hung: it did not come to rest within {_ANSWER * 1e-9:g} s", self._now())

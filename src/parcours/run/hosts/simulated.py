@@ -8,9 +8,9 @@ import numpy as np
 
 from parcours.run.clocks import SimulatedClock
 from parcours.run.faults import FaultPlan, FlatCodec
+from parcours.run.hosts.channel_delay import ChannelDelay, Execution, at_once
 from parcours.run.hosts.exchange import Exchange
-from parcours.run.hosts.passage import Execution, Passage, at_once
-from parcours.run.hosts.seats import Answer, silence
+from parcours.run.hosts.slots import Answer, silence
 from parcours.run.port import Component, Link
 
 
@@ -22,7 +22,7 @@ class SimulatedHost(Exchange):
         links: the channels between them, e.g. `links(cefsm)`.
         environment: the tester, which receives what is sent to it and injects: a function
             (channel, payload, time [ns]) -> sends, or a component called "environment".
-        passages: channel -> latency, drop rate, reordering; a channel that is not named delivers at once.
+        channel_delays: channel -> latency, drop rate, reordering; a channel that is not named delivers at once.
         execution: how long a component works on a transition [ns].
         rng: the one source of all that is drawn; without it the streams start from seed 0.
         recording: whether what happens is written into the trace; without it the trace stays empty.
@@ -30,7 +30,7 @@ class SimulatedHost(Exchange):
         codec: the flat form of the messages, for faults that corrupt them.
 
     Raises:
-        HostFailure: two components share a name, or a passage names no link.
+        HostFailure: two components share a name, or a channel_delay names no link.
         BadRequest: a fault names what is not there, or corrupts without a codec.
     """
 
@@ -42,7 +42,7 @@ class SimulatedHost(Exchange):
         links: Sequence[Link],
         *,
         environment: Component | Answer = silence,
-        passages: Mapping[str, Passage] | None = None,
+        channel_delays: Mapping[str, ChannelDelay] | None = None,
         execution: Execution = at_once,
         rng: np.random.Generator | None = None,
         recording: bool = True,
@@ -54,7 +54,7 @@ class SimulatedHost(Exchange):
             links,
             SimulatedClock(),
             environment=environment,
-            passages=passages,
+            channel_delays=channel_delays,
             execution=execution,
             rng=rng,
             recording=recording,

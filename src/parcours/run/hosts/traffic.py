@@ -1,6 +1,6 @@
 """Messages that components send -> events in order of time, the trace of them, and what waits at the receivers.
 
-The part of an exchange that is about links: room on them, passages, faults, arrival. Its components' work is the other.
+The part of an exchange that is about links: room on them, channel_delays, faults, arrival. Its components' work is the other.
 """
 
 from __future__ import annotations
@@ -11,9 +11,9 @@ from collections.abc import Callable, Mapping
 
 from parcours.errors import HostFailure
 from parcours.run.clocks import Clock
-from parcours.run.hosts.passage import Passage, Streams
-from parcours.run.hosts.seats import Lane, Message, Seat
-from parcours.run.hosts.striking import Striker
+from parcours.run.hosts.channel_delay import ChannelDelay, Streams
+from parcours.run.hosts.component_faults import Striker
+from parcours.run.hosts.slots import Message, Queue, Slot
 from parcours.run.port import ENVIRONMENT, LinkKind
 from parcours.run.trace import Kind, TraceEvent
 
@@ -28,10 +28,10 @@ class Traffic(ABC):
     """Messages under way. `Exchange` makes it, and works off what arrives."""
 
     _clock: Clock
-    _seats: dict[str, Seat]
-    _environment: Seat
-    _lanes: dict[str, Lane]
-    _passages: Mapping[str, Passage]
+    _slots: dict[str, Slot]
+    _environment: Slot
+    _queues: dict[str, Queue]
+    _channel_delays: Mapping[str, ChannelDelay]
     _streams: Streams
     _striker: Striker | None
     _recording: bool
@@ -43,7 +43,7 @@ class Traffic(ABC):
         self._acting = ""
 
     @abstractmethod
-    def _work(self, seat: Seat, *, rung: bool = False) -> None:
+    def _work(self, slot: Slot, *, rung: bool = False) -> None:
         """Let a component go on until it waits for time, for room, or for something to do."""
 
     def _watch(self, now: int) -> None:
@@ -63,113 +63,113 @@ class Traffic(ABC):
         self._caused += 1
         heapq.heappush(self._heap, (time, rank, order, self._caused, act))
 
-    def _record(self, kind: Kind, seat: Seat | None = None, message: Message | None = None,
+    def _record(self, kind: Kind, slot: Slot | None = None, message: Message | None = None,
                 transition: str = "", text: str = "") -> None:  # fmt: skip
         if not self._recording:
             return
         channel, number, payload = (message.channel, message.number, message.payload) if message else ("", -1, None)
-        name = seat.name if seat else ENVIRONMENT if message else ""
+        name = slot.name if slot else ENVIRONMENT if message else ""
         self._events.append(TraceEvent(self._clock.now(), kind, name, transition, channel, number, text, payload))
 
-    def _drain(self, seat: Seat) -> None:
-        while seat.outbox and not seat.waits:
-            channel, payload = seat.outbox.popleft()
-            lane = self._lanes.get(channel)
-            if lane is None or not (lane.link.sender == seat.name or self._stands_in(seat, lane)):
+    def _drain(self, slot: Slot) -> None:
+        while slot.outbox and not slot.waits:
+            channel, payload = slot.outbox.popleft()
+            queue = self._queues.get(channel)
+            if queue is None or not (queue.link.sender == slot.name or self._stands_in(slot, queue)):
                 rule = f"sends only on channels that are its own, but used {channel!r}"
-                own = ", ".join(c for c, other in self._lanes.items() if other.link.sender == seat.name)
-                raise HostFailure(f"component {seat.name!r}", rule, f"its channels: {own}", slug="not-its-channel")
-            self._send(seat, lane, payload)
+                own = ", ".join(c for c, other in self._queues.items() if other.link.sender == slot.name)
+                raise HostFailure(f"component {slot.name!r}", rule, f"its channels: {own}", slug="not-its-channel")
+            self._send(slot, queue, payload)
 
-    def _stands_in(self, seat: Seat, lane: Lane) -> bool:
-        return seat is self._environment and lane.link.sender not in self._seats
+    def _stands_in(self, slot: Slot, queue: Queue) -> bool:
+        return slot is self._environment and queue.link.sender not in self._slots
 
-    def _send(self, seat: Seat | None, lane: Lane, payload: object) -> None:
-        message = Message(lane.link.channel, self._sent, payload, seat)
+    def _send(self, slot: Slot | None, queue: Queue, payload: object) -> None:
+        message = Message(queue.link.channel, self._sent, payload, slot)
         self._sent += 1
-        self._record("send", seat, message)
-        waits = lane.link.kind is not LinkKind.TOPIC and lane.link.receiver in self._seats
-        if waits and lane.open >= max(lane.link.capacity, 1):
-            lane.parked.append(message)
-            if seat is not None:
-                seat.waits = lane.link.channel
+        self._record("send", slot, message)
+        waits = queue.link.kind is not LinkKind.TOPIC and queue.link.receiver in self._slots
+        if waits and queue.open >= max(queue.link.capacity, 1):
+            queue.parked.append(message)
+            if slot is not None:
+                slot.waits = queue.link.channel
         else:
-            self._dispatch(lane, message)
+            self._dispatch(queue, message)
 
-    def _dispatch(self, lane: Lane, message: Message) -> None:
-        channel = lane.link.channel
-        passage, delay = self._passages.get(channel), 0
-        if passage is not None:
+    def _dispatch(self, queue: Queue, message: Message) -> None:
+        channel = queue.link.channel
+        channel_delay, delay = self._channel_delays.get(channel), 0
+        if channel_delay is not None:
             rng = self._streams[f"channel {channel}"]
             # Both numbers are drawn for every message: a changed drop rate does not shift the latencies.
-            lost = rng.random() < passage.drop
-            delay = not_negative(passage.latency(rng), f"latency of {channel}")
+            lost = rng.random() < channel_delay.drop
+            delay = not_negative(channel_delay.latency(rng), f"latency of {channel}")
             if lost:
                 self._record("drop", message.sender, message, text="lost")
                 return
         copies: tuple[int, ...] = (0,)
-        overtaken = passage is not None and passage.reorder
+        overtaken = channel_delay is not None and channel_delay.reorder
         if self._striker is not None:
-            fate = self._striker.meet(message)
-            copies, overtaken = fate.copies, overtaken or fate.reorder
+            effect = self._striker.meet(message)
+            copies, overtaken = effect.copies, overtaken or effect.reorder
             if not copies:
                 return
-        if lane.link.kind is LinkKind.RENDEZVOUS and message.sender is not None and self._receiver(lane) is not None:
+        if queue.link.kind is LinkKind.RENDEZVOUS and message.sender is not None and self._receiver(queue) is not None:
             message.sender.waits = channel
         arrival = self._clock.now() + delay + copies[0]
         if not overtaken:
-            lane.last_arrival = arrival = max(arrival, lane.last_arrival)
+            queue.last_arrival = arrival = max(arrival, queue.last_arrival)
         for later in copies:
-            lane.open += 1
-            self._push(arrival + later - copies[0], ARRIVE, lane.index, lambda one=message: self._arrive(lane, one))  # type: ignore[misc]
+            queue.open += 1
+            self._push(arrival + later - copies[0], ARRIVE, queue.index, lambda one=message: self._arrive(queue, one))  # type: ignore[misc]
             message = Message(channel, message.number, message.payload)  # a further copy keeps no sender waiting
 
-    def _receiver(self, lane: Lane) -> Seat | None:
-        return self._seats.get(lane.link.receiver)
+    def _receiver(self, queue: Queue) -> Slot | None:
+        return self._slots.get(queue.link.receiver)
 
-    def _arrive(self, lane: Lane, message: Message) -> None:
-        seat = self._receiver(lane) or self._environment
-        waiting = [other for other in seat.inbox if other.channel == message.channel] if seat.inbox else []
-        if lane.link.kind is LinkKind.TOPIC and seat is not self._environment and len(waiting) >= lane.link.capacity:
-            seat.inbox.remove(waiting[0])
-            lane.open -= 1
-            self._record("drop", seat, waiting[0], text="overrun")
-        if seat.dead:
-            self.discard(seat, message, f"fault: {seat.name} has died")
+    def _arrive(self, queue: Queue, message: Message) -> None:
+        slot = self._receiver(queue) or self._environment
+        waiting = [other for other in slot.inbox if other.channel == message.channel] if slot.inbox else []
+        if queue.link.kind is LinkKind.TOPIC and slot is not self._environment and len(waiting) >= queue.link.capacity:
+            slot.inbox.remove(waiting[0])
+            queue.open -= 1
+            self._record("drop", slot, waiting[0], text="overrun")
+        if slot.dead:
+            self.discard(slot, message, f"fault: {slot.name} has died")
             return
         message.arrived = self._clock.now()
-        seat.inbox.append(message)
-        self._work(seat)
+        slot.inbox.append(message)
+        self._work(slot)
 
     def _make_room(self, message: Message) -> None:
-        lane = self._lanes[message.channel]
-        lane.open -= 1
-        if lane.link.kind is LinkKind.RENDEZVOUS:
+        queue = self._queues[message.channel]
+        queue.open -= 1
+        if queue.link.kind is LinkKind.RENDEZVOUS:
             self._resume(message.sender)
-        if lane.parked:
-            parked = lane.parked.popleft()
-            self._dispatch(lane, parked)
-            if lane.link.kind is not LinkKind.RENDEZVOUS:
+        if queue.parked:
+            parked = queue.parked.popleft()
+            self._dispatch(queue, parked)
+            if queue.link.kind is not LinkKind.RENDEZVOUS:
                 self._resume(parked.sender)
 
-    def _resume(self, seat: Seat | None) -> None:
-        if seat is not None and seat.waits:
-            seat.waits = ""
-            self._push(self._clock.now(), END, seat.index, lambda: self._flush(seat))
+    def _resume(self, slot: Slot | None) -> None:
+        if slot is not None and slot.waits:
+            slot.waits = ""
+            self._push(self._clock.now(), END, slot.index, lambda: self._flush(slot))
 
-    def _flush(self, seat: Seat) -> None:
-        if not seat.is_out:
-            self._drain(seat)
-            self._work(seat)
+    def _flush(self, slot: Slot) -> None:
+        if not slot.is_out:
+            self._drain(slot)
+            self._work(slot)
 
-    def discard(self, seat: Seat, message: Message, text: str) -> None:
-        """Record that a message to the seat is lost, and give its place on the link free."""
-        self._record("drop", seat, message, text=text)
+    def discard(self, slot: Slot, message: Message, text: str) -> None:
+        """Record that a message to the slot is lost, and give its place on the link free."""
+        self._record("drop", slot, message, text=text)
         self._make_room(message)
 
-    def write(self, kind: Kind, seat: Seat | None = None, message: Message | None = None, text: str = "") -> None:
+    def write(self, kind: Kind, slot: Slot | None = None, message: Message | None = None, text: str = "") -> None:
         """Write into the trace."""
-        self._record(kind, seat, message, text=text)
+        self._record(kind, slot, message, text=text)
 
 
 def not_negative(time: int, what: str) -> int:

@@ -14,9 +14,9 @@ import numpy as np
 
 from parcours.errors import BadRequest
 from parcours.run.clocks import WallClock
+from parcours.run.hosts.channel_delay import ChannelDelay
 from parcours.run.hosts.exchange import Exchange
-from parcours.run.hosts.passage import Passage
-from parcours.run.hosts.seats import Answer, silence
+from parcours.run.hosts.slots import Answer, silence
 from parcours.run.noise import Noise
 from parcours.run.port import Component, Link
 from parcours.run.repeats import Row
@@ -30,11 +30,11 @@ class WallClockHost(Exchange):
         components: the system under test; who is absent is played by the environment.
         links: the channels between them.
         environment: the tester, as for `SimulatedHost`; the time it takes is part of what is measured.
-        passages: channel -> latency, drop rate, reordering; latencies are really waited for.
-        rng: the source of what the passages draw.
+        channel_delays: channel -> latency, drop rate, reordering; latencies are really waited for.
+        rng: the source of what the channel_delays draw.
 
     Raises:
-        HostFailure: two components share a name, or a passage names no link.
+        HostFailure: two components share a name, or a channel_delay names no link.
     """
 
     label = "wallclock"
@@ -45,10 +45,12 @@ class WallClockHost(Exchange):
         links: Sequence[Link],
         *,
         environment: Component | Answer = silence,
-        passages: Mapping[str, Passage] | None = None,
+        channel_delays: Mapping[str, ChannelDelay] | None = None,
         rng: np.random.Generator | None = None,
     ) -> None:
-        super().__init__(components, links, WallClock(), environment=environment, passages=passages, rng=rng)
+        super().__init__(
+            components, links, WallClock(), environment=environment, channel_delays=channel_delays, rng=rng
+        )
 
 
 def measure(

@@ -47,7 +47,7 @@ class Recorder:
         BadRequest: the file cannot be written, or is named otherwise.
 
     >>> import tempfile
-    >>> from parcours.run.recording.reading import read_recording
+    >>> from parcours.run.recording.recording_file import read_recording
     >>> path = Path(tempfile.mkdtemp(), "run.mcap")
     >>> with Recorder(path, clock="wall", host="processes", case="c-1", about={"seed": "7"}) as recorder:
     ...     recorder.write(TraceEvent(1000, "take", "Planner", "p1"))

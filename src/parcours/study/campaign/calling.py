@@ -18,7 +18,7 @@ import numpy as np
 
 from parcours.data.streams import starts
 from parcours.errors import BadRequest, HostFailure, one_of
-from parcours.run import pulse
+from parcours.run import heartbeat as heartbeat
 from parcours.study.campaign.results import Trace
 from parcours.study.campaign.rules import Fact, Fault
 from parcours.study.components.process import Process, command_of, keep, quoted, take_kept
@@ -54,14 +54,14 @@ class Overdue(BaseException):
 class Alarm:
     """Says to the parent which case this process is at, and raises Overdue in one that takes too long.
 
-    Where no signal reaches the code, the parent ends the process (`parcours.run.pulse`). Looks are counted, not
+    Where no signal reaches the code, the parent ends the process (`parcours.run.heartbeat`). Looks are counted, not
     seconds, so that a process that is stopped (Ctrl-Z) does not count as hung.
     """
 
     _LOOKS = 4
 
     def __init__(self) -> None:
-        self._words = pulse.words(3)
+        self._words = heartbeat.words(3)
         self._works = threading.current_thread() is threading.main_thread() and hasattr(signal, "setitimer")
         self._left, self._before = 0, None if not self._works else signal.getsignal(signal.SIGALRM)
 
@@ -76,7 +76,7 @@ class Alarm:
     def set(self, number: float, limit: float, *, rings: bool = True) -> None:
         """Expect the end of a case within `limit` [s]; unless it `rings`, the parent alone does."""
         self._left = self._LOOKS
-        self._words[[pulse.LIMIT, pulse.TIME, pulse.CASE]] = limit, 0.0, number
+        self._words[[heartbeat.LIMIT, heartbeat.TIME, heartbeat.CASE]] = limit, 0.0, number
         if self._works and rings:
             signal.signal(signal.SIGALRM, self._look)  # whatever the last case has made of it
             signal.setitimer(signal.ITIMER_REAL, limit / self._LOOKS, limit / self._LOOKS)
@@ -84,7 +84,7 @@ class Alarm:
     def off(self) -> None:
         """Expect nothing."""
         self._left = 0
-        self._words[pulse.CASE] = pulse.NO_CASE
+        self._words[heartbeat.CASE] = heartbeat.NO_CASE
         if self._works:
             signal.setitimer(signal.ITIMER_REAL, 0.0)
 
@@ -112,7 +112,7 @@ class PythonCaller:
     ) -> None:  # fmt: skip
         self._study, self._settings, self._seed = study, settings, seed
         if isinstance(target, str):
-            alarm.set(pulse.NO_CASE, max(_LOADING, 6.0 * study.patience))
+            alarm.set(heartbeat.NO_CASE, max(_LOADING, 6.0 * study.patience))
             found = load(target, study.folder)
             alarm.off()
             path = file_of(target, study.folder)
@@ -259,7 +259,7 @@ def hung(patience: float) -> str:
     return f"hung: no facts within {patience:g} s"
 
 
-def lost_reason(case: pulse.LostCase, patience: float) -> tuple[Fault, str]:
+def lost_reason(case: heartbeat.LostCase, patience: float) -> tuple[Fault, str]:
     """Return why a case was lost whose process hung or died."""
     return (Fault.HUNG, hung(patience)) if case.how == "hung" else (Fault.DIED, f"died: its process {case.detail}")
 

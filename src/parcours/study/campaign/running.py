@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from parcours.errors import BadResults
 from parcours.run.campaign import Prepares, run_campaign
-from parcours.run.pulse import LostCase, RunsStrangers
+from parcours.run.heartbeat import LostCase, RunsStrangers
 from parcours.run.store import Campaign, Store
 from parcours.study.journal import write_question
 from parcours.study.protocol import Progress, Request, Run
@@ -60,10 +60,10 @@ class ChosenStrangers(Chosen):
         return self.study.prepare() if isinstance(self.study, Prepares) else False
 
     @property
-    def pulse_words(self) -> int:
+    def heartbeat_words(self) -> int:
         """How many words a worker shares with its parent."""
         assert isinstance(self.study, RunsStrangers)
-        return self.study.pulse_words
+        return self.study.heartbeat_words
 
     def without(self, lost: tuple[LostCase, ...]) -> Self:
         """Return the same without the lost cases."""

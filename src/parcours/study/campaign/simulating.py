@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from parcours.run import pulse
+from parcours.run import heartbeat as heartbeat
 from parcours.run.store import Campaign
 from parcours.study.campaign.calling import (
     Alarm,
@@ -54,10 +54,10 @@ class Simulation:
     study: CampaignStudy
     settings: Settings
     seed: int
-    lost: tuple[pulse.LostCase, ...] = ()
+    lost: tuple[heartbeat.LostCase, ...] = ()
 
     @property
-    def pulse_words(self) -> int:
+    def heartbeat_words(self) -> int:
         """How many words a worker shares with its parent."""
         return 3
 
@@ -65,7 +65,7 @@ class Simulation:
         """Say that workers may be forked: this process has loaded no file that a study names."""
         return True
 
-    def without(self, lost: tuple[pulse.LostCase, ...]) -> Self:
+    def without(self, lost: tuple[heartbeat.LostCase, ...]) -> Self:
         """Return the same, which gives the facts of these cases as errors and does not simulate them."""
         return dataclasses.replace(self, lost=lost)
 

@@ -43,7 +43,7 @@ from parcours.study.campaign.rules import (
 )
 from parcours.study.campaign.running import ChosenStrangers, run_numbered
 from parcours.study.campaign.simulating import Simulation
-from parcours.study.components.apart import Done, Place, run_apart
+from parcours.study.components.isolation import Done, Place, run_apart
 from parcours.study.components.systems import ProgramPart
 from parcours.study.parameters import Parameter, Scalar, Settings, workers_parameter
 from parcours.study.protocol import Finding, Judged, Progress, Rejudged, Reported, Request, Results, Run
@@ -277,6 +277,6 @@ class CampaignStudy:
 
     def check(self, progress: Progress) -> Sequence[Finding]:
         """Run the battery for its author."""
-        from parcours.study.campaign.reading import check_campaign
+        from parcours.study.campaign.campaign_file import check_campaign
 
         return check_campaign(self, progress)

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 from parcours.errors import ParcoursError
 from parcours.run.trace import Trace
-from parcours.study.components.apart import Done, Lost, Place, run_apart, watched
 from parcours.study.components.executing import in_process, judge_trace
+from parcours.study.components.isolation import Done, Lost, Place, run_apart, watched
 from parcours.study.parameters import Settings, settings_of
 from parcours.study.protocol import Finding, Progress
 from parcours.suite import Case

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 from parcours.errors import BadModel
 from parcours.model.expression import Expression, Type, evaluate, names
-from parcours.model.witness import Budget, Question
+from parcours.model.solutions import Budget, Question
 
 _EFFORT = 20_000
 """Most valuations tried for conditions that share symbols."""

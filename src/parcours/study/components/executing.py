@@ -1,4 +1,4 @@
-"""Cases of a component study -> judged executions, in this process or on the nodes of a fabric; and timing cases."""
+"""Cases of a component study -> judged executions, in this process or on the nodes of a transport; and timing cases."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from typing import Protocol
 
 from parcours.abtc import Event
 from parcours.run.clocks import Clock
-from parcours.run.driving import PATIENCE
-from parcours.run.gated import Execution, disorder, enforce, instance_name
-from parcours.run.here import View, execute
-from parcours.run.hosts.driven import DrivenInstances
-from parcours.run.hosts.resident import Codec, Fabric
+from parcours.run.enforcement import Execution, disorder, enforce, instance_name
+from parcours.run.executor import PATIENCE
+from parcours.run.hosts.live_enforcement import DrivenInstances
+from parcours.run.hosts.node_program import Codec, Transport
+from parcours.run.in_process import View, execute
 from parcours.run.noise import Noise, NoiseMeter
 from parcours.run.trace import Trace, transitions
 from parcours.study.components.tester import Tester
@@ -74,22 +74,22 @@ def in_process(
     return run
 
 
-def on_fabric(
-    exercise: Exercise, fabric: Fabric, codec: Codec, *, strict: bool = True, patience: int = PATIENCE
+def on_transport(
+    exercise: Exercise, transport: Transport, codec: Codec, *, strict: bool = True, patience: int = PATIENCE
 ) -> Execute:
-    """Return what executes cases on the nodes of a fabric.
+    """Return what executes cases on the nodes of a transport.
 
     Args:
         exercise: the study, its parameters set.
-        fabric: started, with a node for each component that the cases visit.
-        codec: of the fabric's messages.
+        transport: started, with a node for each component that the cases visit.
+        codec: of the transport's messages.
         strict: keep the serialised order itself; else any order that the case leaves open.
         patience: longest turn [ns].
     """
 
     def run(case: Case) -> Execution:
         tester = exercise.tester(case)
-        instances = DrivenInstances(fabric, codec, tester)
+        instances = DrivenInstances(transport, codec, tester)
         return enforce(exercise.events(case), instances, tester.supply, case=case.id, strict=strict, patience=patience)
 
     return run

@@ -17,8 +17,8 @@ from parcours.model.structure import Component as Modelled
 from parcours.report.pieces import Column, Page, Section, Table
 from parcours.run.faults import corrupted
 from parcours.run.port import Component, Step
-from parcours.study.components.apart import Done, Place, run_apart, watched
 from parcours.study.components.executing import in_process, judge_trace
+from parcours.study.components.isolation import Done, Place, run_apart, watched
 from parcours.study.components.messages import Messages
 from parcours.study.components.systems import System
 from parcours.study.components.tester import prompted, set_inputs
@@ -50,7 +50,7 @@ class Strike:
 
 def catalogue(study: ComponentStudy) -> list[Strike]:
     """Return what can go wrong: each message that some transition receives, and each component."""
-    from parcours.study.components.reading import incoming
+    from parcours.study.components.components_file import incoming
 
     found: list[Strike] = []
     for component in study.model.components:

@@ -13,19 +13,19 @@ from parcours.report.pieces import Page, Piece, Table
 from parcours.run.atomic import require_writable
 from parcours.run.campaign import terminable
 from parcours.run.clocks import WallClock
-from parcours.run.gated import Execution
+from parcours.run.enforcement import Execution
 from parcours.run.noise import Noise
 from parcours.run.trace import Trace, TraceEvent
-from parcours.study.components.apart import Done, Lost, Place, longest, run_apart, watched
 from parcours.study.components.executing import (
     Execute,
     TimingGroup,
     in_process,
     judge_trace,
-    on_fabric,
+    on_transport,
     run_functional,
     run_timing,
 )
+from parcours.study.components.isolation import Done, Lost, Place, longest, run_apart, watched
 from parcours.study.components.results import (
     FILE,
     ComponentResult,
@@ -252,13 +252,13 @@ def executors(study: ComponentStudy, settings: Settings) -> Iterator[tuple[Execu
         def execute(case: Case, strict: bool) -> Execution:
             nonlocal hosted
             try:
-                return on_fabric(exercise, hosted.fabric, hosted.codec, strict=strict, patience=patience)(case)
+                return on_transport(exercise, hosted.transport, hosted.codec, strict=strict, patience=patience)(case)
             except HostFailure as failure:
                 if failure.slug not in ("node-gone", "node-silent"):
                     raise
                 hosted = start()
             try:
-                return on_fabric(exercise, hosted.fabric, hosted.codec, strict=strict, patience=patience)(case)
+                return on_transport(exercise, hosted.transport, hosted.codec, strict=strict, patience=patience)(case)
             except HostFailure as failure:
                 if failure.slug not in ("node-gone", "node-silent"):
                     raise

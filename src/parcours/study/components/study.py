@@ -16,7 +16,7 @@ from parcours.abtc import AbstractCase, Event, serialise
 from parcours.data import InputModel
 from parcours.errors import BadSuite
 from parcours.model.structure import Cefsm
-from parcours.run.here import View
+from parcours.run.in_process import View
 from parcours.run.port import links
 from parcours.run.recording import Codec as RecordingCodec
 from parcours.run.trace import Trace
@@ -187,12 +187,12 @@ class ComponentStudy:
 
     def nodes(self) -> Nodes:
         """Return how its components become nodes."""
-        from parcours.study.components import resident
+        from parcours.study.components import node_program as node_program
 
         return Nodes(
             self.model, links(self.model), tuple(component.name for component in self.model.components),
-            f"{resident.__name__}:StudyResident", self.messages, f"{resident.__name__}:ros1_resident",
-            f"{resident.__name__}:ros1_codec_of", ("parcours.study.components.resident",), self.where,
+            f"{node_program.__name__}:StudyNodeProgram", self.messages, f"{node_program.__name__}:ros1_node_program",
+            f"{node_program.__name__}:ros1_codec_of", ("parcours.study.components.node_program",), self.where,
         )  # fmt: skip
 
     def exercise(self, settings: Settings) -> Exercised:

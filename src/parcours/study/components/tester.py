@@ -13,7 +13,7 @@ import msgspec
 
 from parcours.abtc import Event
 from parcours.model.structure import Component as Modelled
-from parcours.run.hosts.driven import Stimuli
+from parcours.run.hosts.live_enforcement import Stimuli
 from parcours.run.port import Component, Step
 from parcours.study.components.messages import INPUTS
 from parcours.study.components.stimuli import Stimulus
@@ -81,7 +81,7 @@ class StudyTester:
         set_inputs(component, self._stimuli[event.position].inputs)
 
     def case(self) -> bytes:
-        """Return the case as `resident` knows it."""
+        """Return the case as `node_program` knows it."""
         return msgspec.json.encode(Sent(dict(self._settings), self._case))
 
     def prompt(self, event: Event) -> str:

@@ -24,7 +24,7 @@ class _Under:
 
 
 @dataclass(slots=True)
-class _Lane:
+class _Queue:
     channel: Channel
     is_bounded: bool
     under_way: deque[_Under] = field(default_factory=deque)
@@ -50,10 +50,10 @@ class Channels:
     """
 
     def __init__(self, cefsm: Cefsm) -> None:
-        self._lanes = {each.name: _Lane(each, _is_service(cefsm, each)) for each in cefsm.channels}
+        self._queues = {each.name: _Queue(each, _is_service(cefsm, each)) for each in cefsm.channels}
 
     def __contains__(self, channel: str) -> bool:
-        return channel in self._lanes
+        return channel in self._queues
 
     def send(self, channel: str, number: int, sender: str, contents: tuple[Message, ...]) -> str:
         """Note a message that was sent; return what is wrong with it.
@@ -64,64 +64,64 @@ class Channels:
             sender: as the trace names it.
             contents: what it may hold.
         """
-        lane = self._lanes[channel]
-        message = _Under(number, lane.n_sent, sender, contents, sender == ENVIRONMENT)
-        lane.n_sent += 1
-        lane.last = max(lane.last, number)
-        room = max(lane.channel.capacity, 1)
-        own = sum(other.sender == sender for other in lane.under_way) if lane.is_bounded else 0
+        queue = self._queues[channel]
+        message = _Under(number, queue.n_sent, sender, contents, sender == ENVIRONMENT)
+        queue.n_sent += 1
+        queue.last = max(queue.last, number)
+        room = max(queue.channel.capacity, 1)
+        own = sum(other.sender == sender for other in queue.under_way) if queue.is_bounded else 0
         is_full = own >= room and not _is_gated(sender)
-        lane.under_way.append(message)
+        queue.under_way.append(message)
         return f"{channel} holds {room}, but one more was sent before it was taken up" if is_full else ""
 
     def receive(self, channel: str, number: int, receiver: str) -> tuple[tuple[Message, ...], str]:
         """Note a message that was taken up; return what it may hold, and what is wrong."""
-        lane = self._lanes[channel]
-        found = _found(lane.under_way, number) or _found(lane.held, number)
+        queue = self._queues[channel]
+        found = _found(queue.under_way, number) or _found(queue.held, number)
         if found is None:
-            if number < 0 and lane.channel.sender == ENVIRONMENT:
+            if number < 0 and queue.channel.sender == ENVIRONMENT:
                 return _OPEN, ""
-            if 0 <= number <= lane.last:
+            if 0 <= number <= queue.last:
                 return _OPEN, f"a message is received once, but {_named(channel, number)} was received or lost before"
             return _OPEN, f"a message is sent before it is received, but {_named(channel, number)} was not"
         gated = _is_gated(found.sender) or _is_gated(receiver)
-        if not gated and found in lane.under_way and lane.under_way[0] is not found:
-            first = _named(channel, lane.under_way[0].number)
+        if not gated and found in queue.under_way and queue.under_way[0] is not found:
+            first = _named(channel, queue.under_way[0].number)
             return _OPEN, f"messages keep their order, but {_named(channel, number)} was received before {first}"
         if gated:
             ends = found.sender, receiver
-            if lane.taken.get(ends, -1) > found.order:
+            if queue.taken.get(ends, -1) > found.order:
                 return _OPEN, f"messages keep their order, but {_named(channel, number)} was received late"
-            lane.taken[ends] = found.order
-        _forget(lane, found)
+            queue.taken[ends] = found.order
+        _forget(queue, found)
         return found.contents, ""
 
     def hold(self, channel: str, number: int) -> None:
         """Note that the tester keeps a message back: others may pass it, and it takes no room."""
-        lane = self._lanes[channel]
-        found = _found(lane.under_way, number)
+        queue = self._queues[channel]
+        found = _found(queue.under_way, number)
         if found is not None:
-            _forget(lane, found)
-            lane.held.append(found)
+            _forget(queue, found)
+            queue.held.append(found)
 
     def release(self, channel: str, number: int) -> None:
         """Note that the tester let a message go that it had kept back."""
-        found = _found(self._lanes[channel].held, number)
+        found = _found(self._queues[channel].held, number)
         if found is not None:
             found.let_go = True
 
     def waiting(self, channel: str) -> tuple[Message, ...]:
         """Return what the latest message may hold that lies before its receiver; nothing if there is none."""
-        lane = self._lanes[channel]
-        there = [message for message in (*lane.held, *lane.under_way) if message.let_go]
+        queue = self._queues[channel]
+        there = [message for message in (*queue.held, *queue.under_way) if message.let_go]
         return max(there, key=lambda message: message.order).contents if there else ()
 
     def drop(self, channel: str, number: int) -> None:
         """Note that a message was lost."""
-        lane = self._lanes[channel]
-        found = _found(lane.under_way, number) or _found(lane.held, number)
+        queue = self._queues[channel]
+        found = _found(queue.under_way, number) or _found(queue.held, number)
         if found is not None:
-            _forget(lane, found)
+            _forget(queue, found)
 
 
 def _is_gated(component: str) -> bool:
@@ -135,13 +135,13 @@ def _found(messages: deque[_Under] | list[_Under], number: int) -> _Under | None
     return None
 
 
-def _forget(lane: _Lane, message: _Under) -> None:
-    if lane.under_way and lane.under_way[0] is message:
-        lane.under_way.popleft()
-    elif message in lane.under_way:
-        lane.under_way.remove(message)
+def _forget(queue: _Queue, message: _Under) -> None:
+    if queue.under_way and queue.under_way[0] is message:
+        queue.under_way.popleft()
+    elif message in queue.under_way:
+        queue.under_way.remove(message)
     else:
-        lane.held.remove(message)
+        queue.held.remove(message)
 
 
 def _named(channel: str, number: int) -> str:

@@ -1,4 +1,4 @@
-"""ROS 1 as a host's fabric: a master, messages without a workspace. The only room that imports rospy, and late."""
+"""ROS 1 as a host's transport: a master, messages without a workspace. The only room that imports rospy, and late."""
 
 from __future__ import annotations
 

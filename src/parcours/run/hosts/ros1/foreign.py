@@ -15,8 +15,8 @@ from parcours.filenames import file_name
 from parcours.run.binding import Binding, Compiled, MessageTypes, compile_binding
 from parcours.run.binding.passing import Answered
 from parcours.run.binding.readings import message_type
-from parcours.run.binding.seats import Seat, Seating, Spoke
-from parcours.run.hosts.ros1.foreign_ends import ANY, Caller, Ear, Kind, Mouth, Reply
+from parcours.run.binding.slots import Slot, SlotPlan, Spoke
+from parcours.run.hosts.ros1.foreign_endpoints import ANY, Caller, Kind, Publisher, Reply, Subscriber
 from parcours.run.hosts.ros1.foreign_graph import Middle
 from parcours.run.hosts.ros1.foreign_master import MasterEnd, plain_value
 from parcours.run.hosts.ros1.foreign_nodes import NodeProcess
@@ -52,13 +52,13 @@ class ForeignHost:
         self.environment: dict[str, str] = {}
         self.refusals: list[str] = []
         """Connections that were declined, or could not be made, and why."""
-        self._mouths: dict[str, Mouth] = {}
-        self._ears: dict[str, Ear] = {}
+        self._publishers: dict[str, Publisher] = {}
+        self._subscribers: dict[str, Subscriber] = {}
         self._served: set[str] = set()
         self._callers: dict[str, Caller] = {}
         self._owner: dict[str, tuple[Callable[[Spoke, bytes], None], Callable[[Spoke, bytes, Reply], None], Spoke]] = {}
-        self.running: dict[str, tuple[Seat, NodeProcess]] = {}
-        """Seats whose process was started here and is not ended."""
+        self.running: dict[str, tuple[Slot, NodeProcess]] = {}
+        """Slots whose process was started here and is not ended."""
         self._kinds: dict[str, tuple[str, str, str]] = {}
         self.compiled: Compiled | None = self._tried()
 
@@ -114,25 +114,25 @@ class ForeignHost:
 
     # Processes.
 
-    def start(self, seats: list[Seat]) -> None:
-        """Start the processes of seats that the tester starts, all at once; those that run already go on.
+    def start(self, slots: list[Slot]) -> None:
+        """Start the processes of slots that the tester starts, all at once; those that run already go on.
 
         Raises:
             HostFailure: a command cannot be run.
         """
         self.stop([name for name, (_, process) in self.running.items() if not process.is_alive])
-        fresh = [seat for seat in seats if seat.node.is_ours and seat.name not in self.running]
-        for seat in fresh:
-            self.master.copy_parameters(seat.node.ros_node, seat.ros_node)
-        for seat in fresh:
-            node = seat.node
+        fresh = [slot for slot in slots if slot.node.is_ours and slot.name not in self.running]
+        for slot in fresh:
+            self.master.copy_parameters(slot.node.ros_node, slot.ros_node)
+        for slot in fresh:
+            node = slot.node
             env = {**os.environ, **self.environment, **dict(node.env)}
-            log = self.folder / f"{file_name(seat.name)}.log"
-            process = NodeProcess(seat.name, (*node.command, *seat.arguments), node.cwd, env, log)
-            self.running[seat.name] = seat, process
+            log = self.folder / f"{file_name(slot.name)}.log"
+            process = NodeProcess(slot.name, (*node.command, *slot.arguments), node.cwd, env, log)
+            self.running[slot.name] = slot, process
             self.middle.watch(process.descriptor, functools.partial(self._look, process))
-        for seat in fresh:
-            self.running[seat.name][1].await_start()
+        for slot in fresh:
+            self.running[slot.name][1].await_start()
 
     def _look(self, process: NodeProcess) -> None:
         if process.look():
@@ -144,33 +144,33 @@ class ForeignHost:
         for _, _, process in ending:
             process.ask_to_end()
         asked = time.monotonic()
-        for _, seat, process in ending:
+        for _, slot, process in ending:
             if hasattr(self, "middle"):
                 self.middle.unwatch(process.descriptor)
-            process.end(asked + min(seat.node.stop, patience) - time.monotonic())
-            if process.was_killed and seat.ros_node and hasattr(self, "middle"):
-                self.master.forget(seat.ros_node)
+            process.end(asked + min(slot.node.stop, patience) - time.monotonic())
+            if process.was_killed and slot.ros_node and hasattr(self, "middle"):
+                self.master.forget(slot.ros_node)
 
     # Ends on the graph; made once for each name, whoever is behind them.
 
-    def attach(self, seating: Seating, heard: Callable[[Spoke, bytes], None],
+    def attach(self, slot_plan: SlotPlan, heard: Callable[[Spoke, bytes], None],
                asked: Callable[[Spoke, bytes, Reply], None]) -> None:  # fmt: skip
-        """Listen and serve wherever the seating says; what is not said any more is not heard any more.
+        """Listen and serve wherever the slot_plan says; what is not said any more is not heard any more.
 
         Raises:
             HostFailure: the master refuses.
             BadRequest: a service's type is unknown.
         """
-        self._owner = {spoke.address: (heard, asked, spoke) for spoke in seating.spokes if spoke.side == "out"}
-        for mouth in self._mouths.values():
-            mouth.forget()
-        for spoke in seating.spokes:
+        self._owner = {spoke.address: (heard, asked, spoke) for spoke in slot_plan.spokes if spoke.side == "out"}
+        for publisher in self._publishers.values():
+            publisher.forget()
+        for spoke in slot_plan.spokes:
             if spoke.is_service:
                 self._attach_service(spoke)
             elif spoke.side == "out":
                 self._listen(spoke)
             else:
-                self.mouth(spoke)
+                self.publisher(spoke)
 
     def detach(self) -> None:
         """Hear nothing; calls are refused."""
@@ -199,7 +199,7 @@ class ForeignHost:
             owner[1](owner[2], data, reply)
 
     def _listen(self, spoke: Spoke) -> None:
-        if spoke.address in self._ears:
+        if spoke.address in self._subscribers:
             return
         address, kind = spoke.address, self.types.kind(spoke.type) or Kind(spoke.type, ANY)
 
@@ -211,21 +211,21 @@ class ForeignHost:
         def joined(told: Kind) -> None:
             self.types.learn(told)
 
-        self._ears[address] = self.middle.subscribe(address, kind, heard, joined)
+        self._subscribers[address] = self.middle.subscribe(address, kind, heard, joined)
 
-    def mouth(self, spoke: Spoke) -> Mouth | None:
+    def publisher(self, spoke: Spoke) -> Publisher | None:
         """Return where the tester publishes; None while the type is unknown."""
-        if spoke.address not in self._mouths:
+        if spoke.address not in self._publishers:
             kind = self.types.kind(spoke.type)
             if kind is None:
                 return None
             channel = self.binding.channel(spoke.channels[0])
             queue = max(channel.queue, 16)
-            self._mouths[spoke.address] = self.middle.publish(spoke.address, kind, queue=queue, latch=channel.latch)
-        return self._mouths[spoke.address]
+            self._publishers[spoke.address] = self.middle.publish(spoke.address, kind, queue=queue, latch=channel.latch)
+        return self._publishers[spoke.address]
 
     def is_connected(self, spoke: Spoke, ros_node: str) -> bool:
-        """Return whether a seat's end of a spoke is there: by its name, if that is known."""
+        """Return whether a slot's end of a spoke is there: by its name, if that is known."""
         if spoke.is_service:
             if spoke.side == "out":
                 return True  # clients do not register
@@ -235,18 +235,18 @@ class ForeignHost:
                 return False
             return True
         if spoke.side == "out":
-            peers = self._ears[spoke.address].peers
+            peers = self._subscribers[spoke.address].peers
         else:
-            mouth = self.mouth(spoke)
-            peers = mouth.peers if mouth is not None else set()
+            publisher = self.publisher(spoke)
+            peers = publisher.peers if publisher is not None else set()
         return ros_node in peers if ros_node else bool(peers)
 
     # What a relay asks for.
 
     def say(self, spoke: Spoke, data: bytes) -> int:
         """Publish; return to how many listeners it was lost."""
-        mouth = self.mouth(spoke)
-        return mouth.say(data) if mouth is not None else 0
+        publisher = self.publisher(spoke)
+        return publisher.say(data) if publisher is not None else 0
 
     def ask(self, spoke: Spoke, data: bytes, answered: Answered) -> None:
         """Call a service."""

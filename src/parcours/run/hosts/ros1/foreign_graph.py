@@ -14,8 +14,18 @@ import time
 from collections.abc import Callable
 
 from parcours.errors import HostFailure
-from parcours.run.hosts.ros1.foreign_door import Door
-from parcours.run.hosts.ros1.foreign_ends import ANY, WITHIN, Caller, Counter, Ear, Kind, Mouth, Reply, opened
+from parcours.run.hosts.ros1.foreign_endpoints import (
+    ANY,
+    WITHIN,
+    Caller,
+    Kind,
+    Publisher,
+    Reply,
+    ServiceServer,
+    Subscriber,
+    opened,
+)
+from parcours.run.hosts.ros1.foreign_listener import Door
 from parcours.run.hosts.ros1.graph import Slave, ask, ask_all
 from parcours.run.hosts.ros1.master import LOOPBACK
 from parcours.run.hosts.ros1.streams import Stream
@@ -35,9 +45,9 @@ class Middle:
 
     def __init__(self, name: str, master: str, refused: Callable[[str], None] = lambda text: None) -> None:
         self.name, self.master, self._refused = name, master, refused
-        self._mouths: dict[str, Mouth] = {}
-        self._ears: dict[str, Ear] = {}
-        self._counters: dict[str, Counter] = {}
+        self._publishers: dict[str, Publisher] = {}
+        self._subscribers: dict[str, Subscriber] = {}
+        self._servers: dict[str, ServiceServer] = {}
         self._streams: dict[int, tuple[Stream, Callable[[bytes, bytes], None], Callable[[], None]]] = {}
         self._lock = threading.RLock()
         self._poll = select.epoll()
@@ -45,32 +55,32 @@ class Middle:
         self._poll.register(self._wake, select.EPOLLIN)
         self._watched: dict[int, Callable[[], None]] = {}
         self._closed = False
-        self._door = Door(self, self._mouths, self._counters, refused)
+        self._door = Door(self, self._publishers, self._servers, refused)
         self._slave = Slave(master, {
             "requestTopic": self._where, "publisherUpdate": self._update,
-            "getPublications": lambda: [[one.topic, one.kind.type] for one in self._mouths.values()],
-            "getSubscriptions": lambda: [[one.topic, one.kind.type] for one in self._ears.values()],
+            "getPublications": lambda: [[one.topic, one.kind.type] for one in self._publishers.values()],
+            "getSubscriptions": lambda: [[one.topic, one.kind.type] for one in self._subscribers.values()],
             "getBusInfo": self._connections,
         })  # fmt: skip
         self.uri = self._slave.uri
 
-    def publish(self, topic: str, kind: Kind, *, queue: int = 16, latch: bool = False) -> Mouth:
+    def publish(self, topic: str, kind: Kind, *, queue: int = 16, latch: bool = False) -> Publisher:
         """Offer a topic, at once. Raises HostFailure if the master refuses."""
-        mouth = self._mouths[topic] = Mouth(self, topic, kind, queue, latch)
+        publisher = self._publishers[topic] = Publisher(self, topic, kind, queue, latch)
         ask(self.master, "registerPublisher", self.name, topic, kind.type, self.uri)
-        return mouth
+        return publisher
 
     def subscribe(self, topic: str, kind: Kind, heard: Callable[[str, bytes], None],
-                  joined: Callable[[Kind], None] = lambda kind: None) -> Ear:  # fmt: skip
+                  joined: Callable[[Kind], None] = lambda kind: None) -> Subscriber:  # fmt: skip
         """Hear a topic, from now on; `joined` is told, in any thread, what each publisher says it carries."""
-        ear = self._ears[topic] = Ear(topic, kind, heard, joined)
+        subscriber = self._subscribers[topic] = Subscriber(topic, kind, heard, joined)
         publishers = ask(self.master, "registerSubscriber", self.name, topic, kind.type, self.uri)
-        self._connect_later(ear, publishers)
-        return ear
+        self._connect_later(subscriber, publishers)
+        return subscriber
 
     def serve(self, service: str, kind: Kind, asked: Callable[[str, bytes, Reply], None]) -> None:
         """Serve a service, from now on."""
-        self._counters[service] = Counter(service, kind, asked)
+        self._servers[service] = ServiceServer(service, kind, asked)
         at = f"rosrpc://{LOOPBACK}:{self._door.port}"
         ask(self.master, "registerService", self.name, service, at, self.uri)
 
@@ -83,14 +93,14 @@ class Middle:
         at = f"rosrpc://{LOOPBACK}:{self._door.port}"
         calls: list[tuple[str, tuple[object, ...]]] = []
         for name in names:
-            if self._mouths.pop(name, None):
+            if self._publishers.pop(name, None):
                 calls.append(("unregisterPublisher", (self.name, name, self.uri)))
-            ear = self._ears.pop(name, None)
-            if ear is not None:
+            subscriber = self._subscribers.pop(name, None)
+            if subscriber is not None:
                 calls.append(("unregisterSubscriber", (self.name, name, self.uri)))
-                for stream in list(ear.streams.values()):
+                for stream in list(subscriber.streams.values()):
                     self.drop(stream)
-            if self._counters.pop(name, None):
+            if self._servers.pop(name, None):
                 calls.append(("unregisterService", (self.name, name, at)))
         with contextlib.suppress(HostFailure):
             ask_all(self.master, calls)
@@ -185,7 +195,7 @@ class Middle:
         """Leave the graph, and end the threads. Closing again does nothing."""
         if self._closed:
             return
-        self.leave([*self._mouths, *self._ears, *self._counters])
+        self.leave([*self._publishers, *self._subscribers, *self._servers])
         with self._lock:
             self._closed = True
         self._slave.close()
@@ -199,69 +209,75 @@ class Middle:
     # Other threads: connections are formed.
 
     def _where(self, topic: str, protocols: list[list[object]]) -> object:
-        if topic not in self._mouths:
+        if topic not in self._publishers:
             raise HostFailure(self.name, f"does not publish {topic}", slug="ros1-header")
         if not any(protocol and protocol[0] == "TCPROS" for protocol in protocols):
             raise HostFailure(self.name, "speaks TCPROS only", slug="ros1-header")
         return ["TCPROS", LOOPBACK, self._door.port]
 
     def _update(self, topic: str, publishers: list[str]) -> int:
-        if topic in self._ears:
-            self._connect_later(self._ears[topic], publishers)
+        if topic in self._subscribers:
+            self._connect_later(self._subscribers[topic], publishers)
         return 0
 
     def _connections(self) -> list[list[object]]:
         found: list[list[object]] = []
-        for mouth in list(self._mouths.values()):
-            found += [[len(found) + k, peer, "o", "TCPROS", mouth.topic, True] for k, peer in enumerate(mouth.peers)]
-        for ear in list(self._ears.values()):
-            found += [[len(found) + k, uri, "i", "TCPROS", ear.topic, True] for k, uri in enumerate(ear.streams)]
+        for publisher in list(self._publishers.values()):
+            found += [
+                [len(found) + k, peer, "o", "TCPROS", publisher.topic, True] for k, peer in enumerate(publisher.peers)
+            ]
+        for subscriber in list(self._subscribers.values()):
+            found += [
+                [len(found) + k, uri, "i", "TCPROS", subscriber.topic, True] for k, uri in enumerate(subscriber.streams)
+            ]
         return found
 
-    def _connect_later(self, ear: Ear, publishers: list[str]) -> None:
-        ear.publishers = frozenset(publishers)
-        threading.Thread(target=self._connect, args=(ear, publishers), daemon=True, name="ros1-join").start()
+    def _connect_later(self, subscriber: Subscriber, publishers: list[str]) -> None:
+        subscriber.publishers = frozenset(publishers)
+        threading.Thread(target=self._connect, args=(subscriber, publishers), daemon=True, name="ros1-join").start()
 
-    def _connect(self, ear: Ear, publishers: list[str]) -> None:
+    def _connect(self, subscriber: Subscriber, publishers: list[str]) -> None:
         """Connect with publishers; again, if one does not answer: a busy machine may keep it from that."""
         for _ in range(_TRIES):
-            with ear.lock:
-                publishers = [uri for uri in publishers if not self._is_connected(ear, uri)]
+            with subscriber.lock:
+                publishers = [uri for uri in publishers if not self._is_connected(subscriber, uri)]
             if not publishers:
                 return
             time.sleep(_PAUSE)
 
-    def _is_connected(self, ear: Ear, uri: str) -> bool:
+    def _is_connected(self, subscriber: Subscriber, uri: str) -> bool:
         """Whether nothing is left to do for this publisher, after trying."""
-        known = ear.streams.get(uri)
-        is_gone = uri not in ear.publishers or self._ears.get(ear.topic) is not ear
+        known = subscriber.streams.get(uri)
+        is_gone = uri not in subscriber.publishers or self._subscribers.get(subscriber.topic) is not subscriber
         if is_gone or uri == self.uri or (known is not None and not known.closed):
             return True
         try:
-            self._listen(ear, uri)
+            self._listen(subscriber, uri)
         except HostFailure as failure:
             if not self._closed:
-                self._refused(f"{ear.topic}: no connection to the publisher at {uri}: {failure.rule}")
+                self._refused(f"{subscriber.topic}: no connection to the publisher at {uri}: {failure.rule}")
             return self._closed
         return True
 
-    def _listen(self, ear: Ear, uri: str) -> None:
-        found = ask(uri, "requestTopic", self.name, ear.topic, [["TCPROS"]], within=WITHIN)
+    def _listen(self, subscriber: Subscriber, uri: str) -> None:
+        found = ask(uri, "requestTopic", self.name, subscriber.topic, [["TCPROS"]], within=WITHIN)
         if not (isinstance(found, list) and len(found) == 3 and found[0] == "TCPROS"):
-            raise HostFailure(uri, f"must offer {ear.topic} by TCPROS, but answers {found!r:.60}", slug="ros1-header")
-        wanted = {"type": ear.kind.type, "md5sum": ear.kind.md5}
-        header = {"callerid": self.name, "topic": ear.topic, "tcp_nodelay": "1", **wanted}
+            raise HostFailure(
+                uri, f"must offer {subscriber.topic} by TCPROS, but answers {found!r:.60}", slug="ros1-header"
+            )
+        wanted = {"type": subscriber.kind.type, "md5sum": subscriber.kind.md5}
+        header = {"callerid": self.name, "topic": subscriber.topic, "tcp_nodelay": "1", **wanted}
         connection, told = opened(str(found[1]), int(found[2]), header)
-        if not ear.kind.agrees(told):
+        if not subscriber.kind.agrees(told):
             connection.close()
-            raise HostFailure(uri, f"carries {told.get('type')}, md5 {told.get('md5sum')}, not {ear.kind.type}",
+            raise HostFailure(uri, f"carries {told.get('type')}, md5 {told.get('md5sum')}, not {subscriber.kind.type}",
                               slug="ros1-header")  # fmt: skip
         stream = Stream(connection, told.get("callerid", "?"))
-        ear.streams[uri] = stream
-        ear.joined(Kind(told.get("type", ANY), told.get("md5sum", ANY), told.get("message_definition", "")))
+        subscriber.streams[uri] = stream
+        subscriber.joined(Kind(told.get("type", ANY), told.get("md5sum", ANY), told.get("message_definition", "")))
 
         def lost() -> None:
-            if ear.streams.get(uri) is stream:
-                del ear.streams[uri]
+            if subscriber.streams.get(uri) is stream:
+                del subscriber.streams[uri]
 
-        self.attend(stream, lambda mark, data: ear.heard(stream.peer, data), lost)
+        self.attend(stream, lambda mark, data: subscriber.heard(stream.peer, data), lost)

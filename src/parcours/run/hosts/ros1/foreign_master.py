@@ -8,7 +8,7 @@ from typing import Any
 from parcours.errors import HostFailure
 from parcours.run.binding.graph import Graph
 from parcours.run.binding.structure import Binding, Value
-from parcours.run.hosts.ros1.foreign_ends import WITHIN, probed
+from parcours.run.hosts.ros1.foreign_endpoints import WITHIN, probed
 from parcours.run.hosts.ros1.graph import ask, ask_all
 
 

@@ -15,7 +15,7 @@ from typing import Literal
 from parcours.errors import HostFailure
 from parcours.run.hosts.processes import ending
 
-_KEEPER = str(Path(__file__).with_name("foreign_keeper.py"))
+_KEEPER = str(Path(__file__).with_name("process_keeper.py"))
 _TAIL = 5
 _LONGEST_TAIL = 4096
 _ANSWER = 5.0

@@ -1,4 +1,4 @@
-"""A seating whose processes are starting -> whether all of it is there, or what is missing, with its line."""
+"""A slot_plan whose processes are starting -> whether all of it is there, or what is missing, with its line."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from parcours.errors import HostFailure
 from parcours.model.finding import Finding
 from parcours.run.binding.graph import Graph, graph_findings
 from parcours.run.binding.relay import Relay
-from parcours.run.binding.seats import Seat, Seating
+from parcours.run.binding.slots import Slot, SlotPlan
 from parcours.run.binding.structure import Ready
 from parcours.run.hosts.ros1.foreign import ForeignHost
 
@@ -24,15 +24,15 @@ class Readiness:
 
     Args:
         host: whose processes start.
-        seating: who is waited for.
+        slot_plan: who is waited for.
         relay: where messages come.
         now: the time since the run began [ns].
     """
 
-    def __init__(self, host: ForeignHost, seating: Seating, relay: Relay, now: Callable[[], int]) -> None:
-        self._host, self._seating, self._relay, self._now = host, seating, relay, now
+    def __init__(self, host: ForeignHost, slot_plan: SlotPlan, relay: Relay, now: Callable[[], int]) -> None:
+        self._host, self._seating, self._relay, self._now = host, slot_plan, relay, now
         self._began = now()
-        self._waiting = {seat.name: list(seat.node.ready) for seat in seating.seats}
+        self._waiting = {slot.name: list(slot.node.ready) for slot in slot_plan.slots}
         self._looked, self._changed, self._state, self._worked = 0, 0, Graph(), 0.0
 
     def looks(self) -> bool:
@@ -41,13 +41,13 @@ class Readiness:
         Raises:
             HostFailure: something is not, in its time, or will not be; the message lists what is missing.
         """
-        for seat in self._seating.seats:
-            self._waiting[seat.name] = [one for one in self._waiting[seat.name] if not self._holds(seat, one)]
+        for slot in self._seating.slots:
+            self._waiting[slot.name] = [one for one in self._waiting[slot.name] if not self._holds(slot, one)]
         if not any(self._waiting.values()):
             return True
         now = self._now()
         late = [
-            (seat, one) for seat in self._seating.seats for one in self._waiting[seat.name]
+            (slot, one) for slot in self._seating.slots for one in self._waiting[slot.name]
             if now - self._began > one.timeout * 1e9
         ]  # fmt: skip
         if late or self._has_settled():
@@ -60,7 +60,7 @@ class Readiness:
         if now - self._began < _EARLIEST or now - self._looked < _LOOK:
             return False
         elapsed, self._looked = now - self._looked, now
-        if any(one.kind != "bound" or one.timeout != 4.0 for seat in self._seating.seats for one in seat.node.ready):
+        if any(one.kind != "bound" or one.timeout != 4.0 for slot in self._seating.slots for one in slot.node.ready):
             return False
         state, worked = self._host.master.state(), sum(process.worked() for _, process in self._host.running.values())
         if state != self._state or worked - self._worked > _AT_WORK * elapsed * 1e-9:
@@ -68,17 +68,17 @@ class Readiness:
         self._state, self._worked = state, worked
         return now - self._changed > _SAME and bool(self.findings())
 
-    def _holds(self, seat: Seat, one: Ready) -> bool:
+    def _holds(self, slot: Slot, one: Ready) -> bool:
         host = self._host
         match one.kind:
             case "bound":
-                spokes = [spoke for spoke in self._seating.spokes if spoke.seat == seat.name]
+                spokes = [spoke for spoke in self._seating.spokes if spoke.slot == slot.name]
                 if (
-                    any(call.client == seat.name for call in self._relay.calls)
+                    any(call.client == slot.name for call in self._relay.calls)
                     and self._now() - self._began > _EARLIEST
                 ):
                     return True  # it waits for an answer before it goes on
-                return all(host.is_connected(spoke, seat.ros_node) for spoke in spokes)
+                return all(host.is_connected(spoke, slot.ros_node) for spoke in spokes)
             case "after":
                 return self._now() - self._began >= float(one.value) * 1e9
             case "parameter":
@@ -92,7 +92,7 @@ class Readiness:
         tables = (state.servers,) if one.kind == "service" else (state.publishers, state.subscribers)
         return any(table.get(one.name) for table in tables)
 
-    def complaint(self, late: list[tuple[Seat, Ready]]) -> HostFailure:
+    def complaint(self, late: list[tuple[Slot, Ready]]) -> HostFailure:
         """Return what is missing by now; `late` is what has not come in its time."""
         found = self.findings()
         where = self._host.binding.source or self._host.binding.name
@@ -102,9 +102,9 @@ class Readiness:
             listed = "".join(f"\n  {one}" for one in found) + "\n "
             rule = f"the running system must have what is bound, but {len(found)} things are wrong:{listed}"
             return HostFailure(where, rule, "correct them from the first on", slug=found[0].rule)
-        names = ", ".join(dict.fromkeys(f"{seat.name} ({_said(one)})" for seat, one in late))
-        seat, one = late[0]
-        process = self._host.running.get(seat.name)
+        names = ", ".join(dict.fromkeys(f"{slot.name} ({_said(one)})" for slot, one in late))
+        slot, one = late[0]
+        process = self._host.running.get(slot.name)
         said = process[1].tail() if process else []
         why = "; ".join(self._host.refusals[:3]) or (f"its last lines: {' | '.join(said)}" if said else "no sign of it")
         rule = f"must be ready within {one.timeout:g} s, but is not: {why}"
@@ -113,7 +113,7 @@ class Readiness:
     def findings(self) -> list[Finding]:
         """Return what the graph lacks, or has with another type, by now."""
         graph = self._host.master.graph(self._host.binding, {s.address for s in self._seating.spokes if s.is_service})
-        if any(seat.reference is not None for seat in self._seating.seats):
+        if any(slot.reference is not None for slot in self._seating.slots):
             return []
         return graph_findings(self._host.binding, graph, self._seating.absent)
 

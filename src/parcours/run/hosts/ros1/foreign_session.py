@@ -1,4 +1,4 @@
-"""A seating of a foreign system -> its processes up and connected, its messages relayed, its deaths seen: one run."""
+"""A slot_plan of a foreign system -> its processes up and connected, its messages relayed, its deaths seen: one run."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from typing import cast
 from parcours.errors import HostFailure
 from parcours.run.binding.passing import BEGINS, STALLED
 from parcours.run.binding.relay import Relay
-from parcours.run.binding.seats import Seat, Seating
+from parcours.run.binding.slots import Slot, SlotPlan
 from parcours.run.faults import FaultPlan
 from parcours.run.faults.signals import Signal, signals
 from parcours.run.hosts.realtime import DIED
@@ -24,7 +24,7 @@ from parcours.run.hosts.ros1.foreign_ready import Readiness
 from parcours.run.noise import Noise
 from parcours.run.trace import Trace, TraceEvent
 
-_CANARY = str(Path(__file__).with_name("foreign_canary.py"))
+_CANARY = str(Path(__file__).with_name("wakeup_latency.py"))
 _STEP = 5_000_000
 """So often [ns] it is looked whether nodes are ready."""
 
@@ -46,7 +46,7 @@ class Session:
 
     Args:
         host: entered.
-        seating: who is run.
+        slot_plan: who is run.
         faults: what befalls messages and components, from the beginning of the case.
         listener: told of each event as soon as it has happened.
 
@@ -57,11 +57,11 @@ class Session:
         case_began: when the nodes were ready [ns since the run began]; -1 before.
     """
 
-    def __init__(self, host: ForeignHost, seating: Seating, *, faults: FaultPlan | None = None,
+    def __init__(self, host: ForeignHost, slot_plan: SlotPlan, *, faults: FaultPlan | None = None,
                  listener: Callable[[TraceEvent], None] = lambda event: None) -> None:  # fmt: skip
-        self.host, self.seating = host, seating
+        self.host, self.slot_plan = host, slot_plan
         self.zero, self.begin = time.perf_counter_ns(), time.time_ns()
-        self.relay = Relay(host.binding, seating, host, host.kind_of, self.now, faults, listener)
+        self.relay = Relay(host.binding, slot_plan, host, host.kind_of, self.now, faults, listener)
         self.deaths: dict[str, str] = {}
         self.case_began = -1
         self.drained = 0
@@ -93,10 +93,10 @@ class Session:
         """
         self.host.refusals.clear()
         self.host.middle.spin(0)
-        self.host.attach(self.seating, self.relay.heard, self.relay.asked)
+        self.host.attach(self.slot_plan, self.relay.heard, self.relay.asked)
         self._listen_to_machine()
-        self.host.start(list(self.seating.seats))
-        self.readiness = Readiness(self.host, self.seating, self.relay, self.now)
+        self.host.start(list(self.slot_plan.slots))
+        self.readiness = Readiness(self.host, self.slot_plan, self.relay, self.now)
         while not self.readiness.looks():
             self.poll(self.now() + _STEP)
             self._must_live()
@@ -108,9 +108,9 @@ class Session:
         self._watch_others()
         self.case_began = self.relay.case_began = self.now()
         self.relay.note(BEGINS)
-        for seat in self.seating.seats:
-            for component in seat.node.components:
-                self._next_signal(seat, component, signals(self._faults, component))
+        for slot in self.slot_plan.slots:
+            for component in slot.node.components:
+                self._next_signal(slot, component, signals(self._faults, component))
 
     def _listen_to_machine(self) -> None:
         self._line, other = os.pipe()
@@ -132,10 +132,10 @@ class Session:
                 self.relay.note(f"{STALLED}{late}", time=max(self._beat - late, 0))
 
     def _must_live(self) -> None:
-        for seat, process in self._processes():
+        for slot, process in self._processes():
             if not process.is_alive:
                 rule = f"must live until the case begins, but: {process.how()}"
-                raise HostFailure(f"node {seat.name}", rule, slug="foreign-start")
+                raise HostFailure(f"node {slot.name}", rule, slug="foreign-start")
 
     # Going on.
 
@@ -151,68 +151,68 @@ class Session:
         self.relay.do_what_is_due()
         self._see_deaths()
 
-    def _processes(self) -> Iterator[tuple[Seat, NodeProcess]]:
-        for seat in self.seating.seats:
-            if seat.name in self.host.running:
-                yield seat, self.host.running[seat.name][1]
+    def _processes(self) -> Iterator[tuple[Slot, NodeProcess]]:
+        for slot in self.slot_plan.slots:
+            if slot.name in self.host.running:
+                yield slot, self.host.running[slot.name][1]
 
     def _see_deaths(self) -> None:
         if self.case_began < 0:
             return
-        for seat, process in self._processes():
+        for slot, process in self._processes():
             if not process.is_alive:
-                self._bury(seat, process.how(), process.ended - self.zero)
+                self._bury(slot, process.how(), process.ended - self.zero)
         for name, when in list(self._lost.items()):
-            seat = cast(Seat, self.seating.seat(name))
-            self._bury(seat, f"{seat.ros_node} does not answer any more", when)
+            slot = cast(Slot, self.slot_plan.slot(name))
+            self._bury(slot, f"{slot.ros_node} does not answer any more", when)
 
-    def _bury(self, seat: Seat, how: str, when: int) -> None:
-        for component in seat.node.components:
-            name = seat.component(component)
+    def _bury(self, slot: Slot, how: str, when: int) -> None:
+        for component in slot.node.components:
+            name = slot.component(component)
             if name not in self.deaths:
                 self.deaths[name] = how
                 self.relay.note(DIED + how, name, max(when, 0))
 
     def _watch_others(self) -> None:
-        others = [seat for seat in self.seating.seats if not seat.node.is_ours]
+        others = [slot for slot in self.slot_plan.slots if not slot.node.is_ours]
         if not others:
             return
 
         def ping() -> None:
             silent: dict[str, int] = {}
             while not self._over.wait(_PING):
-                for seat in others:
-                    if self.host.master.answers(seat.ros_node):
-                        silent.pop(seat.name, None)
-                    elif seat.name in silent:
-                        self._lost.setdefault(seat.name, silent[seat.name])
+                for slot in others:
+                    if self.host.master.answers(slot.ros_node):
+                        silent.pop(slot.name, None)
+                    elif slot.name in silent:
+                        self._lost.setdefault(slot.name, silent[slot.name])
                     else:
-                        silent[seat.name] = self.now()
+                        silent[slot.name] = self.now()
 
         self._pinging = threading.Thread(target=ping, daemon=True, name="ros1-ping")
         self._pinging.start()
 
-    def hold(self, seat: Seat) -> bool:
-        """Stop a seat's process, and return whether all of it stands."""
-        self.act(seat, "stop")
-        return seat.name in self.host.running and self.host.running[seat.name][1].await_stop()
+    def hold(self, slot: Slot) -> bool:
+        """Stop a slot's process, and return whether all of it stands."""
+        self.act(slot, "stop")
+        return slot.name in self.host.running and self.host.running[slot.name][1].await_stop()
 
-    def act(self, seat: Seat, what: str) -> None:
-        """Stop, continue or kill a seat's process, if the tester has started it."""
-        if seat.name in self.host.running:
-            self.host.running[seat.name][1].act(what)  # type: ignore[arg-type]
+    def act(self, slot: Slot, what: str) -> None:
+        """Stop, continue or kill a slot's process, if the tester has started it."""
+        if slot.name in self.host.running:
+            self.host.running[slot.name][1].act(what)  # type: ignore[arg-type]
 
-    def _next_signal(self, seat: Seat, component: str, coming: Iterator[Signal]) -> None:
+    def _next_signal(self, slot: Slot, component: str, coming: Iterator[Signal]) -> None:
         one = next(coming, None)
         if one is not None:
-            self.relay.at(self.case_began + one.time, lambda: self._strike(seat, component, one, coming))
+            self.relay.at(self.case_began + one.time, lambda: self._strike(slot, component, one, coming))
 
-    def _strike(self, seat: Seat, component: str, one: Signal, coming: Iterator[Signal]) -> None:
-        name = seat.component(component)
+    def _strike(self, slot: Slot, component: str, one: Signal, coming: Iterator[Signal]) -> None:
+        name = slot.component(component)
         if name not in self.deaths:
-            self.act(seat, one.act)
+            self.act(slot, one.act)
             self.relay.note(f"fault: {one.act}", name)
-        self._next_signal(seat, component, coming)
+        self._next_signal(slot, component, coming)
 
     # Ending.
 
@@ -228,13 +228,13 @@ class Session:
             self._canary = None
         self.host.detach()
         stay = {
-            seat.name for seat, process in self._processes()
-            if keep and process.is_alive and seat.reference is None and seat.node.restart == "when-dead"
+            slot.name for slot, process in self._processes()
+            if keep and process.is_alive and slot.reference is None and slot.node.restart == "when-dead"
         }  # fmt: skip
         for name in stay:
             self.host.running[name][1].act("continue")
-        is_apart = any(seat.reference is not None for seat in self.seating.seats)
-        going = [seat.name for seat in self.seating.seats if seat.name not in stay]
+        is_apart = any(slot.reference is not None for slot in self.slot_plan.slots)
+        going = [slot.name for slot in self.slot_plan.slots if slot.name not in stay]
         self.host.stop(going, _QUICK if is_apart or self.case_began < 0 else float("inf"))
         if self._pinging is not None:
             self._pinging.join()

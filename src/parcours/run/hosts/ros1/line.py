@@ -25,8 +25,8 @@ from parcours.run.hosts.frames import (
     command,
     packed,
 )
-from parcours.run.hosts.resident import Node
-from parcours.run.hosts.ros1.ends import Caller, Publication, Server, Subscription
+from parcours.run.hosts.node_program import Node
+from parcours.run.hosts.ros1.endpoints import Caller, Publication, Server, Subscription
 from parcours.run.hosts.ros1.participant import Participant
 from parcours.run.hosts.ros1.routes import (
     CALL,

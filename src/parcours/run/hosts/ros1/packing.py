@@ -12,7 +12,7 @@ from typing import Any, NoReturn
 import numpy as np
 
 from parcours.errors import BadRequest, require_known
-from parcours.run.hosts.resident import Resident
+from parcours.run.hosts.node_program import NodeProgram
 from parcours.run.hosts.ros1.interfaces import Field
 
 _SCALARS = {"float": "d", "int": "q", "bool": "?"}
@@ -139,14 +139,14 @@ class Ros1Codec:
         return self._packings[channel]
 
 
-class Ros1Resident:
-    """A resident whose messages travel on ROS 1.
+class Ros1NodeProgram:
+    """A node_program whose messages travel on ROS 1.
 
     Args:
-        resident: the same on any other host.
+        node_program: the same on any other host.
         codec: used in the place of its own.
     """
 
-    def __init__(self, resident: Resident, codec: Ros1Codec) -> None:
-        self.instance, self.prompt, self.view = resident.instance, resident.prompt, resident.view
+    def __init__(self, node_program: NodeProgram, codec: Ros1Codec) -> None:
+        self.instance, self.prompt, self.view = node_program.instance, node_program.prompt, node_program.view
         self.encode, self.decode = codec.encode, codec.decode

@@ -16,7 +16,7 @@ from collections.abc import Callable
 
 from parcours.errors import HostFailure
 from parcours.run.hosts.ros1.doorway import Doorway
-from parcours.run.hosts.ros1.ends import ANY, Caller, Kind, Publication, Server, Subscription, header_of, opened
+from parcours.run.hosts.ros1.endpoints import ANY, Caller, Kind, Publication, Server, Subscription, header_of, opened
 from parcours.run.hosts.ros1.graph import WITHIN, Slave, ask, ask_all
 from parcours.run.hosts.ros1.master import LOOPBACK
 from parcours.run.hosts.ros1.streams import Stream, write_header

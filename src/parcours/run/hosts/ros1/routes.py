@@ -12,7 +12,7 @@ from importlib import import_module
 
 from parcours.errors import HostFailure
 from parcours.run.hosts.ros1 import no_ros
-from parcours.run.hosts.ros1.ends import Kind
+from parcours.run.hosts.ros1.endpoints import Kind
 from parcours.run.hosts.ros1.interfaces import Interface, Role
 from parcours.run.hosts.ros1.messages import Messages
 

@@ -41,7 +41,7 @@ def read(message: bytes) -> bytes:
     >>> read(b"?")
     Traceback (most recent call last):
     parcours.errors.BadRequest: ROS 2 message: must be a std_msgs/msg/UInt8MultiArray, but 1 byte came; let nobody \
-else publish on the fabric's topics [ros2-message]
+else publish on the transport's topics [ros2-message]
     """
     try:
         number = struct.Struct("<I" if message[1] & 1 else ">I").unpack_from
@@ -62,4 +62,4 @@ else publish on the fabric's topics [ros2-message]
 def _foreign(message: bytes) -> BadRequest:
     size = "1 byte" if len(message) == 1 else f"{len(message)} bytes"
     rule = f"must be a std_msgs/msg/UInt8MultiArray, but {size} came"
-    return BadRequest("ROS 2 message", rule, "let nobody else publish on the fabric's topics", slug="ros2-message")
+    return BadRequest("ROS 2 message", rule, "let nobody else publish on the transport's topics", slug="ros2-message")

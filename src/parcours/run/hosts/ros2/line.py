@@ -29,7 +29,7 @@ from parcours.run.hosts.frames import (
     command,
     packed,
 )
-from parcours.run.hosts.resident import Node
+from parcours.run.hosts.node_program import Node
 from parcours.run.hosts.ros2.names import Part, Route, Topic, command_topic, report_topic, routes
 from parcours.run.hosts.ros2.participant import Caller, Participant, Reply, Sender, Subscription
 
@@ -46,7 +46,7 @@ def commands(told: Sequence[Command]) -> bytes:
 
 
 class Ros2Line:
-    """A node's end of the fabric.
+    """A node's end of the transport.
 
     Args:
         node: whose.

@@ -1,4 +1,4 @@
-"""A model's channels -> the ROS 2 topics and services that carry them, and how both ends of the fabric call them.
+"""A model's channels -> the ROS 2 topics and services that carry them, and how both ends of the transport call them.
 
 A sender is moved to a name of its own under /parcours/out; the tester passes on what it hears there to the name in the
 model, which the paper gives (Table I), where the receiver listens.

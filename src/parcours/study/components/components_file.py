@@ -1,0 +1,368 @@
+"""A study.yaml of kind `components` -> a component study, with everything that is wrong noted in its reader."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from parcours.abtc import POLICIES, interaction_paths
+from parcours.data import CRITERIA, InputModel, read_input_model
+from parcours.errors import BadModel, BadRequest, ParcoursError
+from parcours.model.documents import Mapping as MappingNode
+from parcours.model.documents import Node, Scalar
+from parcours.model.finding import Finding, advice
+from parcours.model.formats import read_any
+from parcours.model.model_file import check_file
+from parcours.model.nodes import brief, shown
+from parcours.model.structure import ENVIRONMENT, Cefsm, Component
+from parcours.run.trace import Trace
+from parcours.study.components.study import NO_INPUTS, ComponentStudy, Limit, Oracle, order_is_kept
+from parcours.study.components.systems import PATIENCE, FunctionsPart, Part, Parts, ProgramPart, PythonPart
+from parcours.study.loading import load
+from parcours.study.parameters import Settings
+from parcours.study.protocol import Study
+from parcours.suite import Case
+from parcours.verdict.judgement import Judgement, Verdict
+from parcours.verdict.timing import Bound, parse_bound
+
+if TYPE_CHECKING:
+    from parcours.study.study_file import StudyReader
+
+_OPTIONAL = (
+    "model", "data", "constants", "combine", "paths", "serialisation", "cases", "time_budget", "supply", "inputs",
+    "oracles", "limits", "patience",
+)  # fmt: skip
+_PROGRAM = ("command", "environment", "socket")
+
+
+def read_components(reader: StudyReader, root: Node) -> Study | None:
+    """Return the component study of a document; findings are added to the reader."""
+    top = reader.keys(root, ("system",), _OPTIONAL)
+    name, own = reader.name(top), reader.parameters(top)
+    files = {"model": reader.file(top.get("model"), "model", "model.yaml"),
+             "data": reader.file(top.get("data"), "data", "domains.yaml")}  # fmt: skip
+    model = _model(reader, files["model"], top)
+    inputs = inputs_of(reader, files["data"], top)
+    if model is None:  # what does not depend on the model is looked at all the same
+        reader.duration(top.get("patience"), "patience", PATIENCE)
+        reader.duration(top.get("time_budget"), "time_budget", 20.0)
+        reader.count(top.get("cases"), "cases", None)
+        known_name(reader, top.get("combine"), "combine", tuple(CRITERIA), "each_choice")
+        for limit, node, _ in reader.entries(top.get("limits"), "limits", reader.label):
+            _bound(reader, node if isinstance(node, Scalar) else None, limit)
+        return None
+    known = (*inputs.names, *(one.name for one in own))
+    patience = reader.duration(top.get("patience"), "patience", PATIENCE)
+    system = Parts(_parts(reader, top.get("system"), model), patience)
+    fields = {
+        channel.name: tuple(field.name for message in model.messages if message.name == channel.message
+                            for field in message.fields)
+        for channel in model.channels if channel.sender == ENVIRONMENT
+    }  # fmt: skip
+    variables = {
+        transition.id: tuple(variable.name for variable in component.variables if variable.role == "input")
+        for component in model.components for transition in component.transitions()
+    }  # fmt: skip
+    study = ComponentStudy(
+        name, model, system, inputs,
+        doc=reader.text(top.get("doc"), "doc"),
+        where=str(reader.path),
+        own=own,
+        criterion=known_name(reader, top.get("combine"), "combine", tuple(CRITERIA), "each_choice"),
+        paths=_paths(reader, top.get("paths"), model),
+        policy=known_name(reader, top.get("serialisation"), "serialisation", tuple(POLICIES), ""),
+        n_cases=reader.count(top.get("cases"), "cases", None),
+        time_budget=reader.duration(top.get("time_budget"), "time_budget", 20.0),
+        supply=reader.formulas(top.get("supply"), "supply", fields.get, known, "channel from the environment"),
+        set_before=reader.formulas(top.get("inputs"), "inputs", variables.get, known, "transition"),
+        oracles=_oracles(reader, top.get("oracles"), model),
+        limits=_limits(reader, top.get("limits"), model),
+        digests=reader.digests,
+        files={kind: path for kind, path in files.items() if path is not None},
+        patience=patience,
+    )  # fmt: skip
+    if not reader.findings:
+        _require_cases(reader, study, top)
+    return study
+
+
+def _model(reader: StudyReader, path: Path | None, top: Mapping[str, Node]) -> Cefsm | None:
+    if path is None:
+        if "model" not in top:
+            reader.add(None, "study-file", "a component study needs a model, but there is no model.yaml beside it",
+                       "write one, or name it: model: FILE")  # fmt: skip
+        return None
+    if path.suffix in (".yaml", ".yml"):
+        checked = check_file(path)
+        reader.findings += [one for one in checked.findings if one.severity == "error"]
+        return checked.model
+    return read_any(path).cefsm
+
+
+def inputs_of(reader: StudyReader, path: Path | None, top: Mapping[str, Node]) -> InputModel:
+    """Return the test inputs of a file, with the study's constants; none without a file."""
+    constants: dict[str, float] = {}
+    for name, node, _ in reader.entries(top.get("constants"), "constants"):
+        constants[name] = reader.signed(node, f"constant {name}")
+    if path is None:
+        return NO_INPUTS
+    try:
+        return read_input_model(path, constants or None)
+    except ParcoursError as error:
+        where, _, line = error.where.rpartition(":")
+        at = int(line) if line.isdecimal() else 0
+        reader.findings.append(Finding(where if at else error.where, at, "error", error.slug, error.rule, error.remedy))
+        return NO_INPUTS
+
+
+def known_name(reader: StudyReader, node: Node | None, what: str, known: tuple[str, ...], absent: str) -> str:
+    """Return one of a few names."""
+    text = reader.text(node, what, absent)
+    if node is not None and text not in known:
+        reader.add(node, "study-name", f"{what} must be a known name, but is {brief(text)}",
+                   advice(text, known, reader.findings))  # fmt: skip
+        return absent
+    return text
+
+
+def _paths(reader: StudyReader, node: Node | None, model: Cefsm) -> str:
+    from parcours.paths import internal_paths
+
+    text = reader.text(node, "paths", "edge")
+    try:
+        internal_paths(model, text)
+    except BadRequest as error:
+        reader.add(node, error.slug, f"paths: {error.rule}", error.remedy)
+        return "edge"
+    return text
+
+
+def _parts(reader: StudyReader, node: Node | None, model: Cefsm) -> dict[str, Part]:
+    """Return what stands for each component: a file whose classes have their names, or an entry for each."""
+    components = {component.name: component for component in model.components}
+    if node is None:
+        return {}
+    if isinstance(node, Scalar):
+        return {
+            name: PythonPart(
+                reader.target(
+                    Scalar(f"{node.text}:{name}", True, node.line), f"system, {name}", wanted(model, component)
+                ),
+                reader.folder,
+            )
+            for name, component in components.items()
+        }
+    found: dict[str, Part] = {}
+    for name, value, line in reader.entries(node, "system"):
+        if name not in components:
+            rule = f"system: the model has no component {brief(name)}"
+            remedy = advice(name, list(components), reader.findings)
+            reader.findings.append(Finding(reader.origin, line, "error", "study-name", rule, remedy))
+            continue
+        part = _part(reader, value, model, components[name])
+        if part is not None:
+            found[name] = part
+    for name in components:
+        if name not in found and isinstance(node, MappingNode) and name not in {key.text for key, _ in node.items}:
+            reader.add(
+                node,
+                "study-system",
+                f"system: nothing stands for the component {name!r}",
+                f"add {name}: file.py:{name}",
+            )
+    return found
+
+
+def _part(reader: StudyReader, node: Node, model: Cefsm, component: Component) -> Part | None:
+    what = f"system, {component.name}"
+    if isinstance(node, Scalar):
+        return PythonPart(reader.target(node, what, wanted(model, component)), reader.folder)
+    if not isinstance(node, MappingNode):
+        reader.add(node, "kind", f"{what} must be file.py:Name, a command, or functions by event, but is {shown(node)}")
+        return None
+    if any(key.text == "command" for key, _ in node.items):
+        return program_part(reader, node, what)
+    events = {*incoming(model, component), *(transition.id for transition in component.transitions()), "poll", "wake"}
+    targets: dict[str, str] = {}
+    for event, value, line in reader.entries(node, what, reader.label):
+        if event not in events:
+            rule = f"{what}: {brief(event)} is no channel to it and none of its transitions"
+            remedy = advice(event, sorted(events), reader.findings)
+            reader.findings.append(Finding(reader.origin, line, "error", "study-name", rule, remedy))
+            continue
+        targets[event] = reader.target(value, f"{what}, {event}")
+    lacking = [channel for channel in incoming(model, component) if channel not in targets]
+    if lacking:
+        reader.add(
+            node,
+            "component-method",
+            f"{what} lacks functions for {', '.join(lacking)}",
+            f"add {lacking[0]}: file.py:name",
+        )
+    return FunctionsPart(targets, reader.folder)
+
+
+def program_part(reader: StudyReader, node: Node, what: str) -> ProgramPart | None:
+    """Return a program that is there and can be executed; its files count for the study's digest."""
+    entries = reader.record(node, what, ("command",), _PROGRAM[1:])
+    command = reader.words(entries.get("command"), f"command of {what}")
+    if not command:
+        reader.add(
+            node, "value", f"command of {what} must be a list of words, but is empty", "write [./program, argument]"
+        )
+        return None
+    program = command[0]
+    found = reader.folder / program if os.sep in program else Path(shutil.which(program) or "")
+    if not (found.is_file() and os.access(found, os.X_OK)):
+        rule = f"{what}: there is no program {brief(program)}" + (
+            f" in {reader.folder}" if os.sep in program else " on the path"
+        )
+        remedy = (
+            "build it first" if os.sep in program and not found.exists() else "make it executable, or check its name"
+        )
+        reader.add(entries["command"], "study-program", rule, remedy)
+        return None
+    for word in (found if os.sep in program else None, *(reader.folder / word for word in command[1:])):
+        if word is not None and word.is_file():
+            reader.digest(word)
+    environment = {name: reader.text(value, f"environment {name}") for name, value, _ in
+                   reader.entries(entries.get("environment"), "environment")}  # fmt: skip
+    return ProgramPart(command, reader.folder, environment, reader.boolean(entries.get("socket"), "socket", False))
+
+
+def incoming(model: Cefsm, component: Component) -> tuple[str, ...]:
+    """Return the channels on which some transition of the component receives."""
+    return tuple(dict.fromkeys(one.event.channel for one in component.transitions() if one.event is not None))
+
+
+def wanted(model: Cefsm, component: Component) -> tuple[str, ...]:
+    """Return the methods that a class for the component must have: one for each channel to it.
+
+    A transition that no message starts may have a method of its own name, `poll`, or follow in a method that yields.
+    """
+    return tuple(channel for channel in incoming(model, component) if channel.isidentifier())
+
+
+@dataclass(frozen=True)
+class PythonOracle:
+    """An oracle that a user wrote: `function(case, trace)` returns True, None, a reason to fail, or a Judgement.
+
+    Args:
+        target: `file.py:name` or the function.
+        folder: from which a file counts.
+        interaction: judge the cases of this interaction path only; all if empty.
+    """
+
+    target: str
+    folder: Path
+    interaction: str = ""
+
+    def __call__(self, case: Case, trace: Trace, settings: Settings) -> Judgement:
+        """Judge a case whose order was kept."""
+        if self.interaction and case.abstract.rsplit("-", 2)[0] != self.interaction:
+            return Judgement(Verdict.PASS, "")
+        function = load(self.target, self.folder)
+        try:
+            said = function(case, trace)  # type: ignore[operator]
+        except Exception as error:
+            return Judgement(Verdict.ERROR, f"oracle {self.target} raised {type(error).__name__}: {error}")
+        if isinstance(said, Judgement):
+            return said
+        if said is None or said is True:
+            return Judgement(Verdict.PASS, f"{self.target} holds")
+        if said is False or isinstance(said, str):
+            return Judgement(Verdict.FAIL, said or f"{self.target} does not hold")
+        return Judgement(Verdict.ERROR, f"oracle {self.target} must return True, False, None, a text or a Judgement, "
+                                        f"but returned {type(said).__name__}")  # fmt: skip
+
+
+def _oracles(reader: StudyReader, node: Node | None, model: Cefsm) -> tuple[Oracle, ...]:
+    """Return the user's oracles after the one that every study has: a name, or one by interaction path."""
+    if node is None:
+        return (order_is_kept,)
+    if isinstance(node, Scalar):
+        return order_is_kept, PythonOracle(reader.target(node, "oracles"), reader.folder)
+    found: list[Oracle] = [order_is_kept]
+    if isinstance(node, MappingNode):
+        known = [one.name for one in interaction_paths(model)]
+        for name, value, line in reader.entries(node, "oracles", reader.label):
+            if name not in known:
+                rule, remedy = (
+                    f"oracles: there is no interaction path {brief(name)}",
+                    advice(name, known, reader.findings),
+                )
+                reader.findings.append(Finding(reader.origin, line, "error", "study-name", rule, remedy))
+                continue
+            found.append(PythonOracle(reader.target(value, f"oracle of {name}"), reader.folder, name))
+        return tuple(found)
+    return (
+        order_is_kept,
+        *(PythonOracle(reader.target(one, "an oracle"), reader.folder) for one in reader.listed(node, "oracles")),
+    )
+
+
+def _limits(reader: StudyReader, node: Node | None, model: Cefsm) -> tuple[Limit, ...]:
+    """Return the bounds on durations: `ITP1: "p95 < 50 ms"`, or `name: {from: c1, to: d1, bound: ...}`."""
+    known = [one.name for one in interaction_paths(model)]
+    ids = [transition.id for component in model.components for transition in component.transitions()]
+    found = []
+    for name, value, line in reader.entries(node, "limits", reader.label):
+        begin = end = ""
+        if isinstance(value, MappingNode):
+            entries = reader.record(value, f"limit {name}", ("from", "to", "bound"), ())
+            begin, end = (
+                _transition(reader, entries.get(key), f"{key} of limit {name}", ids) for key in ("from", "to")
+            )
+            bound = _bound(reader, entries.get("bound"), name)
+        else:
+            if name not in known:
+                rule, remedy = (
+                    f"limits: there is no interaction path {brief(name)}",
+                    advice(name, known, reader.findings),
+                )
+                reader.findings.append(Finding(reader.origin, line, "error", "study-name", rule, remedy))
+                continue
+            bound = _bound(reader, value, name)
+        if bound is not None:
+            found.append(Limit(name, bound, begin, end))
+    return tuple(found)
+
+
+def _transition(reader: StudyReader, node: Node | None, what: str, ids: list[str]) -> str:
+    text = reader.text(node, what)
+    if node is not None and text not in ids:
+        rule = f"{what} must be a transition of the model, but is {brief(text)}"
+        reader.add(node, "study-name", rule, advice(text, ids, reader.findings))
+    return text
+
+
+def _bound(reader: StudyReader, node: Node | None, name: str) -> Bound | None:
+    if node is None:
+        return None
+    try:
+        return parse_bound(reader.text(node, f"limit {name}"))
+    except BadRequest as error:
+        reader.add(node, error.slug, f"limit {name}: {error.rule}", error.remedy)
+        return None
+
+
+def _require_cases(reader: StudyReader, study: ComponentStudy, top: Mapping[str, Node]) -> None:
+    """Note that the model has no abstract case, or that a formula does not fit its field."""
+    try:
+        study.plan(0)
+        for limit in study.limits:
+            if not study.limited(limit):
+                way = f"takes {limit.begin} and then {limit.end}" if limit.begin else "follows this interaction path"
+                reader.add(top.get("limits"), "study-name", f"limit {limit.name}: no case {way}", "see `parcours abtc`")
+        for case in study.plan(0).cases(0, min(len(study.abstracts), 200)):
+            study.tester(case, {one.name: one.default for one in study.parameters})
+    except BadModel as error:
+        where, _, line = error.where.rpartition(":")
+        at = int(line) if line.isdecimal() else 0
+        reader.findings.append(Finding(where if at else error.where, at, "error", error.slug, error.rule, error.remedy))
+    except BadRequest as error:
+        reader.add(top.get("supply"), error.slug, f"{error.where}: {error.rule}", error.remedy)

@@ -1,0 +1,292 @@
+"""A study.yaml (docs/studies.md) -> a study, or all that is wrong with the file and the files it names."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from importlib.metadata import entry_points
+from pathlib import Path
+
+from parcours.errors import BadModel, BadRequest, ParcoursError
+from parcours.model.documents import MAX_BYTES, Node, read_document
+from parcours.model.documents import Mapping as MappingNode
+from parcours.model.expression import Expression, names, parse_expression
+from parcours.model.finding import Finding, advice, complaint, errors_among
+from parcours.model.nodes import brief, shown
+from parcours.run.binding.quantities import QuantityReader, constant
+from parcours.study.parameters import KINDS, Parameter
+from parcours.study.protocol import Study
+
+FORMAT = "study/1"
+KIND_GROUP = "parcours.kinds"
+"""Entry points of this group read further kinds of study: `name = package.module:function`, called as a `Reader`."""
+
+_COMMON = ("doc", "kind", "parameters")
+_OPTIONS = (
+    "as_json", "baseline", "case", "cases", "cases_from", "chosen", "fail_if", "fresh", "graph", "help", "host", "json",
+    "junit", "n_cases", "out", "record", "repeats", "seed", "set", "study", "workers",
+)  # fmt: skip
+"""Options that commands or kinds of study have: no parameter may have their names."""
+
+_PARAMETER = ("type", "default", "unit", "range", "choices", "doc")
+
+Nodes = Mapping[str, Node]
+
+
+def read_study(path: Path) -> Study:
+    """Return the study that a file describes. No code that it names is run: that happens when its cases are.
+
+    Args:
+        path: a YAML file of format study/1; files that it names count from its folder.
+
+    Raises:
+        BadRequest: the file cannot be read, or it or what it names is wrong; all findings, each with file and line.
+    """
+    study, found = check_study_file(path)
+    if study is None:
+        raise refusal(found)
+    return study
+
+
+def check_study_file(path: Path) -> tuple[Study | None, tuple[Finding, ...]]:
+    """Return the study of a file, None if it has errors, and every finding.
+
+    Raises:
+        BadRequest: the file cannot be read.
+    """
+    try:
+        with path.open("rb") as file:
+            text = file.read(MAX_BYTES + 1).decode("utf-8-sig")
+    except (OSError, ValueError) as error:
+        said = error.strerror if isinstance(error, OSError) else "its bytes are no UTF-8 text"
+        rule = f"a study must be a readable file, but: {said}"
+        raise BadRequest(
+            str(path), rule, "check the path, or write one with `parcours new`", slug="unreadable-file"
+        ) from None
+    document, unread = read_document(text, str(path))
+    found = [replace(one, message=one.message.replace("a model", "a study", 1)) for one in unread]
+    study: Study | None = None
+    if document is not None:
+        reader = StudyReader(str(path), path.absolute())
+        study = reader.study(document)
+        found += reader.findings
+    ordered = tuple(sorted(set(found), key=lambda finding: (finding.file, finding.line, finding.rule, finding.message)))
+    return None if errors_among(ordered) else study, ordered
+
+
+def refusal(found: tuple[Finding, ...]) -> BadRequest:
+    """Return one error that says all errors among the findings, one a line."""
+    error = complaint(errors_among(found))
+    rule = error.rule.replace("a model must have no errors", "a study must have no errors", 1)
+    return BadRequest(error.where, rule, error.remedy, slug=error.slug.replace("model-errors", "study-errors"))
+
+
+class StudyReader(QuantityReader):
+    """Reads the parts that all kinds of study share; `findings` grows as it goes.
+
+    Args:
+        origin: the file's name as it was given, for messages.
+        path: of the file.
+    """
+
+    def __init__(self, origin: str, path: Path) -> None:
+        super().__init__(origin)
+        self.path, self.folder = path, path.parent
+        self.digests: dict[str, str] = {}
+        self.digest(path)
+
+    def study(self, root: Node) -> Study | None:
+        """Return the study of a document; it is fit for use only if no finding was added."""
+        if not isinstance(root, MappingNode):
+            self.add(root, "kind", f"a study must be a mapping, but is {shown(root)}", "write parcours: study/1")
+            return None
+        top = {key.text: value for key, value in root.items}
+        form = self.text(top.get("parcours"), "parcours", "")
+        if form != FORMAT:
+            self.add(top.get("parcours", root), "format", f"the format must be {FORMAT}, but is {brief(form)}")
+            return None
+        kinds = kinds_of_study()
+        kind = self.text(top.get("kind"), "kind", "components")
+        if kind not in kinds:
+            self.add(top["kind"], "study-kind", f"a kind of study must be known, but is {brief(kind)}",
+                     advice(kind, list(kinds), self.findings))  # fmt: skip
+            return None
+        try:
+            return kinds[kind](self, root)
+        except ParcoursError as error:  # of a file that the study names
+            self.add(None, error.slug, f"{error.where}: {error.rule}", error.remedy)
+            return None
+
+    def keys(self, root: Node, required: tuple[str, ...], optional: tuple[str, ...]) -> dict[str, Node]:
+        """Return the values of the study's keys; those that all kinds share are among them."""
+        return self.record(root, "a study", ("parcours", "name", *required), (*_COMMON, *optional))
+
+    def name(self, top: Nodes) -> str:
+        """Return the study's name, which begins the ids of its cases."""
+        from parcours.suite.cases import is_part
+
+        name = self.text(top.get("name"), "name", "study")
+        if not is_part(name):
+            rule = f"a study's name consists of letters, digits and _ . + @ = , -, but is {brief(name)}"
+            self.add(top["name"], "case-id", rule)
+        return name
+
+    def parameters(self, top: Nodes) -> tuple[Parameter, ...]:
+        """Return the study's own parameters."""
+        return tuple(self._parameter(name, node) for name, node, _ in self.entries(top.get("parameters"), "parameters"))
+
+    def file(self, node: Node | None, what: str, absent: str = "") -> Path | None:
+        """Return a file that the study names; `absent`, if it is there, where node is None. Its digest counts."""
+        text = self.text(node, what, absent)
+        path = self.folder / text
+        if not text or (node is None and not path.is_file()):
+            return None
+        if not path.is_file():
+            self.add(node, "study-file", f"{what} must be a file, but there is no {brief(text)}", "check the path")
+            return None
+        self.digest(path)
+        return path
+
+    def digest(self, path: Path) -> None:
+        """Let the study's results depend on the content of a file."""
+        try:
+            name = str(path.relative_to(self.folder)) if path.is_relative_to(self.folder) else path.name
+            self.digests[name] = hashlib.sha256(path.read_bytes()).hexdigest()[:16]
+        except OSError as error:
+            self.add(None, "study-file", f"{path} must be readable, but: {error.strerror}")
+
+    def target(self, node: Node, what: str, methods: tuple[str, ...] = ()) -> str:
+        """Return a `file.py:Name` or `module:Name` whose file defines the name, and the methods if it is a class.
+
+        The file is parsed, not run.
+        """
+        from parcours.study.loading import file_of, is_target
+        from parcours.study.sources import absent_in
+
+        text = self.text(node, what)
+        if not is_target(text):
+            rule = f"{what} must be file.py:Name or package.module:Name, but is {brief(text)}"
+            self.add(node, "target-form", rule)
+            return ""
+        path = file_of(text, self.folder)
+        if path is not None and not path.is_file():
+            self.add(node, "study-file", f"{what}: there is no file {brief(text.rpartition(':')[0])}", "check the path")
+        elif path is not None:
+            self.digest(path)
+            for slug, rule, remedy in absent_in(path, text.rpartition(":")[2], methods):
+                self.add(node, slug, f"{what}: {rule}", remedy)
+        return text
+
+    def formulas(
+        self, node: Node | None, what: str, fields: Callable[[str], tuple[str, ...] | None], known: tuple[str, ...],
+        owner: str,
+    ) -> dict[str, dict[str, Expression]]:  # fmt: skip
+        """Return formulas by owner and field.
+
+        Args:
+            node: a mapping of mappings.
+            what: what to call it.
+            fields: owner -> its fields; None if there is no such owner.
+            known: names that formulas may read.
+            owner: what an owner is called.
+        """
+        found: dict[str, dict[str, Expression]] = {}
+        for name, inner, line in self.entries(node, what, self.label):
+            allowed = fields(name)
+            if allowed is None:
+                self.findings.append(
+                    Finding(self.origin, line, "error", "study-name", f"{what}: there is no {owner} {brief(name)}")
+                )
+                continue
+            for part, value, at in self.entries(inner, f"{what} of {name}", self.label):
+                if part not in allowed:
+                    rule = f"{what} of {name}: it has no {brief(part)}"
+                    self.findings.append(
+                        Finding(self.origin, at, "error", "study-name", rule, advice(part, allowed, self.findings))
+                    )
+                    continue
+                formula = self.formula(value, f"{what} of {name}, {part}", known)
+                if formula is not None:
+                    found.setdefault(name, {})[part] = formula
+        return found
+
+    def formula(self, node: Node, what: str, known: tuple[str, ...]) -> Expression | None:
+        """Return a formula that reads known names only."""
+        from parcours.model.expression import Literal
+
+        nothing: Expression = Literal(False)
+        formula = self.parsed(node, what, parse_expression, nothing)
+        for name in sorted(names(formula) - set(known)):
+            rule = f"{what}: a formula reads test inputs and parameters, but there is no {brief(name)}"
+            self.add(node, "study-name", rule, advice(name, known, self.findings))
+            return None
+        return formula
+
+    def count(self, node: Node | None, what: str, absent: int | None) -> int | None:
+        """Return a whole number of at least 1."""
+        return absent if node is None else self.integer(node, what, 1, 1_000_000_000)
+
+    def _parameter(self, name: str, node: Node) -> Parameter:
+        what = f"parameter {name}"
+        if name in _OPTIONS:
+            self.add(node, "study-double", f"{what}: --{name.replace('_', '-')} is an option already", "rename it")
+        entries = self.record(node, what, ("default",), _PARAMETER[:1] + _PARAMETER[2:])
+        kind = self.one_of(entries.get("type"), f"type of {what}", KINDS, "real")
+        limits = self.listed(entries.get("range"), f"range of {what}")
+        ends = [self.signed(one, f"range of {what}") for one in limits]
+        if limits and len(ends) != 2:
+            self.add(entries["range"], "value", f"range of {what} must be [least, greatest], but has {len(ends)} items")
+        low, high = ends if len(ends) == 2 else (None, None)
+        parameter = Parameter(
+            name, kind, False, self.text(entries.get("doc"), f"doc of {what}"),  # type: ignore[arg-type]
+            self.text(entries.get("unit"), f"unit of {what}", "1"), low, high,
+            self.words(entries.get("choices"), f"choices of {what}"),
+        )  # fmt: skip
+        given = entries.get("default")
+        if given is None:
+            return parameter
+        try:
+            value = self.text(given, f"default of {what}") if kind == "text" else constant(given)  # type: ignore[arg-type]
+            return replace(parameter, default=parameter.read(value))
+        except (BadRequest, AttributeError) as error:
+            said = error.rule if isinstance(error, BadRequest) else f"is {shown(given)}"
+            self.add(given, "value", f"default of {what} {said}")
+            return parameter
+
+    def signed(self, node: Node, what: str) -> float:
+        """Return a number of either sign."""
+        value = constant(node) if not isinstance(node, MappingNode) and hasattr(node, "plain") else None  # type: ignore[arg-type]
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            self.add(node, "value", f"{what} must hold numbers, but holds {shown(node)}")
+            return 0.0
+        return float(value)
+
+
+Reader = Callable[[StudyReader, Node], "Study | None"]
+
+
+def kinds_of_study() -> dict[str, Reader]:
+    """Return what reads each kind of study, those of add-ons among them."""
+    from parcours.study.campaign.campaign_file import read_campaign
+    from parcours.study.components.components_file import read_components
+
+    kinds: dict[str, Reader] = {"components": read_components, "campaign": read_campaign}
+    for point in entry_points(group=KIND_GROUP):
+        kinds.setdefault(point.name, _lazy(point.name, point.load))
+    return kinds
+
+
+def _lazy(name: str, load: Callable[[], Reader]) -> Reader:
+    def read(reader: StudyReader, root: Node) -> Study | None:
+        try:
+            found = load()
+        except Exception as error:
+            rule = f"the package that registers kind {name!r} must load, but raised {type(error).__name__}: {error}"
+            raise BadRequest(f"kind {name!r}", rule, "repair or remove the package", slug="study-broken") from error
+        return found(reader, root)
+
+    return read
+
+
+__all__ = ["BadModel", "Nodes", "StudyReader", "check_study_file", "kinds_of_study", "read_study", "refusal"]

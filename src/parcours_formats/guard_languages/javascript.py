@@ -1,0 +1,72 @@
+"""Expressions of our language to JavaScript with the same value; texts and remainders are what differs."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Set
+
+from parcours.model.expression import Apply, Binary, Expression, Literal, Name, Unary
+from parcours_formats.guard_languages.kinds import is_natural
+
+WORDS = frozenset(
+    re.findall(
+        r"\w+",
+        """arguments await break case catch class const continue debugger default delete do else enum eval export
+        extends false finally for function global if implements import in instanceof interface let new null package
+        private protected public return static super switch this throw true try typeof undefined var void while with
+        yield Math NaN Infinity In _event _name _sessionid _ioprocessors _x""",
+    )
+)
+"""Names that mean something there and cannot be given."""
+
+_SIGNS = {"\n": "\\n", "\t": "\\t", "\r": "\\r", "\\": "\\\\", "'": "\\'"}
+
+
+def javascript(node: Expression, naturals: Set[str] = frozenset()) -> str:
+    """Return the text of an expression in JavaScript.
+
+    Args:
+        node: an expression without `size`, which asks for lists.
+        naturals: variables that are never negative.
+
+    Example:
+    >>> from parcours.model.expression import parse_expression
+    >>> javascript(parse_expression("n % 2 == 0 && mode != 'it\\\\'s' && floor(n / 2) < 3"), {"n"})
+    "n % 2 == 0 && mode != 'it\\\\'s' && Math.floor(n / 2) < 3"
+    """
+    return str(_spelled(node, naturals))
+
+
+def _spelled(node: Expression, naturals: Set[str]) -> Expression:
+    match node:
+        case Literal(str(text)):
+            # A name is rendered as it stands.
+            return Name("'" + "".join(map(_sign, text)) + "'")
+        case Unary("-", Unary("-", operand)):
+            # Two minus signs in a row are another operator there.
+            return _spelled(operand, naturals)
+        case Unary(operator, operand):
+            return Unary(operator, _spelled(operand, naturals))
+        case Binary("==" | "!=" as operator, Binary("%", left, right), Literal(0)):
+            # Languages differ in the sign of a remainder, not in whether there is one.
+            return Binary(operator, Binary("%", _spelled(left, naturals), _spelled(right, naturals)), Literal(0))
+        case Binary("%", left, right) if not (is_natural(left, naturals) and is_natural(right, naturals)):
+            # The remainder there has the sign of the dividend, ours that of the divisor.
+            one, two = _spelled(left, naturals), _spelled(right, naturals)
+            return Binary("-", one, Binary("*", two, Apply("Math.floor", (Binary("/", one, two),))))
+        case Binary(operator, left, right):
+            return Binary(operator, _spelled(left, naturals), _spelled(right, naturals))
+        case Apply(function, arguments):
+            return Apply(f"Math.{function}", tuple(_spelled(each, naturals) for each in arguments))
+        case _:
+            return node
+
+
+def _sign(sign: str) -> str:
+    if sign in _SIGNS:
+        return _SIGNS[sign]
+    return (
+        sign
+        if sign.isprintable() and ord(sign) < 0x10000
+        else "".join(f"\\u{unit:04x}" for unit in memoryview(sign.encode("utf-16-le", "surrogatepass")).cast("H"))
+    )

@@ -1,0 +1,76 @@
+"""A study.yaml of kind `ros` -> a study of foreign nodes, with everything that is wrong noted in its reader."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from parcours.abtc import require_cases
+from parcours.errors import BadRequest
+from parcours.model.documents import Node, Scalar
+from parcours.model.finding import Finding, advice, errors_among
+from parcours.model.nodes import shown
+from parcours.run.binding import Binding, check_binding
+from parcours.run.binding.quantities import constant
+from parcours_navigation.foreign.cases import abstract_scenes
+from parcours_navigation.foreign.door import PARAMETERS, SYSTEM, RosStudy
+
+if TYPE_CHECKING:
+    from parcours.study.protocol import Study
+    from parcours.study.study_file import StudyReader
+
+
+def read_ros(reader: StudyReader, root: Node) -> Study | None:
+    """Return the study of a document; findings are added to the reader.
+
+    Keys: `binding` (binding.yaml), `cases` (abstract cases; each once), `system` (system cases; none), and `settings`,
+    a mapping from further parameters to other defaults.
+    """
+    top = reader.keys(root, (), ("binding", "cases", SYSTEM, "settings"))
+    if "parameters" in top:
+        reader.add(
+            top["parameters"], "parameter-unknown", "a study of kind ros has no parameters of its own", "see `settings`"
+        )
+    path = reader.file(top.get("binding"), "binding", "binding.yaml")
+    if path is None:
+        if "binding" not in top:
+            rule = "a study of kind ros needs a binding, but there is no binding.yaml beside it"
+            reader.add(None, "study-file", rule, "write one, or name it: binding: FILE")
+        return None
+    binding, complaints = check_binding(path.read_text(encoding="utf-8-sig", errors="replace"), str(path))
+    reader.findings += errors_among(complaints)
+    defaults: dict[str, object] = {}
+    known = {one.name: one for one in PARAMETERS if one.name != SYSTEM}
+    for name, value, line in reader.entries(top.get("settings"), "settings"):
+        if name not in known:
+            rule, remedy = f"settings: there is no parameter {name!r}", advice(name, list(known), reader.findings)
+            reader.findings.append(Finding(reader.origin, line, "error", "parameter-unknown", rule, remedy))
+            continue
+        try:
+            if not isinstance(value, Scalar):
+                raise BadRequest(name, f"must be a single value, but is {shown(value)}", slug="parameter-kind")
+            defaults[name] = known[name].read(value.text if known[name].kind == "text" else constant(value))
+        except BadRequest as error:
+            reader.add(value, error.slug, f"settings, {name}: {error.rule}", error.remedy)
+    if SYSTEM in top:
+        defaults[SYSTEM] = reader.integer(top[SYSTEM], SYSTEM, 0, 100_000)
+        if defaults[SYSTEM] and binding is not None and binding.system is None:
+            rule = "system cases need a section 'system' in the binding, but it has none"
+            reader.add(top[SYSTEM], "foreign-system", rule, "see docs/bindings.md")
+    cases = reader.integer(top["cases"], "cases", 0, 1_000_000) if "cases" in top else None
+    if binding is None:
+        return None
+    if cases != 0 and next(abstract_scenes(binding, 1), None) is None:
+        require_cases(binding.model, binding.model.source)
+    for file in _files(binding):
+        reader.digest(file)
+    return RosStudy(
+        reader.name(top), binding, reader.text(top.get("doc"), "doc"), str(reader.path), cases, defaults, reader.digests
+    )
+
+
+def _files(binding: Binding) -> list[Path]:
+    """Return the files that results depend on: model, data, and what the nodes' commands name."""
+    named = [Path(file) for file in (binding.model.source, binding.data_file) if file]
+    words = [node.cwd / word for node in binding.nodes for word in node.command if not Path(word).is_absolute()]
+    return [file for file in dict.fromkeys([*named, *words]) if file.is_file()]
