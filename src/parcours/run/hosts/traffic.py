@@ -1,6 +1,6 @@
 """Messages that components send -> events in order of time, the trace of them, and what waits at the receivers.
 
-The part of an exchange that is about links: room on them, channel_delays, faults, arrival. Its components' work is the other.
+The part of an exchange that is about links: room on them, delays, faults, arrival. Its components' work is the other.
 """
 
 from __future__ import annotations
