@@ -65,8 +65,8 @@ def run_campaign(
 ) -> Outcome:
     """Compute what is missing of a campaign, and return how far it came. Ctrl-C or SIGTERM ends it early.
 
-    A function that runs strangers' code (`parcours.run.heartbeat.RunsStrangers`) always runs in processes of its own, and
-    a case in which it hangs or takes its process down costs that case only.
+    A function that runs strangers' code (`parcours.run.heartbeat.RunsStrangers`) always runs in processes of its own,
+    and a case in which it hangs or takes its process down costs that case only.
 
     Args:
         simulate: the study's function, or its name "module:function". With several workers it is pickled and

@@ -1,7 +1,7 @@
 """What a node needs to know of the component it runs, and of the way its messages travel: structural types.
 
-A *node_program* is made inside the node's process from its dotted name. A *line* is the node's end of a transport, and a
-*transport* is how the tester reaches its nodes.
+A *node program* is made inside the node's process from its dotted name. A *line* is the node's end of a transport, and
+a *transport* is how the tester reaches its nodes.
 """
 
 from __future__ import annotations
@@ -87,7 +87,8 @@ class Node:
 
     Attributes:
         component: its component's name in the model.
-        node_program: dotted name `module:callable`; called in the process with the component's name, returns its NodeProgram.
+        node_program: dotted name `module:callable`; called in the process with the component's name, it returns the
+            NodeProgram.
         links: those it sends or receives on.
         given: a second argument of the callable, such as the file of a study; left out if empty.
     """
