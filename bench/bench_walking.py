@@ -13,12 +13,12 @@ from pathlib import Path
 
 import numpy as np
 
-import parcours
+import parcours_ramp
 from parcours.model import read_model
 from parcours.model.structure import Cefsm, Component, Machine, Transition
 from parcours.paths.walking import WALKERS, GraphSpace, ModelSpace, Space, Walk, phase
 
-RAMP = Path(parcours.__file__).parent / "studies" / "ramp_components" / "model.yaml"
+RAMP = Path(parcours_ramp.__file__).parent / "components" / "model.yaml"
 
 
 def random_machine(n_transitions: int) -> Cefsm:

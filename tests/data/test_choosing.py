@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-from importlib.resources import files
 
 import numpy as np
 import pytest
@@ -21,6 +20,7 @@ from parcours.data.inputs import constraint_of, rules_of
 from parcours.data.rules import Rules, UndecidedError
 from parcours.errors import BadDomain, BadRequest
 from parcours.model.expression import parse_expression
+from parcours.study.finding import find
 
 OBSTACLE = [3, 3, 2, 2, 1, 1]
 PRINTER = parse_input_model(
@@ -68,7 +68,7 @@ def test_set_sizes_are_those_of_the_reference(
 
 def test_the_studies_have_these_sizes_too() -> None:
     sizes = {
-        name: read_input_model(str(files("parcours_ramp") / name / "domains.yaml")).sizes
+        name: read_input_model(find(name).files["data"]).sizes  # type: ignore[attr-defined]
         for name in ("ramp_system", "ramp_components")
     }
     assert sizes == {"ramp_system": tuple(OBSTACLE * 3), "ramp_components": (3, 1, 2, 1, 3)}

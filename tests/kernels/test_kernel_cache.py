@@ -25,14 +25,15 @@ def test_an_edit_of_any_kernel_source_starts_a_fresh_folder_and_an_edit_elsewher
     tmp_path: Path,
 ) -> None:
     package = tmp_path / "copy"
-    shutil.copytree(Path(parcours.__file__).parent, package / "parcours")
+    for room in ("parcours", "parcours_ramp"):
+        shutil.copytree(Path(parcours.__file__).parents[1] / room, package / room)
     before = _cache_of(package, tmp_path)
     assert before.parent == tmp_path
     assert _cache_of(package, tmp_path / "other").name == before.name
-    plain = package / "parcours" / "planners" / "__init__.py"
+    plain = package / "parcours" / "suite" / "__init__.py"
     plain.write_text(plain.read_text() + "# a remark\n")
     assert _cache_of(package, tmp_path) == before
-    source = package / "parcours" / "planners" / "ramp" / "profile.py"
+    source = package / "parcours_ramp" / "planner" / "profile.py"
     source.write_text(source.read_text() + "# a remark\n")
     assert _cache_of(package, tmp_path) != before
 

@@ -9,11 +9,11 @@ from xml.etree import ElementTree
 
 import pytest
 
-import parcours
+import parcours_ramp
 from parcours.model import Machine, Transition, predicate, read_model, to_dot, to_svg, to_text
 from parcours.model.drawing import WIDTH
 
-MODEL = read_model(Path(parcours.__file__).parent / "studies" / "ramp_components" / "model.yaml")
+MODEL = read_model(Path(parcours_ramp.__file__).parent / "components" / "model.yaml")
 MACHINES = [(component.name, machine) for component in MODEL.components for machine in component.machines]
 SVG = "{http://www.w3.org/2000/svg}"
 

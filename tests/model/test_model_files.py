@@ -37,7 +37,8 @@ from parcours.model import (
 from parcours.model.expression import Assignment, Call, Name, parse_expression
 from parcours.model.expression import Literal as Constant
 
-STUDIES = sorted((Path(parcours.__file__).parent / "studies").glob("ramp_*/model.yaml"))
+SRC = Path(parcours.__file__).parents[1]
+STUDIES = (SRC / "parcours_ramp/components/model.yaml", SRC / "parcours_navigation/cases/model.yaml")
 RAMP = STUDIES[0].read_text()
 
 names = st.from_regex(r"[A-Za-z][A-Za-z0-9_]{0,6}", fullmatch=True).filter(

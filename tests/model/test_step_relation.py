@@ -34,7 +34,7 @@ from parcours.model import (
 )
 from parcours.model.expression import Assignment, evaluate, parse_expression
 
-STUDIES = Path(parcours.__file__).parent / "studies"
+SRC = Path(parcours.__file__).parents[1]
 GUARDS = [
     "true",
     "go",
@@ -131,7 +131,7 @@ def test_a_walk_sees_at_every_step_what_the_obvious_interpreter_sees(model: Cefs
 
 
 def test_obstacles_reach_every_combination_of_standing_and_moving() -> None:
-    model = read_model(STUDIES / "ramp_system" / "model.yaml")
+    model = read_model(SRC / "parcours_navigation" / "cases" / "model.yaml")
     seen, border = {initial(model)}, [initial(model)]
     while border:
         here = border.pop()

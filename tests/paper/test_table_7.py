@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 
 from parcours.data import InputModel, count, cover, draw, read_input_model, select
+from parcours.study.finding import find
 
 
 def of_study(name: str) -> InputModel:
-    return read_input_model(str(files("parcours_ramp") / name / "domains.yaml"))
+    return read_input_model(find(name).files["data"])  # type: ignore[attr-defined]
 
 
 TABLE_7 = [

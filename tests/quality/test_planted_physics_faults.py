@@ -42,34 +42,35 @@ PREDICTED = "test_a_predicted_motion_is_the_arena_s_own_while_the_obstacle_keeps
 
 FAULTS = [
     # (module, what stands there, what is planted, tests, the test that must fail)
-    ("planners.ramp.profile", "0.5 * (v0 * v0 + v1 * v1)", "0.5 * (v0 * v0 - v1 * v1)", PROFILES, LASTS),
-    ("planners.ramp.profile", "(peak - v1) / acceleration", "(peak - v0) / acceleration", PROFILES, LASTS),
-    ("planners.ramp.profile", "- 0.5 * (peak + v1) * down", "- 0.499 * (peak + v1) * down", PROFILES, LASTS),
-    ("planners.ramp.profile", "way += peak * hold", "way += 1.001 * peak * hold", PROFILES, FOLLOWS),
-    ("planners.ramp.profile", "- 0.5 * acceleration * time * time,", "- acceleration * time**2,", PROFILES, FOLLOWS),
-    ("planners.ramp.corner", "* SAMPLE / (", "* 1.2 * SAMPLE / (", CORNERS, YAW),
-    ("planners.ramp.corner", "c * c / s * _", "c / s * _", CORNERS, LENGTH),
-    ("planners.ramp.corner", "parameters.w_max * c * c", "parameters.w_max * c", CORNERS, YAW),
-    ("planners.ramp.trajectory", "bend = s * c / (", "bend = 1.01 * s * c / (", CORNERS, INTEGRALS),
-    ("planners.ramp.trajectory", "else -turned)", "else turned)", CORNERS, INTEGRALS),
-    ("planners.ramp.trajectory", "speed if left else -speed", "speed", CORNERS, INTEGRALS),
-    ("planners.ramp.prediction", "pose.x - arc_radius * s", "pose.x + arc_radius * s", PREDICTIONS, PREDICTED),
-    ("arena.contact", "-(x0 * dx + y0 * dy)", "-(x0 * dx - y0 * dy)", CONTACT, SEGMENT),
-    ("arena.contact", ", 0.0), 1.0)", ", 0.0), 1.1)", CONTACT, SEGMENT),
-    ("arena.contact", "(-b - np.sqrt(discriminant))", "(-b + np.sqrt(discriminant))", CONTACT, ENTERS),
-    ("arena.contact", "b >= 0.0 or discriminant", "b > 1e9 or discriminant", CONTACT, ENTERS),
-    ("arena.world", "robot.radius + obstacle.radius", "robot.radius", CONTACT, SWEPT),
-    ("arena.world", "least_distance(x0, y0, x1, y1)", "np.hypot(x1, y1)", CONTACT, LINES),
-    ("arena.world", "if clearance > 0.0:", "if np.hypot(x1, y1) > reach:", CONTACT, HEAD_ON),
-    ("arena.world", "obstacle.x - x, obstacle.y - y", "obstacle.x - robot.x, obstacle.y - robot.y", CONTACT, LINES),
-    ("arena.world", "_bring(obstacle, world.now)", "_bring(obstacle, world.now - TICK)", CONTACT, ARCS),
-    ("arena.world", "stood and (now < obstacle.start or before", "(now < obstacle.start or now", CONTACT, STOPS),
-    ("arena.world", "now + TICK * int(", "now + 2 * TICK * int(", CONTACT, AGAIN),
-    ("arena.obstacles", "- arc_radius * (c1 - c0)", "+ arc_radius * (c1 - c0)", MOTION, OBSTACLE),
-    ("arena.obstacles", "_STRAIGHT = 1e-9", "_STRAIGHT = 1e-4", MOTION, OBSTACLE),
-    ("arena.robot", "0.5 * mean_w * dt", "mean_w * dt", MOTION, ONE_TICK),
-    ("arena.robot", "0.5 * (v0 + v), ", "v, ", MOTION, ONE_TICK),
-    ("arena.robot", "robot.alpha_max * dt", "robot.a_max * dt", MOTION, OBEYED),
+    ("ramp.planner.profile", "0.5 * (v0 * v0 + v1 * v1)", "0.5 * (v0 * v0 - v1 * v1)", PROFILES, LASTS),
+    ("ramp.planner.profile", "(peak - v1) / acceleration", "(peak - v0) / acceleration", PROFILES, LASTS),
+    ("ramp.planner.profile", "- 0.5 * (peak + v1) * down", "- 0.499 * (peak + v1) * down", PROFILES, LASTS),
+    ("ramp.planner.profile", "way += peak * hold", "way += 1.001 * peak * hold", PROFILES, FOLLOWS),
+    ("ramp.planner.profile", "- 0.5 * acceleration * time * time,", "- acceleration * time**2,", PROFILES, FOLLOWS),
+    ("ramp.planner.corner", "* SAMPLE / (", "* 1.2 * SAMPLE / (", CORNERS, YAW),
+    ("ramp.planner.corner", "c * c / s * _", "c / s * _", CORNERS, LENGTH),
+    ("ramp.planner.corner", "parameters.w_max * c * c", "parameters.w_max * c", CORNERS, YAW),
+    ("ramp.planner.trajectory", "bend = s * c / (", "bend = 1.01 * s * c / (", CORNERS, INTEGRALS),
+    ("ramp.planner.trajectory", "else -turned)", "else turned)", CORNERS, INTEGRALS),
+    ("ramp.planner.trajectory", "speed if left else -speed", "speed", CORNERS, INTEGRALS),
+    ("ramp.planner.prediction", "pose.x - arc_radius * s", "pose.x + arc_radius * s", PREDICTIONS, PREDICTED),
+    ("navigation.arena.contact", "-(x0 * dx + y0 * dy)", "-(x0 * dx - y0 * dy)", CONTACT, SEGMENT),
+    ("navigation.arena.contact", ", 0.0), 1.0)", ", 0.0), 1.1)", CONTACT, SEGMENT),
+    ("navigation.arena.contact", "(-b - np.sqrt(discriminant))", "(-b + np.sqrt(discriminant))", CONTACT, ENTERS),
+    ("navigation.arena.contact", "b >= 0.0 or discriminant", "b > 1e9 or discriminant", CONTACT, ENTERS),
+    ("navigation.arena.world", "robot.radius + obstacle.radius", "robot.radius", CONTACT, SWEPT),
+    ("navigation.arena.world", "least_distance(x0, y0, x1, y1)", "np.hypot(x1, y1)", CONTACT, LINES),
+    ("navigation.arena.world", "if clearance > 0.0:", "if np.hypot(x1, y1) > reach:", CONTACT, HEAD_ON),
+    ("navigation.arena.world", "obstacle.x - x, obstacle", "obstacle.x - robot.x, obstacle", CONTACT, LINES),
+    ("navigation.arena.world", "_bring(obstacle, world.now)", "_bring(obstacle, world.now - TICK)", CONTACT, ARCS),
+    ("navigation.arena.world", "stood and (now < obstacle.start or before", "(now < obstacle.start or now",
+     CONTACT, STOPS),
+    ("navigation.arena.world", "now + TICK * int(", "now + 2 * TICK * int(", CONTACT, AGAIN),
+    ("navigation.arena.obstacles", "- arc_radius * (c1 - c0)", "+ arc_radius * (c1 - c0)", MOTION, OBSTACLE),
+    ("navigation.arena.obstacles", "_STRAIGHT = 1e-9", "_STRAIGHT = 1e-4", MOTION, OBSTACLE),
+    ("navigation.arena.robot", "0.5 * mean_w * dt", "mean_w * dt", MOTION, ONE_TICK),
+    ("navigation.arena.robot", "0.5 * (v0 + v), ", "v, ", MOTION, ONE_TICK),
+    ("navigation.arena.robot", "robot.alpha_max * dt", "robot.a_max * dt", MOTION, OBEYED),
 ]  # fmt: skip
 
 
@@ -116,7 +117,7 @@ def replanted(path: Path, sound: ModuleType, faulty: ModuleType) -> ModuleType:
 
 def perform(module: str, stands: str, planted: str, tests: str, test: str) -> None:
     """Perform a test as if the module read otherwise; kernels of the copy are not compiled."""
-    sound = importlib.import_module(f"parcours.{module}")
+    sound = importlib.import_module(f"parcours_{module}")
     path = Path(str(sound.__file__))
     source = path.read_text(encoding="utf-8")
     if source.count(stands) != 1:

@@ -15,7 +15,7 @@ import parcours
 from parcours.study.copying import tree
 
 _REFERENCE = re.compile(r"\.\./[\w./-]*\w")
-_SOURCES = "../src/parcours/"
+_SOURCES = "../src/"
 _ENDS = re.compile(r"(?<=[^.])\.(?:\s|$)")
 
 
@@ -67,7 +67,11 @@ def contents_of(example: Traversable) -> dict[PurePosixPath, bytes]:
 def _elsewhere(place: str) -> Traversable | None:
     """Return the file at a place that counts from the folder of all examples; None if there is none."""
     inside = place.startswith(_SOURCES)
-    file = files("parcours").joinpath(place.removeprefix(_SOURCES)) if inside else _root().joinpath(place)
+    file: Traversable = (
+        Path(parcours.__file__).absolute().parents[1].joinpath(place.removeprefix(_SOURCES))
+        if inside
+        else _root().joinpath(place)
+    )
     return file if (inside or not place.startswith("..")) and file.is_file() else None
 
 
