@@ -28,6 +28,8 @@ def _watch(process: int, folder: str) -> None:
 def main(arguments: list[str]) -> None:
     """Be the master for as long as PARENT lives."""
     parent, folder, *rest = arguments
+    # A tester's real-time priority is not for its master, which may spin and would then starve the machine.
+    os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
     process = os.pidfd_open(int(parent))
     if os.getppid() != int(parent):  # it has already ended
         _end(folder)
