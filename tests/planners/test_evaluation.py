@@ -89,10 +89,12 @@ class Search:
 def found(
     trajectory: Record, begins: int, first: int, last: int, prediction: Record, drift: Point, reach: float, leave: bool
 ) -> tuple[int, float, int]:
-    """Return what the kernel finds, the room, and up to which sample that holds."""
+    """Return what the kernel finds, the slack, and up to which sample that holds."""
     place = place_at(trajectory, first * SAMPLE)
-    hit, room, clear = first_collision(trajectory, begins, first, last, *place, prediction, *drift, reach, leave, V_MAX)
-    return int(hit), float(room), int(clear)
+    hit, slack, valid_until = first_collision(
+        trajectory, begins, first, last, *place, prediction, *drift, reach, leave, V_MAX
+    )
+    return int(hit), float(slack), int(valid_until)
 
 
 def test_the_first_collision_is_the_one_a_plain_search_finds_over_random_motions(ways: list[Way]) -> None:
@@ -138,12 +140,12 @@ def test_nothing_the_search_skips_could_have_been_a_collision(
     if reach < 0.0:  # the bodies only just touch, or miss, by 10^reach: at the nearest they come, or begin
         reach = search.least + (10.0**reach if above else -(10.0**reach))
         assume(0.01 < reach < 2.0)
-    hit, room, clear = found(trajectory, begins, first, last, prediction, (dx, dy), reach, leave)
+    hit, slack, valid_until = found(trajectory, begins, first, last, prediction, (dx, dy), reach, leave)
     assert hit == search.hit(reach, leave)
-    assert clear <= hit
-    if clear > first:  # so far the two could come nearer by `room`, and nothing would be found
-        way = search.nearest[: clear - first - (clear == last)]
-        assert 0.0 <= room <= min(float(search.distances[0]), float(way.min(initial=np.inf))) - reach + 1e-12
+    assert valid_until <= hit
+    if valid_until > first:  # so far the two could come nearer by `slack`, and nothing would be found
+        way = search.nearest[: valid_until - first - (valid_until == last)]
+        assert 0.0 <= slack <= min(float(search.distances[0]), float(way.min(initial=np.inf))) - reach + 1e-12
 
 
 def crossing(samples: int = 60) -> Record:

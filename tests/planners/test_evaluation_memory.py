@@ -107,7 +107,7 @@ class Run:
         for i in range(int(planner.n)):
             member = planner.members[i].trajectory
             drift = float(planner.drift_x), float(planner.drift_y)
-            up_to = int(passes_up_to(member, int(planner.scene), float(planner.changed), *drift))
+            up_to = int(passes_up_to(member, int(planner.epoch), float(planner.changed), *drift))
             self.spared += up_to >= member.n
             self.partly += 0 < up_to < member.n
         evaluate_population(planner, self.predictions, self.parameters)

@@ -244,10 +244,21 @@ def test_a_trajectory_that_came_back_behaves_bit_by_bit_as_the_one_sent(ways: li
 def test_what_an_evaluation_remembers_survives() -> None:
     trajectory, record = greatest("best_trajectory").copy(), guarded().record()
     evaluate(trajectory, some_predictions()[:1], 6, 0.25, 0.01, -0.03, 0.2, False, record)
-    assert trajectory.scene == 6
-    trajectory.begins, trajectory.lag, trajectory.room = 2**62 + 1, -(2**40) - 1, math.inf
+    assert trajectory.epoch == 6
+    trajectory.begins, trajectory.lag, trajectory.slack = 2**62 + 1, -(2**40) - 1, math.inf
     back = decode("best_trajectory", encode("best_trajectory", trajectory))
-    for name in ("scene", "clear", "room", "changed", "drift_x", "drift_y", "begins", "lag", "id", "t_collision"):
+    for name in (
+        "epoch",
+        "valid_until",
+        "slack",
+        "changed",
+        "drift_x",
+        "drift_y",
+        "begins",
+        "lag",
+        "id",
+        "t_collision",
+    ):
         assert back[name] == trajectory[name]
 
 

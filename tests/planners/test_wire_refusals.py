@@ -99,7 +99,7 @@ HOSTILE: list[tuple[str, str, Any, str]] = [
     ("best_trajectory", "legs", lambda v: patched(v, 1, math.inf), "wire-finite"),
     ("best_trajectory", "legs", lambda v: v[:-8], "wire-counts"),
     ("best_trajectory", "knot_times", lambda v: v[:-8], "wire-counts"),
-    ("best_trajectory", "trajectory_rooms", lambda v: patched(v, 0, math.nan), "wire-finite"),
+    ("best_trajectory", "trajectory_slacks", lambda v: patched(v, 0, math.nan), "wire-finite"),
     ("best_trajectory", "trajectory_values", lambda v: patched(v, 1, math.nan), "wire-finite"),
     ("evaluation_request", "prediction_counts", lambda v: patched(v, 0, 122), "wire-counts"),
     ("evaluation_request", "prediction_straights", lambda v: np.zeros_like(v), "wire-range"),

@@ -16,7 +16,7 @@ from parcours_ramp.planner.trajectory import place_at, place_from
 _UNSEEN = 0.003
 """What legs leave out at joints of the way between two samples [m]: up to 2.4 m/s2 over a sample.
 
-`room` relies on it; a robot that speeds up faster has been tried up to 20 m/s2 without a miss.
+`slack` relies on it; a robot that speeds up faster has been tried up to 20 m/s2 without a miss.
 """
 
 _AWAY = 0.15
@@ -102,7 +102,7 @@ def _collision_with_standing(
 ) -> tuple[int, float, int]:
     """Return what `first_collision` does for an obstacle that stands, and a robot that begins out of its reach."""
     x, y = prediction.x[0] - drift_x, prediction.y[0] - drift_y
-    room, clear = np.inf, last
+    slack, valid_until = np.inf, last
     for i in range(trajectory.n_legs):
         leg = trajectory.legs[i]
         is_last = i == trajectory.n_legs - 1
@@ -117,8 +117,8 @@ def _collision_with_standing(
         near = near_x * near_x + near_y * near_y
         least = reach + leg.stray + _UNSEEN
         if near >= least * least:
-            if clear == last and near < (room + least) * (room + least):
-                room = np.sqrt(near) - least
+            if valid_until == last and near < (slack + least) * (slack + least):
+                slack = np.sqrt(near) - least
         else:
             # Nothing is near but while the two are so near in uniform motion.
             outside = gap_x * gap_x + gap_y * gap_y - least * least
@@ -133,10 +133,10 @@ def _collision_with_standing(
             elif not is_last:
                 to = min(last, int((begun + lasts) / SAMPLE) + 1)
             hit = _first_hit(trajectory, from_, to, prediction, 0.0, drift_x, drift_y, reach, False, v_max * SAMPLE)
-            clear = min(clear, int((leg.begin - trajectory.skipped) / SAMPLE) - 1)
+            valid_until = min(valid_until, int((leg.begin - trajectory.skipped) / SAMPLE) - 1)
             if hit < to:
-                return hit, room, clear
-    return last, room, clear
+                return hit, slack, valid_until
+    return last, slack, valid_until
 
 
 @kernel
@@ -159,7 +159,7 @@ def _collision_with_moving(
     sets_out, stands = -shift * SAMPLE, (prediction.n - 1 - shift) * SAMPLE
     ox0, oy0 = predicted_place(prediction, first + shift)
     i = 0
-    room, clear = np.inf, last
+    slack, valid_until = np.inf, last
     unseen = _UNSEEN + 0.25 * abs(prediction.speed) * SAMPLE  # the obstacle sets out and stops at once
     inexact = 2.0  # the first leg may be entered in its midst
     while time < until:
@@ -198,8 +198,8 @@ def _collision_with_moving(
             near = gap - inwards * inwards / square
         least = reach + stray
         if near >= least * least:
-            if clear == last and near < (room + least) * (room + least):
-                room = np.sqrt(near) - least
+            if valid_until == last and near < (slack + least) * (slack + least):
+                slack = np.sqrt(near) - least
         else:
             # Nothing is near but while the two are so near in uniform motion.
             outside = gap - least * least
@@ -209,11 +209,11 @@ def _collision_with_moving(
             from_ = max(first, int((time + enters * (end - time)) / SAMPLE))
             to = min(last, int((time + leaves * (end - time)) / SAMPLE) + 2)
             hit = _first_hit(trajectory, from_, to, prediction, shift, drift_x, drift_y, reach, False, closing)
-            clear = min(clear, int(time / SAMPLE) - 1)
+            valid_until = min(valid_until, int(time / SAMPLE) - 1)
             if hit < to:
-                return hit, room, clear
+                return hit, slack, valid_until
         time, x0, y0, ox0, oy0 = end, x1, y1, ox1, oy1
-    return last, room, clear
+    return last, slack, valid_until
 
 
 @kernel
@@ -233,7 +233,7 @@ def first_collision(
 ) -> tuple[int, float, int]:
     """Return the first sample at which robot and obstacle are predicted to be within `reach`, or `last` if at none.
 
-    Beside it stand the room left: by how much the two may at least come nearer before anything is found [m]; and up to
+    Beside it stand the slack left: by how much the two may at least come nearer before anything is found [m]; and up to
     which sample that holds.
 
     The legs of the trajectory are gone through first, with both bodies in uniform motion: only where these come
@@ -280,13 +280,13 @@ def earliest_collision(
     may_leave: bool,
     parameters: Record,
 ) -> tuple[int, float, int]:
-    """Return the first sample at which any obstacle is met, `last` if none is; the room [m], and up to which sample."""
-    least_room, least_clear = np.inf, last
+    """Return the first sample at which any obstacle is met, `last` if none is; the slack [m], and up to which sample."""
+    least_slack, least_valid_until = np.inf, last
     x0, y0 = place_at(trajectory, first * SAMPLE)
     for k in range(len(predictions)):
         prediction = predictions[k]
         reach = parameters.robot_radius + prediction.radius + margin
-        last, room, clear = first_collision(
+        last, slack, valid_until = first_collision(
             trajectory,
             begins,
             first,
@@ -300,8 +300,8 @@ def earliest_collision(
             may_leave,
             parameters.v_max,
         )
-        least_room, least_clear = min(least_room, room), min(least_clear, clear)
-    return last, least_room, least_clear
+        least_slack, least_valid_until = min(least_slack, slack), min(least_valid_until, valid_until)
+    return last, least_slack, least_valid_until
 
 
 @kernel

@@ -37,7 +37,7 @@ def commit(planner: Record, now: int, parameters: Record) -> int:
         planner.n_switches += 1
         planner.followed = member.id
     copy_trajectory(planner.moving_on, member.trajectory, 0)
-    planner.moving_on.scene = 0  # its room was found for the margin of plans
+    planner.moving_on.epoch = 0  # its slack was found for the margin of plans
     planner.moving_on.lag = planner.lag
     shift(planner.moving_on, planner.drift_x, planner.drift_y)
     planner.dragged = 1 if max(abs(planner.drift_x), abs(planner.drift_y)) > DRAGGED else 0
@@ -102,7 +102,7 @@ def re_anchor(planner: Record, best: int, parameters: Record) -> bool:
         return False
     copy_trajectory(planner.members[best].trajectory, moving_on, at)
     planner.members[best].trajectory.begins = planner.t_next
-    planner.members[best].trajectory.scene = 0  # its room was found for the guard's margin
+    planner.members[best].trajectory.epoch = 0  # its slack was found for the guard's margin
     return True
 
 

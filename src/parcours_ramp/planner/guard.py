@@ -59,7 +59,7 @@ def is_known_to_pass(planner: Record, now: int, changed: float, parameters: Reco
     if parameters.schedule == ORIGINAL:
         return False
     _, _, last, _, _ = window(planner, now, parameters)
-    up_to = passes_up_to(planner.moving_on, planner.scene, changed, planner.drift_x, planner.drift_y)
+    up_to = passes_up_to(planner.moving_on, planner.epoch, changed, planner.drift_x, planner.drift_y)
     return bool(last <= up_to)
 
 
@@ -67,13 +67,13 @@ def is_known_to_pass(planner: Record, now: int, changed: float, parameters: Reco
 def evaluate_moving_on(planner: Record, predictions: Record, now: int, changed: float, parameters: Record) -> None:
     """Set moving_on_hit and moving_on_t: whether and when the motion under way meets a predicted obstacle.
 
-    The guarded schedule looks farther ahead than it needs to, and remembers the room that it found.
+    The guarded schedule looks farther ahead than it needs to, and remembers the slack that it found.
 
     Args:
         planner: PLANNER.
         predictions: array of PREDICTION.
         now: [ns].
-        changed: by how much these predictions have changed in this scene [m]; inf if that is unknown.
+        changed: by how much these predictions have changed in this epoch [m]; inf if that is unknown.
         parameters: PARAMETERS.
     """
     if planner.moving_on.n == 0 or len(predictions) == 0 or is_known_to_pass(planner, now, changed, parameters):
@@ -82,10 +82,10 @@ def evaluate_moving_on(planner: Record, predictions: Record, now: int, changed: 
     moving_on, drift_x, drift_y = planner.moving_on, planner.drift_x, planner.drift_y
     begins, first, last, margin, may_leave = window(planner, now, parameters)
     if parameters.schedule == GUARDED and changed < np.inf:
-        hit, room, clear = earliest_collision(
+        hit, slack, valid_until = earliest_collision(
             moving_on, begins, first, last + _AHEAD, predictions, drift_x, drift_y, margin, may_leave, parameters
         )
-        remember(moving_on, planner.scene, changed, drift_x, drift_y, room, clear)
+        remember(moving_on, planner.epoch, changed, drift_x, drift_y, slack, valid_until)
         note_moving_on(planner, hit * SAMPLE if hit < last else NO_COLLISION)
         return
     t = collision_time(moving_on, begins, first, last, predictions, drift_x, drift_y, margin, may_leave, parameters)
@@ -125,8 +125,8 @@ def take_report(planner: Record, pose: Record, stamp: int, lag: int) -> None:
     planner.t_next += more
     for i in range(planner.n):
         planner.members[i].trajectory.begins += more
-    if planner.scene > 0:
-        planner.scene += 1
+    if planner.epoch > 0:
+        planner.epoch += 1
         planner.changed = 0.0
 
 

@@ -98,10 +98,10 @@ TRAJECTORY = np.dtype(
         ("feasible", "i8"),
         ("fitness", "f8"),
         ("t_collision", "f8"),  # first predicted collision, from its begin [s]; NO_COLLISION
-        ("scene", "i8"),  # the scene in which obstacles were looked at last; 0 for none
-        ("clear", "i8"),  # the sample up to which it was found to pass them
-        ("room", "f8"),  # by how much they and it may come nearer at least until it meets one of them [m]
-        ("changed", "f8"),  # how much the scene had changed then [m]
+        ("epoch", "i8"),  # the epoch in which obstacles were looked at last; 0 for none
+        ("valid_until", "i8"),  # the sample up to which it was found to pass them
+        ("slack", "f8"),  # by how much they and it may come nearer at least until it meets one of them [m]
+        ("changed", "f8"),  # how much the epoch had changed then [m]
         ("drift_x", "f8"),  # the drift with which that was found [m]
         ("drift_y", "f8"),
     ]

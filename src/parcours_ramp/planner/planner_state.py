@@ -44,7 +44,7 @@ PLANNER = np.dtype(
         ("halted", "i8"),  # 1 while imminent collision is on
         ("rested", "i8"),  # 1 if, while halted, the population begins at rest where the robot stands
         ("knows_obstacles", "i8"),
-        ("scene", "i8"),  # a new number whenever an obstacle does what was not predicted; 0 at first
+        ("epoch", "i8"),  # a new number whenever an obstacle does what was not predicted; 0 at first
         ("changed", "f8"),  # by how much predictions have changed since, at most [m]
         ("near_direction", "f8"),  # from the robot to the nearest obstacle [rad]
         ("near_distance", "f8"),  # [m], between centres
@@ -73,7 +73,7 @@ def begin_population(planner: Record, pose: Record, parameters: Record) -> None:
     planner.halted = planner.rested = planner.knows_obstacles = planner.n_switches = 0
     planner.drift_x = planner.drift_y = 0.0
     planner.dragged = 0
-    planner.scene = 0
+    planner.epoch = 0
     planner.changed = 0.0
     planner.near_direction, planner.near_distance = 0.0, NO_COLLISION
     planner.latest = pose

@@ -122,7 +122,7 @@ def planning_cycle(
         evaluate(
             trajectory,
             predictions,
-            planner.scene,
+            planner.epoch,
             planner.changed,
             planner.drift_x,
             planner.drift_y,

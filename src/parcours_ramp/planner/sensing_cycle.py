@@ -40,7 +40,7 @@ def evaluate_population(planner: Record, predictions: Record, parameters: Record
         evaluate(
             planner.members[i].trajectory,
             predictions,
-            planner.scene,
+            planner.epoch,
             planner.changed,
             planner.drift_x,
             planner.drift_y,
@@ -53,7 +53,7 @@ def evaluate_population(planner: Record, predictions: Record, parameters: Record
 @kernel
 def changes_of(planner: Record, predictions: Record, obstacles: Record, stamp: int) -> float:
     """Return by how much the predictions change at most if made of the obstacles as sensed now [m]; inf if unknown."""
-    changes = np.inf if planner.scene == 0 else 0.0
+    changes = np.inf if planner.epoch == 0 else 0.0
     for k in range(len(obstacles)):
         changes = max(changes, change_of(predictions[k], obstacles[k], stamp))
     return changes
@@ -74,7 +74,7 @@ def sensing_cycle(
     if changes < np.inf:
         planner.changed += changes
     else:
-        planner.scene += 1
+        planner.epoch += 1
         planner.changed = 0.0
     note_nearest(planner, obstacles)
     evaluates = evaluates_population(planner, now)

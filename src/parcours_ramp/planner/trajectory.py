@@ -75,7 +75,7 @@ def time_route(route: Record, parameters: Record, trajectory: Record) -> None:
     trajectory.rest_turn = route.rest_turn
     trajectory.first_heading, trajectory.smooth = route.first_heading, route.smooth
     trajectory.feasible, trajectory.fitness, trajectory.t_collision = 0, 0.0, NO_COLLISION
-    trajectory.scene = 0
+    trajectory.epoch = 0
 
 
 @kernel
@@ -238,8 +238,8 @@ def copy_trajectory(target: Record, source: Record, first: int) -> None:
     target.begins, target.lag = source.begins + first * 100_000_000, source.lag
     target.feasible, target.fitness = source.feasible, source.fitness
     target.t_collision = source.t_collision
-    target.scene, target.room, target.changed = source.scene, source.room, source.changed
-    target.clear = max(source.clear - first, 0)
+    target.epoch, target.slack, target.changed = source.epoch, source.slack, source.changed
+    target.valid_until = max(source.valid_until - first, 0)
     target.drift_x, target.drift_y = source.drift_x, source.drift_y
 
 

@@ -24,39 +24,39 @@ MODEST_TURN = 0.1
 
 
 @kernel
-def passes_up_to(trajectory: Record, scene: int, changed: float, drift_x: float, drift_y: float) -> int:
-    """Return up to which sample the room that was left at the last look makes it sure that nobody is met."""
-    if scene == 0 or trajectory.scene != scene:
+def passes_up_to(trajectory: Record, epoch: int, changed: float, drift_x: float, drift_y: float) -> int:
+    """Return up to which sample the slack that was left at the last look makes it sure that nobody is met."""
+    if epoch == 0 or trajectory.epoch != epoch:
         return 0
     dx, dy = drift_x - trajectory.drift_x, drift_y - trajectory.drift_y
     moved = np.sqrt(dx * dx + dy * dy) + changed - trajectory.changed
-    return int(trajectory.clear) if moved < trajectory.room else 0
+    return int(trajectory.valid_until) if moved < trajectory.slack else 0
 
 
 @kernel
 def remember(
-    trajectory: Record, scene: int, changed: float, drift_x: float, drift_y: float, room: float, clear: int
+    trajectory: Record, epoch: int, changed: float, drift_x: float, drift_y: float, slack: float, valid_until: int
 ) -> None:
     """Keep what a look at all samples from the first on has found, for `passes_up_to`."""
-    trajectory.scene, trajectory.changed, trajectory.drift_x, trajectory.drift_y = scene, changed, drift_x, drift_y
-    trajectory.room, trajectory.clear = room, max(clear, 0)
+    trajectory.epoch, trajectory.changed, trajectory.drift_x, trajectory.drift_y = epoch, changed, drift_x, drift_y
+    trajectory.slack, trajectory.valid_until = slack, max(valid_until, 0)
 
 
 @kernel
 def _first_meeting(
     trajectory: Record,
     predictions: Record,
-    scene: int,
+    epoch: int,
     changed: float,
     drift_x: float,
     drift_y: float,
     parameters: Record,
 ) -> float:
     """Return when the trajectory first meets any obstacle [s]; looks only at what the last look leaves open."""
-    first = passes_up_to(trajectory, scene, changed, drift_x, drift_y)
+    first = passes_up_to(trajectory, epoch, changed, drift_x, drift_y)
     if first >= trajectory.n:
         return NO_COLLISION
-    earliest, room, clear = earliest_collision(
+    earliest, slack, valid_until = earliest_collision(
         trajectory,
         trajectory.begins,
         first,
@@ -69,7 +69,7 @@ def _first_meeting(
         parameters,
     )
     if first == 0:
-        remember(trajectory, scene, changed, drift_x, drift_y, room, clear)
+        remember(trajectory, epoch, changed, drift_x, drift_y, slack, valid_until)
     return earliest * SAMPLE if earliest < trajectory.n else NO_COLLISION
 
 
@@ -77,7 +77,7 @@ def _first_meeting(
 def evaluate(
     trajectory: Record,
     predictions: Record,
-    scene: int,
+    epoch: int,
     changed: float,
     drift_x: float,
     drift_y: float,
@@ -94,7 +94,7 @@ def evaluate(
     Args:
         trajectory: TRAJECTORY; `begins` says when.
         predictions: array of PREDICTION.
-        scene: a number that changes whenever an obstacle does what was not predicted; 0 if unknown.
+        epoch: a number that changes whenever an obstacle does what was not predicted; 0 if unknown.
         changed: by how much predictions have changed since, at most [m].
         drift_x: correction of planned towards measured position [m].
         drift_y: ...
@@ -102,7 +102,7 @@ def evaluate(
         halted: whether the robot is stopped for imminent collision; then orientation costs nothing.
         parameters: PARAMETERS.
     """
-    t = _first_meeting(trajectory, predictions, scene, changed, drift_x, drift_y, parameters)
+    t = _first_meeting(trajectory, predictions, epoch, changed, drift_x, drift_y, parameters)
     angle = abs(wrap(trajectory.first_heading - heading))
     cost = (
         trajectory.duration
