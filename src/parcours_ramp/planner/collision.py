@@ -280,7 +280,7 @@ def earliest_collision(
     may_leave: bool,
     parameters: Record,
 ) -> tuple[int, float, int]:
-    """Return the first sample at which any obstacle is met, `last` if none is; the slack [m]; and up to which sample."""
+    """Return the first sample at which any obstacle is met, `last` if none is; the slack [m]; up to which sample."""
     least_slack, least_valid_until = np.inf, last
     x0, y0 = place_at(trajectory, first * SAMPLE)
     for k in range(len(predictions)):
