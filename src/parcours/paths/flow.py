@@ -13,9 +13,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from parcours.paths.circulation import cheapest_flow, strong_components
 from parcours.paths.joining import Arcs, Integers, groups, ways_there, ways_there_and_back
 
 _UNLIMITED = 1 << 31
+SMALL = 300
+"""Networks of at most so many arcs are solved here; larger ones, by OR-tools. The bound makes no difference by what is
+installed: the same network has the same cover everywhere."""
 _ROUNDS = 8
 """How often cycles are joined by solving anew before they are joined by going there and back."""
 
@@ -92,12 +96,7 @@ def _closed(arcs: Arcs) -> Arcs:
 
 def _components(arcs: Arcs) -> Integers:
     """Return the strongly connected component of each node of the network without the pause, and of the pause."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
-    ones = np.ones(arcs.sources.size, dtype=np.int8)
-    graph = coo_array((ones, (arcs.sources, arcs.targets)), shape=(arcs.n_nodes + 1, arcs.n_nodes + 1))
-    return connected_components(graph, directed=True, connection="strong")[1].astype(np.int64)
+    return strong_components(arcs.n_nodes + 1, arcs.sources, arcs.targets)
 
 
 def _between(closed: Arcs, component: Integers) -> Integers:
@@ -133,15 +132,20 @@ def _circulation(closed: Arcs, most: int) -> Integers:
         closed: the network.
         most: most passages of the last arc.
     """
-    from ortools.graph.python.min_cost_flow import SimpleMinCostFlow
-
     surplus = np.bincount(closed.targets, weights=closed.least, minlength=closed.n_nodes)
     surplus -= np.bincount(closed.sources, weights=closed.least, minlength=closed.n_nodes)
     if not surplus.any():
         return closed.least.copy()
-    network = SimpleMinCostFlow()
     capacities = np.full(closed.sources.size, _UNLIMITED, dtype=np.int64)
     capacities[-1] = most - closed.least[-1]
+    if closed.sources.size <= SMALL:
+        added = cheapest_flow(closed.sources, closed.targets, closed.costs, capacities, surplus.astype(np.int64))
+        if added is None:
+            raise AssertionError("a network whose nodes all lead to an end has a circulation")
+        return closed.least + added
+    from ortools.graph.python.min_cost_flow import SimpleMinCostFlow
+
+    network = SimpleMinCostFlow()
     numbers = network.add_arcs_with_capacity_and_unit_cost(closed.sources, closed.targets, capacities, closed.costs)
     network.set_nodes_supplies(np.arange(closed.n_nodes), surplus.astype(np.int64))
     status = network.solve()

@@ -9,6 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from parcours.paths.circulation import strong_components
+
 Integers = NDArray[np.int64]
 
 
@@ -42,13 +44,10 @@ def groups(arcs: Arcs, taken: Integers) -> Integers:
     Returns:
         shape (n_nodes,); nodes of one detached group share their number.
     """
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
     used = np.flatnonzero(taken)
     ends = (arcs.sources[used], arcs.targets[used])
-    graph = coo_array((np.ones(used.size, dtype=np.int8), ends), shape=(arcs.n_nodes, arcs.n_nodes))
-    labels = connected_components(graph, directed=False)[1].astype(np.int64)
+    both = np.concatenate(ends), np.concatenate(ends[::-1])
+    labels = strong_components(arcs.n_nodes, *both)  # of arcs both ways: what hangs together
     found = np.full(arcs.n_nodes, -1, dtype=np.int64)
     passed = np.unique(np.concatenate(ends))
     found[passed] = (labels[passed] - labels[-1]) % (labels.max() + 1)

@@ -10,11 +10,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
+from typing import TYPE_CHECKING
+
 import numpy as np
-from scipy.optimize import Bounds, LinearConstraint, OptimizeResult, milp
-from scipy.sparse import csr_array
 
 from parcours.paths.joining import Arcs, Integers, groups
+
+if TYPE_CHECKING:
+    from scipy.optimize import OptimizeResult
 
 LARGEST = 4000
 """Most arcs of a network that is solved like this: time grows fast."""
@@ -60,6 +63,9 @@ def tightened(arcs: Arcs, known: Integers, shortest: int) -> tuple[Integers, int
 
 
 def _solved(arcs: Arcs, rules: Sequence[Integers], whole: bool) -> OptimizeResult:
+    from scipy.optimize import Bounds, LinearConstraint, milp
+    from scipy.sparse import csr_array
+
     n_arcs = arcs.sources.size
     places = np.arange(n_arcs)
     balance = csr_array(
