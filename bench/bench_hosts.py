@@ -33,7 +33,8 @@ from parcours_ramp.components.study import (
     on,
     paper_sample,
 )
-from parcours_ramp.system.live import COMPONENTS, run_live
+from parcours_ramp.planner.whole import COMPONENTS
+from parcours_ramp.system.live import run_live
 from parcours_ramp.system.live_running import system_nodes
 from parcours_ramp.system.study import system_study
 

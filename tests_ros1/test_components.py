@@ -22,14 +22,14 @@ from parcours_ramp.components.study import component_plan, component_study, run_
 from parcours_ramp.components.tester import ComponentTester
 from parcours_ramp.planner.wire import encode
 
-_RESIDENT = "parcours_ramp.components.ros1:node_program"
+_NODE_PROGRAM = "parcours_ramp.components.ros1:node_program"
 _PRELOAD = ["parcours_ramp.components.ros1", "parcours_ramp.components.warm"]
 
 
 @pytest.fixture(scope="module")
 def transport() -> Iterator[Ros1Transport]:
     model = component_model()
-    nodes = nodes_of(links(model), [one.name for one in model.components], _RESIDENT)
+    nodes = nodes_of(links(model), [one.name for one in model.components], _NODE_PROGRAM)
     started = Ros1Transport(nodes, interfaces(model), CODEC, _PRELOAD)
     with closing(started), real_time():
         yield started

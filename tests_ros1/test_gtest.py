@@ -37,7 +37,7 @@ from parcours_ramp.components.ros1 import CODEC
 from parcours_ramp.components.study import component_plan, component_study, run_functional
 from parcours_ramp.components.tester import ComponentTester
 from parcours_ramp.gtest_export import Repeats, export_gtest, gtest_channels, timing_limits
-from parcours_ramp.persistent_nodes import RESIDENT
+from parcours_ramp.persistent_nodes import NODE_PROGRAM
 
 CASES = list(component_plan(0, 1).cases(0, 67))
 TIMED = ":".join(f"Timing.ITP{itp}_*_0_0_0_row0" for itp in (1, 2, 3)) + ":Timing.ITP6_*_0_0_0_0_0_0_0_row0"
@@ -148,7 +148,7 @@ def test_all_cases_pass_as_they_do_here_and_timing_cases_are_timed(folder: Path)
         timing = run(folder, environment, TIMED)  # another tester of the same nodes
     assert {id: told.why for id, told in functional.items() if told.verdict != "pass"} == {}
     assert {id.split()[1]: told.verdict for id, told in functional.items()} == {
-        id: verdict for id, (verdict, _) in verdicts_here(RESIDENT).items()
+        id: verdict for id, (verdict, _) in verdicts_here(NODE_PROGRAM).items()
     }
     assert len(functional) == 67
     assert len(timing) == 4

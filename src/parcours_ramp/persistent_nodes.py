@@ -28,7 +28,7 @@ from parcours_ramp.components.model import component_model
 from parcours_ramp.gtest_export import PACKAGE
 from parcours_ramp.planner.wire import FORMS
 
-RESIDENT = "parcours_ramp.components.ros1:node_program"
+NODE_PROGRAM = "parcours_ramp.components.ros1:node_program"
 """What the nodes run if nothing else is named."""
 
 _PRELOAD = ("parcours.run.hosts.ros1.line", "parcours_ramp.components.ros1",
@@ -51,7 +51,7 @@ class StandingNodes:
         HostFailure: there is no ROS 1 or no master, or a name is taken on its graph.
     """
 
-    def __init__(self, master: str, node_program: str = RESIDENT, say: Say = lambda text: None) -> None:
+    def __init__(self, master: str, node_program: str = NODE_PROGRAM, say: Say = lambda text: None) -> None:
         require_master(master)
         self._master, self._say = master, say
         model = component_model()

@@ -154,7 +154,7 @@ def test_a_message_to_nobody_here_goes_nowhere(transport: ProcessTransport) -> N
     assert said(transport) == [("Source", Ready())]
 
 
-RESIDENTS = {
+NODE_PROGRAMS = {
     f"{TOYS}:nothing": "leads nowhere.*nothing",
     "no.such.module:node_program": "leads nowhere.*no",
     "no colon": "leads nowhere",
@@ -162,10 +162,10 @@ RESIDENTS = {
 }
 
 
-@pytest.mark.parametrize("node_program", RESIDENTS)
+@pytest.mark.parametrize("node_program", NODE_PROGRAMS)
 def test_a_node_program_that_cannot_be_had_is_named_and_nothing_is_left_running(node_program: str) -> None:
     begun = time.monotonic()
-    with pytest.raises(HostFailure, match=rf"node (Counting|Source).*{RESIDENTS[node_program]}.*node-start"):
+    with pytest.raises(HostFailure, match=rf"node (Counting|Source).*{NODE_PROGRAMS[node_program]}.*node-start"):
         ProcessTransport(nodes_of(LINKS, ("Counting", "Source"), node_program), [TOYS])
     assert time.monotonic() - begun < 5.0
     names = [Path(f"/proc/{pid}/cmdline").read_bytes() for pid in children(os.getpid())]

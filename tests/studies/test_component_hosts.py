@@ -41,7 +41,7 @@ from parcours_ramp.components.study import (
 from parcours_ramp.components.tester import ComponentTester
 from parcours_ramp.planner.wire import FORMS, flatten
 
-RESIDENT = "parcours_ramp.components.node_program:ComponentNodeProgram"
+NODE_PROGRAM = "parcours_ramp.components.node_program:ComponentNodeProgram"
 WARM = ["parcours_ramp.components.warm"]
 CASES = tuple(component_plan(seed=5, rows=1).cases())
 
@@ -205,7 +205,7 @@ def process_state(pid: int) -> str:
 
 def test_a_planner_that_freezes_or_dies_in_the_middle_of_a_case_fails_it() -> None:
     model, case = component_model(), next(case for case in CASES if interaction_of(case) == "ITP1")
-    transport = ProcessTransport(nodes_of(links(model), ["Planner", "TrajectoryGenerator"], RESIDENT), WARM)
+    transport = ProcessTransport(nodes_of(links(model), ["Planner", "TrajectoryGenerator"], NODE_PROGRAM), WARM)
     try:
         for number, got in (signal.SIGSTOP, "nothing within 1 s"), (signal.SIGKILL, "killed by SIGKILL"):
             tester = ComponentTester(case)

@@ -19,13 +19,14 @@ from parcours.run.recording import Recorder, read_recording
 from parcours.run.trace import Trace, TraceEvent
 from parcours.verdict.judgement import Verdict
 from parcours_ramp.components.node_program import RampCodec
+from parcours_ramp.planner.whole import COMPONENTS
 from parcours_ramp.planner.wire import flatten
 from parcours_ramp.system.component_form import system_links
-from parcours_ramp.system.live import COMPONENTS, LiveRun, rerun, run_live
+from parcours_ramp.system.live import LiveRun, rerun, run_live
 from parcours_ramp.system.live_results import rejudge, system_about
 from parcours_ramp.system.study import SystemStudy, system_study
 
-RESIDENT, NUMBER = "parcours_ramp.system.live:SystemNodeProgram", 3
+NODE_PROGRAM, NUMBER = "parcours_ramp.system.live:SystemNodeProgram", 3
 
 
 @pytest.fixture(scope="module")
@@ -42,7 +43,7 @@ def transport() -> Iterator[ProcessTransport]:
 
 def opened() -> ProcessTransport:
     """Start nodes that load code when they need it."""
-    return ProcessTransport(nodes_of(system_links(), COMPONENTS, RESIDENT), ["parcours_ramp.system.live"])
+    return ProcessTransport(nodes_of(system_links(), COMPONENTS, NODE_PROGRAM), ["parcours_ramp.system.live"])
 
 
 @pytest.fixture(scope="module")

@@ -9,7 +9,6 @@ hangs together is optimal altogether; and every step's optimum is a lower bound.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-
 from typing import TYPE_CHECKING
 
 import numpy as np

@@ -18,10 +18,10 @@ def command(study: str, master: str, program: str) -> None:
     import contextlib
     import signal
 
-    from parcours_ramp.persistent_nodes import RESIDENT, StandingNodes
+    from parcours_ramp.persistent_nodes import NODE_PROGRAM, StandingNodes
 
     for number in (signal.SIGINT, signal.SIGTERM):  # a shell's background jobs inherit that Ctrl-C is ignored
         signal.signal(number, signal.default_int_handler)
-    with contextlib.suppress(KeyboardInterrupt), StandingNodes(master, program or RESIDENT, click.echo) as nodes:
+    with contextlib.suppress(KeyboardInterrupt), StandingNodes(master, program or NODE_PROGRAM, click.echo) as nodes:
         click.echo(f"nodes wait for a tester at {master}; Ctrl-C ends them")
         nodes.stay()

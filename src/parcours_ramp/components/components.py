@@ -6,18 +6,16 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from functools import partial
 
-from parcours.errors import BadRequest, one_of
 from parcours.kernels import Record
 from parcours.run.port import Component, Step
 from parcours.suite import Case
 from parcours_ramp.planner.control import COMMAND_PERIOD, REPORT_PERIOD, Control
 from parcours_ramp.planner.messages import POSE, one
 from parcours_ramp.planner.parameters import Parameters, guarded
-from parcours_ramp.planner.path_modification import PathModification
 from parcours_ramp.planner.planner import Planner
-from parcours_ramp.planner.sensing import Sensing
 from parcours_ramp.planner.trajectory_evaluation import TrajectoryEvaluation
 from parcours_ramp.planner.trajectory_generator import TrajectoryGenerator
+from parcours_ramp.planner.whole import component
 
 GOAL = (2.0, 2.0)
 
@@ -39,24 +37,12 @@ def robot_of(case: Case, parameters: Parameters) -> Record:
 
 def component_of(name: str, case: Case, parameters: Parameters) -> Component:
     """Return a fresh component for a case. Raises BadRequest if RAMP has none of that name."""
-    makers: dict[str, Callable[[], Component]] = {
-        "Planner": partial(_planner, case, parameters),
-        "TrajectoryGenerator": partial(TrajectoryGenerator, parameters),
-        "TrajectoryEvaluation": partial(TrajectoryEvaluation, parameters),
-        "PathModification": partial(PathModification, parameters, case.seed, case.number),
-        "Control": partial(Control, parameters),
-        "Sensing": Sensing,
-    }
-    if name not in makers:
-        raise BadRequest(
-            "RAMP", f"no component is called {name!r}", one_of(name, list(makers)), slug="component-unknown"
-        )
-    return makers[name]()
+    made = component(name, parameters, case.seed, case.number, robot_of(case, parameters), GOAL)
+    return _prepared(made, parameters) if isinstance(made, Planner) else made
 
 
-def _planner(case: Case, parameters: Parameters) -> Planner:
+def _prepared(planner: Planner, parameters: Parameters) -> Planner:
     """Return a planner after its first control cycle, as the authors prepare theirs for a test."""
-    planner = Planner(parameters, case.seed, case.number, robot_of(case, parameters), GOAL)
     services: dict[str, TrajectoryGenerator | TrajectoryEvaluation] = {
         "trajectory_request": TrajectoryGenerator(parameters),
         "evaluation_request": TrajectoryEvaluation(parameters),

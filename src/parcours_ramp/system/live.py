@@ -28,18 +28,13 @@ from parcours_navigation.facts import NEVER, TRACK
 from parcours_navigation.outcomes import VERDICT_OF, Outcome, explain, outcomes
 from parcours_ramp.components.model import component_model
 from parcours_ramp.components.node_program import RampCodec
-from parcours_ramp.planner.control import COMMAND_PERIOD, Control
+from parcours_ramp.planner.control import COMMAND_PERIOD
 from parcours_ramp.planner.messages import Report
-from parcours_ramp.planner.path_modification import PathModification
-from parcours_ramp.planner.planner import Planner
-from parcours_ramp.planner.sensing import Sensing
-from parcours_ramp.planner.trajectory_evaluation import TrajectoryEvaluation
-from parcours_ramp.planner.trajectory_generator import TrajectoryGenerator
+from parcours_ramp.planner.whole import component
 from parcours_ramp.system.component_form import World, begin_world, start_pose, system_links
 from parcours_ramp.system.ramp_facts import FACTS
 from parcours_ramp.system.study import SystemStudy, system_study
 
-COMPONENTS = ("Planner", "TrajectoryGenerator", "TrajectoryEvaluation", "PathModification", "Control", "Sensing")
 _OUTSIDE = Allowance(unmodelled=frozenset({"trajectory_request", "evaluation_request"}), conversations=True)
 """What RAMP does that Table II leaves out: it also asks its services in planning and control cycles."""
 
@@ -62,28 +57,19 @@ class SystemNodeProgram(RampCodec):
     """One of RAMP's components, for system cases.
 
     Args:
-        component: its name in the model.
+        component_name: in the model.
     """
 
-    def __init__(self, component: str) -> None:
-        self._component = component
+    def __init__(self, component_name: str) -> None:
+        self._component = component_name
 
     def instance(self, case: bytes) -> Component:
         """Return a fresh component for the case."""
         told = msgspec.json.decode(case, type=Told)
         study = system_study(told["schedule"], seed=told["seed"])
-        parameters, seed, number = study.parameters, told["seed"], told["number"]
         setting = study.setting()
         goal = float(setting.goal_x), float(setting.goal_y)
-        makers: dict[str, Callable[[], Component]] = {
-            "Planner": lambda: Planner(parameters, seed, number, start_pose(study), goal),
-            "TrajectoryGenerator": lambda: TrajectoryGenerator(parameters),
-            "TrajectoryEvaluation": lambda: TrajectoryEvaluation(parameters),
-            "PathModification": lambda: PathModification(parameters, seed, number),
-            "Control": lambda: Control(parameters),
-            "Sensing": Sensing,
-        }
-        return makers[self._component]()
+        return component(self._component, study.parameters, told["seed"], told["number"], start_pose(study), goal)
 
     def prompt(self, name: str, component: Component, now: int) -> Iterator[Step]:
         """Poll; system cases prompt nobody."""

@@ -13,8 +13,9 @@ from parcours.study.journal import write_question
 from parcours.study.protocol import Progress, Request, Run
 from parcours_ramp.components.model import component_model
 from parcours_ramp.components.node_program import RampCodec
+from parcours_ramp.planner.whole import COMPONENTS
 from parcours_ramp.system.component_form import system_links
-from parcours_ramp.system.live import COMPONENTS, run_live
+from parcours_ramp.system.live import run_live
 from parcours_ramp.system.live_results import LiveLog
 
 if TYPE_CHECKING:
