@@ -1,10 +1,11 @@
-"""Paths side by side and what waits for what -> a partial order of events, in numbers."""
+"""A partial order of numbered events on paths: each path in its own order, and what waits for what between them."""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from graphlib import CycleError, TopologicalSorter
 from itertools import pairwise
 from typing import TypeVar
 
@@ -125,21 +126,16 @@ class Order:
         return [Part(self, paths) for paths in members.values()]
 
     def _refuse_circles(self) -> None:
-        later, waits = self.later(), [len(needs) for needs in self.needs]
-        ready = [event for event, count in enumerate(waits) if not count]
-        for event in ready:  # grows while it is read
-            for follower in later[event]:
-                waits[follower] -= 1
-                if not waits[follower]:
-                    ready.append(follower)
-        if len(ready) < len(self.names):
-            caught = ", ".join([name for name, count in zip(self.names, waits, strict=True) if count][:8])
+        try:
+            TopologicalSorter(dict(enumerate(self.needs))).prepare()
+        except CycleError as error:
+            caught = ", ".join(self.spelled(sorted({*error.args[1]})[:8]))
             raise BadRequest(
                 "serialised execution sequences",
                 f"no two events may wait for each other, but some of {caught} do",
                 "let the paths meet in the same order on both sides",
                 slug="circular-order",
-            )
+            ) from None
 
 
 class Part:
@@ -179,7 +175,7 @@ class Part:
             if digits[at] < len(path):
                 event = path[digits[at]]
                 stands = self._stands[event]
-                # An event of several paths is told once, for the first.
+                # An event of several paths is yielded once, for the first.
                 if (len(stands) == 1 or (stands[0][0] == at and all(digits[p] == q for p, q in stands))) and all(
                     digits[other] >= least for other, least in self._asks[event]
                 ):

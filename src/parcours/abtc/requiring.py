@@ -1,4 +1,4 @@
-"""A model without abstract cases -> what is missing in it, and the line of the model file that would give one."""
+"""What a model without abstract cases lacks, and the line of the model file that would give one."""
 
 from __future__ import annotations
 
