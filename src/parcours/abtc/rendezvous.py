@@ -102,7 +102,7 @@ def _senders(paths: Mapping[str, Sequence[InternalPath]], channel: Channel) -> l
     return [p for p in paths.get(channel.sender, ()) if any(sends_on(t, channel.name) for t in p.transitions)]
 
 
-def _receiving(transitions: Iterable[Transition], channel: Channel) -> list[str]:
+def _receiving(transitions: Iterable[Transition], channel: Channel) -> list[str | None]:
     return [each.id for each in transitions if each.event is not None and each.event.channel == channel.name]
 
 

@@ -102,12 +102,7 @@ def outermost(n_edges: int, sequences: Sequence[tuple[int, ...]]) -> list[tuple[
 
 
 def network(graph: Graph, sequences: Sequence[tuple[int, ...]]) -> Network:
-    """Return the product of the graph with the automaton of the sequences, as far as walks from the start reach.
-
-    Args:
-        graph: the graph.
-        sequences: walks of it as edge numbers, none inside another (`outermost`).
-    """
+    """Return the product of the graph with the automaton of the sequences, as far as walks from the start reach."""
     trie = Trie(len(graph.edges), sequences)
     leaving, into = graph.leaving(), graph.targets.tolist()
     ended = set(trie.ends)

@@ -1,4 +1,4 @@
-"""Arcs with least passages -> the cheapest circulation, and the fewest walks that together take them.
+"""The fewest walks, and the cheapest, that together take the arcs of a network as often as they must.
 
 Fewest walks is a minimum flow with lower bounds on the condensation of the network: inside a strongly connected
 component one walk can do everything, so only the components and the arcs between them count (Ntafos & Hakimi, On
@@ -13,7 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from parcours.paths.joining import Arcs, Integers, groups, ways_there, ways_there_and_back
+from parcours.paths.graph import components
+from parcours.paths.joining import Arcs, Integers, groups, tightened, ways_there, ways_there_and_back
 
 _UNLIMITED = 1 << 31
 _ROUNDS = 8
@@ -51,7 +52,7 @@ def passages(arcs: Arcs) -> Passages:
     (2, 2)
     """
     closed = _closed(arcs)
-    component = _components(arcs)
+    component = components(arcs.n_nodes + 1, arcs.sources, arcs.targets)  # the last one is the pause
     between = _between(closed, component)
     n_beginnings = int(between[-1])
     closed.least[-1] = n_beginnings
@@ -60,7 +61,7 @@ def passages(arcs: Arcs) -> Passages:
     if groups(closed, taken).max() > 0:
         taken = _joined(closed, component, between, n_beginnings)
         if taken @ closed.costs > shortest:
-            taken, shortest = _tightened(closed, taken, shortest)
+            taken, shortest = tightened(closed, taken, shortest)
     n_arcs = arcs.sources.size
     return Passages(taken[:n_arcs], n_beginnings, taken[n_arcs:-1], shortest)
 
@@ -88,16 +89,6 @@ def _closed(arcs: Arcs) -> Arcs:
         np.concatenate([arcs.least, free]).astype(np.int64),
         arcs.ends,
     )
-
-
-def _components(arcs: Arcs) -> Integers:
-    """Return the strongly connected component of each node of the network without the pause, and of the pause."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
-    ones = np.ones(arcs.sources.size, dtype=np.int8)
-    graph = coo_array((ones, (arcs.sources, arcs.targets)), shape=(arcs.n_nodes + 1, arcs.n_nodes + 1))
-    return connected_components(graph, directed=True, connection="strong")[1].astype(np.int64)
 
 
 def _between(closed: Arcs, component: Integers) -> Integers:
@@ -148,12 +139,6 @@ def _circulation(closed: Arcs, most: int) -> Integers:
     if status != SimpleMinCostFlow.OPTIMAL:
         raise AssertionError(f"a network whose nodes all lead to an end has a circulation, but: {status}")
     return closed.least + np.asarray(network.flows(numbers), dtype=np.int64)
-
-
-def _tightened(closed: Arcs, taken: Integers, shortest: int) -> tuple[Integers, int]:
-    from parcours.paths.tightening import tightened  # scipy's solver is slow to load, and seldom needed
-
-    return tightened(closed, taken, shortest)
 
 
 def _joined(closed: Arcs, component: Integers, between: Integers, n_beginnings: int) -> Integers:

@@ -1,4 +1,4 @@
-"""A machine -> its graph in numbers: what every criterion and every cover walks on."""
+"""The graph of a machine in numbers: what every criterion and every cover walks on."""
 
 from __future__ import annotations
 
@@ -39,6 +39,13 @@ class Graph:
         found: list[list[int]] = [[] for _ in self.states]
         for edge, source in enumerate(self.sources.tolist()):
             found[source].append(edge)
+        return found
+
+    def entering(self) -> list[list[int]]:
+        """Return for each state the edges that enter it, in order."""
+        found: list[list[int]] = [[] for _ in self.states]
+        for edge, target in enumerate(self.targets.tolist()):
+            found[target].append(edge)
         return found
 
 
@@ -100,3 +107,14 @@ def stranded(n_states: int, sources: Sequence[int], targets: Sequence[int], ends
                 returning.add(source)
                 queue.append(source)
     return tuple(state for state in range(n_states) if state not in returning)
+
+
+def components(
+    n_states: int, sources: NDArray[np.int64], targets: NDArray[np.int64], *, directed: bool = True
+) -> NDArray[np.int64]:
+    """Return for each state the number of its strongly connected component; of its connected one if not `directed`."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    links = coo_array((np.ones(len(sources), dtype=np.int8), (sources, targets)), shape=(n_states, n_states))
+    return connected_components(links, directed=directed, connection="strong")[1].astype(np.int64)

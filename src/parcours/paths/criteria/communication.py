@@ -109,13 +109,7 @@ def communications(cefsm: Cefsm, criterion: str, limits: Limits | None = None) -
 
 
 def delivered(wires: Wiring, criterion: str, run: Iterable[str]) -> set[tuple[str, ...]]:
-    """Return the steps of the requirements that a run of the whole model meets.
-
-    Args:
-        wires: of the model.
-        criterion: channel, message or rendezvous.
-        run: transition ids of all machines in the order in which they were taken.
-    """
+    """Return the steps of the requirements that a run of the whole model meets."""
     found = set(_deliveries(wires, run))
     if criterion == "rendezvous":
         return {(sending, receiving) for _, sending, receiving in found if NOBODY not in (sending, receiving)}

@@ -24,14 +24,6 @@ Node = tuple[str, int]
 class Targets:
     """What a machine's runs are to visit.
 
-    Args:
-        machine: the machine.
-        requirements: states, and sequences of transitions that follow one another.
-
-    Raises:
-        BadRequest: a requirement names what the machine does not have, or transitions that do not join, or is of
-            another kind.
-
     >>> lamp = Machine("lamp", "off", ("off", "on"), (
     ...     Transition("t1", "off", "on"), Transition("t2", "on", "off")))
     >>> wanted = [Requirement("lamp", "transitions", ("t1", "t2")), Requirement("lamp", "state", ("on",))]

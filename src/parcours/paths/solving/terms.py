@@ -75,13 +75,7 @@ class Symbols:
 
 
 def constant(value: object, symbols: Symbols, *, exact: bool = True) -> Value:
-    """Return the z3 term of a constant.
-
-    Args:
-        value: a bool, int, float or str.
-        symbols: the numbers of texts.
-        exact: whether a float is the number it is written as, not its nearest binary fraction.
-    """
+    """Return the z3 term of a constant."""
     match value:
         case bool():
             return z3.BoolVal(value)
@@ -117,20 +111,7 @@ Lookup = Callable[[Expression, Type], Value]
 
 
 class Translator:
-    """Expressions of one transition -> terms.
-
-    Args:
-        types_of: the type of an expression.
-        lookup: the term of what is read.
-        symbols: the numbers of texts.
-        clocks: names that are clocks.
-        exact: how reals are taken.
-        fresh: a new name on each call.
-
-    Attributes:
-        sides: facts about symbols made on the way; they hold whatever the values are.
-        rounds: whether an operation was met whose result may be rounded.
-    """
+    """Expressions of one transition -> terms."""
 
     def __init__(
         self,

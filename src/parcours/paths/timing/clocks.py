@@ -56,13 +56,6 @@ Way = tuple[Limit, ...]
 def ways(condition: Condition, known: Mapping[str, object] | None = None) -> list[Way]:
     """Return the ways in which a condition can hold; none if it cannot.
 
-    Args:
-        condition: the condition.
-        known: the values of the data that it reads. If None, parts that read no clock are taken to hold.
-
-    Raises:
-        NoBound: a part compares something else than a clock, or a difference of clocks, with what is known.
-
     >>> from parcours.model.expression import parse_expression
     >>> set_at = {"x": (2, Fraction(0))}
     >>> for way in ways(Condition(parse_expression("x < 5 || x >= 7"), 3, set_at, "guard of 't'")):

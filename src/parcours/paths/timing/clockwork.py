@@ -24,13 +24,7 @@ Facts = tuple[list[Limit], list[Condition]]
 
 
 def is_timed(component: Component) -> bool:
-    """Return whether a component says anything about time.
-
-    >>> from parcours.model.structure import Machine
-    >>> slow = Transition("t1", "off", "on", duration=(0.5, 1.0))
-    >>> is_timed(Component("Lamp", (Machine("lamp", "off", ("off", "on"), (slow,)),)))
-    True
-    """
+    """Return whether a component says anything about time."""
     return (
         any(variable.type == CLOCK for variable in component.variables)
         or any(machine.invariants for machine in component.machines)
@@ -39,13 +33,7 @@ def is_timed(component: Component) -> bool:
 
 
 class Clockwork:
-    """The clocks of a model while events happen.
-
-    Args:
-        cefsm: the model.
-        places: the running machines that take part; what the others stand in is not watched.
-        stands: where machines begin that do not begin in their initial state.
-    """
+    """The clocks of a model while events happen."""
 
     def __init__(self, cefsm: Cefsm, places: Sequence[Place], stands: Mapping[Place, str] | None = None) -> None:
         components = {component.name: component for component in cefsm.components}

@@ -87,24 +87,6 @@ def schedule(
     Raises:
         BadRequest: an id is unknown, a machine would go on from where it does not stand, or the inputs do not
             make the sequence run.
-
-    Example: a kettle heats for 2 to 5 s, and must be taken off within 1 s.
-
-    >>> from parcours.model import parse_model
-    >>> kettle = parse_model('''
-    ... parcours: model/1
-    ... name: kettle
-    ... components:
-    ...   Kettle:
-    ...     machines:
-    ...       kettle:
-    ...         initial: cold
-    ...         transitions:
-    ...           heat: {from: cold, to: hot, duration: [2, 5]}
-    ...           take: {from: hot, to: cold, duration: [0, 1]}
-    ... ''')
-    >>> [str(window) for window in schedule(kettle, ["heat", "take"]).windows]
-    ['[2, 5] s', '[2, 6] s']
     """
     events = events_of(cefsm, transition_ids, instances, sends)
     if not events:

@@ -69,7 +69,7 @@ def parse_generators(text: str, machines: Machines, predefined: Sequence[str] = 
 
     Args:
         text: one or more generators, separated by blanks.
-        machines: the machines that walk (`Space.machines`).
+        machines: the machines that walk (`ModelSpace.machines`).
         predefined: the ids of the transitions that `predefined_path` takes.
 
     Raises:

@@ -16,7 +16,7 @@ from parcours.model.structure import Machine
 from parcours.paths.automaton import Trie
 from parcours.paths.criteria import requirements
 from parcours.paths.criteria.requirement import Requirement
-from parcours.paths.walking.spaces import Taken
+from parcours.paths.spaces import Taken
 from parcours.paths.walking.tokens import quoted
 
 Nodes = tuple[int, ...]

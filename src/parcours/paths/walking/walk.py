@@ -12,6 +12,7 @@ import numpy as np
 
 from parcours.errors import require_known
 from parcours.model.configuration import Configuration, Move
+from parcours.paths.spaces import ModelSpace
 from parcours.paths.walking.conditions import (
     Condition,
     Counted,
@@ -25,7 +26,6 @@ from parcours.paths.walking.conditions import (
     leaves,
     parse_condition,
 )
-from parcours.paths.walking.spaces import Space
 from parcours.paths.walking.tallies import Tallies, Tally
 from parcours.paths.walking.walkers import WALKERS, Chance, Ending, View, Walker
 
@@ -100,7 +100,7 @@ class Walk:
 
     Example: a lamp that burns out.
     >>> from parcours.model import parse_model
-    >>> from parcours.paths.walking.spaces import ModelSpace
+    >>> from parcours.paths.walking import ModelSpace
     >>> lamp = parse_model("{parcours: model/1, name: m, components: {A: {machines: {f: {initial: off, transitions: "
     ...     "{up: {from: off, to: on}, down: {from: on, to: off}, burn: {from: on, to: dead}}}}}}}")
     >>> walk = Walk(ModelSpace(lamp), [phase("guided", "edge>=100%")], np.random.default_rng(1))
@@ -110,7 +110,7 @@ class Walk:
 
     def __init__(
         self,
-        space: Space,
+        space: ModelSpace,
         phases: Sequence[Phase],
         generator: np.random.Generator,
         *,

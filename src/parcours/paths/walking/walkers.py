@@ -15,7 +15,7 @@ from typing import Protocol
 import numpy as np
 
 from parcours.errors import BadModel
-from parcours.paths.walking.spaces import Option, Place, Space
+from parcours.paths.spaces import ModelSpace, Option, Place
 from parcours.paths.walking.tallies import Nodes, Tallies
 
 LOOK_AHEAD = 10_000
@@ -69,7 +69,7 @@ class Chance:
 class View:
     """What a walker may look at."""
 
-    space: Space
+    space: ModelSpace
     tallies: Tallies
     chance: Chance
     may_restart: bool
@@ -182,7 +182,7 @@ class Guided:
         return [], not queue
 
 
-def _after(option: Option, space: Space, place: Place, choice: int) -> Place | None:
+def _after(option: Option, space: ModelSpace, place: Place, choice: int) -> Place | None:
     # A move that breaks the model's own rules leads nowhere; the walk that takes it says so.
     try:
         return option.after(space, place, choice)

@@ -1,4 +1,4 @@
-"""A component -> its state space, explored as far as asked, and paths through it that meet requirements.
+"""Runs through the state space of a component that together meet what requirements of one machine can be met.
 
 All machines of the component move; the tester stands in at both ends of every channel that leaves it. Where the
 space is finite and every choice of inputs was tried, what was not met cannot be met.
@@ -6,23 +6,23 @@ space is finite and every choice of inputs was tried, what was not met cannot be
 
 from __future__ import annotations
 
+import sys
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 
-from parcours.errors import BadModel, BadRequest
-from parcours.model import Steps
-from parcours.model.configuration import Configuration, Move, Site
+from parcours.errors import BadModel
+from parcours.model.configuration import Move, Site
 from parcours.model.exactness import inexact
 from parcours.model.solutions import Question
-from parcours.model.structure import Cefsm, Component
+from parcours.model.structure import Cefsm
 from parcours.paths.criteria.requirement import Requirement
 from parcours.paths.solving.targets import Node, Targets
+from parcours.paths.spaces import ModelSpace, Place
 
-Position = tuple[int, Node]
-"""Where a run stands, by the configuration's number, and which parts of requirements it has just done."""
-
+Position = tuple[Place, Node]
+"""Where a run stands, and which parts of requirements it has just done."""
 
 Wanted = Callable[[Node], bool]
 """Whether to stop at a node of the requirements' automaton."""
@@ -44,47 +44,32 @@ class Explored:
     n_states: int
 
 
-def alone(cefsm: Cefsm, component: Component) -> tuple[Cefsm, frozenset[str]]:
-    """Return a model of one component by itself, and its channels where the tester stands in at both ends."""
-    opened = frozenset(
-        channel.name for channel in cefsm.channels if not channel.sender == channel.receiver == component.name
-    )
-    return Cefsm(cefsm.name, (component,), cefsm.channels, cefsm.messages), opened
-
-
-class Space:
-    """The state space of a component, one configuration after the other.
+class Exploration:
+    """The state space of a component as far as it was asked for.
 
     Args:
-        cefsm: the model.
-        component: the component.
+        alone: the model of the component alone (`part_of`).
+        targets: what the runs of one machine are to meet.
+        finals: the states of that machine where a run may end.
         most: how many configurations may be visited.
         deadline: when to stop, on `time.monotonic`.
     """
 
-    def __init__(self, cefsm: Cefsm, component: Component, most: int, deadline: float) -> None:
-        self._steps = Steps(*alone(cefsm, component))
+    def __init__(self, alone: Cefsm, targets: Targets, finals: Iterable[str], most: int, deadline: float) -> None:
+        self._space, self._targets, self._finals = ModelSpace(alone, remembered=sys.maxsize), targets, set(finals)
         self._most, self._deadline = most, deadline
-        # Configurations by number, the initial one first; and what can happen in each, once it was asked for.
-        self._known = [self._steps.layout.initial()]
-        self._number = {self._known[0]: 0}
-        self._after: dict[int, list[tuple[Move, int]]] = {}
+        self._after: dict[Place, list[tuple[Move, Place]]] = {}
         self._doubts: dict[str, str] = {}
-        self.doubt = ""
+        self._doubt = ""
 
-    def __len__(self) -> int:
-        return len(self._after)
-
-    def explore(self, targets: Targets, finals: Iterable[str], *, complete: bool) -> Explored:
+    def runs(self, *, complete: bool) -> Explored:
         """Return few runs that together meet what can be met: always on to the nearest requirement not met yet.
 
-        Args:
-            targets: what the runs of one machine are to meet.
-            finals: the states of that machine where a run may end.
-            complete: whether runs go on to such a state, where they can.
+        Where they can, `complete` runs go on to a state where a run may end.
         """
-        missing, ends = set(targets.requirements), set(finals)
-        begin = (0, targets.start())
+        targets = self._targets
+        missing = set(targets.requirements)
+        begin = (self._space.place(self._space.initial), targets.start())
         missing.difference_update(targets.at(begin[1]))
 
         def meets(node: Node) -> bool:
@@ -96,7 +81,7 @@ class Space:
         doubt = ""
         while missing:
             try:
-                found = self._onward(here, targets, meets)
+                found = self._onward(here, meets)
             except Full as why:
                 found, doubt = None, str(why)
             if found is not None:
@@ -104,38 +89,36 @@ class Space:
                 run += moves
                 missing.difference_update(seen)
             elif run:
-                runs.append(self._closed(run, here, targets, ends, complete=complete))
+                runs.append(self._closed(run, here, complete=complete))
                 run, here = [], begin
             else:
                 break
         if run or not runs:
-            runs.append(self._closed(run, here, targets, ends, complete=complete))
-        return Explored(tuple(runs), doubt or self.doubt, len(self))
+            runs.append(self._closed(run, here, complete=complete))
+        return Explored(tuple(runs), doubt or self._doubt, len(self._after))
 
-    def _closed(
-        self, run: list[Move], here: Position, targets: Targets, ends: set[str], *, complete: bool
-    ) -> tuple[Move, ...]:
-        if not complete or here[1][0] in ends:
+    def _closed(self, run: list[Move], here: Position, *, complete: bool) -> tuple[Move, ...]:
+        def is_home(node: Node) -> bool:
+            return node[0] in self._finals
+
+        if not complete or is_home(here[1]):
             return tuple(run)
-
-        def home(node: Node) -> bool:
-            return node[0] in ends
-
         try:
-            found = self._straight(here, targets, home) or self._onward(here, targets, home)
+            found = self._straight(here, is_home) or self._onward(here, is_home)
         except Full:
             return tuple(run)
         return (*run, *found[0]) if found is not None else tuple(run)
 
-    def _onward(self, here: Position, targets: Targets, wanted: Wanted) -> Found | None:
+    def _onward(self, here: Position, wanted: Wanted) -> Found | None:
         """Return the shortest way to a wanted node, with where it ends and what it meets."""
+        targets = self._targets
         came: dict[Position, tuple[Position, Move]] = {}
         queue, seen = deque([here]), {here}
         while queue:
             place = queue.popleft()
             if time.monotonic() > self._deadline:
-                raise Full(f"the budget was spent after {len(self)} states")
-            for move, then in self.after(place[0]):
+                raise Full(f"the budget was spent after {len(self._after)} states")
+            for move, then in self._expanded(place[0]):
                 node = place[1]
                 for id in (move.transition, move.partner):
                     if id in targets.transitions:
@@ -157,11 +140,12 @@ class Space:
                     raise Full(f"more than {4 * self._most} states with what they have just met")
         return None
 
-    def _straight(self, here: Position, targets: Targets, wanted: Wanted) -> Found | None:
+    def _straight(self, here: Position, wanted: Wanted) -> Found | None:
         """Return the way that comes one transition nearer to a wanted node by every move, if one is met at once.
 
         It is as short as any, and needs no search, however large the space is.
         """
+        targets = self._targets
         far = targets.distances(wanted, frozenset(targets.transitions))
         moves, met = list[Move](), set[Requirement]()
         while not moves or not wanted(here[1]):
@@ -179,46 +163,41 @@ class Space:
             met.update(targets.at(here[1]))
         return moves, here, met
 
-    def after(self, place: int) -> list[tuple[Move, int]]:
-        """Return what can happen in a configuration, and where it leads."""
+    def _expanded(self, place: Place) -> list[tuple[Move, Place]]:
         if place not in self._after:
             if len(self._after) >= self._most:
                 raise Full(f"more than {self._most} states")
             self._after[place] = list(self._moves(place))
         return self._after[place]
 
-    def _moves(self, place: int) -> Iterator[tuple[Move, int]]:
-        for move, then in self._successors(self._known[place]):
-            if then not in self._number:
-                self._number[then] = len(self._known)
-                self._known.append(then)
-            yield move, self._number[then]
-
-    def _successors(self, configuration: Configuration) -> Iterator[tuple[Move, Configuration]]:
-        for state, leaving in zip(configuration.states, self._steps.layout.leaving, strict=True):
+    def _moves(self, place: Place) -> Iterator[tuple[Move, Place]]:
+        """Yield what can happen in a place, and where it leads."""
+        for state, leaving in zip(place.configuration.states, self._space.steps.layout.leaving, strict=True):
             for site in leaving.get(state, ()):
                 # Only what can be reached counts: a transition is looked at when its state is.
                 if site.transition.id not in self._doubts:
                     self._doubts[site.transition.id] = self._inexact(site)
-                self.doubt = self.doubt or self._doubts[site.transition.id]
+                self._doubt = self._doubt or self._doubts[site.transition.id]
         try:
-            moves = self._steps.enabled(configuration, {})
+            options = self._space.options(place)
         except BadModel as error:
-            self.doubt = self.doubt or f"{error.where}: {error.rule}"
+            self._doubt = self._doubt or f"{error.where}: {error.rule}"
             return
-        for move in moves:
-            try:
-                yield move, self._steps.step(configuration, move)
-            except BadModel:
-                continue  # a value leaves its range: the model does not allow the move
-            except BadRequest:
-                self.doubt = self.doubt or f"guard of {move}: no values were found for which it surely holds"
+        for option in options:
+            for choice, move in enumerate(option.moves):
+                try:
+                    yield move, option.after(self._space, place, choice)
+                except BadModel as error:
+                    # A value that leaves its range forbids the move; a guard that may not hold leaves a doubt.
+                    if error.slug == "impossible-move":
+                        doubt = f"guard of {move}: no values were found for which it surely holds"
+                        self._doubt = self._doubt or doubt
 
     def _inexact(self, site: Site) -> str:
         """Return why the step relation may not try every different choice at a transition; empty if it does."""
-        scopes, transition = self._steps.layout.scopes, site.transition
-        types, domains = scopes.types(site.component, transition), scopes.domains(site.component)
-        known = {each.name: None for owner, each in self._steps.layout.variables if owner == site.component}
-        question = Question(types, scopes.classes, domains, known)
+        layout, transition = self._space.steps.layout, site.transition
+        types, domains = layout.scopes.types(site.component, transition), layout.scopes.domains(site.component)
+        known = {each.name: None for owner, each in layout.variables if owner == site.component}
+        question = Question(types, layout.scopes.classes, domains, known)
         guards = [transition.guard] if transition.guard is not None else []
         return inexact(question, guards, site.effects(), repr(transition.id))
