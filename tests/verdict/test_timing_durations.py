@@ -13,7 +13,7 @@ from parcours.errors import BadRequest
 from parcours.run.clocks import ClockName
 from parcours.run.trace import Trace, TraceEvent
 from parcours.verdict.statistics import wilson
-from parcours.verdict.timing import NEVER, duration, parse_bound, period_jitter, summary, wall_durations
+from parcours.verdict.timing import NEVER, duration, parse_bound, period_jitter, summary
 
 rows = st.lists(st.integers(0, 10**12), min_size=1, max_size=300)
 
@@ -82,14 +82,12 @@ def test_what_has_no_period_is_refused(times: list[int]) -> None:
 
 def test_durations_of_simulated_time_are_refused_by_name() -> None:
     simulated = trace("simulated", (0, "p1"), (3, "p2"))
-    for ask in (duration, lambda given: wall_durations(given, "p1", "p2")):
-        with pytest.raises(BadRequest, match=r"trace of c1: .*its clock is 'simulated'.*\[simulated-duration\]"):
-            ask(simulated)
+    with pytest.raises(BadRequest, match=r"trace of c1: .*its clock is 'simulated'.*\[simulated-duration\]"):
+        duration(simulated)
 
 
 def test_durations_of_wall_time_are_told() -> None:
     wall = trace("wall", (2, "p1"), (5, "p2"), (9, "p1"), (10, "p2"))
     assert duration(wall) == 8
-    assert wall_durations(wall, "p1", "p2") == (3, 1)
     with pytest.raises(BadRequest, match=r"\[empty-trace\]"):
         duration(trace("wall"))

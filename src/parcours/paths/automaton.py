@@ -1,4 +1,4 @@
-"""A graph and the edge sequences to visit -> one network whose arcs tell which sequence was just completed.
+"""The network of a graph and of edge sequences to visit: its arcs say which sequence was just completed.
 
 The network is the product of the graph with the Aho-Corasick automaton of the sequences (Aho & Corasick, Efficient
 string matching, CACM 18, 1975): a walk in it is a walk in the graph that also knows the longest part of a sequence

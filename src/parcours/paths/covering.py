@@ -1,4 +1,4 @@
-"""A machine and a criterion -> few short paths that meet every requirement (paper, section IV-B, Table III)."""
+"""Few short paths that meet every requirement of a criterion (paper, section IV-B, Table III)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Paths and a limit on their length -> more paths, none longer than the limit, that visit the same."""
+"""More and shorter paths that visit the same within a limit on their length."""
 
 from __future__ import annotations
 

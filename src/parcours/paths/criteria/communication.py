@@ -1,4 +1,4 @@
-"""A model -> what its components can say to each other, and the messages delivered along a run.
+"""What the components of a model can say to each other, and the messages delivered along a run.
 
 A message is delivered when a transition receives it; on a channel to the environment, or one that nobody reads, when it
 is sent. A rendezvous is a transition that sends, with the one that receives what it sent: of a queue, the oldest

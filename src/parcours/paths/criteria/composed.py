@@ -1,4 +1,4 @@
-"""The state space of a model -> the graph of its composition, and walks that make its components talk.
+"""The graph of the composition of a model, and walks of it that make its components talk.
 
 An edge of the composition is a move: one transition, or the two of a rendezvous.
 """

@@ -1,4 +1,4 @@
-"""A machine and its variables -> where values are defined and used, and the ways from the ones to the others.
+"""Where a machine defines and uses the values of variables, and the ways from definitions to uses.
 
 The criteria are those of Ammann & Offutt, 2008, section 2.3.2, with definitions and uses on transitions. Within one
 transition the order is: the message and the inputs arrive, the guard, the actions in order, what is sent. Guards are

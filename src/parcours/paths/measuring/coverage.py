@@ -1,4 +1,4 @@
-"""A model, a criterion and the transitions taken -> which requirements they meet, and which they miss."""
+"""Which requirements of a criterion the transitions taken meet, and which they miss."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Recorded transitions of a model -> the walks that each of its machines did."""
+"""The walks that each machine of a model did in recorded sequences of transitions."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Paths and the walks required of them -> which of the walks they tour, directly, with side trips or with detours.
+"""Which required walks a set of paths tours: directly, with side trips or with detours.
 
 A path tours a walk directly if it contains it without a break; with side trips if it takes all edges of the walk in the
 same order, so that it may leave a state only to come back to it; with detours if it visits all states of the walk in

@@ -1,4 +1,4 @@
-"""Transitions of one machine -> paths that run and meet requirements, by solving along the search.
+"""Searches for paths of one machine that run and meet requirements, by solving along the search.
 
 Paths grow by one transition at a time, those first that may come soonest to something missing (A*: their length and
 the distance in the machine's graph). One solver walks along: what two paths share at their beginning is solved

@@ -1,4 +1,4 @@
-"""Requirements of one machine -> an automaton that tells, transition by transition, which of them a run has met.
+"""An automaton that tells, transition by transition, which requirements of a machine a run has met.
 
 The automaton is that of Aho and Corasick (`parcours.paths.automaton`): its node is the longest part of a required
 sequence that the run has just done.

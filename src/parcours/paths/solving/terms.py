@@ -1,4 +1,4 @@
-"""The guard and action language -> terms of the solver z3, each with the condition under which it has a value.
+"""Terms of the solver z3 for the guard and action language, each with the condition under which it has a value.
 
 Integers are mathematical, with the 64-bit limits stated; texts and values of enumerations are numbered, as the
 language only compares them. Reals are taken in one of two ways:

@@ -1,4 +1,4 @@
-"""Events, one after the other -> constraints on what is open at each, and from a solution the inputs.
+"""Walks of symbolic events: constraints on what is open at each, and from a solution the inputs.
 
 A guard and the bounds of time are constraints; an assignment gives its variable a new symbol; inputs, and fields
 of messages that no earlier event sent, are symbols of their own at every event; a value that leaves the range of

@@ -1,4 +1,4 @@
-"""A condition over clocks, at one event -> the bounds it puts on the times of events, in each way it can hold.
+"""The bounds that a condition over clocks puts on the times of events, in each way it can hold.
 
 A clock that was last set at event r to c reads, at event i, the time of i less the time of r plus c. So a
 comparison of a clock, or of the difference of two, with a number is one bound of a temporal network. Numbers are

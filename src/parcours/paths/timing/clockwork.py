@@ -1,4 +1,4 @@
-"""Events, one after the other -> what the model says about their times: order, durations, guards, invariants.
+"""What the model says about the times of events: order, durations, guards, invariants.
 
 Time starts at 0 s with every machine in its initial state and every clock at 0. A `duration` runs from the event
 by which the machine entered the source state. A receive of a rendezvous happens when its send does. An invariant
@@ -80,7 +80,7 @@ class Clockwork:
         if transition.duration is not None:
             least, most = transition.duration
             if least == inf:
-                raise NoBound(f"{event} takes for ever")
+                raise NoBound(f"{event} never ends")
             limits.append(Limit(now, before, -decimal(least), why=f"{event} takes at least {least:g} s"))
             if most < inf:
                 limits.append(Limit(before, now, decimal(most), why=f"{event} takes at most {most:g} s"))

@@ -1,4 +1,4 @@
-"""Transition ids in the order they are taken -> events: who moves, and which send each receive takes."""
+"""The events of a sequence of transitions: who moves, and which send each receive takes."""
 
 from __future__ import annotations
 

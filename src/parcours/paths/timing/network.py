@@ -1,4 +1,4 @@
-"""Bounds on the time between events -> the window of each event, or the bounds that contradict each other.
+"""The time window of each event under bounds between events, or the bounds that contradict each other.
 
 This is a simple temporal network (Dechter, Meiri & Pearl, Temporal constraint networks, Artificial Intelligence 49,
 1991): shortest paths by Bellman-Ford, a contradiction is a cycle of negative length. Bounds are pairs (number,

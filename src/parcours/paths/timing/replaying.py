@@ -1,4 +1,4 @@
-"""Events with chosen inputs -> the values that each one read, or why the model cannot run them so.
+"""Runs events with chosen inputs through the step relation: the values that each one read, or why it cannot run.
 
 Every step is taken by `parcours.model.Steps`, with the tester at both ends of every channel; he passes on each
 message that an earlier event of the sequence sent, as gated execution does. So nothing is called executable that

@@ -1,4 +1,4 @@
-"""A sequence of transitions -> the window of time in which each can happen, or the bounds that contradict."""
+"""The window of time in which each transition of a sequence can happen, or the bounds that contradict."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A text such as `edge>=100% or steps>=1e6 or 30 s` -> the condition under which a walk stops.
+"""Conditions under which a walk stops, such as `edge>=100% or steps>=1e6 or 30 s`.
 
     condition = both { "or" both }
     both      = one { "and" one }
@@ -56,7 +56,7 @@ class Passed:
 
 @dataclass(frozen=True, slots=True)
 class Counted:
-    """So many moves were made, or the walk began anew so often."""
+    """That many moves were made (steps), or fresh starts (restarts)."""
 
     what: str
     least: float
@@ -67,7 +67,7 @@ class Counted:
 
 @dataclass(frozen=True, slots=True)
 class Elapsed:
-    """So much time has passed [s]."""
+    """This much time has passed [s]."""
 
     seconds: float
 
@@ -77,7 +77,7 @@ class Elapsed:
 
 @dataclass(frozen=True, slots=True)
 class Never:
-    """No end; whoever drives the walk ends it."""
+    """No end; the host that drives the walk ends it."""
 
     def __str__(self) -> str:
         return "never"

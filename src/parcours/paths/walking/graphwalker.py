@@ -1,4 +1,4 @@
-"""A generator string of GraphWalker, such as `random(edge_coverage(100) or time_duration(30))` -> phases of a walk.
+"""Generator strings of GraphWalker, such as `random(edge_coverage(100) or time_duration(30))`, as phases of a walk.
 
 Names and their meaning are those of GraphWalker's documentation (Generators and stop conditions); upper and
 lower case, underscores and an ending `path` make no difference. What its models know and ours do not

@@ -1,4 +1,4 @@
-"""A text in one of the languages of walks -> its words, numbers and signs, read one after the other."""
+"""The words, numbers and signs of a text in one of the languages of walks, read one after the other."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where a walk stands and what was covered -> its next move: random, weighted, least-visited, guided, planned.
+"""Walkers choose the next move: random, weighted, least-visited, guided, planned.
 
 A walker is asked for one move at a time, so that a host can drive a live system with it. Random numbers come
 from the bits of a numpy generator, whose stream numpy keeps the same between its versions.
@@ -37,7 +37,7 @@ class Ending(StrEnum):
 
 
 Choice = tuple[Option, int] | Ending | None
-"""A move (an option and its choice of inputs), or an end, or None: begin anew in the initial configuration."""
+"""A move (an option and its choice of inputs), or an end, or None: start again in the initial configuration."""
 
 
 class Chance:
@@ -141,7 +141,7 @@ class Guided:
         self._patience = 0
 
     def choose(self, here: Place, options: Sequence[Option], view: View) -> Choice:
-        """Return the next step of the way; begin anew, or end, if only that can help."""
+        """Return the next step of the way; start again, or end, if only that can help."""
         if self._way:
             return self._way.popleft()
         if self._patience > 0 or not view.tallies.is_wanting:

@@ -1,4 +1,4 @@
-"""One component of a model -> the states it may be in and its steps, with its messages to and from anybody else."""
+"""The states that one component of a model may be in, and its steps with its messages to and from anybody else."""
 
 from __future__ import annotations
 
@@ -53,21 +53,7 @@ class State(NamedTuple):
 
 
 class Behaviour:
-    """The local step relation of one component: that of the model, the other components being free.
-
-    Args:
-        cefsm: a model without errors.
-        component: its name there.
-        allowance: what is let pass beside the model.
-        unread: so many unread messages of a channel are counted; beyond them there may be any number more.
-
-    Attributes:
-        reads: channels that some transition receives from, the order of `State.inbox`.
-        sends: channels that it may send on.
-
-    Raises:
-        BadRequest: an allowance names a channel that does not exist.
-    """
+    """The local step relation of one component: that of the model, the other components being free."""
 
     def __init__(self, cefsm: Cefsm, component: str, allowance: Allowance, unread: int) -> None:
         self.name, self.allowance, self._unread = component, allowance, unread

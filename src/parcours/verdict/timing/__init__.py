@@ -1,4 +1,4 @@
-"""Repeated durations, a bound in words and the noise beside them become a timing verdict one can defend."""
+"""Timing verdicts that can be defended, from repeated durations, a bound in words and the noise beside them."""
 
 from parcours.verdict.timing.bounds import Bound, parse_bound
 from parcours.verdict.timing.durations import (
@@ -8,7 +8,6 @@ from parcours.verdict.timing.durations import (
     duration,
     period_jitter,
     summary,
-    wall_durations,
 )
 from parcours.verdict.timing.judging import judge
 
@@ -22,5 +21,4 @@ __all__ = [
     "parse_bound",
     "period_jitter",
     "summary",
-    "wall_durations",
 ]

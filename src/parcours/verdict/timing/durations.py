@@ -1,4 +1,4 @@
-"""Traces and repeated durations -> how long an interaction takes, how much that varies, how often it is too late.
+"""How long an interaction takes, how much that varies, and how often it is too late.
 
 Quantiles are durations that occurred (the inverse of the empirical distribution, type 1 of Hyndman and Fan, The
 American Statistician 50, 1996), so none lies between a fast and a slow mode where nothing ever was.
@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from parcours.errors import BadRequest
-from parcours.run import trace as traces
 from parcours.run.trace import Trace
 from parcours.verdict.statistics import Rate, wilson
 from parcours.verdict.timing.bounds import Bound
@@ -167,26 +166,6 @@ def duration(trace: Trace) -> int:
     Raises:
         BadRequest: the trace was made on a simulated clock, or has no events.
     """
-    require_wall(trace)
-    if not trace.events:
-        raise BadRequest(f"trace of {trace.case or 'a case'}", "it has no events to time", slug="empty-trace")
-    return trace.events[-1].time - trace.events[0].time
-
-
-def wall_durations(trace: Trace, begin: str, end: str) -> tuple[int, ...]:
-    """Return how long it took from each taking of transition `begin` to the next taking of `end` [ns].
-
-    A `begin` that no `end` follows gives no duration: compare their number with the number of repeats.
-
-    Raises:
-        BadRequest: the trace was made on a simulated clock.
-    """
-    require_wall(trace)
-    return traces.durations(trace, begin, end)
-
-
-def require_wall(trace: Trace) -> None:
-    """Raise BadRequest unless the times of a trace are real ones."""
     if trace.clock != "wall":
         raise BadRequest(
             f"trace of {trace.case or 'a case'}",
@@ -194,3 +173,6 @@ def require_wall(trace: Trace) -> None:
             "run the case on a wall-clock host",
             slug="simulated-duration",
         )
+    if not trace.events:
+        raise BadRequest(f"trace of {trace.case or 'a case'}", "it has no events to time", slug="empty-trace")
+    return trace.events[-1].time - trace.events[0].time

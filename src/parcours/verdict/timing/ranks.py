@@ -1,4 +1,4 @@
-"""Numbers of repeats and of misses -> what they allow to say about a quantile, whatever the distribution.
+"""What numbers of repeats and of misses allow to say about a quantile, whatever the distribution.
 
 Of n independent durations, the number that lie below the p-quantile is binomial (n, p). So the durations of certain
 ranks bound that quantile with a confidence that holds for every distribution (H. A. David & H. N. Nagaraja, Order
