@@ -116,11 +116,6 @@ def count_sequences(order: Order, most_positions: int = MOST_POSITIONS) -> int:
 
     Raises:
         BadRequest: there are more positions than that.
-
-    Example: two paths of 6 and 5 transitions; then the second has to wait for the fourth of the first.
-    >>> paths = "a1 a2 a3 a4 a5 a6".split(), "b1 b2 b3 b4 b5".split()
-    >>> count_sequences(Order.of(paths)), count_sequences(Order.of(paths, [((0, 3), (1, 0))]))
-    (462, 21)
     """
     ways, done = 1, 0
     for part in order.parts():
@@ -142,10 +137,6 @@ def sample_sequences(
 
     Raises:
         BadRequest: there are more positions than that.
-
-    >>> order = Order.of([["a1", "a2"], ["b1"]])
-    >>> [order.spelled(drawn) for drawn in sample_sequences(order, 2, seed=7)]
-    [('b1', 'a1', 'a2'), ('b1', 'a1', 'a2')]
     """
     counted = [_Counted(part, most_positions) for part in order.parts()]
     draw = random.Random(seed)
@@ -154,12 +145,7 @@ def sample_sequences(
 
 
 def sequences(order: Order) -> Iterator[tuple[int, ...]]:
-    """Yield every serialised execution sequence once, in lexicographic order, in the memory of a few sequences.
-
-    >>> order = Order.of([["a1", "a2"], ["b1"]])
-    >>> [order.spelled(sequence) for sequence in sequences(order)]
-    [('a1', 'a2', 'b1'), ('a1', 'b1', 'a2'), ('b1', 'a1', 'a2')]
-    """
+    """Yield every serialised execution sequence once, in lexicographic order, in the memory of a few sequences."""
     later, waits = order.later(), [len(needs) for needs in order.needs]
     taken: list[int] = []
     open_: list[Iterator[int]] = [iter(_ready(waits))]
@@ -192,11 +178,6 @@ def measure_sequences(order: Order, given: Iterable[Sequence[str]], most_positio
 
     Raises:
         BadRequest: there are more positions than that.
-
-    >>> order = Order.of([["a1", "a2"], ["b1"]])
-    >>> seen = measure_sequences(order, [["a1", "b1", "a2"], ["a2", "a1", "b1"], ["a1", "a2"]])
-    >>> seen.distinct, seen.required, [why for _, why in seen.faults]
-    (1, 3, ['a2 comes before a1', 'b1 is missing'])
     """
     met: set[tuple[str, ...]] = set()
     faults: list[tuple[int, str]] = []

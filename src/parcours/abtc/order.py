@@ -47,13 +47,6 @@ class Order:
 
         Raises:
             BadRequest: events wait for each other in a circle, so that nothing can be serialised.
-
-        Example: a request that b2 waits for, and the answer that a3 is.
-        >>> order = Order.of(["a1 a2 a3".split(), "b1 b2 b3".split()], [((0, 1), (1, 1))], [((1, 2), (0, 2))])
-        >>> order.names
-        ('a1', 'a2', 'a3+b3', 'b1', 'b2')
-        >>> [order.names[need] for need in order.needs[2]]
-        ['a2', 'b2']
         """
         places = [(path, at) for path, names in enumerate(paths) for at in range(len(names))]
         same = {place: place for place in places}

@@ -121,8 +121,11 @@ def abstract_cases(
     Raises:
         BadRequest: no policy has that name, or an interaction path has too many combinations.
     """
+    name = policy or cefsm.serialisation or DEFAULT
     for combination in _all_combinations(cefsm, interactions, paths):
-        yield from serialisations(cefsm, combination, policy or cefsm.serialisation or DEFAULT)
+        places = _places(cefsm, combination, name)
+        for chosen in product(*(range(len(points)) for points in places[:-1])):
+            yield _case(combination, places, chosen, name)
 
 
 def case_counts(cefsm: Cefsm, policy: str | None = None) -> dict[str, int]:
@@ -140,22 +143,6 @@ def case_counts(cefsm: Cefsm, policy: str | None = None) -> dict[str, int]:
         places = _places(cefsm, combination, policy or cefsm.serialisation or DEFAULT)
         counts[combination.interaction.name] += prod(map(len, places[:-1]))
     return counts
-
-
-def serialisations(cefsm: Cefsm, combination: Combination, policy: str = DEFAULT) -> Iterator[AbstractCase]:
-    """Yield the ABTCs of one combination, in lexicographic order of their start vectors.
-
-    Args:
-        cefsm: the model, which says which component is the hub.
-        combination: an RCC combination.
-        policy: the point policy, a name in `POLICIES`.
-
-    Raises:
-        BadRequest: no policy has that name.
-    """
-    places = _places(cefsm, combination, policy)
-    for chosen in product(*(range(len(points)) for points in places[:-1])):
-        yield _case(combination, places, chosen, policy)
 
 
 def find_case(cefsm: Cefsm, id: str) -> AbstractCase:

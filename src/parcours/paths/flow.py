@@ -43,14 +43,7 @@ class Passages:
 
 
 def passages(arcs: Arcs) -> Passages:
-    """Return the cheapest way found for the fewest walks to take each arc as often as it must be taken.
-
-    Example: two branches with no way back need two walks.
-
-    >>> fork = Arcs(3, np.array([0, 0]), np.array([1, 2]), np.ones(2, int), np.ones(2, int), np.array([1, 2]))
-    >>> passages(fork).beginnings, passages(fork).shortest
-    (2, 2)
-    """
+    """Return the cheapest way found for the fewest walks to take each arc as often as it must be taken."""
     closed = _closed(arcs)
     component = components(arcs.n_nodes + 1, arcs.sources, arcs.targets)  # the last one is the pause
     between = _between(closed, component)
@@ -67,11 +60,7 @@ def passages(arcs: Arcs) -> Passages:
 
 
 def least_cost(arcs: Arcs) -> int:
-    """Return what walks that take each arc as often as it must be taken cost at least, however many they are.
-
-    >>> least_cost(Arcs(2, np.array([0]), np.array([1]), np.ones(1, int), np.ones(1, int), np.array([1])))
-    1
-    """
+    """Return what walks that take each arc as often as it must be taken cost at least, however many they are."""
     closed = _closed(arcs)
     closed.least[-1] = 1
     return int(_circulation(closed, _UNLIMITED) @ closed.costs)
@@ -118,12 +107,7 @@ def _between(closed: Arcs, component: Integers) -> Integers:
 
 
 def _circulation(closed: Arcs, most: int) -> Integers:
-    """Return the cheapest passages that leave every node as often as they enter it, shape (n_arcs,).
-
-    Args:
-        closed: the network.
-        most: most passages of the last arc.
-    """
+    """Return the cheapest passages that leave every node as often as they enter it, shape (n_arcs,)."""
     from ortools.graph.python.min_cost_flow import SimpleMinCostFlow
 
     surplus = np.bincount(closed.targets, weights=closed.least, minlength=closed.n_nodes)

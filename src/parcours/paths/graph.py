@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,10 @@ from parcours.model.structure import Machine, Transition
 
 Walk = tuple[int, ...]
 """Edges of a graph, one after the other."""
+
+Edge = TypeVar("Edge")
+Node = TypeVar("Node", bound=Hashable)
+Came: TypeAlias = dict[Node, tuple[Edge, Node] | None]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -64,13 +69,8 @@ def graph_of(machine: Machine) -> Graph:
     leaving: dict[str, list[Transition]] = {}
     for transition in machine.transitions:
         leaving.setdefault(transition.source, []).append(transition)
-    number = {machine.initial: 0}
-    queue = [machine.initial]
-    for state in queue:
-        for transition in leaving.get(state, ()):
-            if transition.target not in number:
-                number[transition.target] = len(number)
-                queue.append(transition.target)
+    reached = breadth_first([machine.initial], lambda state: ((each, each.target) for each in leaving.get(state, ())))
+    number = {state: place for place, state in enumerate(reached)}
     edges = [transition for transition in machine.transitions if transition.source in number]
     sources = [number[transition.source] for transition in edges]
     targets = [number[transition.target] for transition in edges]
@@ -96,17 +96,41 @@ def stranded(n_states: int, sources: Sequence[int], targets: Sequence[int], ends
     >>> stranded(3, [0, 0], [1, 2], ends=[1])
     (2,)
     """
-    entering: list[list[int]] = [[] for _ in range(n_states)]
-    for source, target in zip(sources, targets, strict=True):
-        entering[target].append(source)
-    queue = list(ends)
-    returning = set(queue)
-    for state in queue:
-        for source in entering[state]:
-            if source not in returning:
-                returning.add(source)
-                queue.append(source)
+    entering: list[list[tuple[int, int]]] = [[] for _ in range(n_states)]
+    for edge, (source, target) in enumerate(zip(sources, targets, strict=True)):
+        entering[target].append((edge, source))
+    returning = set(breadth_first(ends, entering.__getitem__))
     return tuple(state for state in range(n_states) if state not in returning)
+
+
+def breadth_first(
+    begin: Iterable[Node], onward: Callable[[Node], Iterable[tuple[Edge, Node]]], came: Came[Node, Edge] | None = None
+) -> Iterator[Node]:
+    """Yield the nodes that can be reached, nearest first.
+
+    Args:
+        begin: where the search starts.
+        onward: the edges that leave a node, each with the node that it enters.
+        came: gets for each node the edge by which it was reached first, and from where; None where the search starts.
+    """
+    came = {} if came is None else came
+    came |= dict.fromkeys(begin)
+    queue = list(came)
+    for node in queue:  # grows while it is read
+        yield node
+        for edge, target in onward(node):
+            if target not in came:
+                came[target] = edge, node
+                queue.append(target)
+
+
+def way_to(node: Node, came: Came[Node, Edge]) -> list[Edge]:
+    """Return the edges from where a search started to a node that it reached."""
+    way = []
+    while (step := came[node]) is not None:
+        edge, node = step
+        way.append(edge)
+    return way[::-1]
 
 
 def components(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -10,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from parcours.paths.graph import components
+from parcours.paths.graph import Came, breadth_first, components, way_to
 
 if TYPE_CHECKING:
     from scipy.optimize import OptimizeResult
@@ -90,33 +89,18 @@ def _inner(arcs: Arcs, component: Integers) -> list[list[tuple[int, int]]]:
 def _reached(
     leaving: list[list[tuple[int, int]]], begin: Iterable[int], where: Integers
 ) -> Iterator[tuple[int, int, list[int]]]:
-    """Yield (first node of the way, node met, arcs of the way) for each group, breadth first.
-
-    A way begins at a node of `begin`.
-    """
-    came: dict[int, tuple[int, int] | None] = dict.fromkeys(begin)
-    wanted = set(where[where > 0].tolist())
-    goal = where.tolist()
-    queue = deque(came)
-    while queue and wanted:
-        node = queue.popleft()
-        for arc, target in leaving[node]:
-            if target in came:
-                continue
-            came[target] = (arc, node)
-            queue.append(target)
-            if goal[target] in wanted:
-                wanted.discard(goal[target])
-                yield _way(came, target)
-
-
-def _way(came: dict[int, tuple[int, int] | None], met: int) -> tuple[int, int, list[int]]:
-    way = []
-    node = met
-    while (step := came[node]) is not None:
-        arc, node = step
-        way.append(arc)
-    return node, met, way[::-1]
+    """Yield (first node of the way, node met, arcs of the way) for each group, breadth first from `begin`."""
+    came: Came[int, int] = {}
+    wanted, goal = set(where[where > 0].tolist()), where.tolist()
+    first: dict[int, int] = {}
+    for node in breadth_first(begin, leaving.__getitem__, came):
+        step = came[node]
+        first[node] = node if step is None else first[step[1]]
+        if step is not None and goal[node] in wanted:
+            wanted.discard(goal[node])
+            yield first[node], node, way_to(node, came)
+        if not wanted:
+            return
 
 
 def tightened(arcs: Arcs, known: Integers, shortest: int) -> tuple[Integers, int]:

@@ -71,15 +71,6 @@ class ModelSpace:
     Attributes:
         machines: the machines that move, by Component.machine, in the order of `Configuration.states`.
         initial: every machine in its initial state, every queue empty.
-
-    >>> from parcours.model import parse_model
-    >>> lamp = parse_model("{parcours: model/1, name: m, components: {A: {variables: {n: {type: int, initial: 0}}, "
-    ...     "machines: {f: {initial: s, transitions: {on: {from: s, to: s, guard: n < 1, action: n := n + 1}}}}}}}")
-    >>> space = ModelSpace(lamp)
-    >>> here = space.place(space.initial)
-    >>> [option] = space.options(here)
-    >>> space.options(option.after(space, here))
-    ()
     """
 
     def __init__(self, cefsm: Cefsm, remembered: int = 0) -> None:

@@ -64,15 +64,6 @@ def cover_sequences(
     Raises:
         BadRequest: a single walk cannot visit everything, or a path of at most `max_length` edges cannot visit
             something.
-
-    Example: the loop and the way there and back make one closed path.
-
-    >>> from parcours.model.structure import Machine, Transition
-    >>> from parcours.paths.graph import graph_of
-    >>> lamp = Machine("lamp", "off", ("off", "on"), (
-    ...     Transition("t1", "off", "on"), Transition("t2", "on", "on"), Transition("t3", "on", "off")))
-    >>> cover_sequences(graph_of(lamp), [(0,), (1,), (2,)])
-    Cover(paths=((0, 1, 2),), fewest=1, shortest=3)
     """
     wanted = outermost(len(graph.edges), sequences)
     asked = set(states)

@@ -79,20 +79,6 @@ def communications(cefsm: Cefsm, criterion: str, limits: Limits | None = None) -
 
     Raises:
         BadRequest: there are too many.
-
-    >>> from parcours.model import parse_model
-    >>> bell = parse_model('''
-    ... parcours: model/1
-    ... name: bell
-    ... messages: {Ring: {fields: {}}}
-    ... channels:
-    ...   wire: {from: Button, to: Bell, message: Ring}
-    ... components:
-    ...   Button: {machines: {push: {initial: s, transitions: {b1: {from: s, to: s, message: wire}}}}}
-    ...   Bell: {machines: {sound: {initial: s, transitions: {r1: {from: s, to: s, event: wire(it)}}}}}
-    ... ''')
-    >>> [str(requirement) for requirement in communications(bell, "rendezvous")]
-    ['b1 -> r1']
     """
     wires = wiring(cefsm)
     if criterion == "rendezvous":

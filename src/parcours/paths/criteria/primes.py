@@ -17,7 +17,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 
 from parcours.paths.criteria.limits import Limits, Tally
-from parcours.paths.graph import Graph, components
+from parcours.paths.graph import Came, Graph, breadth_first, components, way_to
 
 NEVER = -1
 """The `missing` states of a search that only completes by goal edges."""
@@ -191,19 +191,10 @@ def _shortest_trip(
     start: int, inner: Sequence[Sequence[int]], targets: Sequence[int], tally: Tally
 ) -> tuple[int, ...] | None:
     """Return the fewest edges from a state back to itself, None if there is no way."""
-    came: dict[int, tuple[int, int]] = {}
-    queue = [start]
-    for state in queue:
+    came: Came[int, int] = {}
+    for state in breadth_first([start], lambda state: ((edge, targets[edge]) for edge in inner[state]), came):
         for edge in inner[state]:
             tally.tick()
-            target = targets[edge]
-            if target == start:
-                trip = [edge]
-                while state != start:
-                    state, edge = came[state]
-                    trip.append(edge)
-                return tuple(reversed(trip))
-            if target not in came:
-                came[target] = state, edge
-                queue.append(target)
+            if targets[edge] == start:
+                return (*way_to(state, came), edge)
     return None

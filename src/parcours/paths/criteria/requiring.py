@@ -71,12 +71,6 @@ def requirements(
     Raises:
         BadRequest: no criterion is written like that; there are too many requirements, and how many had been found; or
             the criterion does not fit what it is asked of.
-
-    >>> from parcours.model.structure import Transition
-    >>> lamp = Machine("lamp", "off", ("off", "on"), (
-    ...     Transition("t1", "off", "on"), Transition("t2", "on", "off")))
-    >>> [str(requirement) for requirement in requirements(lamp, "edge-pair")]
-    ['t1 t2', 't2 t1']
     """
     chosen = parse_criterion(criterion) if isinstance(criterion, str) else criterion
     if chosen.family == "communication":

@@ -57,12 +57,6 @@ def measure(
 
     Raises:
         BadRequest: as for `requirements`; or a sequence names a transition that the model does not have.
-
-    >>> from parcours.model.structure import Transition
-    >>> lamp = Machine("lamp", "off", ("off", "on"), (
-    ...     Transition("t1", "off", "on"), Transition("t2", "on", "off")))
-    >>> [str(requirement) for requirement in measure(lamp, "edge-pair", ["t1", "t2"]).missed]
-    ['t2 t1']
     """
     checked(tours)
     chosen = parse_criterion(criterion) if isinstance(criterion, str) else criterion

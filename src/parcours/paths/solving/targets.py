@@ -22,15 +22,7 @@ Node = tuple[str, int]
 
 
 class Targets:
-    """What a machine's runs are to visit.
-
-    >>> lamp = Machine("lamp", "off", ("off", "on"), (
-    ...     Transition("t1", "off", "on"), Transition("t2", "on", "off")))
-    >>> wanted = [Requirement("lamp", "transitions", ("t1", "t2")), Requirement("lamp", "state", ("on",))]
-    >>> targets = Targets(lamp, wanted)
-    >>> [str(need) for need in targets.met(["t1"])], [str(need) for need in targets.met(["t1", "t2"])]
-    (['on'], ['t1 t2', 'on'])
-    """
+    """What a machine's runs are to visit."""
 
     def __init__(self, machine: Machine, requirements: Sequence[Requirement]) -> None:
         self.machine, self.requirements = machine, tuple(dict.fromkeys(requirements))

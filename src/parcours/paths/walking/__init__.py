@@ -4,7 +4,7 @@ from parcours.paths.spaces import GraphSpace, ModelSpace, part_of
 from parcours.paths.walking.conditions import parse_condition
 from parcours.paths.walking.graphwalker import parse_generators
 from parcours.paths.walking.walk import Phase, Step, Walk, phase
-from parcours.paths.walking.walkers import WALKERS, Ending, Planned, Walker
+from parcours.paths.walking.walkers import WALKERS, Ending, Planned
 
 __all__ = [
     "WALKERS",
@@ -15,7 +15,6 @@ __all__ = [
     "Planned",
     "Step",
     "Walk",
-    "Walker",
     "parse_condition",
     "parse_generators",
     "part_of",

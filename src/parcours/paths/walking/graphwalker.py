@@ -75,9 +75,6 @@ def parse_generators(text: str, machines: Machines, predefined: Sequence[str] = 
     Raises:
         BadRequest: the text is not in that language, names an unknown generator or condition, or asks for a
             predefined path where none is given.
-
-    >>> [str(phase.until) for phase in parse_generators("random(length(9)) a_star(reached_vertex(v_X))", ())]
-    ['steps>=9', 'reached(v_X)']
     """
     reader = TokenReader(text, "generator", "random(edge_coverage(100))")
     phases: list[Phase] = []

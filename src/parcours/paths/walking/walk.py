@@ -96,15 +96,6 @@ class Walk:
 
     Raises:
         BadRequest: a condition names no criterion, state or transition of the space.
-
-    Example: a lamp that burns out.
-    >>> from parcours.model import parse_model
-    >>> from parcours.paths.walking import ModelSpace
-    >>> lamp = parse_model("{parcours: model/1, name: m, components: {A: {machines: {f: {initial: off, transitions: "
-    ...     "{up: {from: off, to: on}, down: {from: on, to: off}, burn: {from: on, to: dead}}}}}}}")
-    >>> walk = Walk(ModelSpace(lamp), [phase("guided", "edge>=100%")], np.random.default_rng(1))
-    >>> [str(step.move) for step in walk], walk.restarts, walk.ended.name
-    (['up', 'down', 'up', 'burn'], 0, 'HELD')
     """
 
     def __init__(

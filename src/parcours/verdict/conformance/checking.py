@@ -65,28 +65,6 @@ class Checker:
         components: the names of the model's components.
         deviation: the first one, once there was one.
         n_outside: events on channels that the model does not name.
-
-    Example: a lamp that switches on twice.
-
-    >>> from parcours.model import parse_model
-    >>> lamp = parse_model('''
-    ... parcours: model/1
-    ... name: lamp
-    ... components:
-    ...   Lamp:
-    ...     machines:
-    ...       light:
-    ...         initial: off
-    ...         transitions:
-    ...           switch_on: {from: off, to: on}
-    ...           switch_off: {from: on, to: off}
-    ... ''')
-    >>> checker = Checker(lamp, component="Lamp")
-    >>> [str(each) for each in checker.expected()]
-    ['take switch_on']
-    >>> checker.observe(TraceEvent(0, "take", "Lamp", "switch_on"))
-    >>> print(checker.observe(TraceEvent(1_000_000, "take", "Lamp", "switch_on")))
-    event 1 at 1.000 ms, Lamp: switch_on cannot be taken here; expected: take switch_off; after switch_on
     """
 
     def __init__(

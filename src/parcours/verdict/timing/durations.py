@@ -6,7 +6,6 @@ American Statistician 50, 1996), so none lies between a fast and a slow mode whe
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -115,49 +114,6 @@ def ordered_quantile(ordered: NDArray[np.int64], share: float) -> int:
     # a share of 0.99 is a little more than 99 %, and of 100 repeats it is rank 99 all the same
     rank = int(np.ceil(share * len(ordered) - 1e-9))
     return int(ordered[max(rank, 1) - 1])
-
-
-@dataclass(frozen=True, slots=True)
-class PeriodJitter:
-    """How regularly a periodic event comes, as JEDEC standard 65B names it. Times are in ns.
-
-    Attributes:
-        n: number of periods, one less than of events.
-        period: what each period is compared with: the nominal one or, without one, their mean.
-        rms: root of the mean squared deviation from it.
-        peak: the greatest deviation from it.
-        cycle_to_cycle: the greatest difference of two periods in a row; 0 if n is 1.
-    """
-
-    n: int
-    period: float
-    rms: float
-    peak: float
-    cycle_to_cycle: int
-
-
-def period_jitter(times: Sequence[int], nominal: int | None = None) -> PeriodJitter:
-    """Return how regularly an event came.
-
-    Args:
-        times: when it came [ns], not decreasing, shape (n_events,), at least two.
-        nominal: the period that was meant [ns].
-
-    Raises:
-        BadRequest: there are too few, or they decrease.
-
-    >>> period_jitter([0, 100, 200, 330], nominal=100)
-    PeriodJitter(n=3, period=100.0, rms=17.320508075688775, peak=30.0, cycle_to_cycle=30)
-    """
-    stamps = np.asarray(times)
-    periods = np.diff(stamps.astype(np.int64))
-    if stamps.ndim != 1 or len(periods) == 0 or (periods < 0).any():
-        rule = "a period needs two times or more, none before the one ahead of it, but these are not such"
-        raise BadRequest("times of a periodic event", rule, slug="timing-durations")
-    period = float(periods.mean()) if nominal is None else float(nominal)
-    off = np.abs(periods.astype(float) - period)
-    cycles = int(np.abs(np.diff(periods)).max(initial=0))
-    return PeriodJitter(len(periods), period, float(np.sqrt(np.mean(off * off))), float(off.max()), cycles)
 
 
 def duration(trace: Trace) -> int:
