@@ -18,6 +18,7 @@ from parcours.model.exactness import inexact
 from parcours.model.solutions import Question
 from parcours.model.structure import Cefsm
 from parcours.paths.criteria.requirement import Requirement
+from parcours.paths.graph import Came, way_to
 from parcours.paths.solving.targets import Node, Targets
 from parcours.paths.spaces import ModelSpace, Place
 
@@ -112,8 +113,8 @@ class Exploration:
     def _onward(self, here: Position, wanted: Wanted) -> Found | None:
         """Return the shortest way to a wanted node, with where it ends and what it meets."""
         targets = self._targets
-        came: dict[Position, tuple[Position, Move]] = {}
-        queue, seen = deque([here]), {here}
+        came: Came[Position, Move] = {here: None}
+        queue = deque([here])
         while queue:
             place = queue.popleft()
             if time.monotonic() > self._deadline:
@@ -124,19 +125,17 @@ class Exploration:
                     if id in targets.transitions:
                         node = targets.after(node, id)
                 following = (then, node)
-                if following in seen:
+                if following in came:
                     continue
-                came[following] = place, move
+                came[following] = move, place
                 if node != place[1] and wanted(node):
-                    moves, met, back = [], set(), following
-                    while back != here:
+                    met, back = set[Requirement](), following
+                    while (step := came[back]) is not None:
                         met.update(targets.at(back[1]))
-                        back, move = came[back]
-                        moves.append(move)
-                    return moves[::-1], following, met
-                seen.add(following)
+                        back = step[1]
+                    return way_to(following, came), following, met
                 queue.append(following)
-                if len(seen) > 4 * self._most:
+                if len(came) > 4 * self._most:
                     raise Full(f"more than {4 * self._most} states with what they have just met")
         return None
 

@@ -35,12 +35,17 @@ LOOPS = 50
 
 
 class Prefixes:
-    """One solver that walks along the paths of a machine; the other machines of its component stand still."""
+    """One solver that walks along the paths of a machine; the other machines of its component stand still.
+
+    `allowed` are the transitions that the machine can take by itself; `doubt` says why not having found a path proves
+    nothing, and is empty if it does.
+    """
 
     def __init__(self, ground: Ground, component: Component, machine: Machine, seed: int) -> None:
         self._place = (0, component.name, machine.name)
         self._walk = Walk(ground, [self._place], seed=seed)
         self._ids: Ids = ()
+        # Where time counts no two paths are alike, so loops would have no end.
         self.longest = LOOPS * (len(machine.states) + len(machine.transitions)) if ground.timed else sys.maxsize
         self._transitions = {transition.id: transition for transition in machine.transitions}
         self.deadline, self.checks = time.monotonic(), 0

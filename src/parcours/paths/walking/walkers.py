@@ -15,6 +15,7 @@ from typing import Protocol
 import numpy as np
 
 from parcours.errors import BadModel
+from parcours.paths.graph import Came, way_to
 from parcours.paths.spaces import ModelSpace, Option, Place
 from parcours.paths.walking.tallies import Nodes, Tallies
 
@@ -164,40 +165,23 @@ class Guided:
 
     def _nearest(self, here: Place, nodes: Nodes, view: View) -> tuple[list[tuple[Option, int]], bool]:
         """Return the fewest moves to something wanted, none if none was found, and whether every place was seen."""
-        reached: dict[tuple[Place, Nodes], tuple[tuple[Place, Nodes], Option, int] | None] = {(here, nodes): None}
-        queue = deque(reached)
-        while queue and len(reached) < self._look_ahead:
+        came: Came[tuple[Place, Nodes], tuple[Option, int]] = {(here, nodes): None}
+        queue = deque(came)
+        while queue and len(came) < self._look_ahead:
             place, done = key = queue.popleft()
             for option in view.space.options(place):
                 onward, is_wanted = view.tallies.look(done, option.taken)
                 for choice in range(len(option.moves)):
-                    after = _after(option, view.space, place, choice)
-                    if after is None:
+                    try:
+                        after = option.after(view.space, place, choice)
+                    except BadModel:  # a move that breaks the model's own rules; the walk that takes it says so
                         continue
                     if is_wanted:
-                        return [*_way_to(key, reached), (option, choice)], False
-                    if (after, onward) not in reached:
-                        reached[after, onward] = key, option, choice
+                        return [*way_to(key, came), (option, choice)], False
+                    if (after, onward) not in came:
+                        came[after, onward] = (option, choice), key
                         queue.append((after, onward))
         return [], not queue
-
-
-def _after(option: Option, space: ModelSpace, place: Place, choice: int) -> Place | None:
-    # A move that breaks the model's own rules leads nowhere; the walk that takes it says so.
-    try:
-        return option.after(space, place, choice)
-    except BadModel:
-        return None
-
-
-def _way_to(
-    key: tuple[Place, Nodes], reached: dict[tuple[Place, Nodes], tuple[tuple[Place, Nodes], Option, int] | None]
-) -> list[tuple[Option, int]]:
-    way: list[tuple[Option, int]] = []
-    while (step := reached[key]) is not None:
-        key, option, choice = step
-        way.append((option, choice))
-    return way[::-1]
 
 
 class Planned:

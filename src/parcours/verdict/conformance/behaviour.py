@@ -69,7 +69,6 @@ class Behaviour:
         self._at = {name: at for at, name in enumerate(self.reads)}
         self._slots = {id: self._steps.layout.sites[id].slot for id in self.transitions}
         layout = self._steps.layout
-        self._others = {at for at, (name, _) in enumerate(layout.machines) if name == _OTHERS}
         self._queues = {name: at for name, at in layout.queue.items() if name in self._at or name in self.sends}
         self._answers = _answers(cefsm, component) if allowance.conversations else {}
         self._local: dict[object, tuple[After, ...]] = {}
@@ -86,23 +85,16 @@ class Behaviour:
     def initial(self, *, apart: bool = False) -> tuple[State, ...]:
         """Return the states it may begin in: all machines running, or `apart`, any one of them alone."""
         begin = self._steps.layout.initial()
+        *own, stub = begin.states
+        alone = [[name if at == slot else "" for at, name in enumerate(own)] for slot in range(len(own))]
         empty: Inbox = ((),) * len(self.reads)
-        if not apart:
-            return (State(begin.states, begin.values, empty),)
-        own = [slot for slot in range(len(begin.states)) if slot not in self._others]
-        alone = [
-            tuple(name if at == slot or at in self._others else "" for at, name in enumerate(begin.states))
-            for slot in own
-        ]
-        return tuple(State(states, begin.values, empty) for states in alone)
+        return tuple(State((*states, stub), begin.values, empty) for states in (alone if apart else [own]))
 
     def content(self, channel: str, fields: dict[str, object]) -> Message:
         """Return the observed fields of a message that guards can read, as the model's steps want them."""
         known = self._fields.get(channel, frozenset())
-        scalars = (bool, int, float, str)
-        return tuple(
-            sorted((name, value) for name, value in fields.items() if name in known and isinstance(value, scalars))
-        )
+        seen = (each for each in fields.items() if each[0] in known and isinstance(each[1], bool | int | float | str))
+        return tuple(sorted(seen))
 
     def take(self, state: State, id: str) -> Iterator[State]:
         """Yield the states after the transition `id`; none if it cannot be taken."""

@@ -7,7 +7,7 @@ seen before from the same set is one look-up.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from typing import Literal, NamedTuple
 
 from parcours.model.configuration import Message
@@ -36,15 +36,18 @@ class Edge(NamedTuple):
 
 
 class Node:
-    """A set of states, what follows it, and what of it is known already."""
+    """A set of states, what follows it, and what of it is known already.
 
-    __slots__ = ("_expected", "_owed", "doubt", "edges", "states")
+    `doubt` says why there may be more states, reached by steps that nobody sees; `edges` what each observation led to.
+    """
+
+    __slots__ = ("doubt", "edges", "expected", "owed", "states")
 
     def __init__(self, states: frozenset[State], doubt: str) -> None:
         self.states, self.doubt = states, doubt
         self.edges: dict[object, Edge] = {}
-        self._owed: dict[str, bool] = {}
-        self._expected: tuple[Expectation, ...] | None = None
+        self.owed: dict[str, bool] = {}
+        self.expected: tuple[Expectation, ...] | None = None
 
     def keep(self, key: object, edge: Edge) -> Edge:
         """Remember where an observation leads, and return it."""
@@ -52,18 +55,6 @@ class Node:
             self.edges.clear()
         self.edges[key] = edge
         return edge
-
-    def owed(self, channel: str, compute: Callable[[], bool]) -> bool:
-        """Return whether a message must come on the channel, remembered."""
-        if channel not in self._owed:
-            self._owed[channel] = compute()
-        return self._owed[channel]
-
-    def expected(self, compute: Callable[[], tuple[Expectation, ...]]) -> tuple[Expectation, ...]:
-        """Return what may come next, remembered."""
-        if self._expected is None:
-            self._expected = compute()
-        return self._expected
 
 
 class Tracker:
@@ -117,14 +108,18 @@ class Tracker:
 
     def expected(self, node: Node) -> tuple[Expectation, ...]:
         """Return what the model lets come next, sorted."""
-        return node.expected(lambda: tuple(sorted(set(self._expectations(node)), key=str)))
+        if node.expected is None:
+            node.expected = tuple(sorted(set(self._expectations(node)), key=str))
+        return node.expected
 
     def owes(self, node: Node, channel: str) -> bool:
         """Return whether a message must come on the channel, whatever the component does, if nothing else reaches it.
 
         What can happen again and again is taken to happen: a loop that may be left is left.
         """
-        return node.owed(channel, lambda: all(self._owes(state, channel) for state in node.states))
+        if channel not in node.owed:
+            node.owed[channel] = all(self._owes(state, channel) for state in node.states)
+        return node.owed[channel]
 
     def running(self, node: Node, id: str) -> Node:
         """Return the set without the states in which the machine of a transition does not run."""
