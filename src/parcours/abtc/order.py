@@ -41,7 +41,7 @@ class Order:
         """Return the order of some paths.
 
         Args:
-            paths: for each path the names of its events; equal names are told apart by a number.
+            paths: for each path the names of its events; equal names get a number.
             before: (earlier, later) places, such as a send and its receive.
             together: pairs of places that are one event, a rendezvous in one step.
 
@@ -66,7 +66,7 @@ class Order:
                 needs[later].add(earlier)
         for earlier_place, later_place in before:
             needs[number[_root(same, later_place)]].add(number[_root(same, earlier_place)])
-        names = _told_apart(["+".join(group) for group in groups.values()])
+        names = _numbered(["+".join(group) for group in groups.values()])
         order = cls(names, lines, tuple(tuple(sorted(each)) for each in needs))
         order._refuse_circles()
         return order
@@ -181,7 +181,7 @@ def _root(parents: dict[Node, Node], one: Node) -> Node:
     return one
 
 
-def _told_apart(names: Sequence[str]) -> tuple[str, ...]:
+def _numbered(names: Sequence[str]) -> tuple[str, ...]:
     # Equal names get a number; one that a given name already has is passed over.
     often, used, last = Counter(names), set(names), Counter[str]()
     found = []

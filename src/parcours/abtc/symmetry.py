@@ -53,7 +53,7 @@ def representatives(cefsm: Cefsm, cases: Iterable[AbstractCase]) -> Iterator[tup
 
     The orbit is counted in full: all cases that exchanging the names of interchangeable components makes of
     it, also those that were not given. Three alike obstacles have nine start vectors that are in order of
-    starting; with the names told apart they are 37, and the nine already represent them.
+    starting; with the names kept apart they are 37, and the nine already represent them.
 
     Args:
         cefsm: the model.
@@ -179,7 +179,7 @@ def _is_sorted(run: Run) -> bool:
 
 
 def _arrangements(runs: list[Run], classes: tuple[tuple[str, ...], ...]) -> int:
-    # Whoever starts together and runs the same path is told apart by name only.
+    # References that start together and run the same path differ by name only.
     alike = Counter((at, kind, form) for at, run in enumerate(runs) for kind, form, _ in run)
     ways = prod(factorial(len(members)) for members in classes)
     return ways // prod(factorial(count) for (_, kind, _), count in alike.items() if isinstance(kind, int))

@@ -18,7 +18,7 @@ from parcours.paths.joining import Arcs, Integers, groups, tightened, ways_there
 
 _UNLIMITED = 1 << 31
 _ROUNDS = 8
-"""How often cycles are joined by solving anew before they are joined by going there and back."""
+"""How often cycles are joined by solving again before they are joined by going there and back."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -95,7 +95,7 @@ ANSWERS = {
 
 
 def _reached(flow: Dataflow, paths: Sequence[Sequence[int]], *, simple: bool) -> set[Pair]:
-    """Return the definitions and uses between which a path does not define the variable anew."""
+    """Return the definitions and uses between which a path does not define the variable again."""
     found: set[Pair] = set()
     for path in paths:
         since = distinct_since(states_of(flow.graph, path))

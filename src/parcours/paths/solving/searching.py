@@ -31,7 +31,7 @@ CHECK_SECONDS = 2.0
 """Longest time for one question to the solver [s]."""
 
 LOOPS = 50
-"""Where time counts, a path takes at most so many transitions for each state and transition of the machine."""
+"""Where time counts, a path takes at most this many transitions for each state and transition of the machine."""
 
 
 class Prefixes:

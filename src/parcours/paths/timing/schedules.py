@@ -43,7 +43,7 @@ class Schedule:
 
     @property
     def latest(self) -> tuple[float, ...]:
-        """The latest time of each transition [s]: its deadline, infinite if there is none."""
+        """The latest time of each transition [s]: its deadline, infinite without one."""
         return tuple(float("inf") if each.latest is None else float(each.latest) for each in self.windows)
 
 

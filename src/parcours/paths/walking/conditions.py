@@ -5,8 +5,8 @@
     one       = "(" condition ")" | CRITERION ">=" NUMBER "%" | "steps" ">=" NUMBER | "restarts" ">=" NUMBER
               | NUMBER UNIT | "reached" "(" STATE ")" | "taken" "(" TRANSITION ")" | "never"
 
-Criteria are written as in `parcours.paths.grammar`; units are ms, s, min and h. A state is its name, also with its
-machine or component before it (`Planner.idle`). What is no plain word stands in quotes.
+Criteria are written as in `parcours.paths.criteria.grammar`; units are ms, s, min and h. A state is its name, also
+with its machine or component before it (`Planner.idle`). What is not a plain word stands in quotes.
 """
 
 from __future__ import annotations

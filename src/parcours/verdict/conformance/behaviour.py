@@ -206,7 +206,7 @@ class Behaviour:
             try:
                 after = self._steps.step(here, move)
             except BadModel as error:
-                if error.slug != "out-of-range":  # a step that would leave a domain is none
+                if error.slug != "out-of-range":  # a step that would leave a domain cannot be taken
                     raise
                 continue
             left = [list(queue) for queue in after.queues]

@@ -55,7 +55,7 @@ def summary(durations: ArrayLike, bound: Bound | None = None) -> Timing:
         bound: its limit says what a miss is.
 
     Raises:
-        BadRequest: there is none, or one is negative or no number.
+        BadRequest: there is no duration, or one is negative or not a number.
 
     >>> from parcours.verdict.timing.bounds import parse_bound
     >>> timing = summary([2_000_000, 3_000_000, 9_000_000, 2_000_000], parse_bound("every < 5 ms"))
@@ -83,7 +83,7 @@ def checked(durations: ArrayLike) -> NDArray[np.int64]:
     """Return durations as whole nanoseconds, shape (n_repeats,).
 
     Raises:
-        BadRequest: there is none, or one is negative or no number.
+        BadRequest: there is no duration, or one is negative or not a number.
     """
     given = np.asarray(durations)
     if given.size == 0:

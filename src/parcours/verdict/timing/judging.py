@@ -38,7 +38,7 @@ def judge(durations: ArrayLike, bound: Bound, noise: Noise | None = None) -> Jud
         noise: of the same run, measured between its repeats; without it the judgement says so.
 
     Raises:
-        BadRequest: there is none, or one is negative or no number.
+        BadRequest: there is no duration, or one is negative or not a number.
 
     >>> from parcours.verdict.timing.bounds import parse_bound
     >>> judge([4_000_000] * 298 + [6_000_000], parse_bound("p95 < 5 ms")).why
