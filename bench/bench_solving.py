@@ -11,7 +11,7 @@ import time
 
 from parcours.model import parse_model
 from parcours.model.structure import Cefsm
-from parcours.paths.solving.ground import Ground
+from parcours.paths.solving.reading import Ground
 from parcours.paths.solving.walk import Walk
 from parcours.paths.timing import schedule
 from parcours.paths.timing.events import Event, events_of

@@ -16,7 +16,7 @@ import numpy as np
 import parcours_ramp
 from parcours.model import read_model
 from parcours.model.structure import Cefsm, Component, Machine, Transition
-from parcours.paths.walking import WALKERS, GraphSpace, ModelSpace, Space, Walk, phase
+from parcours.paths.walking import WALKERS, GraphSpace, ModelSpace, Walk, phase
 
 RAMP = Path(parcours_ramp.__file__).parent / "components" / "model.yaml"
 
@@ -31,7 +31,7 @@ def random_machine(n_transitions: int) -> Cefsm:
     return Cefsm("bench", (Component("A", (machine,)),))
 
 
-def measure(what: str, space: Space, walker: str, until: str) -> float:
+def measure(what: str, space: ModelSpace, walker: str, until: str) -> float:
     """Walk, print what it took, and return the time for one step [s]."""
     walk = Walk(space, [phase(walker, until)], np.random.default_rng(1))
     began = time.perf_counter()

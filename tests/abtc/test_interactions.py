@@ -3,7 +3,7 @@ from __future__ import annotations
 import pytest
 
 from parcours.abtc import component_graph, interaction_paths
-from parcours.abtc.interactions import edge_pairs, hub
+from parcours.abtc.interactions import hub
 from parcours.errors import BadRequest
 from parcours.model.structure import ENVIRONMENT, Cefsm, Channel, Component
 
@@ -50,10 +50,6 @@ def test_components_without_channels_run_together_without_hops() -> None:
 def test_a_model_without_channels_has_no_hub_and_among_equals_the_first_is_it() -> None:
     assert hub(model()) is None
     assert hub(model(("C", "B"), ("B", "C"))) == "B"
-
-
-def test_edge_pairs_include_the_way_back() -> None:
-    assert edge_pairs(model(("A", "B"), ("B", "A"))) == (("A", "B", "A"), ("B", "A", "B"))
 
 
 def test_an_unknown_criterion_is_refused() -> None:

@@ -85,7 +85,7 @@ def test_no_cover_has_fewer_paths_or_as_few_with_fewer_edges(task: tuple[Graph, 
 @given(tasks())
 def test_where_the_network_is_large_the_bound_on_the_length_is_one(task: tuple[Graph, list[Walk]]) -> None:
     graph, sequences = task
-    with patch("parcours.paths.tightening.LARGEST", 0):
+    with patch("parcours.paths.joining.LARGEST", 0):
         cover = cover_sequences(graph, sequences)
     fewest, shortest = optimum(graph, sequences)
     assert len(cover.paths) == cover.fewest == fewest
@@ -103,7 +103,7 @@ def test_every_sequence_is_visited_by_runs_from_start_to_end(task: tuple[Graph, 
 @given(tasks())
 def test_cycles_are_joined_also_by_going_there_and_back(task: tuple[Graph, list[Walk]]) -> None:
     graph, sequences = task
-    with patch("parcours.paths.flow._ROUNDS", 0), patch("parcours.paths.tightening.LARGEST", 0):
+    with patch("parcours.paths.flow._ROUNDS", 0), patch("parcours.paths.joining.LARGEST", 0):
         cover = cover_sequences(graph, sequences)
     assert len(cover.paths) == optimum(graph, sequences)[0]
     assert all(is_run(graph, path) for path in cover.paths)

@@ -11,10 +11,9 @@ from parcours.errors import BadModel, BadRequest
 from parcours.model import enabled, initial, parse_model, step
 from parcours.model.structure import Cefsm, Component, Machine, Transition
 from parcours.paths import measure
+from parcours.paths import spaces as spaces_module
 from parcours.paths.walking import WALKERS, Ending, GraphSpace, ModelSpace, Phase, Planned, Walk, part_of, phase
-from parcours.paths.walking import spaces as spaces_module
 from parcours.paths.walking.conditions import Never, parse_condition
-from parcours.paths.walking.spaces import Space
 from parcours.paths.walking.walkers import Guided
 
 GATE = parse_model("""
@@ -246,7 +245,7 @@ def test_a_move_that_breaks_the_models_rules_is_said() -> None:
 
 
 @pytest.mark.parametrize("space", [GraphSpace, ModelSpace])
-def test_forgetting_places_changes_no_walk(space: type[Space], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_forgetting_places_changes_no_walk(space: type[ModelSpace], monkeypatch: pytest.MonkeyPatch) -> None:
     def moves() -> list[str]:
         return [str(each) for each in Walk(space(GATE), [phase("least-visited", "steps>=300")], chance())]
 

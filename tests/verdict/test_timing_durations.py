@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from itertools import pairwise
 
-import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -13,7 +12,7 @@ from parcours.errors import BadRequest
 from parcours.run.clocks import ClockName
 from parcours.run.trace import Trace, TraceEvent
 from parcours.verdict.statistics import wilson
-from parcours.verdict.timing import NEVER, duration, parse_bound, period_jitter, summary, wall_durations
+from parcours.verdict.timing import NEVER, duration, parse_bound, summary
 
 rows = st.lists(st.integers(0, 10**12), min_size=1, max_size=300)
 
@@ -59,37 +58,14 @@ def test_long_durations_do_not_overflow() -> None:
     assert summary([0, NEVER - 1]).peak_to_peak == NEVER - 1
 
 
-def test_a_regular_event_has_no_jitter_and_a_late_one_has_that_of_its_lateness() -> None:
-    regular = period_jitter(range(0, 1000, 100))
-    assert (regular.n, regular.period, regular.rms, regular.peak, regular.cycle_to_cycle) == (9, 100.0, 0.0, 0.0, 0)
-    # one event 20 late: one period longer, the next as much shorter
-    late = period_jitter([0, 100, 220, 300, 400], nominal=100)
-    assert (late.peak, late.cycle_to_cycle) == (20.0, 40)
-    assert late.rms == pytest.approx(np.sqrt((400 + 400) / 4))
-
-
-def test_a_steady_drift_is_no_jitter_about_the_mean_but_off_the_nominal_period() -> None:
-    times = list(range(0, 1010, 101))
-    assert period_jitter(times).peak == 0.0
-    assert period_jitter(times, nominal=100).peak == 1.0
-
-
-@pytest.mark.parametrize("times", [[], [5], [5, 4], [[1, 2], [3, 4]]])
-def test_what_has_no_period_is_refused(times: list[int]) -> None:
-    with pytest.raises(BadRequest, match=r"\[timing-durations\]"):
-        period_jitter(times)
-
-
 def test_durations_of_simulated_time_are_refused_by_name() -> None:
     simulated = trace("simulated", (0, "p1"), (3, "p2"))
-    for ask in (duration, lambda given: wall_durations(given, "p1", "p2")):
-        with pytest.raises(BadRequest, match=r"trace of c1: .*its clock is 'simulated'.*\[simulated-duration\]"):
-            ask(simulated)
+    with pytest.raises(BadRequest, match=r"trace of c1: .*its clock is 'simulated'.*\[simulated-duration\]"):
+        duration(simulated)
 
 
 def test_durations_of_wall_time_are_told() -> None:
     wall = trace("wall", (2, "p1"), (5, "p2"), (9, "p1"), (10, "p2"))
     assert duration(wall) == 8
-    assert wall_durations(wall, "p1", "p2") == (3, 1)
     with pytest.raises(BadRequest, match=r"\[empty-trace\]"):
         duration(trace("wall"))

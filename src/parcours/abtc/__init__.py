@@ -1,33 +1,38 @@
-"""Internal paths -> abstract test cases: interactions (ITPs), rendezvous (RCC), serialisation (RSA, APSESCC)."""
+"""Abstract test cases: interactions (ITPs), rendezvous (RCC), serialisation (RSA, APSESCC)."""
 
-from parcours.abtc.combining import Combination, Combinations, Dropped, combinations
-from parcours.abtc.executions import order_of, order_of_case, side_by_side
-from parcours.abtc.interactions import InteractionPath, component_graph, interaction_paths
-from parcours.abtc.interleaving import Serialised, count_sequences, measure_sequences, sample_sequences, sequences
-from parcours.abtc.notation import notation
+from parcours.abtc.combining import combinations
+from parcours.abtc.interactions import component_graph, interaction_paths
+from parcours.abtc.interleaving import (
+    count_sequences,
+    measure_sequences,
+    order_of,
+    order_of_case,
+    sample_sequences,
+    sequences,
+    side_by_side,
+)
 from parcours.abtc.order import Order
-from parcours.abtc.points import POLICIES, Policy
-from parcours.abtc.rendezvous import Meeting, Rendezvous, meetings, rendezvous_pairs
+from parcours.abtc.rendezvous import meetings, rendezvous_pairs
 from parcours.abtc.requiring import require_cases
 from parcours.abtc.sequencing import Emission, Event, Reception, serialise
-from parcours.abtc.serialising import AbstractCase, Start, abstract_cases, case_counts, find_case, serialisations
+from parcours.abtc.serialising import (
+    POLICIES,
+    AbstractCase,
+    Start,
+    abstract_cases,
+    case_counts,
+    find_case,
+    notation,
+)
 from parcours.abtc.symmetry import interchangeable, representatives
 
 __all__ = [
     "POLICIES",
     "AbstractCase",
-    "Combination",
-    "Combinations",
-    "Dropped",
     "Emission",
     "Event",
-    "InteractionPath",
-    "Meeting",
     "Order",
-    "Policy",
     "Reception",
-    "Rendezvous",
-    "Serialised",
     "Start",
     "abstract_cases",
     "case_counts",
@@ -47,7 +52,6 @@ __all__ = [
     "require_cases",
     "sample_sequences",
     "sequences",
-    "serialisations",
     "serialise",
     "side_by_side",
 ]

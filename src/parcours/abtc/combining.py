@@ -1,4 +1,4 @@
-"""An interaction path and internal paths -> test path combinations with a rendezvous at every hop (RCC).
+"""Test path combinations: internal paths along an interaction path, with a rendezvous at every hop (RCC).
 
 A combination names for each visit the internal paths that run there. The rendezvous coverage criterion
 (RCC) drops a combination in which two neighbours have nothing to say to each other.
@@ -71,8 +71,8 @@ def combinations(
     """Return the combinations of an interaction path that have a rendezvous at every hop, and those dropped.
 
     A component runs the same internal paths at each of its visits. Where no single path of a component
-    serves all its hops (RAMP's Control receives in tp41 and sends in tp42), its visits run the smallest set
-    of paths that does. Components that only run side by side need no rendezvous: each choice of one path
+    serves all its hops (it receives in one and sends in another), its visits run the smallest set of paths
+    that does. Components that only run side by side need no rendezvous: each choice of one path
     each is kept.
 
     Args:
@@ -82,13 +82,6 @@ def combinations(
 
     Raises:
         BadRequest: there are more than `MOST_CANDIDATES` candidates, or a component has no internal path.
-
-    >>> from importlib.resources import files
-    >>> from parcours.model import read_model
-    >>> ramp = read_model(files("parcours_ramp") / "components" / "model.yaml")
-    >>> from parcours.abtc.interactions import interaction_paths
-    >>> [str(kept) for itp in interaction_paths(ramp)[2:4] for kept in combinations(ramp, itp).kept]
-    ['(tp11, tp51, tp11)', '(tp11, tp41+tp42, tp11)']
     """
     paths = internal_paths(cefsm) if paths is None else paths
     components = list(dict.fromkeys(interaction.components))

@@ -1,4 +1,4 @@
-"""A model -> its component graph, and interaction test paths (ITPs) through it (paper, Table IV).
+"""The component graph of a model, and interaction test paths (ITPs) through it (paper, Table IV).
 
 A node of the component graph is a component; an edge is a pair of components that a channel links (Table I).
 """
@@ -18,7 +18,7 @@ TOGETHER = "together"
 
 @dataclass(frozen=True, slots=True)
 class InteractionPath:
-    """The components that take turns in an interaction, e.g. ITP1: Planner, TrajectoryGenerator, Planner."""
+    """The components that take turns in an interaction, such as ITP1: Planner, TrajectoryGenerator, Planner."""
 
     name: str
     criterion: str
@@ -27,9 +27,7 @@ class InteractionPath:
     @property
     def hops(self) -> tuple[tuple[str, str], ...]:
         """The (sender, receiver) pairs along the path; none where components only run side by side."""
-        if self.criterion == TOGETHER:
-            return ()
-        return tuple(pairwise(self.components))
+        return () if self.criterion == TOGETHER else tuple(pairwise(self.components))
 
     def __str__(self) -> str:
         return f"{self.name}: {(' || ' if self.criterion == TOGETHER else ' -> ').join(self.components)}"
@@ -38,34 +36,13 @@ class InteractionPath:
 def component_graph(cefsm: Cefsm) -> dict[tuple[str, str], tuple[Channel, ...]]:
     """Return the edges (sender, receiver) of the component graph with their channels, in file order.
 
-    The environment is no node of the graph: what it sends is test data, not an interaction.
-
-    >>> from importlib.resources import files
-    >>> from parcours.model import read_model
-    >>> ramp = read_model(files("parcours_ramp") / "components" / "model.yaml")
-    >>> len(component_graph(ramp))
-    9
+    The environment is not a node of the graph: what it sends is test data, not an interaction.
     """
     edges: dict[tuple[str, str], list[Channel]] = {}
     for channel in cefsm.channels:
         if ENVIRONMENT not in (channel.sender, channel.receiver) and channel.sender != channel.receiver:
             edges.setdefault((channel.sender, channel.receiver), []).append(channel)
     return {edge: tuple(channels) for edge, channels in edges.items()}
-
-
-def edge_pairs(cefsm: Cefsm) -> tuple[tuple[str, str, str], ...]:
-    """Return every path of two edges in the component graph: what edge-pair coverage of it would ask for.
-
-    The paper calls its four round trips edge-pair coverage; RAMP's graph has 24 such pairs in all.
-
-    >>> from importlib.resources import files
-    >>> from parcours.model import read_model
-    >>> ramp = read_model(files("parcours_ramp") / "components" / "model.yaml")
-    >>> len(edge_pairs(ramp))
-    24
-    """
-    edges = list(component_graph(cefsm))
-    return tuple((a, b, d) for a, b in edges for c, d in edges if b == c)
 
 
 def partners(cefsm: Cefsm) -> dict[str, int]:
@@ -80,13 +57,7 @@ def partners(cefsm: Cefsm) -> dict[str, int]:
 def hub(cefsm: Cefsm) -> str | None:
     """Return the component that shares channels with most others, the first in the file among equals.
 
-    RAMP's hub is its Planner. A model whose components share no channel has none.
-
-    >>> from importlib.resources import files
-    >>> from parcours.model import read_model
-    >>> ramp = read_model(files("parcours_ramp") / "components" / "model.yaml")
-    >>> hub(ramp)
-    'Planner'
+    A model whose components share no channel has no hub.
     """
     counts = partners(cefsm)
     most = max(counts.values(), default=0)
@@ -95,8 +66,7 @@ def hub(cefsm: Cefsm) -> str | None:
 
 def _round_trips(cefsm: Cefsm) -> tuple[InteractionPath, ...]:
     """One path out and back for each pair that talks both ways, from the one with more partners."""
-    edges = component_graph(cefsm)
-    counts = partners(cefsm)
+    edges, counts = component_graph(cefsm), partners(cefsm)
     order = list(counts)
     taken = {name for name, _ in cefsm.interactions}
     names = (f"ITP{number}" for number in range(1, 2 + len(edges) + len(taken)))
@@ -134,8 +104,8 @@ def interaction_paths(cefsm: Cefsm, criterion: str | None = None) -> tuple[Inter
     """Return the interaction test paths that a criterion asks for.
 
     Args:
-        cefsm: the model. criterion: a name in `CRITERIA`. By default EPC, then SPC; `together` if no two
-        components share a channel.
+        cefsm: the model.
+        criterion: a name in `CRITERIA`. By default EPC, then SPC; `together` if no two components share a channel.
 
     Raises:
         BadRequest: no criterion has that name.

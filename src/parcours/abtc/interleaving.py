@@ -1,4 +1,4 @@
-"""A partial order of paths -> its serialised execution sequences (APSESCC): counted, drawn, listed, judged.
+"""Serialised execution sequences of a partial order of paths (APSESCC): counted, drawn, listed, judged.
 
 A serialised execution sequence is a total order of the transitions of a combination that keeps each path's own
 order and every rendezvous: no receive before its send. All of them are what the all possible serialised
@@ -14,8 +14,13 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from math import comb
 
-from parcours.abtc.order import Order, Part
+from parcours.abtc.combining import Combination
+from parcours.abtc.order import Order, Part, Place
+from parcours.abtc.sequencing import serialise
+from parcours.abtc.serialising import AbstractCase
 from parcours.errors import BadRequest
+from parcours.model.structure import Cefsm
+from parcours.paths.internal import InternalPath
 
 MOST_POSITIONS = 1_000_000
 """Most positions of paths that wait for each other: about 250 MB while their sequences are counted."""
@@ -25,12 +30,12 @@ MOST_POSITIONS = 1_000_000
 class Serialised:
     """How many of some sequences are serialised execution sequences of an order.
 
-    Args:
+    Attributes:
         given: how many there were.
         legal: how many of them are serialisations; the same one given twice counts twice.
         distinct: how many different serialisations were among them, the requirements that they meet.
         required: how many serialisations there are in all.
-        faults: (index, what is wrong) of those that are none.
+        faults: (index, what is wrong) of the others.
     """
 
     given: int
@@ -38,6 +43,65 @@ class Serialised:
     distinct: int
     required: int
     faults: tuple[tuple[int, str], ...] = ()
+
+
+def side_by_side(paths: Sequence[InternalPath], *, changes_only: bool = False) -> Order:
+    """Return the order of paths that never wait for each other: each keeps its own order, and that is all.
+
+    Args:
+        paths: any internal paths.
+        changes_only: leave transitions out that stay in their state.
+    """
+    return Order.of([[path.ids[at] for at in path.changes] if changes_only else path.ids for path in paths])
+
+
+def order_of(cefsm: Cefsm, combination: Combination) -> Order:
+    """Return the order that every execution of a combination keeps: its paths' own, and its rendezvous.
+
+    What a visit receives from the visit before it, it receives in the order of sending, on each channel the
+    first reference first; what that visit does not send, the tester supplies at any time. On a channel of
+    capacity 0, send and receive are one event. An event is called by path, reference and transition.
+
+    Args:
+        cefsm: the model, which says how much a channel holds.
+        combination: an RCC combination.
+
+    Raises:
+        BadRequest: the paths would meet in a circle.
+    """
+    references = combination.references
+    sent: dict[tuple[int, str], list[Place]] = {}
+    received: dict[tuple[int, str], list[Place]] = {}
+    for reference, (visit, path) in enumerate(references):
+        for at, transition in enumerate(path.transitions):
+            for send in transition.sends:
+                sent.setdefault((visit + 1, send.channel), []).append((reference, at))
+            if transition.event is not None:
+                received.setdefault((visit, transition.event.channel), []).append((reference, at))
+    before: list[tuple[Place, Place]] = []
+    together: list[tuple[Place, Place]] = []
+    for (visit, channel), receives in received.items() if combination.meetings else ():
+        kept = before if cefsm.channel(channel).capacity else together
+        kept += zip(sent.get((visit, channel), ()), receives, strict=False)
+    names = [[f"{path.name}#{at} {id}" for id in path.ids] for at, (_, path) in enumerate(references)]
+    return Order.of(names, before, together)
+
+
+def order_of_case(case: AbstractCase) -> Order:
+    """Return the order that every execution of an abstract case keeps: what its events wait for and precede.
+
+    Raises:
+        BadSuite: references wait for each other, as in a case whose starts were edited.
+    """
+    events = serialise(case)
+    lines: list[list[int]] = [[] for _ in case.combination.references]
+    for event in events:
+        lines[event.reference].append(event.position)
+    place = {event: (path, at) for path, line in enumerate(lines) for at, event in enumerate(line)}
+    before = [(place[cause], place[event.position]) for event in events for cause in event.after]
+    before += [(place[event.position], place[event.before]) for event in events if event.before is not None]
+    names = [[f"{events[at].path}#{events[at].reference} {events[at].transition}" for at in line] for line in lines]
+    return Order.of(names, before)
 
 
 def count_sequences(order: Order, most_positions: int = MOST_POSITIONS) -> int:
@@ -52,11 +116,6 @@ def count_sequences(order: Order, most_positions: int = MOST_POSITIONS) -> int:
 
     Raises:
         BadRequest: there are more positions than that.
-
-    Example: two paths of 6 and 5 transitions; then the second has to wait for the fourth of the first.
-    >>> paths = "a1 a2 a3 a4 a5 a6".split(), "b1 b2 b3 b4 b5".split()
-    >>> count_sequences(Order.of(paths)), count_sequences(Order.of(paths, [((0, 3), (1, 0))]))
-    (462, 21)
     """
     ways, done = 1, 0
     for part in order.parts():
@@ -78,10 +137,6 @@ def sample_sequences(
 
     Raises:
         BadRequest: there are more positions than that.
-
-    >>> order = Order.of([["a1", "a2"], ["b1"]])
-    >>> [order.spelled(drawn) for drawn in sample_sequences(order, 2, seed=7)]
-    [('b1', 'a1', 'a2'), ('b1', 'a1', 'a2')]
     """
     counted = [_Counted(part, most_positions) for part in order.parts()]
     draw = random.Random(seed)
@@ -90,12 +145,7 @@ def sample_sequences(
 
 
 def sequences(order: Order) -> Iterator[tuple[int, ...]]:
-    """Yield every serialised execution sequence once, in lexicographic order, in the memory of a few sequences.
-
-    >>> order = Order.of([["a1", "a2"], ["b1"]])
-    >>> [order.spelled(sequence) for sequence in sequences(order)]
-    [('a1', 'a2', 'b1'), ('a1', 'b1', 'a2'), ('b1', 'a1', 'a2')]
-    """
+    """Yield every serialised execution sequence once, in lexicographic order, in the memory of a few sequences."""
     later, waits = order.later(), [len(needs) for needs in order.needs]
     taken: list[int] = []
     open_: list[Iterator[int]] = [iter(_ready(waits))]
@@ -128,11 +178,6 @@ def measure_sequences(order: Order, given: Iterable[Sequence[str]], most_positio
 
     Raises:
         BadRequest: there are more positions than that.
-
-    >>> order = Order.of([["a1", "a2"], ["b1"]])
-    >>> seen = measure_sequences(order, [["a1", "b1", "a2"], ["a2", "a1", "b1"], ["a1", "a2"]])
-    >>> seen.distinct, seen.required, [why for _, why in seen.faults]
-    (1, 3, ['a2 comes before a1', 'b1 is missing'])
     """
     met: set[tuple[str, ...]] = set()
     faults: list[tuple[int, str]] = []

@@ -1,10 +1,11 @@
-"""Paths side by side and what waits for what -> a partial order of events, in numbers."""
+"""A partial order of numbered events on paths: each path in its own order, and what waits for what between them."""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from graphlib import CycleError, TopologicalSorter
 from itertools import pairwise
 from typing import TypeVar
 
@@ -40,19 +41,12 @@ class Order:
         """Return the order of some paths.
 
         Args:
-            paths: for each path the names of its events; equal names are told apart by a number.
+            paths: for each path the names of its events; equal names get a number.
             before: (earlier, later) places, such as a send and its receive.
             together: pairs of places that are one event, a rendezvous in one step.
 
         Raises:
             BadRequest: events wait for each other in a circle, so that nothing can be serialised.
-
-        Example: a request that b2 waits for, and the answer that a3 is.
-        >>> order = Order.of(["a1 a2 a3".split(), "b1 b2 b3".split()], [((0, 1), (1, 1))], [((1, 2), (0, 2))])
-        >>> order.names
-        ('a1', 'a2', 'a3+b3', 'b1', 'b2')
-        >>> [order.names[need] for need in order.needs[2]]
-        ['a2', 'b2']
         """
         places = [(path, at) for path, names in enumerate(paths) for at in range(len(names))]
         same = {place: place for place in places}
@@ -72,7 +66,7 @@ class Order:
                 needs[later].add(earlier)
         for earlier_place, later_place in before:
             needs[number[_root(same, later_place)]].add(number[_root(same, earlier_place)])
-        names = _told_apart(["+".join(group) for group in groups.values()])
+        names = _numbered(["+".join(group) for group in groups.values()])
         order = cls(names, lines, tuple(tuple(sorted(each)) for each in needs))
         order._refuse_circles()
         return order
@@ -125,21 +119,16 @@ class Order:
         return [Part(self, paths) for paths in members.values()]
 
     def _refuse_circles(self) -> None:
-        later, waits = self.later(), [len(needs) for needs in self.needs]
-        ready = [event for event, count in enumerate(waits) if not count]
-        for event in ready:  # grows while it is read
-            for follower in later[event]:
-                waits[follower] -= 1
-                if not waits[follower]:
-                    ready.append(follower)
-        if len(ready) < len(self.names):
-            caught = ", ".join([name for name, count in zip(self.names, waits, strict=True) if count][:8])
+        try:
+            TopologicalSorter(dict(enumerate(self.needs))).prepare()
+        except CycleError as error:
+            caught = ", ".join(self.spelled(sorted({*error.args[1]})[:8]))
             raise BadRequest(
                 "serialised execution sequences",
                 f"no two events may wait for each other, but some of {caught} do",
                 "let the paths meet in the same order on both sides",
                 slug="circular-order",
-            )
+            ) from None
 
 
 class Part:
@@ -179,7 +168,7 @@ class Part:
             if digits[at] < len(path):
                 event = path[digits[at]]
                 stands = self._stands[event]
-                # An event of several paths is told once, for the first.
+                # An event of several paths is yielded once, for the first.
                 if (len(stands) == 1 or (stands[0][0] == at and all(digits[p] == q for p, q in stands))) and all(
                     digits[other] >= least for other, least in self._asks[event]
                 ):
@@ -192,7 +181,7 @@ def _root(parents: dict[Node, Node], one: Node) -> Node:
     return one
 
 
-def _told_apart(names: Sequence[str]) -> tuple[str, ...]:
+def _numbered(names: Sequence[str]) -> tuple[str, ...]:
     # Equal names get a number; one that a given name already has is passed over.
     often, used, last = Counter(names), set(names), Counter[str]()
     found = []

@@ -1,4 +1,4 @@
-"""A model and its internal paths -> who can meet whom on which channel (rendezvous; paper, section IV-B).
+"""Who can meet whom on which channel (rendezvous; paper, section IV-B).
 
 A rendezvous pair is a transition that sends on a channel and one that receives from it. Two paths meet
 where they hold such a pair between them.
@@ -6,7 +6,7 @@ where they hold such a pair between them.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from parcours.abtc.interactions import component_graph
@@ -45,11 +45,6 @@ def sends_on(transition: Transition, channel: str) -> bool:
     return any(send.channel == channel for send in transition.sends)
 
 
-def receives_from(transition: Transition, channel: str) -> bool:
-    """Return whether the transition is triggered by a message on the channel."""
-    return transition.event is not None and transition.event.channel == channel
-
-
 def rendezvous_pairs(cefsm: Cefsm) -> tuple[Rendezvous, ...]:
     """Return all rendezvous pairs between components, by channel in file order, sends without partner too.
 
@@ -61,15 +56,13 @@ def rendezvous_pairs(cefsm: Cefsm) -> tuple[Rendezvous, ...]:
     >>> [str(pair) for pair in rendezvous_pairs(shop)]
     ['a1 -> b1 on ask']
     """
-    found: list[Rendezvous] = []
-    for channel in _inner_channels(cefsm):
-        receivers: list[str | None] = [
-            t.id for t in _transitions(cefsm, channel.receiver) if receives_from(t, channel.name)
-        ]
-        for transition in _transitions(cefsm, channel.sender):
-            if sends_on(transition, channel.name):
-                found += [Rendezvous(channel.name, transition.id, receive) for receive in receivers or [None]]
-    return tuple(found)
+    return tuple(
+        Rendezvous(channel.name, transition.id, receive)
+        for channel in _inner_channels(cefsm)
+        for transition in cefsm.component(channel.sender).transitions()
+        if sends_on(transition, channel.name)
+        for receive in _receiving(cefsm.component(channel.receiver).transitions(), channel) or [None]
+    )
 
 
 def meetings(cefsm: Cefsm, paths: Mapping[str, Sequence[InternalPath]]) -> tuple[Meeting, ...]:
@@ -78,26 +71,22 @@ def meetings(cefsm: Cefsm, paths: Mapping[str, Sequence[InternalPath]]) -> tuple
     Args:
         cefsm: the model.
         paths: for each component its internal paths, as `parcours.paths.internal_paths` returns them.
-
-    >>> from importlib.resources import files
-    >>> from parcours.model import read_model
-    >>> ramp = read_model(files("parcours_ramp") / "components" / "model.yaml")
-    >>> from parcours.paths import internal_paths
-    >>> found = meetings(ramp, internal_paths(ramp))
-    >>> [(m.sender.name, m.receiver.name) for m in found if m.stand_in]
-    [('tp51', 'tp11'), ('tp42', 'tp11')]
     """
-    found: list[Meeting] = []
-    for channel in _inner_channels(cefsm):
-        for sender in _senders(paths, channel):
-            for receiver in paths.get(channel.receiver, ()):
-                if any(receives_from(transition, channel.name) for transition in receiver.transitions):
-                    found.append(Meeting(channel.name, sender, receiver))
-    stand_ins: list[Meeting] = []
-    for channel in _inner_channels(cefsm):
-        if not any(receives_from(t, channel.name) for t in _transitions(cefsm, channel.receiver)):
-            for receiver in _acquainted(found, channel):
-                stand_ins += [Meeting(channel.name, sender, receiver, True) for sender in _senders(paths, channel)]
+    channels = _inner_channels(cefsm)
+    found = [
+        Meeting(channel.name, sender, receiver)
+        for channel in channels
+        for sender in _senders(paths, channel)
+        for receiver in paths.get(channel.receiver, ())
+        if _receiving(receiver.transitions, channel)
+    ]
+    stand_ins = [
+        Meeting(channel.name, sender, receiver, True)
+        for channel in channels
+        if not _receiving(cefsm.component(channel.receiver).transitions(), channel)
+        for receiver in _acquainted(found, channel)
+        for sender in _senders(paths, channel)
+    ]
     return tuple(found + stand_ins)
 
 
@@ -113,11 +102,11 @@ def _senders(paths: Mapping[str, Sequence[InternalPath]], channel: Channel) -> l
     return [p for p in paths.get(channel.sender, ()) if any(sends_on(t, channel.name) for t in p.transitions)]
 
 
-def _inner_channels(cefsm: Cefsm) -> Iterator[Channel]:
-    """Yield the channels between two components; the component graph holds them edge by edge."""
+def _receiving(transitions: Iterable[Transition], channel: Channel) -> list[str | None]:
+    return [each.id for each in transitions if each.event is not None and each.event.channel == channel.name]
+
+
+def _inner_channels(cefsm: Cefsm) -> list[Channel]:
+    """Return the channels between two components in file order; the component graph holds them edge by edge."""
     inner = {channel.name for channels in component_graph(cefsm).values() for channel in channels}
-    return (channel for channel in cefsm.channels if channel.name in inner)
-
-
-def _transitions(cefsm: Cefsm, component: str) -> list[Transition]:
-    return list(cefsm.component(component).transitions())
+    return [channel for channel in cefsm.channels if channel.name in inner]

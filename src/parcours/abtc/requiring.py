@@ -1,4 +1,4 @@
-"""A model without abstract cases -> what is missing in it, and the line of the model file that would give one."""
+"""What a model without abstract cases lacks, and the line of the model file that would give one."""
 
 from __future__ import annotations
 
@@ -26,21 +26,6 @@ def require_cases(cefsm: Cefsm, source: str = "") -> None:
     Raises:
         BadModel: there is none; the message says why, and which line of the model file would change it.
         BadRequest: an interaction path has too many combinations.
-
-    >>> from parcours.model import parse_model
-    >>> require_cases(parse_model('''
-    ... parcours: model/1
-    ... name: lamp
-    ... messages: {Note: {fields: {n: {type: int}}}}
-    ... channels: {light: {from: Button, to: Lamp, message: Note}}
-    ... components:
-    ...   Button: {machines: {m: {initial: s, transitions: {press: {from: s, to: s, message: light(1)}}}}}
-    ...   Lamp: {machines: {m: {initial: s, transitions: {shine: {from: s, to: s, event: light}}}}}
-    ... '''))
-    Traceback (most recent call last):
-    parcours.errors.BadModel: model 'lamp': some interaction must give an abstract case, but no interaction closes: \
-press of Button sends light, and Lamp never answers Button; add to the model file: \
-interactions: {ITP1: [Button, Lamp]} [no-abstract-cases]
     """
     if next(abstract_cases(cefsm), None) is not None:
         return

@@ -1,4 +1,4 @@
-"""An abstract test case -> its serialised execution sequence: which transition is taken when, after what.
+"""The serialised execution sequence of an abstract test case: which transition is taken when, after what.
 
 References run in lock step, one transition each a turn; each is an instance of its own of its component. A
 receive waits for its send by the visit before it; what no earlier path sends, the environment supplies.
@@ -79,14 +79,6 @@ def serialise(case: AbstractCase) -> tuple[Event, ...]:
 
     Raises:
         BadSuite: references wait for each other and none can go on, as in a case whose starts were edited.
-
-    >>> from importlib.resources import files
-    >>> from parcours.model import read_model
-    >>> ramp = read_model(files("parcours_ramp") / "components" / "model.yaml")
-    >>> from parcours.abtc.serialising import abstract_cases
-    >>> events = serialise(next(abstract_cases(ramp)))
-    >>> print(events[6])
-    6 TrajectoryGenerator tp21#1 p22: receive trajectory_request from event 1
     """
     return _LockStep(case).run()
 
@@ -106,7 +98,6 @@ class _LockStep:
         self.collected: dict[tuple[int, str], int] = {}
 
     def run(self) -> tuple[Event, ...]:
-        """Take turns until every path is done."""
         turn = 0
         while any(self._lacks(reference) for reference in range(len(self.references))):
             before = len(self.events)
@@ -123,7 +114,7 @@ class _LockStep:
         return len(self.taken[reference]) < len(self.references[reference][1].transitions)
 
     def _start(self) -> list[int]:
-        """Start whoever may, and return them: they move first, while the one before stands at the point."""
+        """Start the references that may, and return them: they move first, while the one before stands at the point."""
         newcomers = []
         for reference, start in enumerate(self.case.starts):
             if reference not in self.started and (
@@ -134,7 +125,6 @@ class _LockStep:
         return newcomers
 
     def _step(self, turn: int, reference: int) -> None:
-        """Append the reference's next transition, unless it waits for a message."""
         visit, path = self.references[reference]
         transition = path.transitions[len(self.taken[reference])]
         send = self._supplier(visit, transition)
@@ -175,7 +165,6 @@ class _LockStep:
         return posted[ours] if ours < len(posted) else "wait"
 
     def _collect(self, visit: int, channel: str, send: int, reference: int) -> None:
-        """Note on the sender's side who received its message."""
         self.collected[visit, channel] = self.collected.get((visit, channel), 0) + 1
         sender = self.events[send]
         delivered = Emission(channel, "reference", reference)
@@ -192,7 +181,6 @@ class _LockStep:
         return Emission(channel)
 
     def _causes(self, reference: int, send: int | None) -> tuple[int, ...]:
-        """Return the events that this one had to wait for."""
         causes = set() if send is None else {send}
         if self.taken[reference]:
             causes.add(self.taken[reference][-1])

@@ -1,4 +1,4 @@
-"""Test path combinations -> abstract behavioural test cases (ABTCs), by a reconstructed serialization (RSA).
+"""Abstract behavioural test cases (ABTCs) of test path combinations, by a reconstructed serialization (RSA).
 
 The paper applies RSA but does not print it. Here every path of a combination starts when the path before it
 stands at one of its serialization points; each choice of points is one ABTC. For obstacles this is the
@@ -9,19 +9,65 @@ paper's totals.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import accumulate, islice, pairwise, product
 from math import prod
 
 from parcours.abtc.combining import Combination, combinations
 from parcours.abtc.interactions import InteractionPath, hub, interaction_paths
-from parcours.abtc.points import DEFAULT, POLICIES, policy
 from parcours.abtc.rendezvous import sends_on
-from parcours.errors import BadRequest, one_of
+from parcours.errors import BadRequest, one_of, require_known
 from parcours.model.structure import Cefsm
 from parcours.paths.covering import internal_paths
 from parcours.paths.internal import InternalPath
+
+
+def _all_states(path: InternalPath) -> tuple[int, ...]:
+    return (0, *(place + 1 for place in path.changes))
+
+
+def _before_return(path: InternalPath) -> tuple[int, ...]:
+    marks = _all_states(path)
+    return marks[:-1] if path.is_closed and path.changes else marks
+
+
+def _distinct_states(path: InternalPath) -> tuple[int, ...]:
+    return tuple(path.states.index(state) for state in dict.fromkeys(path.states))
+
+
+def _every_transition(path: InternalPath) -> tuple[int, ...]:
+    return tuple(range(len(path.transitions) + 1))
+
+
+@dataclass(frozen=True, slots=True)
+class Policy:
+    """Which serialization points of a path count, as numbers of transitions taken.
+
+    `marks` gives the points of a path that meets nobody, `met` (by default the same) those of one that does.
+    With `hub_at_request`, the hub's paths have a single point instead: their request to the next component.
+    """
+
+    doc: str
+    marks: Callable[[InternalPath], tuple[int, ...]]
+    met: Callable[[InternalPath], tuple[int, ...]] | None = None
+    hub_at_request: bool = False
+
+
+DEFAULT = "hub"
+"""The policy that yields the paper's 19 + 48 = 67 component cases and 9 obstacle start vectors."""
+
+POLICIES: dict[str, Policy] = {
+    "hub": Policy(
+        "a hub's request; every state of a path that meets nobody; of others, all states but the return",
+        _all_states, met=_before_return, hub_at_request=True,
+    ),
+    "all-states": Policy("every state the path comes to, the final one included", _all_states),
+    "before-return": Policy("every state the path comes to before it returns to where it began", _before_return),
+    "distinct-states": Policy("each state once, where the path first comes to it", _distinct_states),
+    "every-transition": Policy("before and after every transition, loops included", _every_transition),
+}  # fmt: skip
+"""Point policies by name."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,8 +89,7 @@ class AbstractCase:
 
     `start_vector` has one number for each reference: how many serialization points had been passed, along
     the chain of references before it, when it starts. (0, 1, 3) reads: the second starts at point 1 of the
-    first, the third at point 2 of the second. `starts` says the same in transitions, for whoever executes
-    the case.
+    first, the third at point 2 of the second. `starts` says the same in transitions, for the executing host.
     """
 
     id: str
@@ -59,15 +104,6 @@ class AbstractCase:
         return self.combination.interaction
 
 
-@dataclass(frozen=True, slots=True)
-class _Place:
-    """A reference with its points, each as the start of the next reference that this point stands for."""
-
-    visit: int
-    path: InternalPath
-    points: tuple[Start, ...]
-
-
 def abstract_cases(
     cefsm: Cefsm,
     policy: str | None = None,
@@ -78,21 +114,18 @@ def abstract_cases(
 
     Args:
         cefsm: the model.
-        policy: the point policy, a name in `parcours.abtc.points.POLICIES`; by default the one the model names.
+        policy: the point policy, a name in `POLICIES`; by default the one the model names.
         interactions: the interaction paths to serialise; by default all of `interaction_paths(cefsm)`.
         paths: the internal paths of each component; by default `internal_paths(cefsm)`, edge coverage.
 
     Raises:
         BadRequest: no policy has that name, or an interaction path has too many combinations.
-
-    >>> from importlib.resources import files
-    >>> from parcours.model import read_model
-    >>> ramp = read_model(files("parcours_ramp") / "components" / "model.yaml")
-    >>> next(abstract_cases(ramp)).id
-    'ITP1-tp12.tp21.tp12-0.0.0'
     """
+    name = policy or cefsm.serialisation or DEFAULT
     for combination in _all_combinations(cefsm, interactions, paths):
-        yield from serialisations(cefsm, combination, policy or cefsm.serialisation or DEFAULT)
+        places = _places(cefsm, combination, name)
+        for chosen in product(*(range(len(points)) for points in places[:-1])):
+            yield _case(combination, places, chosen, name)
 
 
 def case_counts(cefsm: Cefsm, policy: str | None = None) -> dict[str, int]:
@@ -100,46 +133,16 @@ def case_counts(cefsm: Cefsm, policy: str | None = None) -> dict[str, int]:
 
     Args:
         cefsm: the model.
-        policy: the point policy, a name in `parcours.abtc.points.POLICIES`.
+        policy: the point policy, a name in `POLICIES`.
 
     Raises:
         BadRequest: no policy has that name, or an interaction path has too many combinations.
-
-    >>> from importlib.resources import files
-    >>> from parcours.model import read_model
-    >>> ramp = read_model(files("parcours_ramp") / "components" / "model.yaml")
-    >>> case_counts(ramp)
-    {'ITP1': 3, 'ITP2': 3, 'ITP3': 3, 'ITP4': 10, 'ITP5': 18, 'ITP6': 30}
     """
     counts = {interaction.name: 0 for interaction in interaction_paths(cefsm)}
     for combination in _all_combinations(cefsm):
         places = _places(cefsm, combination, policy or cefsm.serialisation or DEFAULT)
-        counts[combination.interaction.name] += prod(len(place.points) for place in places[:-1])
+        counts[combination.interaction.name] += prod(map(len, places[:-1]))
     return counts
-
-
-def serialisations(cefsm: Cefsm, combination: Combination, policy: str = DEFAULT) -> Iterator[AbstractCase]:
-    """Yield the ABTCs of one combination, in lexicographic order of their start vectors.
-
-    Args:
-        cefsm: the model, which says which component is the hub.
-        combination: an RCC combination.
-        policy: the point policy, a name in `parcours.abtc.points.POLICIES`.
-
-    Raises:
-        BadRequest: no policy has that name.
-
-    >>> from importlib.resources import files
-    >>> from parcours.model import read_model
-    >>> ramp = read_model(files("parcours_ramp") / "components" / "model.yaml")
-    >>> from parcours.abtc.interactions import interaction_paths
-    >>> (combination,) = combinations(ramp, interaction_paths(ramp)[0]).kept
-    >>> [case.start_vector for case in serialisations(ramp, combination)]
-    [(0, 0, 0), (0, 0, 1), (0, 0, 2)]
-    """
-    places = _places(cefsm, combination, policy)
-    for chosen in product(*(range(len(place.points)) for place in places[:-1])):
-        yield _case(combination, places, chosen, policy)
 
 
 def find_case(cefsm: Cefsm, id: str) -> AbstractCase:
@@ -147,16 +150,10 @@ def find_case(cefsm: Cefsm, id: str) -> AbstractCase:
 
     Args:
         cefsm: the model.
-        id: as `case_id` spells it.
+        id: as in `AbstractCase.id`.
 
     Raises:
         BadRequest: no case of the model has that id.
-
-    >>> from importlib.resources import files
-    >>> from parcours.model import read_model
-    >>> ramp = read_model(files("parcours_ramp") / "components" / "model.yaml")
-    >>> find_case(ramp, "ITP4-tp11.tp41+tp42.tp11-0.0+3.4").start_vector
-    (0, 0, 3, 4)
     """
     for combination in _all_combinations(cefsm):
         head = _spelled(combination)
@@ -167,25 +164,12 @@ def find_case(cefsm: Cefsm, id: str) -> AbstractCase:
             if name in POLICIES and len(numbers) == len(combination.references):
                 places = _places(cefsm, combination, name)
                 chosen = tuple(later - earlier for earlier, later in pairwise(numbers))
-                if all(0 <= point < len(place.points) for place, point in zip(places, chosen, strict=False)):
+                if all(0 <= point < len(points) for points, point in zip(places, chosen, strict=False)):
                     found = _case(combination, places, chosen, name)
                     if found.id == id:
                         return found
     near = [case.id for case in islice(abstract_cases(cefsm), 5)]
     raise BadRequest("abtc", f"no case is called {id!r}", one_of(id, near), slug="unknown-abstract")
-
-
-def case_id(combination: Combination, start_vector: Sequence[int], policy: str = DEFAULT) -> str:
-    """Return the stable id of an ABTC, fit for a file name: interaction, combination, start vector.
-
-    A policy other than the default is named at the end. The vector is grouped like the combination: dots
-    part visits, plus signs part the paths of one visit. So ITP4-tp11.tp41+tp42.tp11-0.0+3.4 is ITP4 with
-    tp42 three points after tp41, and the last tp11 one point later.
-    """
-    numbers = iter(start_vector)
-    vector = ".".join("+".join(str(next(numbers)) for _ in visit) for visit in combination.visits)
-    tail = "" if policy == DEFAULT else f"-{policy}"
-    return f"{_spelled(combination)}{vector}{tail}"
 
 
 def _spelled(combination: Combination) -> str:
@@ -194,10 +178,21 @@ def _spelled(combination: Combination) -> str:
     return f"{combination.interaction.name}-{paths}-"
 
 
-def _case(combination: Combination, places: Sequence[_Place], chosen: Sequence[int], policy: str) -> AbstractCase:
+def _case(
+    combination: Combination, places: Sequence[tuple[Start, ...]], chosen: Sequence[int], policy: str
+) -> AbstractCase:
+    """Return a case with its stable id, fit for a file name: interaction, combination, start vector, policy.
+
+    The default policy is not named. The vector is grouped like the combination: dots part visits, plus signs
+    the paths of one visit. So ITP4-tp11.tp41+tp42.tp11-0.0+3.4 is ITP4 with tp42 three points after tp41, and
+    the last tp11 one point later.
+    """
     vector = (0, *accumulate(chosen))
-    starts = (Start(), *(place.points[point] for place, point in zip(places, chosen, strict=False)))
-    return AbstractCase(case_id(combination, vector, policy), combination, vector, starts, policy)
+    numbers = iter(vector)
+    shown = ".".join("+".join(str(next(numbers)) for _ in visit) for visit in combination.visits)
+    id = f"{_spelled(combination)}{shown}{'' if policy == DEFAULT else f'-{policy}'}"
+    starts = (Start(), *(points[point] for points, point in zip(places, chosen, strict=False)))
+    return AbstractCase(id, combination, vector, starts, policy)
 
 
 def _all_combinations(
@@ -210,24 +205,25 @@ def _all_combinations(
         yield from combinations(cefsm, interaction, found).kept
 
 
-def _places(cefsm: Cefsm, combination: Combination, name: str) -> list[_Place]:
-    """Return the references with their points.
+def _places(cefsm: Cefsm, combination: Combination, name: str) -> list[tuple[Start, ...]]:
+    """Return the points of each reference, as starts of the next one.
 
     The paths of the last visit, and those of a hub that waits at its request, start together: one point each.
     """
-    rule, centre = policy(name), hub(cefsm) if combination.meetings else None
+    require_known(name, list(POLICIES), "serialization policy", slug="unknown-policy")
+    rule, centre = POLICIES[name], hub(cefsm) if combination.meetings else None
+    marks = rule.met if rule.met and combination.meetings else rule.marks
     last = len(combination.visits) - 1
-    places: list[_Place] = []
+    places: list[tuple[Start, ...]] = []
     for reference, (visit, path) in enumerate(combination.references):
         at_hub = rule.hub_at_request and path.component == centre
         closing = path is combination.visits[visit][-1]
         if visit == last or (at_hub and not closing):
-            points: tuple[Start, ...] = (Start(reference, 0),)
+            places.append((Start(reference, 0),))
         elif at_hub:
-            points = (_request(combination, visit, reference),)
+            places.append((_request(combination, visit, reference),))
         else:
-            points = _stands(reference, path, rule.marks(path, bool(combination.meetings)))
-        places.append(_Place(visit, path, points))
+            places.append(_stands(reference, path, marks(path)))
     return places
 
 
@@ -254,3 +250,31 @@ def _request(combination: Combination, visit: int, closing: int) -> Start:
         if sends_on(transition, meeting.channel)
     )
     return Start(first + sender, done)
+
+
+def _drawn(path: InternalPath) -> str:
+    arrows = "".join(f" -{transition.id}-> {transition.target}" for transition in path.transitions)
+    return f"{path.name}[{path.states[0] if path.states else ''}{arrows}]"
+
+
+def notation(of: AbstractCase | Combination, title: str = "") -> str:
+    """Return a combination in the notation of Table V, one visit a line.
+
+    The paper draws the double bar above the arrow between two references: they run concurrently, in this order.
+    Here that arrow is `-||->`; paths that share a visit stand in braces.
+
+    Args:
+        of: an abstract case, or only its combination; of a case the start vector is added where it is not all zero.
+        title: what the paper calls the case, such as ABTC1; left out when empty.
+    """
+    combination = of.combination if isinstance(of, AbstractCase) else of
+    head = f"Combination {combination.interaction.name} {combination}{f' = {title}' if title else ''}:"
+    between = "\n || " if not combination.meetings else "\n -||-> "
+    visits = [" || ".join(map(_drawn, paths)) for paths in combination.visits]
+    grouped = [
+        f"{{{text}}}" if len(paths) > 1 else text for text, paths in zip(visits, combination.visits, strict=True)
+    ]
+    body = f"({between.join(grouped)})"
+    if isinstance(of, AbstractCase) and any(of.start_vector):
+        return f"{head}\n{body}\nstarting at ({', '.join(map(str, of.start_vector))})"
+    return f"{head}\n{body}"

@@ -1,4 +1,4 @@
-"""Abstract cases -> one for each orbit under the exchange of components that are alike, on request.
+"""One abstract case for each orbit under the exchange of components that are alike.
 
 Components are interchangeable if the model stays the same when two of them change places, together with their
 channels: the transposition is an automorphism of the model. Transpositions generate every permutation, so a
@@ -27,11 +27,6 @@ def interchangeable(cefsm: Cefsm) -> tuple[tuple[str, ...], ...]:
     that others treat alike. The test is by structure in the order of the file, so it may miss a likeness
     that is written in another order, but it never finds one that is not there. The hub, whose paths have
     points of their own, is like no other.
-
-    >>> from importlib.resources import files
-    >>> from parcours.model import read_model
-    >>> interchangeable(read_model(files("parcours_navigation") / "cases" / "model.yaml"))
-    (('Obstacle1', 'Obstacle2', 'Obstacle3'),)
     """
     centre, classes = hub(cefsm), list[list[Component]]()
     shapes = {component.name: _shape(component) for component in cefsm.components}
@@ -58,18 +53,11 @@ def representatives(cefsm: Cefsm, cases: Iterable[AbstractCase]) -> Iterator[tup
 
     The orbit is counted in full: all cases that exchanging the names of interchangeable components makes of
     it, also those that were not given. Three alike obstacles have nine start vectors that are in order of
-    starting; with the names told apart they are 37, and the nine already represent them.
+    starting; with the names kept apart they are 37, and the nine already represent them.
 
     Args:
         cefsm: the model.
         cases: its abstract cases, as `abstract_cases` yields them; they are taken one by one.
-
-    >>> from importlib.resources import files
-    >>> from parcours.model import read_model
-    >>> from parcours.abtc import abstract_cases
-    >>> obstacles = read_model(files("parcours_navigation") / "cases" / "model.yaml")
-    >>> [size for _, size in representatives(obstacles, abstract_cases(obstacles))]
-    [1, 3, 3, 3, 6, 6, 3, 6, 6]
     """
     classes = interchangeable(cefsm)
     home = {name: at for at, members in enumerate(classes) for name in members}
@@ -191,7 +179,7 @@ def _is_sorted(run: Run) -> bool:
 
 
 def _arrangements(runs: list[Run], classes: tuple[tuple[str, ...], ...]) -> int:
-    # Whoever starts together and runs the same path is told apart by name only.
+    # References that start together and run the same path differ by name only.
     alike = Counter((at, kind, form) for at, run in enumerate(runs) for kind, form, _ in run)
     ways = prod(factorial(len(members)) for members in classes)
     return ways // prod(factorial(count) for (_, kind, _), count in alike.items() if isinstance(kind, int))

@@ -15,7 +15,7 @@ from parcours.cli.options import as_json, model_file, seed
 
 if TYPE_CHECKING:
     from parcours.model import Cefsm
-    from parcours.paths.walking import Phase, Space, Step, Walk
+    from parcours.paths.walking import ModelSpace, Phase, Step, Walk
 
 _SHOWN = 20
 """Most requirements that the summary lists as missed."""
@@ -87,7 +87,9 @@ def _owner(cefsm: Cefsm, machine: str) -> str:
     raise BadRequest("--machine", rule, one_of(machine, known), slug="unknown-part")
 
 
-def _phases(space: Space, walker: str | None, until: str | None, generator: str | None, path: str) -> tuple[Phase, ...]:
+def _phases(
+    space: ModelSpace, walker: str | None, until: str | None, generator: str | None, path: str
+) -> tuple[Phase, ...]:
     from parcours.errors import BadRequest
     from parcours.paths.walking import parse_generators, phase
 

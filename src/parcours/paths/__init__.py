@@ -1,4 +1,4 @@
-"""Machines and coverage criteria -> internal test paths: what to visit, few paths that do, and a measure."""
+"""Internal test paths: what a criterion requires, few paths that meet it, and a measure."""
 
 from parcours.paths.covering import MachineCover, cover, internal_paths, machine_covers
 from parcours.paths.criteria import CRITERIA, SUBSUMES, Criterion, Limits, Requirement, requirements, subsumes

@@ -1,4 +1,4 @@
-"""A graph and the edge sequences to visit -> one network whose arcs tell which sequence was just completed.
+"""The network of a graph and of edge sequences to visit: its arcs say which sequence was just completed.
 
 The network is the product of the graph with the Aho-Corasick automaton of the sequences (Aho & Corasick, Efficient
 string matching, CACM 18, 1975): a walk in it is a walk in the graph that also knows the longest part of a sequence
@@ -102,12 +102,7 @@ def outermost(n_edges: int, sequences: Sequence[tuple[int, ...]]) -> list[tuple[
 
 
 def network(graph: Graph, sequences: Sequence[tuple[int, ...]]) -> Network:
-    """Return the product of the graph with the automaton of the sequences, as far as walks from the start reach.
-
-    Args:
-        graph: the graph.
-        sequences: walks of it as edge numbers, none inside another (`outermost`).
-    """
+    """Return the product of the graph with the automaton of the sequences, as far as walks from the start reach."""
     trie = Trie(len(graph.edges), sequences)
     leaving, into = graph.leaving(), graph.targets.tolist()
     ended = set(trie.ends)

@@ -1,4 +1,4 @@
-"""A machine and a criterion -> few short paths that meet every requirement (paper, section IV-B, Table III)."""
+"""Few short paths that meet every requirement of a criterion (paper, section IV-B, Table III)."""
 
 from __future__ import annotations
 
@@ -50,14 +50,6 @@ def cover(
 
     Raises:
         BadRequest: no criterion is written like that, it requires too much, or the machine has no transition to walk.
-
-    Example: the loop and the way there and back make one closed path.
-
-    >>> from parcours.model.structure import Transition
-    >>> lamp = Machine("lamp", "off", ("off", "on"), (
-    ...     Transition("t1", "off", "on"), Transition("t2", "on", "on"), Transition("t3", "on", "off")))
-    >>> [str(path) for path in cover(lamp)]
-    ['tp1 = t1 t2 t3']
     """
     alone = Cefsm(machine.name, (Component(component, (machine,), tuple(variables)),))
     (found,) = machine_covers(alone, criterion)
@@ -76,13 +68,6 @@ def internal_paths(cefsm: Cefsm, criterion: str | Criterion = "edge") -> dict[st
 
     Raises:
         BadRequest: no criterion is written like that, it requires too much, or a machine has no transition to walk.
-
-    >>> from parcours.model.structure import Transition
-    >>> lamp = Machine("lamp", "off", ("off", "on"), (
-    ...     Transition("t1", "off", "on"), Transition("t2", "on", "off")))
-    >>> paths = internal_paths(Cefsm("house", (Component("Hall", (lamp,)), Component("Attic", (lamp,)))))
-    >>> [str(path) for path in paths["Attic"]]
-    ['tp21 = t1 t2']
     """
     found: dict[str, list[InternalPath]] = {component.name: [] for component in cefsm.components}
     for each in machine_covers(cefsm, criterion):
@@ -114,11 +99,6 @@ def machine_covers(
     Raises:
         BadRequest: no component or machine has that name, no criterion is written like that, it requires too much, a
             machine has no transition to walk, or what is asked for is impossible.
-
-    >>> from parcours.model.structure import Transition
-    >>> fork = Machine("fork", "s", ("s", "a", "b"), (Transition("left", "s", "a"), Transition("right", "s", "b")))
-    >>> [(each.fewest, each.length, each.shortest) for each in machine_covers(Cefsm("m", (Component("C", (fork,)),)))]
-    [(2, 2, 2)]
     """
     chosen = parse_criterion(criterion) if isinstance(criterion, str) else criterion
     kept = only(cefsm, component, machine)

@@ -1,4 +1,4 @@
-"""Arcs with least passages -> the cheapest circulation, and the fewest walks that together take them.
+"""The fewest walks, and the cheapest, that together take the arcs of a network as often as they must.
 
 Fewest walks is a minimum flow with lower bounds on the condensation of the network: inside a strongly connected
 component one walk can do everything, so only the components and the arcs between them count (Ntafos & Hakimi, On
@@ -13,15 +13,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from parcours.paths.circulation import cheapest_flow, strong_components
-from parcours.paths.joining import Arcs, Integers, groups, ways_there, ways_there_and_back
+from parcours.paths.circulation import cheapest_flow
+from parcours.paths.graph import components
+from parcours.paths.joining import Arcs, Integers, groups, tightened, ways_there, ways_there_and_back
 
 _UNLIMITED = 1 << 31
 SMALL = 300
-"""Networks of at most so many arcs are solved here; larger ones, by OR-tools. The bound makes no difference by what is
-installed: the same network has the same cover everywhere."""
+"""Networks of at most this many arcs are solved here, larger ones by OR-tools: whatever is installed, the same network
+has the same cover."""
 _ROUNDS = 8
-"""How often cycles are joined by solving anew before they are joined by going there and back."""
+"""How often cycles are joined by solving again before they are joined by going there and back."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,16 +47,9 @@ class Passages:
 
 
 def passages(arcs: Arcs) -> Passages:
-    """Return the cheapest way found for the fewest walks to take each arc as often as it must be taken.
-
-    Example: two branches with no way back need two walks.
-
-    >>> fork = Arcs(3, np.array([0, 0]), np.array([1, 2]), np.ones(2, int), np.ones(2, int), np.array([1, 2]))
-    >>> passages(fork).beginnings, passages(fork).shortest
-    (2, 2)
-    """
+    """Return the cheapest way found for the fewest walks to take each arc as often as it must be taken."""
     closed = _closed(arcs)
-    component = _components(arcs)
+    component = components(arcs.n_nodes + 1, arcs.sources, arcs.targets)  # the last one is the pause
     between = _between(closed, component)
     n_beginnings = int(between[-1])
     closed.least[-1] = n_beginnings
@@ -64,17 +58,13 @@ def passages(arcs: Arcs) -> Passages:
     if groups(closed, taken).max() > 0:
         taken = _joined(closed, component, between, n_beginnings)
         if taken @ closed.costs > shortest:
-            taken, shortest = _tightened(closed, taken, shortest)
+            taken, shortest = tightened(closed, taken, shortest)
     n_arcs = arcs.sources.size
     return Passages(taken[:n_arcs], n_beginnings, taken[n_arcs:-1], shortest)
 
 
 def least_cost(arcs: Arcs) -> int:
-    """Return what walks that take each arc as often as it must be taken cost at least, however many they are.
-
-    >>> least_cost(Arcs(2, np.array([0]), np.array([1]), np.ones(1, int), np.ones(1, int), np.array([1])))
-    1
-    """
+    """Return what walks that take each arc as often as it must be taken cost at least, however many they are."""
     closed = _closed(arcs)
     closed.least[-1] = 1
     return int(_circulation(closed, _UNLIMITED) @ closed.costs)
@@ -92,11 +82,6 @@ def _closed(arcs: Arcs) -> Arcs:
         np.concatenate([arcs.least, free]).astype(np.int64),
         arcs.ends,
     )
-
-
-def _components(arcs: Arcs) -> Integers:
-    """Return the strongly connected component of each node of the network without the pause, and of the pause."""
-    return strong_components(arcs.n_nodes + 1, arcs.sources, arcs.targets)
 
 
 def _between(closed: Arcs, component: Integers) -> Integers:
@@ -126,12 +111,7 @@ def _between(closed: Arcs, component: Integers) -> Integers:
 
 
 def _circulation(closed: Arcs, most: int) -> Integers:
-    """Return the cheapest passages that leave every node as often as they enter it, shape (n_arcs,).
-
-    Args:
-        closed: the network.
-        most: most passages of the last arc.
-    """
+    """Return the cheapest passages that leave every node as often as they enter it, shape (n_arcs,)."""
     surplus = np.bincount(closed.targets, weights=closed.least, minlength=closed.n_nodes)
     surplus -= np.bincount(closed.sources, weights=closed.least, minlength=closed.n_nodes)
     if not surplus.any():
@@ -152,12 +132,6 @@ def _circulation(closed: Arcs, most: int) -> Integers:
     if status != SimpleMinCostFlow.OPTIMAL:
         raise AssertionError(f"a network whose nodes all lead to an end has a circulation, but: {status}")
     return closed.least + np.asarray(network.flows(numbers), dtype=np.int64)
-
-
-def _tightened(closed: Arcs, taken: Integers, shortest: int) -> tuple[Integers, int]:
-    from parcours.paths.tightening import tightened  # scipy's solver is slow to load, and seldom needed
-
-    return tightened(closed, taken, shortest)
 
 
 def _joined(closed: Arcs, component: Integers, between: Integers, n_beginnings: int) -> Integers:

@@ -1,17 +1,26 @@
-"""A machine -> its graph in numbers: what every criterion and every cover walks on."""
+"""The graph of a machine in numbers: what every criterion and every cover walks on."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from parcours.model.structure import Machine, Transition
+from parcours.paths.circulation import strong_components
 
 Walk = tuple[int, ...]
 """Edges of a graph, one after the other."""
+
+Edge = TypeVar("Edge")
+Node = TypeVar("Node", bound=Hashable)
+_SMALL = 2000
+"""Graphs of at most this many edges need no scipy."""
+
+Came: TypeAlias = dict[Node, tuple[Edge, Node] | None]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -41,6 +50,13 @@ class Graph:
             found[source].append(edge)
         return found
 
+    def entering(self) -> list[list[int]]:
+        """Return for each state the edges that enter it, in order."""
+        found: list[list[int]] = [[] for _ in self.states]
+        for edge, target in enumerate(self.targets.tolist()):
+            found[target].append(edge)
+        return found
+
 
 def graph_of(machine: Machine) -> Graph:
     """Return the graph of what a machine can reach from its initial state; guards are not looked at.
@@ -57,13 +73,8 @@ def graph_of(machine: Machine) -> Graph:
     leaving: dict[str, list[Transition]] = {}
     for transition in machine.transitions:
         leaving.setdefault(transition.source, []).append(transition)
-    number = {machine.initial: 0}
-    queue = [machine.initial]
-    for state in queue:
-        for transition in leaving.get(state, ()):
-            if transition.target not in number:
-                number[transition.target] = len(number)
-                queue.append(transition.target)
+    reached = breadth_first([machine.initial], lambda state: ((each, each.target) for each in leaving.get(state, ())))
+    number = {state: place for place, state in enumerate(reached)}
     edges = [transition for transition in machine.transitions if transition.source in number]
     sources = [number[transition.source] for transition in edges]
     targets = [number[transition.target] for transition in edges]
@@ -89,14 +100,58 @@ def stranded(n_states: int, sources: Sequence[int], targets: Sequence[int], ends
     >>> stranded(3, [0, 0], [1, 2], ends=[1])
     (2,)
     """
-    entering: list[list[int]] = [[] for _ in range(n_states)]
-    for source, target in zip(sources, targets, strict=True):
-        entering[target].append(source)
-    queue = list(ends)
-    returning = set(queue)
-    for state in queue:
-        for source in entering[state]:
-            if source not in returning:
-                returning.add(source)
-                queue.append(source)
+    entering: list[list[tuple[int, int]]] = [[] for _ in range(n_states)]
+    for edge, (source, target) in enumerate(zip(sources, targets, strict=True)):
+        entering[target].append((edge, source))
+    returning = set(breadth_first(ends, entering.__getitem__))
     return tuple(state for state in range(n_states) if state not in returning)
+
+
+def breadth_first(
+    begin: Iterable[Node], onward: Callable[[Node], Iterable[tuple[Edge, Node]]], came: Came[Node, Edge] | None = None
+) -> Iterator[Node]:
+    """Yield the nodes that can be reached, nearest first.
+
+    Args:
+        begin: where the search starts.
+        onward: the edges that leave a node, each with the node that it enters.
+        came: gets for each node the edge by which it was reached first, and from where; None where the search starts.
+    """
+    came = {} if came is None else came
+    came |= dict.fromkeys(begin)
+    queue = list(came)
+    for node in queue:  # grows while it is read
+        yield node
+        for edge, target in onward(node):
+            if target not in came:
+                came[target] = edge, node
+                queue.append(target)
+
+
+def way_to(node: Node, came: Came[Node, Edge]) -> list[Edge]:
+    """Return the edges from where a search started to a node that it reached."""
+    way = []
+    while (step := came[node]) is not None:
+        edge, node = step
+        way.append(edge)
+    return way[::-1]
+
+
+def components(
+    n_states: int, sources: NDArray[np.int64], targets: NDArray[np.int64], *, directed: bool = True
+) -> NDArray[np.int64]:
+    """Return for each state the number of its strongly connected component; of its connected one if not `directed`.
+
+    Components are numbered in the order of their first states.
+    """
+    if len(sources) <= _SMALL:
+        if not directed:
+            sources, targets = np.concatenate([sources, targets]), np.concatenate([targets, sources])
+        return strong_components(n_states, sources, targets)
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    links = coo_array((np.ones(len(sources), dtype=np.int8), (sources, targets)), shape=(n_states, n_states))
+    labels = connected_components(links, directed=directed, connection="strong")[1]
+    _, first, places = np.unique(labels, return_index=True, return_inverse=True)
+    return np.argsort(np.argsort(first))[places].astype(np.int64)

@@ -1,4 +1,4 @@
-"""What an internal test path is: a run through one machine of a component (paper, Table III)."""
+"""Internal test paths: runs through one machine of a component (paper, Table III)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A graph and what to visit -> few short paths that visit all of it (paper, section IV-B, Table III).
+"""Few short paths through a graph that visit all that is asked for (paper, section IV-B, Table III).
 
 The number of paths is the least possible. Their total length is near the least; a lower bound tells how near. For
 edges and edge pairs the two agree wherever cheapest passages hang together, which they do for edges.
@@ -18,7 +18,6 @@ from parcours.paths.flow import least_cost, passages
 from parcours.paths.graph import Graph, Walk, stranded
 from parcours.paths.joining import Arcs
 from parcours.paths.shortening import shortest_path, within
-from parcours.paths.touring import euler_tour
 
 Shape = Literal["tests", "open", "closed"]
 """Paths from the start to final states; one walk that ends anywhere; one walk that ends where it began."""
@@ -65,15 +64,6 @@ def cover_sequences(
     Raises:
         BadRequest: a single walk cannot visit everything, or a path of at most `max_length` edges cannot visit
             something.
-
-    Example: the loop and the way there and back make one closed path.
-
-    >>> from parcours.model.structure import Machine, Transition
-    >>> from parcours.paths.graph import graph_of
-    >>> lamp = Machine("lamp", "off", ("off", "on"), (
-    ...     Transition("t1", "off", "on"), Transition("t2", "on", "on"), Transition("t3", "on", "off")))
-    >>> cover_sequences(graph_of(lamp), [(0,), (1,), (2,)])
-    Cover(paths=((0, 1, 2),), fewest=1, shortest=3)
     """
     wanted = outermost(len(graph.edges), sequences)
     asked = set(states)
@@ -164,7 +154,7 @@ def _fewest_paths(built: Network, arcs: Arcs) -> tuple[tuple[Walk, ...], int, in
     sources = [*built.sources, *stops.tolist(), pause]
     targets = [*built.targets, *[pause] * stops.size, 0]
     taken = [*found.taken.tolist(), *found.ended.tolist(), found.beginnings]
-    tour = euler_tour(sources, targets, taken, 0)
+    tour = _euler_tour(sources, targets, taken, 0)
     steps = [*built.edges, *[SILENT] * (stops.size + 1)]
     walks = _cut(tour, steps, len(steps) - 1)
     return walks, found.beginnings, found.shortest
@@ -180,3 +170,33 @@ def _cut(tour: list[int], steps: list[int], pause: int) -> tuple[Walk, ...]:
         elif steps[arc] != SILENT:
             walks[-1].append(steps[arc])
     return tuple(tuple(walk) for walk in walks if walk)
+
+
+def _euler_tour(sources: Sequence[int], targets: Sequence[int], taken: Sequence[int], root: int) -> list[int]:
+    """Return the arcs of a closed tour from `root` that takes each arc as often as said (Hierholzer's walk, 1873).
+
+    It is deterministic: at a node, an arc not taken yet goes before a repeated one, and earlier arcs go before
+    later ones. Every node is left as often as it is entered, and what is taken hangs together with the root.
+    """
+    waiting: dict[int, list[int]] = {}
+    for arc, count in enumerate(taken):
+        if count:
+            waiting.setdefault(sources[arc], []).append(arc)
+    for arc, count in enumerate(taken):
+        if count > 1:
+            waiting[sources[arc]].extend([arc] * (count - 1))
+    for queue in waiting.values():
+        queue.reverse()  # so that pop() takes the first
+    tour: list[int] = []
+    trail: list[tuple[int, int]] = [(root, -1)]
+    while trail:
+        node, taken_last = trail[-1]
+        queue = waiting.get(node, [])
+        if queue:
+            arc = queue.pop()
+            trail.append((targets[arc], arc))
+        else:
+            trail.pop()
+            tour.append(taken_last)
+    tour.reverse()
+    return tour[1:]

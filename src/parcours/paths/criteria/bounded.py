@@ -1,4 +1,4 @@
-"""A graph -> its walks of a length: n-switches, and complete paths up to a bound, as edge sequences.
+"""Walks of a graph by their length: n-switches, and complete paths up to a bound, as edge sequences.
 
 An n-switch is a walk of n + 1 edges (Chow, Testing software design modeled by finite-state machines, IEEE TSE 4,
 1978): edges are 0-switches, edge pairs 1-switches. A complete path leads from the start to a final state.
@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 
 from parcours.paths.criteria.limits import Limits, Tally
-from parcours.paths.graph import Graph
+from parcours.paths.graph import Came, Graph, breadth_first
 
 UNBOUNDED = 1 << 62
 """More edges than any walk has."""
@@ -27,14 +27,7 @@ def switches(graph: Graph, n: int, limits: Limits | None = None) -> list[tuple[i
         limits: how many are too many.
 
     Raises:
-        BadRequest: there are too many; the message tells how many had been found.
-
-    >>> from parcours.model.structure import Machine, Transition
-    >>> from parcours.paths.graph import graph_of
-    >>> fuse = graph_of(Machine("fuse", "new", ("new", "on", "blown"), (
-    ...     Transition("t1", "new", "on"), Transition("t2", "on", "blown"), Transition("t3", "new", "blown"))))
-    >>> [[fuse.edges[edge] for edge in walk] for walk in switches(fuse, 1)]
-    [['t1', 't2'], ['t3']]
+        BadRequest: there are too many; the message says how many had been found.
     """
     tally = Tally(limits or Limits(), f"{n}-switches of '{graph.name}'")
     longest = _longest(graph)
@@ -49,16 +42,7 @@ def switches(graph: Graph, n: int, limits: Limits | None = None) -> list[tuple[i
 
 
 def complete_paths(graph: Graph, most: int, limits: Limits | None = None) -> list[tuple[int, ...]]:
-    """Return the paths from the start to a final state of at least one and at most `most` edges.
-
-    Args:
-        graph: the graph.
-        most: the bound on the length of a path [edges], at least 1.
-        limits: how many are too many.
-
-    Raises:
-        BadRequest: there are too many; the message tells how many had been found.
-    """
+    """Return the paths from the start to a final state of at least one and at most `most` edges."""
     tally = Tally(limits or Limits(), f"complete paths of '{graph.name}' up to {most}")
     return list(_up_to(graph, graph.finals, most, tally))
 
@@ -101,12 +85,12 @@ def _walks(
 
 def _longest(graph: Graph) -> list[int]:
     """Return for each state the number of edges of the longest walk from there."""
-    entering = _entering(graph)
+    entering, sources = graph.entering(), graph.sources.tolist()
     waiting = [len(edges) for edges in graph.leaving()]
     longest = [UNBOUNDED if edges else 0 for edges in waiting]
     queue = [state for state, edges in enumerate(waiting) if not edges]
     for state in queue:
-        for source in entering[state]:
+        for source in (sources[edge] for edge in entering[state]):
             waiting[source] -= 1
             if not waiting[source]:  # the last of its successors, which are taken by growing length
                 longest[source] = longest[state] + 1
@@ -116,21 +100,9 @@ def _longest(graph: Graph) -> list[int]:
 
 def _nearest(graph: Graph, ends: Iterable[int]) -> list[int]:
     """Return for each state the number of edges to the nearest of the ends."""
-    entering = _entering(graph)
-    nearest = [UNBOUNDED] * len(graph.states)
-    queue = list(ends)
-    for state in queue:
-        nearest[state] = 0
-    for state in queue:
-        for source in entering[state]:
-            if nearest[source] == UNBOUNDED:
-                nearest[source] = nearest[state] + 1
-                queue.append(source)
+    entering, sources = graph.entering(), graph.sources.tolist()
+    nearest, came = [UNBOUNDED] * len(graph.states), Came[int, int]()
+    for state in breadth_first(ends, lambda state: ((edge, sources[edge]) for edge in entering[state]), came):
+        step = came[state]
+        nearest[state] = 0 if step is None else nearest[step[1]] + 1
     return nearest
-
-
-def _entering(graph: Graph) -> list[list[int]]:
-    entering: list[list[int]] = [[] for _ in graph.states]
-    for source, target in zip(graph.sources.tolist(), graph.targets.tolist(), strict=True):
-        entering[target].append(source)
-    return entering

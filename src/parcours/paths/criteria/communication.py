@@ -1,4 +1,4 @@
-"""A model -> what its components can say to each other, and the messages delivered along a run.
+"""What the components of a model can say to each other, and the messages delivered along a run.
 
 A message is delivered when a transition receives it; on a channel to the environment, or one that nobody reads, when it
 is sent. A rendezvous is a transition that sends, with the one that receives what it sent: of a queue, the oldest
@@ -79,20 +79,6 @@ def communications(cefsm: Cefsm, criterion: str, limits: Limits | None = None) -
 
     Raises:
         BadRequest: there are too many.
-
-    >>> from parcours.model import parse_model
-    >>> bell = parse_model('''
-    ... parcours: model/1
-    ... name: bell
-    ... messages: {Ring: {fields: {}}}
-    ... channels:
-    ...   wire: {from: Button, to: Bell, message: Ring}
-    ... components:
-    ...   Button: {machines: {push: {initial: s, transitions: {b1: {from: s, to: s, message: wire}}}}}
-    ...   Bell: {machines: {sound: {initial: s, transitions: {r1: {from: s, to: s, event: wire(it)}}}}}
-    ... ''')
-    >>> [str(requirement) for requirement in communications(bell, "rendezvous")]
-    ['b1 -> r1']
     """
     wires = wiring(cefsm)
     if criterion == "rendezvous":
@@ -109,13 +95,7 @@ def communications(cefsm: Cefsm, criterion: str, limits: Limits | None = None) -
 
 
 def delivered(wires: Wiring, criterion: str, run: Iterable[str]) -> set[tuple[str, ...]]:
-    """Return the steps of the requirements that a run of the whole model meets.
-
-    Args:
-        wires: of the model.
-        criterion: channel, message or rendezvous.
-        run: transition ids of all machines in the order in which they were taken.
-    """
+    """Return the steps of the requirements that a run of the whole model meets."""
     found = set(_deliveries(wires, run))
     if criterion == "rendezvous":
         return {(sending, receiving) for _, sending, receiving in found if NOBODY not in (sending, receiving)}

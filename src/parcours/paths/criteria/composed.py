@@ -1,11 +1,11 @@
-"""The state space of a model -> the graph of its composition, and walks that make its components talk.
+"""The graph of the composition of a model, and walks of it that make its components talk.
 
 An edge of the composition is a move: one transition, or the two of a rendezvous.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from parcours.paths.criteria.grammar import Criterion, parse_criterion
 from parcours.paths.criteria.limits import Limits, Tally
 from parcours.paths.criteria.requirement import Goal, Requirement
 from parcours.paths.criteria.requiring import Demand, Subject, demands
-from parcours.paths.graph import Graph, Walk, graph_of, stranded
+from parcours.paths.graph import Came, Graph, Walk, breadth_first, graph_of, stranded, way_to
 
 
 def composition_graph(space: Space) -> Graph:
@@ -65,22 +65,6 @@ def composition_demand(
 
     Raises:
         BadRequest: the exploration was stopped; or as for `requirements`.
-
-    >>> from parcours.model import parse_model
-    >>> from parcours.model.composition import explore
-    >>> bell = parse_model('''
-    ... parcours: model/1
-    ... name: bell
-    ... messages: {Ring: {fields: {}}}
-    ... channels:
-    ...   wire: {from: Button, to: Bell, message: Ring}
-    ... components:
-    ...   Button: {machines: {push: {initial: s, transitions: {b1: {from: s, to: s, message: wire}}}}}
-    ...   Bell: {machines: {sound: {initial: s, transitions: {r1: {from: s, to: s, event: wire(it)}}}}}
-    ... ''')
-    >>> asked, unmet = composition_demand(explore(bell), "rendezvous")
-    >>> [(str(goal.requirement), [asked.graph.edges[edge] for edge in goal.walk]) for goal in asked.goals], unmet
-    ([('b1 -> r1', ['b1', 'r1'])], ())
     """
     chosen = parse_criterion(criterion) if isinstance(criterion, str) else criterion
     graph = composition_graph(space)
@@ -157,35 +141,28 @@ class _Queue:
     def walks_from(self, sending: str, tally: Tally) -> dict[tuple[str, ...], Walk]:
         """Return for each transition that receives what `sending` sent the shortest walk from the one to the other."""
         found: dict[tuple[str, ...], Walk] = {}
-        came: dict[tuple[int, int], tuple[tuple[int, int] | None, int]] = {}
-        for edge, label in enumerate(self._labels):
-            if self._sender[label] == sending:
-                ahead = self._length[self._sources[edge]] - bool(self._receiver[label])
-                came.setdefault((self._targets[edge], ahead), (None, edge))
-        queue = list(came)
-        for here in queue:
+        came: Came[tuple[int, int], int] = {}
+        begin = (-1, 0)
+
+        def onward(here: tuple[int, int]) -> Iterator[tuple[int, tuple[int, int]]]:
+            # A place is a configuration, and how many messages are ahead of the one that was sent.
             state, ahead = here
-            for edge in self._leaving[state]:
-                tally.tick()
-                receiver = self._receiver[self._labels[edge]]
-                if receiver and not ahead:
-                    found.setdefault((sending, receiver), (*_back(came, here), edge))
+            for edge in self._leaving[state] if here != begin else range(len(self._labels)):
+                label = self._labels[edge]
+                taken = bool(self._receiver[label])
+                if here == begin:
+                    if self._sender[label] == sending:
+                        yield edge, (self._targets[edge], self._length[self._sources[edge]] - taken)
                     continue
-                onward = self._targets[edge], ahead - bool(receiver)
-                if onward not in came:
-                    came[onward] = here, edge
-                    queue.append(onward)
+                tally.tick()
+                if taken and not ahead:
+                    found.setdefault((sending, self._receiver[label]), (*way_to(here, came), edge))
+                else:
+                    yield edge, (self._targets[edge], ahead - taken)
+
+        for _ in breadth_first([begin], onward, came):
+            pass
         return found
-
-
-def _back(
-    came: dict[tuple[int, int], tuple[tuple[int, int] | None, int]], here: tuple[int, int] | None
-) -> tuple[int, ...]:
-    walk: list[int] = []
-    while here is not None:
-        here, edge = came[here]
-        walk.append(edge)
-    return tuple(reversed(walk))
 
 
 def _first_edges(space: Space) -> Iterable[tuple[int, int]]:

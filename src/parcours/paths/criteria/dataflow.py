@@ -1,4 +1,4 @@
-"""A machine and its variables -> where values are defined and used, and the ways from the ones to the others.
+"""Where a machine defines and uses the values of variables, and the ways from definitions to uses.
 
 The criteria are those of Ammann & Offutt, 2008, section 2.3.2, with definitions and uses on transitions. Within one
 transition the order is: the message and the inputs arrive, the guard, the actions in order, what is sent. Guards are
@@ -22,7 +22,7 @@ from parcours.model.structure import Machine, Transition, Variable
 from parcours.paths.criteria.limits import Limits, Tally
 from parcours.paths.criteria.primes import simple_paths
 from parcours.paths.criteria.requirement import START, Goal, Requirement
-from parcours.paths.graph import Graph
+from parcours.paths.graph import Came, Graph, breadth_first, way_to
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,17 +58,7 @@ class Dataflow:
 
 
 def dataflow(label: str, machine: Machine, graph: Graph, variables: Sequence[Variable]) -> Dataflow:
-    """Return where a machine defines and uses the variables of its component.
-
-    Args:
-        label: the name of the machine in requirements.
-        machine: the machine.
-        graph: its graph.
-        variables: of the component that runs the machine.
-
-    Raises:
-        BadRequest: a guard or an assignment names something that is no variable.
-    """
+    """Return where a machine defines and uses the variables of its component."""
     roles = {variable.name: variable.role for variable in variables}
     begin = Access(defines=tuple(variable.name for variable in variables if variable.role == "local"))
     by_id = {transition.id: transition for transition in machine.transitions}
@@ -85,13 +75,7 @@ def dataflow(label: str, machine: Machine, graph: Graph, variables: Sequence[Var
 
 
 def access(transition: Transition, roles: Mapping[str, str]) -> Access:
-    """Return what a transition does with variables, given each one's role, local or input.
-
-    >>> from parcours.model.expression import parse_actions, parse_expression
-    >>> tick = Transition("t1", "s", "s", None, parse_expression("n < 9"), parse_actions("n := n + 1; show(n)"))
-    >>> access(tick, {"n": "local"})
-    Access(reads=('n',), within=('n',), defines=('n',), confirms=('n',))
-    """
+    """Return what a transition does with variables, given each one's role, local or input."""
     bound = transition.event.name if transition.event is not None else ""
     reads: dict[str, None] = {}
     within: dict[str, None] = {}
@@ -181,21 +165,16 @@ class _Ways:
 
     def shortest(self, definition: int, tally: Tally) -> Iterator[tuple[int, ...]]:
         """Yield the shortest way from a definition to each use that it reaches, nearest first."""
-        begin = self.targets[definition]
-        came: dict[int, tuple[int, int]] = {begin: (begin, definition)}
-        queue = [begin]
-        for state in queue:
-            for use in self.uses.get(state, ()):
-                walk, back = [use], state
-                while back != begin:
-                    walk.append(came[back][1])
-                    back = came[back][0]
-                yield (definition, *reversed(walk))
+        came: Came[int, int] = {}
+
+        def onward(state: int) -> Iterator[tuple[int, int]]:
             for edge in self.clear[state]:
                 tally.tick()
-                if self.targets[edge] not in came:
-                    came[self.targets[edge]] = state, edge
-                    queue.append(self.targets[edge])
+                yield edge, self.targets[edge]
+
+        for state in breadth_first([self.targets[definition]], onward, came):
+            for use in self.uses.get(state, ()):
+                yield (definition, *way_to(state, came), use)
 
 
 def _ways(flow: Dataflow) -> Iterator[tuple[str, _Ways]]:

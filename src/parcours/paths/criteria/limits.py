@@ -43,7 +43,7 @@ class Tally:
         self._deadline = time.monotonic() + limits.seconds
 
     def add(self, steps: int) -> None:
-        """Count one requirement of so many steps.
+        """Count one requirement with this number of steps.
 
         Raises:
             BadRequest: it is one too many, or its steps are.

@@ -1,4 +1,4 @@
-"""A graph -> its prime paths and round trips, as edge sequences (Ammann & Offutt, 2008, section 2.2.1).
+"""Prime paths and round trips of a graph, as edge sequences (Ammann & Offutt, 2008, section 2.2.1).
 
 A path is simple if no state comes twice, except that the first may be the last. A simple path is prime if it lies in
 no longer one; a round trip is a prime path that returns to its first state. Parallel edges make different paths.
@@ -16,10 +16,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 
-import numpy as np
-
 from parcours.paths.criteria.limits import Limits, Tally
-from parcours.paths.graph import Graph
+from parcours.paths.graph import Came, Graph, breadth_first, components, way_to
 
 NEVER = -1
 """The `missing` states of a search that only completes by goal edges."""
@@ -27,13 +25,6 @@ NEVER = -1
 
 def prime_paths(graph: Graph, limits: Limits | None = None) -> list[tuple[int, ...]]:
     """Return all prime paths of at least one edge, by their first state, in depth-first order.
-
-    Args:
-        graph: the graph.
-        limits: how many are too many.
-
-    Raises:
-        BadRequest: there are too many; the message tells how many had been found.
 
     Example: a loop is a prime path of its own, and so is each way round.
 
@@ -59,7 +50,7 @@ def shortest_round_trips(graph: Graph, limits: Limits | None = None) -> list[tup
     """
     tally = Tally(limits or Limits(), f"round trips of '{graph.name}'")
     targets, sources = graph.targets.tolist(), graph.sources.tolist()
-    inner = _inner_edges(graph, components(graph))
+    inner = _inner_edges(graph)
     chosen: dict[int, tuple[int, ...]] = {}
     for start in range(len(graph.states)):
         if start not in chosen and (trip := _shortest_trip(start, inner, targets, tally)):
@@ -68,17 +59,6 @@ def shortest_round_trips(graph: Graph, limits: Limits | None = None) -> list[tup
     for trip in chosen.values():
         tally.add(len(trip))
     return [chosen[state] for state in sorted(chosen)]
-
-
-def components(graph: Graph) -> list[int]:
-    """Return for each state the number of its strongly connected component."""
-    from scipy.sparse import csr_array
-    from scipy.sparse.csgraph import connected_components
-
-    size = len(graph.states)
-    links = csr_array((np.ones(len(graph.edges), dtype=np.int8), (graph.sources, graph.targets)), shape=(size, size))
-    labels: list[int] = connected_components(links, directed=True, connection="strong")[1].tolist()
-    return labels
 
 
 def simple_paths(
@@ -98,7 +78,7 @@ def simple_paths(
         goals: for some states the edges that complete a path there, wherever they lead.
         wanted: a path that holds all of these is also complete where it can neither go on nor be completed by a goal;
             None if no path is.
-        tally: is told of each path.
+        tally: counts the paths.
     """
     missing = NEVER if wanted is None else len(wanted)
     lacking = wanted or set()
@@ -159,15 +139,13 @@ def simple_paths(
 def _primes(graph: Graph, limits: Limits, *, only_round: bool) -> list[tuple[int, ...]]:
     what = "round trips" if only_round else "prime paths"
     tally = Tally(limits, f"{what} of '{graph.name}'")
-    component = components(graph)
-    targets, sources = graph.targets.tolist(), graph.sources.tolist()
-    entering: list[list[int]] = [[] for _ in graph.states]
-    for edge, target in enumerate(targets):
-        entering[target].append(edge)
-    onward = _inner_edges(graph, component), graph.leaving()
+    targets, sources, entering = graph.targets.tolist(), graph.sources.tolist(), graph.entering()
+    inner = _inner_edges(graph)
+    within = {edge for edges in inner for edge in edges}
+    onward = inner, graph.leaving()
     found: list[tuple[int, ...]] = []
     for start in range(len(graph.states)):
-        inside = [edge for edge in entering[start] if component[sources[edge]] == component[start]]
+        inside = [edge for edge in entering[start] if edge in within]
         # A predecessor that cannot be reached from the start extends whatever begins here, unless it is a round trip.
         wanted = None if only_round or len(inside) < len(entering[start]) else {sources[edge] for edge in inside}
         if wanted is None and not inside:
@@ -179,13 +157,11 @@ def _primes(graph: Graph, limits: Limits, *, only_round: bool) -> list[tuple[int
     return found
 
 
-def _inner_edges(graph: Graph, component: Sequence[int]) -> list[list[int]]:
-    """Return for each state its leaving edges that stay in its component."""
-    targets = graph.targets.tolist()
-    return [
-        [edge for edge in edges if component[targets[edge]] == component[state]]
-        for state, edges in enumerate(graph.leaving())
-    ]
+def _inner_edges(graph: Graph) -> list[list[int]]:
+    """Return for each state its leaving edges that stay in its strongly connected component."""
+    component = components(len(graph.states), graph.sources, graph.targets)
+    stays = component[graph.sources] == component[graph.targets]
+    return [[edge for edge in edges if stays[edge]] for edges in graph.leaving()]
 
 
 def _reaches(
@@ -215,19 +191,10 @@ def _shortest_trip(
     start: int, inner: Sequence[Sequence[int]], targets: Sequence[int], tally: Tally
 ) -> tuple[int, ...] | None:
     """Return the fewest edges from a state back to itself, None if there is no way."""
-    came: dict[int, tuple[int, int]] = {}
-    queue = [start]
-    for state in queue:
+    came: Came[int, int] = {}
+    for state in breadth_first([start], lambda state: ((edge, targets[edge]) for edge in inner[state]), came):
         for edge in inner[state]:
             tally.tick()
-            target = targets[edge]
-            if target == start:
-                trip = [edge]
-                while state != start:
-                    state, edge = came[state]
-                    trip.append(edge)
-                return tuple(reversed(trip))
-            if target not in came:
-                came[target] = state, edge
-                queue.append(target)
+            if targets[edge] == start:
+                return (*way_to(state, came), edge)
     return None

@@ -1,4 +1,4 @@
-"""A machine or a graph, and a coverage criterion -> test requirements.
+"""Test requirements that a coverage criterion asks of a machine, a graph or a model.
 
 The criteria are those of Ammann & Offutt, Introduction to Software Testing, 2008, chapter 2. Only what the graph can
 reach from its start is required; guards are not solved here.
@@ -7,7 +7,7 @@ reach from its start is required; guards are not solved here.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import count, pairwise
 
@@ -71,12 +71,6 @@ def requirements(
     Raises:
         BadRequest: no criterion is written like that; there are too many requirements, and how many had been found; or
             the criterion does not fit what it is asked of.
-
-    >>> from parcours.model.structure import Transition
-    >>> lamp = Machine("lamp", "off", ("off", "on"), (
-    ...     Transition("t1", "off", "on"), Transition("t2", "on", "off")))
-    >>> [str(requirement) for requirement in requirements(lamp, "edge-pair")]
-    ['t1 t2', 't2 t1']
     """
     chosen = parse_criterion(criterion) if isinstance(criterion, str) else criterion
     if chosen.family == "communication":
@@ -153,58 +147,25 @@ def edge_names(graph: Graph) -> tuple[str, ...]:
     return tuple(found)
 
 
-Ask = Callable[[Subject, int, Limits | None], Iterable[Goal]]
-"""A criterion over a graph: from a subject, its parameter and limits to goals."""
-
-
-def _nodes(subject: Subject, _number: int, _limits: Limits | None) -> Iterator[Goal]:
-    for state in subject.graph.states:
-        yield Goal(Requirement(subject.label, "state", (state,)), ())
-
-
-def _edges(subject: Subject, _number: int, _limits: Limits | None) -> Iterator[Goal]:
-    return _walks(subject, ((edge,) for edge in range(len(subject.graph.edges))))
-
-
-def _edge_pairs(subject: Subject, _number: int, limits: Limits | None) -> Iterator[Goal]:
-    return _walks(subject, switches(subject.graph, 1, limits))
-
-
-def _switches(subject: Subject, number: int, limits: Limits | None) -> Iterator[Goal]:
-    return _walks(subject, switches(subject.graph, number, limits))
-
-
-def _complete(subject: Subject, number: int, limits: Limits | None) -> Iterator[Goal]:
-    return _walks(subject, complete_paths(subject.graph, number, limits))
-
-
-def _primes(subject: Subject, _number: int, limits: Limits | None) -> Iterator[Goal]:
-    if not subject.graph.edges:  # the state by itself is the one prime path
-        return _nodes(subject, 0, limits)
-    return _walks(subject, prime_paths(subject.graph, limits))
-
-
-def _complete_round_trips(subject: Subject, _number: int, limits: Limits | None) -> Iterator[Goal]:
-    return _walks(subject, round_trips(subject.graph, limits))
-
-
-def _simple_round_trips(subject: Subject, _number: int, limits: Limits | None) -> Iterator[Goal]:
+def _graph_goals(subject: Subject, criterion: Criterion, limits: Limits | None) -> Iterator[Goal]:
     graph = subject.graph
-    for walk in shortest_round_trips(graph, limits):
-        yield Goal(Requirement(subject.label, "round trip", (graph.states[graph.sources[walk[0]]],)), walk)
-
-
-ASKS: dict[str, Ask] = {
-    "node": _nodes,
-    "edge": _edges,
-    "edge-pair": _edge_pairs,
-    "switch": _switches,
-    "prime": _primes,
-    "simple-round-trip": _simple_round_trips,
-    "complete-round-trip": _complete_round_trips,
-    "complete": _complete,
-}
-"""Criteria over a graph by the name that `Criterion` gives them."""
+    match criterion.name:
+        case "edge":
+            yield from _walks(subject, ((edge,) for edge in range(len(graph.edges))))
+        case "edge-pair" | "switch":
+            yield from _walks(subject, switches(graph, criterion.number or int(criterion.name == "edge-pair"), limits))
+        case "complete":
+            yield from _walks(subject, complete_paths(graph, criterion.number, limits))
+        case "prime" if graph.edges:
+            yield from _walks(subject, prime_paths(graph, limits))
+        case "complete-round-trip":
+            yield from _walks(subject, round_trips(graph, limits))
+        case "simple-round-trip":
+            for walk in shortest_round_trips(graph, limits):
+                yield Goal(Requirement(subject.label, "round trip", (graph.states[graph.sources[walk[0]]],)), walk)
+        case _:  # node; or prime without an edge, where the state by itself is the one prime path
+            for state in graph.states:
+                yield Goal(Requirement(subject.label, "state", (state,)), ())
 
 
 def _walks(subject: Subject, walks: Iterable[Walk]) -> Iterator[Goal]:
@@ -236,7 +197,7 @@ def _owner(walk: tuple[str, ...], name: str, owner: Mapping[str, int]) -> int:
 
 def _demand(subject: Subject, criterion: Criterion, limits: Limits | None) -> Demand:
     if criterion.family == "graph":
-        return Demand(subject, subject.graph, tuple(ASKS[criterion.name](subject, criterion.number, limits)))
+        return Demand(subject, subject.graph, tuple(_graph_goals(subject, criterion, limits)))
     if criterion.family == "communication":
         rule = "it looks at the channels between machines, but one machine was given"
         raise BadRequest(f"coverage criterion '{criterion}'", rule, "cover the composition", slug="criterion-subject")

@@ -1,4 +1,4 @@
-"""A model, a criterion and the transitions taken -> which requirements they meet, and which they miss."""
+"""Which requirements of a criterion the transitions taken meet, and which they miss."""
 
 from __future__ import annotations
 
@@ -57,12 +57,6 @@ def measure(
 
     Raises:
         BadRequest: as for `requirements`; or a sequence names a transition that the model does not have.
-
-    >>> from parcours.model.structure import Transition
-    >>> lamp = Machine("lamp", "off", ("off", "on"), (
-    ...     Transition("t1", "off", "on"), Transition("t2", "on", "off")))
-    >>> [str(requirement) for requirement in measure(lamp, "edge-pair", ["t1", "t2"]).missed]
-    ['t2 t1']
     """
     checked(tours)
     chosen = parse_criterion(criterion) if isinstance(criterion, str) else criterion

@@ -1,4 +1,4 @@
-"""A file of recorded transitions -> sequences to measure."""
+"""Reads sequences of recorded transitions from a file."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ def read_sequences(path: Path) -> list[list[str]]:
     """Return the sequences of transitions, or of moves such as `p24+p16`, that a file records.
 
     A line is a sequence: words between blanks, or a JSON array of texts. The files that `parcours walk --out` and runs
-    write are read too: there a line is one step, and a sequence ends where the walk starts anew.
+    write are read too: there a line is one step, and a sequence ends where the walk starts again.
 
     Args:
         path: the file, UTF-8, of at most LARGEST bytes.
 
     Raises:
-        BadResults: the file cannot be read, or a line is none of these.
+        BadResults: the file cannot be read, or a line is something else.
 
     >>> import tempfile
     >>> with tempfile.TemporaryDirectory() as folder:

@@ -1,4 +1,4 @@
-"""Recorded transitions of a model -> the walks that each of its machines did."""
+"""The walks that each machine of a model did in recorded sequences of transitions."""
 
 from __future__ import annotations
 
@@ -34,16 +34,7 @@ class Walks:
 
 
 def walks_of(of: Machine | Cefsm | Graph, asked: Sequence[Subject], sequences: Sequence[Sequence[str]]) -> list[Walks]:
-    """Return what each machine did in the sequences.
-
-    Args:
-        of: what was run.
-        asked: its machines.
-        sequences: what was taken, as `measure`.
-
-    Raises:
-        BadRequest: a sequence names what is not there.
-    """
+    """Return what each machine did in the sequences."""
     if isinstance(of, Graph):
         parts = [[_along(of, sequence)] for sequence in sequences]
     else:

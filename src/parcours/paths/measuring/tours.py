@@ -1,4 +1,4 @@
-"""Paths and the walks required of them -> which of the walks they tour, directly, with side trips or with detours.
+"""Which required walks a set of paths tours: directly, with side trips or with detours.
 
 A path tours a walk directly if it contains it without a break; with side trips if it takes all edges of the walk in the
 same order, so that it may leave a state only to come back to it; with detours if it visits all states of the walk in
@@ -25,26 +25,7 @@ def checked(tours: str) -> None:
 
 
 def toured(graph: Graph, walks: Sequence[Walk], paths: Iterable[Sequence[int]], tours: Tours = "direct") -> list[bool]:
-    """Return for each walk whether one of the paths tours it.
-
-    Args:
-        graph: the graph.
-        walks: what is required: at least one edge each.
-        paths: walks of the graph.
-        tours: how.
-
-    Raises:
-        BadRequest: there is no such way to tour.
-
-    Example: a path that goes round the loop between the two edges of the walk takes a side trip.
-
-    >>> from parcours.model.structure import Machine, Transition
-    >>> from parcours.paths.graph import graph_of
-    >>> lamp = graph_of(Machine("lamp", "off", ("off", "on"), (
-    ...     Transition("t1", "off", "on"), Transition("t2", "on", "on"), Transition("t3", "on", "off"))))
-    >>> [toured(lamp, [(0, 2)], [[0, 1, 2]], tours) for tours in ("direct", "sidetrips", "detours")]
-    [[False], [True], [True]]
-    """
+    """Return for each walk whether one of the paths tours it."""
     checked(tours)
     if tours == "direct":
         return _contained(len(graph.edges), walks, paths)
@@ -78,11 +59,7 @@ def occurrences(steps: Sequence[int]) -> dict[int, list[int]]:
 
 
 def in_order(steps: Iterable[int], places: dict[int, list[int]], after: int = -1, before: int | None = None) -> bool:
-    """Return whether steps stand in this order, between two places if these are given.
-
-    >>> in_order([7, 7, 8], occurrences([7, 8, 7])), in_order([7, 7], occurrences([7, 8, 7]))
-    (False, True)
-    """
+    """Return whether steps stand in this order, between two places if these are given."""
     place = after
     for step in steps:
         at = places.get(step, ())

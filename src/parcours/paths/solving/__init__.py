@@ -1,8 +1,7 @@
-"""Requirements with guards, data and time -> covered by paths that run, proven infeasible, or undecided."""
+"""Requirements with guards, data and time: covered by paths that run, proven infeasible, or undecided."""
 
-from parcours.paths.solving.deadlines import solved_schedule
 from parcours.paths.solving.deciding import solve
-from parcours.paths.solving.sequences import solve_sequence
+from parcours.paths.solving.sequences import solve_sequence, solved_schedule
 from parcours.paths.solving.verdicts import Covered, Executability, Infeasible, Path, Undecided, Verdict
 
 __all__ = [

@@ -1,4 +1,4 @@
-"""A machine and what is to be covered -> what can be, with the values that make it so; what cannot, and why.
+"""Decides what of a machine can be covered, with the values that make it so; what cannot, and why.
 
 First the state space of the component is searched, as far as it is small; what is met there is covered, and if all
 of it was seen, the rest is infeasible. Then the solver looks for conflicts, and for longer paths.
@@ -7,7 +7,7 @@ of it was seen, the rest is infeasible. Then the solver looks for conflicts, and
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from typing import TYPE_CHECKING
 
 from parcours.errors import require_known
@@ -16,10 +16,14 @@ from parcours.model.structure import Cefsm, Component, Machine
 from parcours.paths.criteria import requirements
 from parcours.paths.criteria.requirement import Requirement
 from parcours.paths.graph import graph_of
-from parcours.paths.solving.space import Explored, Space, alone
+from parcours.paths.solving.exploring import Exploration, Explored
 from parcours.paths.solving.targets import Node, Targets
 from parcours.paths.solving.verdicts import Covered, Executability, Infeasible, Path, Undecided, has_solver
-from parcours.paths.solving.verifying import Verifier
+from parcours.paths.spaces import part_of
+from parcours.paths.timing.clockwork import is_timed
+from parcours.paths.timing.events import events_of
+from parcours.paths.timing.replaying import Replay
+from parcours.paths.timing.schedules import Schedule, schedule
 
 if TYPE_CHECKING:
     from parcours.paths.solving.proving import Prover
@@ -42,7 +46,7 @@ EXTENSION_CHECKS = 40
 SEEN = "none of the {} states that can be reached allows it"
 
 Report = Callable[[str, int, int], None]
-"""Told (what, done, in all) while work goes on."""
+"""Called with (what, done, in all) while work goes on."""
 
 
 def solve(
@@ -69,38 +73,55 @@ def solve(
         budget: longest time for all of it [s]; what is not decided by then is undecided.
         seed: of the solver's random choices.
         complete: whether paths go on to where a test may end, where they can.
-        report: told how far the work is.
+        report: called as the work goes on.
 
     Raises:
         BadRequest: the component, the machine, the criterion or something a requirement names is unknown.
-
-    Example: a lamp that burns out at the third time.
-
-    >>> from parcours.model import parse_model
-    >>> lamp = parse_model('''
-    ... parcours: model/1
-    ... name: lamp
-    ... components:
-    ...   Lamp:
-    ...     variables: {n: {type: int, initial: 0, range: [0, 3]}}
-    ...     machines:
-    ...       light:
-    ...         initial: off
-    ...         transitions:
-    ...           on: {from: off, to: lit, guard: n < 3, action: n := n + 1}
-    ...           off: {from: lit, to: off}
-    ...           burn: {from: lit, to: dead, guard: n == 3}
-    ...           revive: {from: dead, to: off, guard: n < 3}
-    ... ''')
-    >>> found = solve(lamp, "Lamp", "light", "edge")
-    >>> print(found.paths[0])
-    on off on off on burn
-    >>> [str(each.requirement) for each in found.covered], [str(each.requirement) for each in found.infeasible]
-    (['on', 'off', 'burn'], ['revive'])
     """
     owner, found = _owner(cefsm, component, machine)
     needs = requirements(found, wanted, variables=owner.variables) if isinstance(wanted, str) else wanted
     return _Solving(cefsm, owner, found, needs, budget, report).run(seed, complete=complete)
+
+
+class _Verifier:
+    """Runs paths of one machine through the step relation of its component."""
+
+    def __init__(self, cefsm: Cefsm, component: Component, machine: Machine, finals: Collection[str]) -> None:
+        self._cefsm, self._name, self._machine, self._finals = cefsm, component.name, machine, finals
+        self._targets = {transition.id: transition.target for transition in machine.transitions}
+        self._timed, self._replay = is_timed(component), Replay(cefsm)
+
+    def runs(self, ids: Sequence[str], inputs: Sequence[Inputs]) -> bool:
+        """Return whether transitions run with inputs; clock readings among these are taken to be in time."""
+        return not self._replay.run(events_of(self._cefsm, ids), inputs).why_not
+
+    def path(self, moves: Sequence[Move], *, in_time: bool = False) -> Path | None:
+        """Return the path that makes these moves, with clock readings that are in time; None if it does not run."""
+        path = Path(tuple(moves))
+        if not self.runs(path.ids, path.inputs):
+            return None
+        if self._timed:
+            found = schedule(self._cefsm, path.ids, inputs=path.inputs)
+            timely = self._read(moves, found) if isinstance(found, Schedule) else None
+            if timely is not None and self.runs(timely.ids, timely.inputs):
+                path = timely
+            elif not in_time:
+                return None
+        return Path(path.moves, self.ends(path.ids))
+
+    def ends(self, ids: Sequence[str]) -> bool:
+        """Return whether the machine may end a test after these transitions."""
+        ours = [id for id in ids if id in self._targets]
+        return (self._targets[ours[-1]] if ours else self._machine.initial) in self._finals
+
+    def _read(self, moves: Sequence[Move], found: Schedule) -> Path:
+        readings, timely = iter(found.readings), []
+        for move in moves:
+            inputs = dict(move.inputs)
+            for _ in range(2 if move.partner else 1):
+                inputs |= {f"{self._name}.{name}": value for name, value in next(readings).items()}
+            timely.append(Move(move.transition, move.partner, tuple(sorted(inputs.items()))))
+        return Path(tuple(timely))
 
 
 class _Solving:
@@ -113,14 +134,14 @@ class _Solving:
         budget: float,
         report: Report | None,
     ) -> None:
-        self.cefsm, self.owner, self.machine, self.needs = cefsm, owner, machine, tuple(dict.fromkeys(needs))
+        self.owner, self.machine, self.needs = owner, machine, tuple(dict.fromkeys(needs))
         self.begun, self.budget, self.report = time.monotonic(), budget, report
         self.deadline = self.begun + budget
-        self.model, _ = alone(cefsm, owner)
+        self.model = part_of(cefsm, owner.name)
         self.targets = Targets(machine, self.needs)
         graph = graph_of(machine)
         self.finals = frozenset(graph.states[state] for state in graph.finals)
-        self.verifier = Verifier(self.model, owner, machine, self.finals)
+        self.verifier = _Verifier(self.model, owner, machine, self.finals)
         self.open = dict.fromkeys(self.needs)
         self.covered: dict[Requirement, Path] = {}
         self.infeasible: dict[Requirement, tuple[str, ...]] = {}
@@ -128,8 +149,8 @@ class _Solving:
     def run(self, seed: int, *, complete: bool) -> Executability:
         """Return the verdicts."""
         share = 0.6 if has_solver() else 1.0
-        space = Space(self.cefsm, self.owner, MOST_STATES, self.begun + share * self.budget)
-        explored = space.explore(self.targets, self.finals, complete=complete)
+        until = self.begun + share * self.budget
+        explored = Exploration(self.model, self.targets, self.finals, MOST_STATES, until).runs(complete=complete)
         if self.targets.at(self.targets.start()):
             self._take(self.verifier.path(()))  # the start needs no transition, which might not come in time
         for run in explored.runs:
@@ -145,9 +166,8 @@ class _Solving:
         """Look for proofs and for longer paths, in turns; return why what is still open stays undecided."""
         if not self.open:
             return ""
-        from parcours.paths.solving.ground import Ground
-        from parcours.paths.solving.invariants import bounds_of
-        from parcours.paths.solving.proving import Prover
+        from parcours.paths.solving.proving import Prover, bounds_of
+        from parcours.paths.solving.reading import Ground
         from parcours.paths.solving.searching import Prefixes, Search
 
         ground = Ground(self.model)

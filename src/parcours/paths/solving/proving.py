@@ -1,4 +1,4 @@
-"""A requirement -> a proof that no run can meet it, where a search backwards from it finds one.
+"""Proofs that no run can meet a requirement, by a search backwards from it, and bounds that variables never leave.
 
 The transitions of the requirement are taken from anywhere: any values the variables may ever have, whatever other
 machines do. If that is impossible, what conflicts is the proof. Otherwise every transition that can come before is
@@ -12,14 +12,23 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Sequence
 
-from parcours.model.expression import Assignment, names
+import z3
+
+from parcours.model.expression import Assignment, Expression, Literal, names
+from parcours.model.expression.syntax import walk
+from parcours.model.scope import is_local
 from parcours.model.structure import Component, Machine, Transition
 from parcours.paths.criteria.requirement import START, Requirement
-from parcours.paths.solving.event_terms import Begin
-from parcours.paths.solving.ground import Bound, Ground
+from parcours.paths.solving.reading import Begin, Bound, Ground
 from parcours.paths.solving.terms import NoTerm
 from parcours.paths.solving.walk import Walk
 from parcours.paths.timing.events import Event
+
+MAX_CONSTANTS = 12
+"""Most constants that are guessed as bounds, the smallest in size."""
+
+BOUND_SECONDS = 0.5
+"""Longest time for one question about a bound [s]; what is not known by then is given up."""
 
 CHECK_SECONDS = 1.0
 """Longest time for one question to the solver [s]."""
@@ -29,15 +38,7 @@ Slice = tuple[str, ...]
 
 
 class Prover:
-    """Proofs about one machine of a component.
-
-    Args:
-        ground: the tables of the model.
-        component: the component.
-        machine: the machine.
-        seed: of the solver's random choices.
-        bounds: what is known of the component's variables.
-    """
+    """Proofs about one machine of a component."""
 
     def __init__(
         self, ground: Ground, component: Component, machine: Machine, seed: int, bounds: frozenset[Bound]
@@ -51,13 +52,7 @@ class Prover:
             self._entering.setdefault(transition.target, []).append(transition)
 
     def proof(self, need: Requirement, deadline: float, ways: int) -> tuple[str, ...] | None:
-        """Return what conflicts on every way to a requirement, or None if no proof was found.
-
-        Args:
-            need: a state, or transitions one straight after the other.
-            deadline: when to stop, on `time.monotonic`.
-            ways: how many ways back to look at.
-        """
+        """Return what conflicts on every way to a requirement, or None if no proof was found."""
         if self._ground.timed:
             now = time.monotonic()
             found = self._proof(need, now + max(0.0, deadline - now) / 2, ways, timed=False)
@@ -112,20 +107,20 @@ class Prover:
         unsteady = self._unsteady if timed else self._unsteady | self._clocks
         for exact in (True, False):
             place = (0, self._component.name, self._machine.name)
-            walk = Walk(
+            steps = Walk(
                 self._ground, [place], exact=exact, explain=True, begin=begin,
                 unsteady=unsteady, bounds=self._bounds, timed=timed, seed=self._seed,
             )  # fmt: skip
             try:
                 for number, id in enumerate(ids, start=1):
-                    walk.push(Event(number, *place, self._transitions[id]))
+                    steps.push(Event(number, *place, self._transitions[id]))
             except NoTerm:
                 return None
-            if walk.check(CHECK_SECONDS) is not False:
+            if steps.check(CHECK_SECONDS) is not False:
                 return None
-            if not walk.rounds:
+            if not steps.rounds:
                 break
-        return walk.core()
+        return steps.core()
 
     def _read(self, slice_: Sequence[str]) -> frozenset[str]:
         found: set[str] = set()
@@ -143,3 +138,67 @@ class Prover:
             if variable.name in read and variable.initial is not None:
                 shown = str(variable.initial).lower() if isinstance(variable.initial, bool) else variable.initial
                 yield f"{variable.name!r} starts at {shown}"
+
+
+def bounds_of(ground: Ground, component: Component, deadline: float) -> frozenset[Bound]:
+    """Return bounds that the integer variables of a component never leave; none if the time is up before they are sure.
+
+    Bounds are guessed: a variable stays above, or below, its initial value or one of the constants in the component.
+    Guesses that some transition breaks, while all the others hold, are given up until none is broken (Flanagan &
+    Leino, Houdini, an annotation assistant for ESC/Java, FME 2001). What is left holds at the start and after each
+    transition of any machine: always.
+    """
+    alive = _guesses(component)
+    guessed = {bound.variable for bound in alive}
+    setters = [
+        (machine.name, transition)
+        for machine in component.machines
+        for transition in machine.transitions
+        if any(isinstance(each, Assignment) and each.target in guessed for each in transition.actions)
+    ]
+    before: set[Bound] | None = None
+    while alive != before:
+        before = set(alive)
+        for machine, transition in setters:
+            if time.monotonic() > deadline:
+                return frozenset()
+            alive = _kept(ground, Event(1, 0, component.name, machine, transition), alive)
+    return frozenset(alive)
+
+
+def _guesses(component: Component) -> set[Bound]:
+    numbers = {0}
+    for expression in _expressions(component):
+        numbers |= {node.value for node in walk(expression) if isinstance(node, Literal) and type(node.value) is int}
+    found = set()
+    for variable in component.variables:
+        if variable.type == "int" and is_local(variable) and isinstance(variable.initial, int):
+            for number in sorted({*numbers, variable.initial}, key=abs)[:MAX_CONSTANTS]:
+                found |= {Bound(variable.name, "<=", number)} if variable.initial <= number else set()
+                found |= {Bound(variable.name, ">=", number)} if variable.initial >= number else set()
+    return found
+
+
+def _expressions(component: Component) -> list[Expression]:
+    found = [each.guard for each in component.transitions() if each.guard is not None]
+    return found + [
+        action.value for each in component.transitions() for action in each.actions if isinstance(action, Assignment)
+    ]
+
+
+def _kept(ground: Ground, event: Event, alive: set[Bound]) -> set[Bound]:
+    """Return the bounds that still hold after an event before which all of them did."""
+    steps = Walk(ground, [event.place], begin="anywhere", bounds=frozenset(alive))
+    try:
+        steps.push(event)
+    except NoTerm:
+        sets = {action.target for action in event.transition.actions if isinstance(action, Assignment)}
+        return {bound for bound in alive if bound.variable not in sets}
+    values = steps.values(event)
+    broken = {
+        bound
+        for bound in alive
+        if bound.variable in values
+        and (steps.rounds or steps.check(BOUND_SECONDS, z3.Not(bound.of(values[bound.variable]))) is not False)
+    }
+    return alive - broken

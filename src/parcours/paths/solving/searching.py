@@ -1,4 +1,4 @@
-"""Transitions of one machine -> paths that run and meet requirements, by solving along the search.
+"""Searches for paths of one machine that run and meet requirements, by solving along the search.
 
 Paths grow by one transition at a time, those first that may come soonest to something missing (A*: their length and
 the distance in the machine's graph). One solver walks along: what two paths share at their beginning is solved
@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterator
 
 from parcours.model.configuration import Inputs
 from parcours.model.structure import Component, Machine
-from parcours.paths.solving.ground import Ground
+from parcours.paths.solving.reading import Ground
 from parcours.paths.solving.targets import Node, Targets
 from parcours.paths.solving.terms import NoTerm
 from parcours.paths.solving.walk import Walk
@@ -31,30 +31,21 @@ CHECK_SECONDS = 2.0
 """Longest time for one question to the solver [s]."""
 
 LOOPS = 50
-"""Where time counts, a path takes at most so many transitions for each state and transition of the machine."""
+"""Where time counts, a path takes at most this many transitions for each state and transition of the machine."""
 
 
 class Prefixes:
     """One solver that walks along the paths of a machine; the other machines of its component stand still.
 
-    Args:
-        ground: the tables of the model.
-        component: the component.
-        machine: the machine.
-        seed: of the solver's random choices.
-
-    Attributes:
-        longest: most transitions of a path. Where time counts no two paths are alike, so loops would have no end.
-        allowed: transitions that the machine can take by itself.
-        doubt: why not having found a path proves nothing; empty if it does.
-        deadline: when to stop, on `time.monotonic`.
-        checks: how many questions were put to the solver.
+    `allowed` are the transitions that the machine can take by itself; `doubt` says why not having found a path proves
+    nothing, and is empty if it does.
     """
 
     def __init__(self, ground: Ground, component: Component, machine: Machine, seed: int) -> None:
         self._place = (0, component.name, machine.name)
         self._walk = Walk(ground, [self._place], seed=seed)
         self._ids: Ids = ()
+        # Where time counts no two paths are alike, so loops would have no end.
         self.longest = LOOPS * (len(machine.states) + len(machine.transitions)) if ground.timed else sys.maxsize
         self._transitions = {transition.id: transition for transition in machine.transitions}
         self.deadline, self.checks = time.monotonic(), 0
@@ -121,14 +112,7 @@ class Prefixes:
 
 
 class Search:
-    """A best-first search from the end of one path; it can be continued.
-
-    Args:
-        prefixes: the solver.
-        targets: the requirements.
-        root: the path to start from; it runs.
-        verified: whether a path with inputs runs in the model.
-    """
+    """A best-first search from the end of one path; it can be continued."""
 
     def __init__(self, prefixes: Prefixes, targets: Targets, root: Ids, verified: Verified) -> None:
         self._prefixes, self._targets, self._verified = prefixes, targets, verified
@@ -145,15 +129,7 @@ class Search:
         return Search(self._prefixes, self._targets, root, self._verified)
 
     def onward(self, wanted: Callable[[Node], bool], effort: int) -> tuple[Ids, tuple[Inputs, ...]] | None:
-        """Return the next path that comes to a wanted node, with inputs; None if there is none within the effort.
-
-        Args:
-            wanted: which nodes; never more than in an earlier call.
-            effort: how many questions may be put to the solver.
-
-        Raises:
-            TimeoutError: the deadline has passed, or the effort was spent.
-        """
+        """Return the next path that comes to a wanted node, with inputs; None if there is none within the effort."""
         prefixes, last = self._prefixes, self._prefixes.checks + effort
         distances = self._targets.distances(wanted, prefixes.allowed)
         while self._heap:

@@ -1,4 +1,4 @@
-"""A serialised sequence over one component or several -> values that make all of it run, or what conflicts."""
+"""Values that make a serialised sequence over one component or several run, or what conflicts; and its times."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from parcours.paths.criteria.requirement import Requirement
 from parcours.paths.solving.verdicts import Covered, Infeasible, Path, Undecided, Verdict, require_solver
 from parcours.paths.timing.events import Event, events_of, taken_messages
 from parcours.paths.timing.replaying import Replay
+from parcours.paths.timing.schedules import Contradiction, Schedule, Unscheduled, schedule
 
 
 def solve_sequence(
@@ -37,24 +38,6 @@ def solve_sequence(
 
     Raises:
         BadRequest: an id is unknown, a machine would go on from where it does not stand, or z3 is not installed.
-
-    Example: a bell that only hears what rings more than twice.
-
-    >>> from parcours.model import parse_model
-    >>> doorbell = parse_model('''
-    ... parcours: model/1
-    ... name: doorbell
-    ... messages: {Ring: {fields: {times: {type: int}}}}
-    ... channels: {ring: {from: Button, to: Bell, message: Ring}}
-    ... components:
-    ...   Button:
-    ...     variables: {pressed: {type: int, role: input, range: [1, 5]}}
-    ...     machines: {push: {initial: s, transitions: {b: {from: s, to: s, message: ring(pressed - 1)}}}}
-    ...   Bell:
-    ...     machines: {sound: {initial: q, transitions: {r: {from: q, to: q, event: ring(it), guard: it.times > 3}}}}
-    ... ''')
-    >>> [dict(move.inputs) for move in solve_sequence(doorbell, ["b", "r"]).path.moves]
-    [{'Button.pressed': 5}, {'Bell.it.times': 4}]
     """
     events = events_of(cefsm, transition_ids, instances, sends)
     require_solver()
@@ -73,7 +56,7 @@ def solve_sequence(
 
 def _decided(cefsm: Cefsm, events: Sequence[Event], budget: float, seed: int) -> Path | tuple[str, ...] | str:
     """Return a path that runs, what conflicts, or why neither is known."""
-    from parcours.paths.solving.ground import Ground
+    from parcours.paths.solving.reading import Ground
     from parcours.paths.solving.walk import Walk
 
     ground, places = Ground(cefsm), list(dict.fromkeys(event.place for event in events))
@@ -103,3 +86,25 @@ def _decided(cefsm: Cefsm, events: Sequence[Event], budget: float, seed: int) ->
         if answer is False:
             return walk.core()
     return "rounding might make it run" if answer else f"the solver gave no answer in {budget:g} s"
+
+
+def solved_schedule(
+    cefsm: Cefsm,
+    transition_ids: Sequence[str],
+    instances: Sequence[int] = (),
+    sends: Sequence[int | None] = (),
+    budget: float = 10.0,
+) -> Schedule | Contradiction | Unscheduled:
+    """Return when each transition of a sequence can be taken, under values that the solver finds where it needs some.
+
+    Args and errors are those of `schedule` and `solve_sequence`.
+    """
+    found = schedule(cefsm, transition_ids, instances, sends)
+    if not isinstance(found, Unscheduled):
+        return found
+    solved = solve_sequence(cefsm, transition_ids, instances, sends, budget)
+    if isinstance(solved, Infeasible):
+        return Contradiction(solved.proof)
+    if isinstance(solved, Covered):
+        return schedule(cefsm, transition_ids, instances, sends, [move.inputs for move in solved.path.moves])
+    return Unscheduled(f"{found.reason}; {solved.reason}")

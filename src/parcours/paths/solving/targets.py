@@ -1,4 +1,4 @@
-"""Requirements of one machine -> an automaton that tells, transition by transition, which of them a run has met.
+"""An automaton that tells, transition by transition, which requirements of a machine a run has met.
 
 The automaton is that of Aho and Corasick (`parcours.paths.automaton`): its node is the longest part of a required
 sequence that the run has just done.
@@ -22,23 +22,7 @@ Node = tuple[str, int]
 
 
 class Targets:
-    """What a machine's runs are to visit.
-
-    Args:
-        machine: the machine.
-        requirements: states, and sequences of transitions that follow one another.
-
-    Raises:
-        BadRequest: a requirement names what the machine does not have, or transitions that do not join, or is of
-            another kind.
-
-    >>> lamp = Machine("lamp", "off", ("off", "on"), (
-    ...     Transition("t1", "off", "on"), Transition("t2", "on", "off")))
-    >>> wanted = [Requirement("lamp", "transitions", ("t1", "t2")), Requirement("lamp", "state", ("on",))]
-    >>> targets = Targets(lamp, wanted)
-    >>> [str(need) for need in targets.met(["t1"])], [str(need) for need in targets.met(["t1", "t2"])]
-    (['on'], ['t1 t2', 'on'])
-    """
+    """What a machine's runs are to visit."""
 
     def __init__(self, machine: Machine, requirements: Sequence[Requirement]) -> None:
         self.machine, self.requirements = machine, tuple(dict.fromkeys(requirements))

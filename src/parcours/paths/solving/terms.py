@@ -1,4 +1,4 @@
-"""The guard and action language -> terms of the solver z3, each with the condition under which it has a value.
+"""Terms of the solver z3 for the guard and action language, each with the condition under which it has a value.
 
 Integers are mathematical, with the 64-bit limits stated; texts and values of enumerations are numbered, as the
 language only compares them. Reals are taken in one of two ways:
@@ -12,6 +12,7 @@ Numbers of time (anything compared with a clock) are exact in both.
 
 from __future__ import annotations
 
+import operator as operators
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
@@ -21,13 +22,18 @@ import z3
 
 from parcours.model.expression import Apply, Binary, Expression, Field, Literal, Name, Type, Unary
 from parcours.model.expression.evaluation import INTEGER_LIMIT
-from parcours.model.expression.syntax import COMPARISONS, names
+from parcours.model.expression.syntax import names
 
 UNIT_ROUNDOFF = Fraction(1, 2**53)
 """Largest relative error of one operation on 64-bit floats (IEEE 754, round to nearest)."""
 
 LEAST_FLOAT = Fraction(1, 2**1074)
 """Largest absolute error of one where results are too small to be normal."""
+
+COMPARED = {
+    "==": operators.eq, "!=": operators.ne,
+    "<": operators.lt, "<=": operators.le, ">": operators.gt, ">=": operators.ge,
+}  # fmt: skip
 
 Value = Any
 """A z3 expression: z3 carries no types."""
@@ -46,12 +52,7 @@ class Term:
 
 
 class Symbols:
-    """Texts and numbers that stand for them.
-
-    >>> symbols = Symbols()
-    >>> [symbols.code("fast"), symbols.code("slow"), symbols.code("fast")], symbols.text(1), symbols.text(7)
-    ([0, 1, 0], 'slow', 'text7')
-    """
+    """Texts and numbers that stand for them."""
 
     def __init__(self) -> None:
         self._codes: dict[str, int] = {}
@@ -75,13 +76,7 @@ class Symbols:
 
 
 def constant(value: object, symbols: Symbols, *, exact: bool = True) -> Value:
-    """Return the z3 term of a constant.
-
-    Args:
-        value: a bool, int, float or str.
-        symbols: the numbers of texts.
-        exact: whether a float is the number it is written as, not its nearest binary fraction.
-    """
+    """Return the z3 term of a constant."""
     match value:
         case bool():
             return z3.BoolVal(value)
@@ -117,20 +112,7 @@ Lookup = Callable[[Expression, Type], Value]
 
 
 class Translator:
-    """Expressions of one transition -> terms.
-
-    Args:
-        types_of: the type of an expression.
-        lookup: the term of what is read.
-        symbols: the numbers of texts.
-        clocks: names that are clocks.
-        exact: how reals are taken.
-        fresh: a new name on each call.
-
-    Attributes:
-        sides: facts about symbols made on the way; they hold whatever the values are.
-        rounds: whether an operation was met whose result may be rounded.
-    """
+    """Expressions of one transition -> terms."""
 
     def __init__(
         self,
@@ -169,10 +151,10 @@ class Translator:
                 reads = first.value if operator == "&&" else z3.Not(first.value)
                 value = (z3.And if operator == "&&" else z3.Or)(first.value, second.value)
                 return Term(value, _all(first.defined, _implied(reads, second.defined)))
-            case Binary(operator, left, right) if operator in COMPARISONS:
+            case Binary(operator, left, right) if operator in COMPARED:
                 timed = timed or not names(node).isdisjoint(self._clocks)
                 first, second = self._of(left, timed=timed), self._of(right, timed=timed)
-                return Term(_compared(operator, first.value, second.value), _all(first.defined, second.defined))
+                return Term(COMPARED[operator](first.value, second.value), _all(first.defined, second.defined))
             case Binary(operator, left, right):
                 return self._arithmetic(
                     operator, self._of(left, timed=timed), self._of(right, timed=timed), timed=timed
@@ -255,21 +237,6 @@ def fits(value: Value) -> Value:
     if z3.is_int_value(value):
         return z3.BoolVal(abs(value.as_long()) <= INTEGER_LIMIT)
     return z3.And(value >= -INTEGER_LIMIT, value <= INTEGER_LIMIT)
-
-
-def _compared(operator: str, a: Value, b: Value) -> Value:
-    match operator:
-        case "==":
-            return a == b
-        case "!=":
-            return a != b
-        case "<":
-            return a < b
-        case "<=":
-            return a <= b
-        case ">":
-            return a > b
-    return a >= b
 
 
 def _absolute(value: Value) -> Value:

@@ -1,4 +1,4 @@
-"""Events, one after the other -> constraints on what is open at each, and from a solution the inputs.
+"""Walks of symbolic events: constraints on what is open at each, and from a solution the inputs.
 
 A guard and the bounds of time are constraints; an assignment gives its variable a new symbol; inputs, and fields
 of messages that no earlier event sent, are symbols of their own at every event; a value that leaves the range of
@@ -17,8 +17,7 @@ from parcours.model.configuration import Inputs
 from parcours.model.expression import Assignment, Expression, Type, names
 from parcours.model.scope import is_local, variable_type
 from parcours.model.structure import Transition, Variable
-from parcours.paths.solving.event_terms import Begin, Level, Reading, time_of
-from parcours.paths.solving.ground import Bound, Ground, domain_text
+from parcours.paths.solving.reading import Begin, Bound, Ground, Level, Reading, domain_text, time_of
 from parcours.paths.solving.terms import NoTerm, Translator, Value, is_constant, rational, variable
 from parcours.paths.timing.clocks import Condition, NoBound, ways
 from parcours.paths.timing.clockwork import Clockwork, Facts, set_when
@@ -26,20 +25,7 @@ from parcours.paths.timing.events import Event, Place
 
 
 class Walk:
-    """A sequence of events taken symbolically, one longer by `push` and one shorter by `pop`.
-
-    Args:
-        ground: the tables of the model.
-        places: the running machines that take part.
-        exact: how reals are taken, as `parcours.paths.solving.terms` explains.
-        explain: whether `core` is wanted; it costs time.
-        begin: where the walk begins.
-        unsteady: variables that others may set at any time.
-        bounds: what is known of variables that do not begin as the model says, or are unsteady.
-        taken: messages that a later event takes, as (event number, channel).
-        timed: whether time counts; where it does not, the clocks are to be among `unsteady`.
-        seed: of the solver's random choices.
-    """
+    """A sequence of events taken symbolically, one longer by `push` and one shorter by `pop`."""
 
     def __init__(
         self,

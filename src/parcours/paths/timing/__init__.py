@@ -1,4 +1,4 @@
-"""Sequences of transitions with durations and clocks -> when each can be taken, or what contradicts what."""
+"""When each transition of a sequence with durations and clocks can be taken, or what contradicts what."""
 
 from parcours.paths.timing.clockwork import is_timed
 from parcours.paths.timing.network import Window

@@ -1,4 +1,4 @@
-"""A condition over clocks, at one event -> the bounds it puts on the times of events, in each way it can hold.
+"""The bounds that a condition over clocks puts on the times of events, in each way it can hold.
 
 A clock that was last set at event r to c reads, at event i, the time of i less the time of r plus c. So a
 comparison of a clock, or of the difference of two, with a number is one bound of a temporal network. Numbers are
@@ -54,22 +54,7 @@ Way = tuple[Limit, ...]
 
 
 def ways(condition: Condition, known: Mapping[str, object] | None = None) -> list[Way]:
-    """Return the ways in which a condition can hold; none if it cannot.
-
-    Args:
-        condition: the condition.
-        known: the values of the data that it reads. If None, parts that read no clock are taken to hold.
-
-    Raises:
-        NoBound: a part compares something else than a clock, or a difference of clocks, with what is known.
-
-    >>> from parcours.model.expression import parse_expression
-    >>> set_at = {"x": (2, Fraction(0))}
-    >>> for way in ways(Condition(parse_expression("x < 5 || x >= 7"), 3, set_at, "guard of 't'")):
-    ...     print([(limit.earlier, limit.later, float(limit.most), limit.strict) for limit in way])
-    [(2, 3, 5.0, True)]
-    [(3, 2, -7.0, False)]
-    """
+    """Return the ways in which a condition can hold; none if it cannot."""
     return _Reader(condition, known).ways(condition.expression, positive=True, alone=True)
 
 
@@ -139,10 +124,10 @@ class _Reader:
 
     def linear(self, node: Expression) -> tuple[dict[str, Fraction], Fraction]:
         """Return the factor of each clock in a sum, and the rest."""
-        if not self.timed(node):
-            return {}, self.number(node)
         match node:
-            case Name(id):
+            case Literal(value):
+                return {}, decimal(value)
+            case Name(id) if self.timed(node):
                 return {id: Fraction(1)}, Fraction(0)
             case Unary("-", operand):
                 return _scaled(self.linear(operand), Fraction(-1))
@@ -152,31 +137,17 @@ class _Reader:
                 return _sum(self.linear(left), _scaled(self.linear(right), Fraction(-1)))
             case Binary("*", left, right) if not (self.timed(left) and self.timed(right)):
                 clocks, factor = (left, right) if self.timed(left) else (right, left)
-                return _scaled(self.linear(clocks), self.number(factor))
-            case Binary("/", left, right) if not self.timed(right) and self.number(right):
-                return _scaled(self.linear(left), 1 / self.number(right))
-            case _:
-                raise NoBound(f"{node} is no sum of clocks and numbers")
-
-    def number(self, node: Expression) -> Fraction:
-        match node:
-            case Literal(value):
-                return decimal(value)
-            case Unary("-", operand):
-                return -self.number(operand)
-            case Binary("+", left, right):
-                return self.number(left) + self.number(right)
-            case Binary("-", left, right):
-                return self.number(left) - self.number(right)
-            case Binary("*", left, right):
-                return self.number(left) * self.number(right)
-            case _:
-                if self.known is None and names(node):
-                    raise NoBound(f"{node} is compared with a clock, but depends on data")
-                try:
-                    return decimal(evaluate(node, self.known or {}))
-                except BadModel as error:
-                    raise NoBound(f"{node} has no value: {error.rule}") from None
+                return _scaled(self.linear(clocks), self.linear(factor)[1])
+            case Binary("/", left, right) if self.timed(left) and not self.timed(right) and self.linear(right)[1]:
+                return _scaled(self.linear(left), 1 / self.linear(right)[1])
+        if self.timed(node):
+            raise NoBound(f"{node} is no sum of clocks and numbers")
+        if self.known is None and names(node):
+            raise NoBound(f"{node} is compared with a clock, but depends on data")
+        try:
+            return {}, decimal(evaluate(node, self.known or {}))
+        except BadModel as error:
+            raise NoBound(f"{node} has no value: {error.rule}") from None
 
 
 def decimal(value: object) -> Fraction:

@@ -1,4 +1,4 @@
-"""Events, one after the other -> what the model says about their times: order, durations, guards, invariants.
+"""What the model says about the times of events: order, durations, guards, invariants.
 
 Time starts at 0 s with every machine in its initial state and every clock at 0. A `duration` runs from the event
 by which the machine entered the source state. A receive of a rendezvous happens when its send does. An invariant
@@ -24,13 +24,7 @@ Facts = tuple[list[Limit], list[Condition]]
 
 
 def is_timed(component: Component) -> bool:
-    """Return whether a component says anything about time.
-
-    >>> from parcours.model.structure import Machine
-    >>> slow = Transition("t1", "off", "on", duration=(0.5, 1.0))
-    >>> is_timed(Component("Lamp", (Machine("lamp", "off", ("off", "on"), (slow,)),)))
-    True
-    """
+    """Return whether a component says anything about time."""
     return (
         any(variable.type == CLOCK for variable in component.variables)
         or any(machine.invariants for machine in component.machines)
@@ -39,13 +33,7 @@ def is_timed(component: Component) -> bool:
 
 
 class Clockwork:
-    """The clocks of a model while events happen.
-
-    Args:
-        cefsm: the model.
-        places: the running machines that take part; what the others stand in is not watched.
-        stands: where machines begin that do not begin in their initial state.
-    """
+    """The clocks of a model while events happen."""
 
     def __init__(self, cefsm: Cefsm, places: Sequence[Place], stands: Mapping[Place, str] | None = None) -> None:
         components = {component.name: component for component in cefsm.components}
@@ -92,7 +80,7 @@ class Clockwork:
         if transition.duration is not None:
             least, most = transition.duration
             if least == inf:
-                raise NoBound(f"{event} takes for ever")
+                raise NoBound(f"{event} never ends")
             limits.append(Limit(now, before, -decimal(least), why=f"{event} takes at least {least:g} s"))
             if most < inf:
                 limits.append(Limit(before, now, decimal(most), why=f"{event} takes at most {most:g} s"))

@@ -1,4 +1,4 @@
-"""Transition ids in the order they are taken -> events: who moves, and which send each receive takes."""
+"""The events of a sequence of transitions: who moves, and which send each receive takes."""
 
 from __future__ import annotations
 
@@ -62,11 +62,6 @@ def events_of(
     Raises:
         BadRequest: an id is unknown, a machine would go on from a state where it does not stand, or a receive
             is said to take a message that was not sent before.
-
-    >>> lamp = Machine("lamp", "off", ("off", "on"), (
-    ...     Transition("t1", "off", "on"), Transition("t2", "on", "off")))
-    >>> [str(event) for event in events_of(Cefsm("house", (Component("Hall", (lamp,)),)), ["t1", "t2"])]
-    ["'t1' (step 1)", "'t2' (step 2)"]
     """
     owners = _owners(cefsm)
     channels = {channel.name: channel for channel in cefsm.channels}

@@ -1,4 +1,4 @@
-"""Bounds on the time between events -> the window of each event, or the bounds that contradict each other.
+"""The time window of each event under bounds between events, or the bounds that contradict each other.
 
 This is a simple temporal network (Dechter, Meiri & Pearl, Temporal constraint networks, Artificial Intelligence 49,
 1991): shortest paths by Bellman-Ford, a contradiction is a cycle of negative length. Bounds are pairs (number,
@@ -58,20 +58,7 @@ class Windows:
 
 
 def windows_of(n_events: int, limits: Sequence[Limit]) -> Windows | tuple[Limit, ...]:
-    """Return when each event can happen, or a cycle of bounds that cannot hold together.
-
-    Args:
-        n_events: how many there are; event 0 happens at 0 s, and no other before it.
-        limits: the bounds.
-
-    Example: 2 s for one and 3 s for both, at most.
-
-    >>> second = Fraction(1)
-    >>> found = windows_of(3, [Limit(0, 1, 2 * second), Limit(1, 0, -second), Limit(1, 2, 2 * second),
-    ...                        Limit(2, 1, -second), Limit(0, 2, 3 * second, strict=True)])
-    >>> [str(window) for window in found.windows]
-    ['[0, 0] s', '[1, 2) s', '[2, 3) s']
-    """
+    """Return when each event can happen, or a cycle of bounds that cannot hold together."""
     every = [*limits, *(Limit(event, 0, Fraction(0), why="time starts at 0 s") for event in range(1, n_events))]
     # One integer orders like the pair: seconds in units of `scale`, times `wide`, less one for each strict bound.
     scale, wide = lcm(*(limit.most.denominator for limit in every), 1), n_events + 2

@@ -1,4 +1,4 @@
-"""Events with chosen inputs -> the values that each one read, or why the model cannot run them so.
+"""Runs events with chosen inputs through the step relation: the values that each one read, or why it cannot run.
 
 Every step is taken by `parcours.model.Steps`, with the tester at both ends of every channel; he passes on each
 message that an earlier event of the sequence sent, as gated execution does. So nothing is called executable that
@@ -35,37 +35,14 @@ class Replayed:
 
 
 class Replay:
-    """The step relation of one model, for sequences of events.
-
-    >>> from parcours.model import parse_model
-    >>> from parcours.paths.timing.events import events_of
-    >>> lift = parse_model('''
-    ... parcours: model/1
-    ... name: lift
-    ... components:
-    ...   Lift:
-    ...     variables: {floor: {type: int, initial: 0}, up: {type: int, role: input}}
-    ...     machines:
-    ...       lift: {initial: s, transitions: {t: {from: s, to: s, guard: up > 0, action: floor := floor + up}}}
-    ... ''')
-    >>> events = events_of(lift, ["t", "t"])
-    >>> Replay(lift).run(events, [(("Lift.up", 2),), (("Lift.up", 1),)]).known[1]["floor"]
-    2
-    >>> Replay(lift).run(events, [(("Lift.up", 2),), (("Lift.up", 0),)]).why_not
-    "move t: it must be possible here, but the guard of 't' does not hold"
-    """
+    """The step relation of one model, for sequences of events."""
 
     def __init__(self, cefsm: Cefsm) -> None:
         self._steps = Steps(cefsm, frozenset(channel.name for channel in cefsm.channels))
         self._sites = Layout(cefsm).sites
 
     def run(self, events: Sequence[Event], inputs: Sequence[Inputs]) -> Replayed:
-        """Return the run of some events from the initial configuration.
-
-        Args:
-            events: what happens.
-            inputs: for each event values of what is open there.
-        """
+        """Return the run of some events from the initial configuration."""
         stands: dict[int, Configuration] = {}
         taken = taken_messages(events)
         posted: dict[tuple[int, str], tuple[tuple[str, object], ...]] = {}

@@ -1,4 +1,4 @@
-"""A sequence of transitions -> the window of time in which each can happen, or the bounds that contradict."""
+"""The window of time in which each transition of a sequence can happen, or the bounds that contradict."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class Schedule:
 
     @property
     def latest(self) -> tuple[float, ...]:
-        """The latest time of each transition [s]: its deadline, infinite if there is none."""
+        """The latest time of each transition [s]: its deadline, infinite without one."""
         return tuple(float("inf") if each.latest is None else float(each.latest) for each in self.windows)
 
 
@@ -87,24 +87,6 @@ def schedule(
     Raises:
         BadRequest: an id is unknown, a machine would go on from where it does not stand, or the inputs do not
             make the sequence run.
-
-    Example: a kettle heats for 2 to 5 s, and must be taken off within 1 s.
-
-    >>> from parcours.model import parse_model
-    >>> kettle = parse_model('''
-    ... parcours: model/1
-    ... name: kettle
-    ... components:
-    ...   Kettle:
-    ...     machines:
-    ...       kettle:
-    ...         initial: cold
-    ...         transitions:
-    ...           heat: {from: cold, to: hot, duration: [2, 5]}
-    ...           take: {from: hot, to: cold, duration: [0, 1]}
-    ... ''')
-    >>> [str(window) for window in schedule(kettle, ["heat", "take"]).windows]
-    ['[2, 5] s', '[2, 6] s']
     """
     events = events_of(cefsm, transition_ids, instances, sends)
     if not events:

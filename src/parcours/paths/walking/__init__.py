@@ -1,10 +1,10 @@
 """Models walked online: walkers, stop conditions and what was covered, one move at a time."""
 
+from parcours.paths.spaces import GraphSpace, ModelSpace, part_of
 from parcours.paths.walking.conditions import parse_condition
 from parcours.paths.walking.graphwalker import parse_generators
-from parcours.paths.walking.spaces import GraphSpace, ModelSpace, Space, part_of
 from parcours.paths.walking.walk import Phase, Step, Walk, phase
-from parcours.paths.walking.walkers import WALKERS, Ending, Planned, Walker
+from parcours.paths.walking.walkers import WALKERS, Ending, Planned
 
 __all__ = [
     "WALKERS",
@@ -13,10 +13,8 @@ __all__ = [
     "ModelSpace",
     "Phase",
     "Planned",
-    "Space",
     "Step",
     "Walk",
-    "Walker",
     "parse_condition",
     "parse_generators",
     "part_of",

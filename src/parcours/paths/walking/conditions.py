@@ -1,12 +1,12 @@
-"""A text such as `edge>=100% or steps>=1e6 or 30 s` -> the condition under which a walk stops.
+"""Conditions under which a walk stops, such as `edge>=100% or steps>=1e6 or 30 s`.
 
     condition = both { "or" both }
     both      = one { "and" one }
     one       = "(" condition ")" | CRITERION ">=" NUMBER "%" | "steps" ">=" NUMBER | "restarts" ">=" NUMBER
               | NUMBER UNIT | "reached" "(" STATE ")" | "taken" "(" TRANSITION ")" | "never"
 
-Criteria are written as in `parcours.paths.grammar`; units are ms, s, min and h. A state is its name, also with its
-machine or component before it (`Planner.idle`). What is no plain word stands in quotes.
+Criteria are written as in `parcours.paths.criteria.grammar`; units are ms, s, min and h. A state is its name, also
+with its machine or component before it (`Planner.idle`). What is not a plain word stands in quotes.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ class Passed:
 
 @dataclass(frozen=True, slots=True)
 class Counted:
-    """So many moves were made, or the walk began anew so often."""
+    """That many moves were made (steps), or fresh starts (restarts)."""
 
     what: str
     least: float
@@ -67,7 +67,7 @@ class Counted:
 
 @dataclass(frozen=True, slots=True)
 class Elapsed:
-    """So much time has passed [s]."""
+    """This much time has passed [s]."""
 
     seconds: float
 
@@ -77,7 +77,7 @@ class Elapsed:
 
 @dataclass(frozen=True, slots=True)
 class Never:
-    """No end; whoever drives the walk ends it."""
+    """No end; the host that drives the walk ends it."""
 
     def __str__(self) -> str:
         return "never"

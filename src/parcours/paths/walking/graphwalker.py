@@ -1,4 +1,4 @@
-"""A generator string of GraphWalker, such as `random(edge_coverage(100) or time_duration(30))` -> phases of a walk.
+"""Generator strings of GraphWalker, such as `random(edge_coverage(100) or time_duration(30))`, as phases of a walk.
 
 Names and their meaning are those of GraphWalker's documentation (Generators and stop conditions); upper and
 lower case, underscores and an ending `path` make no difference. What its models know and ours do not
@@ -69,15 +69,12 @@ def parse_generators(text: str, machines: Machines, predefined: Sequence[str] = 
 
     Args:
         text: one or more generators, separated by blanks.
-        machines: the machines that walk (`Space.machines`).
+        machines: the machines that walk (`ModelSpace.machines`).
         predefined: the ids of the transitions that `predefined_path` takes.
 
     Raises:
         BadRequest: the text is not in that language, names an unknown generator or condition, or asks for a
             predefined path where none is given.
-
-    >>> [str(phase.until) for phase in parse_generators("random(length(9)) a_star(reached_vertex(v_X))", ())]
-    ['steps>=9', 'reached(v_X)']
     """
     reader = TokenReader(text, "generator", "random(edge_coverage(100))")
     phases: list[Phase] = []

@@ -1,4 +1,4 @@
-"""The transitions of a walk, one by one -> how much of each criterion is met, at constant cost a move.
+"""How much of each criterion a walk has met, at constant cost a move.
 
 States and targets are looked up; sequences of transitions are followed in the trie of all of them (Aho &
 Corasick, CACM 18, 1975). A node of the trie whose sequences are all met is never looked into again, so a
@@ -16,7 +16,7 @@ from parcours.model.structure import Machine
 from parcours.paths.automaton import Trie
 from parcours.paths.criteria import requirements
 from parcours.paths.criteria.requirement import Requirement
-from parcours.paths.walking.spaces import Taken
+from parcours.paths.spaces import Taken
 from parcours.paths.walking.tokens import quoted
 
 Nodes = tuple[int, ...]
@@ -98,7 +98,7 @@ class Tallies:
         self.nodes: Nodes = (0,) * len(machines)
 
     def aim(self, states: Iterable[str], transitions: Iterable[str]) -> None:
-        """Set the targets anew: states, also as machine.state or component.machine.state, and transitions.
+        """Replace the targets: states, also as machine.state or component.machine.state, and transitions.
 
         Raises:
             BadRequest: no machine that walks has such a state or transition.

@@ -1,4 +1,4 @@
-"""A text in one of the languages of walks -> its words, numbers and signs, read one after the other."""
+"""The words, numbers and signs of a text in one of the languages of walks, read one after the other."""
 
 from __future__ import annotations
 
@@ -29,16 +29,7 @@ class Token:
 
 
 class TokenReader:
-    """The words, numbers and signs of a text, one after the other.
-
-    Args:
-        text: what is read.
-        where: what it is, for messages.
-        example: what it may look like, for messages.
-
-    Raises:
-        BadRequest: the text is too long.
-    """
+    """The words, numbers and signs of a text, one after the other."""
 
     def __init__(self, text: str, where: str, example: str) -> None:
         self.text, self.where, self.example = text, where, example
@@ -111,11 +102,7 @@ class TokenReader:
 
 
 def quoted(name: str) -> str:
-    """Return a name as these languages write it: plain if it is a word, else in quotes.
-
-    >>> quoted("v_Idle"), quoted("not a word")
-    ('v_Idle', "'not a word'")
-    """
+    """Return a name as these languages write it: plain if it is a word, else in quotes."""
     if re.fullmatch(_WORD, name):
         return name
     return f'"{name}"' if "'" in name else f"'{name}'"

@@ -1,17 +1,17 @@
-"""A space, walkers and stop conditions -> moves one by one, what they covered, and why the walk ended."""
+"""Walks through a state space, one move at a time: what they covered, and why they ended."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import reduce
 from typing import Literal
 
 import numpy as np
 
 from parcours.errors import require_known
 from parcours.model.configuration import Configuration, Move
+from parcours.paths.spaces import ModelSpace
 from parcours.paths.walking.conditions import (
     Condition,
     Counted,
@@ -25,8 +25,7 @@ from parcours.paths.walking.conditions import (
     leaves,
     parse_condition,
 )
-from parcours.paths.walking.spaces import Space
-from parcours.paths.walking.tallies import Tallies, Tally
+from parcours.paths.walking.tallies import Tallies
 from parcours.paths.walking.walkers import WALKERS, Chance, Ending, View, Walker
 
 Clock = Callable[[], float]
@@ -36,7 +35,7 @@ Question = Callable[[], bool]
 
 AtDeadEnd = Literal["restart", "stop"]
 AT_DEAD_END: tuple[AtDeadEnd, ...] = ("restart", "stop")
-"""What to do where nothing can be done: begin anew in the initial configuration, or end."""
+"""What to do where nothing can be done: start again in the initial configuration, or end."""
 
 BUDGET = 60.0
 """How long a walk may take that no step or time bound of its condition ends [s]."""
@@ -82,7 +81,7 @@ class Walk:
     Args:
         space: what is walked.
         phases: walkers one after the other, each from where the one before ended; coverage adds up over all,
-            steps, restarts, time and targets count for each phase anew.
+            steps, restarts, time and targets count for each phase by itself.
         generator: the source of chance; the same generator state gives the same walk.
         at_dead_end: what to do where nothing can be done.
         budget: how long a phase may take whose condition does not bound it by steps or time [s].
@@ -92,25 +91,16 @@ class Walk:
     Attributes:
         tallies: what was covered so far.
         steps: moves made so far.
-        restarts: how often the walk began anew.
+        restarts: how often the walk started again.
         ended: why the walk ended; None while it goes on.
 
     Raises:
         BadRequest: a condition names no criterion, state or transition of the space.
-
-    Example: a lamp that burns out.
-    >>> from parcours.model import parse_model
-    >>> from parcours.paths.walking.spaces import ModelSpace
-    >>> lamp = parse_model("{parcours: model/1, name: m, components: {A: {machines: {f: {initial: off, transitions: "
-    ...     "{up: {from: off, to: on}, down: {from: on, to: off}, burn: {from: on, to: dead}}}}}}}")
-    >>> walk = Walk(ModelSpace(lamp), [phase("guided", "edge>=100%")], np.random.default_rng(1))
-    >>> [str(step.move) for step in walk], walk.restarts, walk.ended.name
-    (['up', 'down', 'up', 'burn'], 0, 'HELD')
     """
 
     def __init__(
         self,
-        space: Space,
+        space: ModelSpace,
         phases: Sequence[Phase],
         generator: np.random.Generator,
         *,
@@ -213,12 +203,18 @@ def _compiled(condition: Condition, tallies: Tallies, spent: Odometer, clock: Cl
     """Return the question whether the condition holds now, answered from counters."""
     match condition:
         case Some(parts) | Every(parts):
-            join = _either if isinstance(condition, Some) else _both
-            return reduce(join, [_compiled(part, tallies, spent, clock) for part in parts])
+            join, asked = (
+                any if isinstance(condition, Some) else all,
+                [_compiled(p, tallies, spent, clock) for p in parts],
+            )
+            return lambda: join(each() for each in asked)
         case Covered(criterion, percent):
-            return _filled(tallies.of[criterion], tallies.of[criterion].least(percent))
+            tally = tallies.of[criterion]
+            enough = tally.least(percent)
+            return lambda: tally.met >= enough
         case Reached() | Passed():
-            return _filled(next(each for each in tallies.targets if each.name == str(condition)), 1)
+            target = next(each for each in tallies.targets if each.name == str(condition))
+            return lambda: target.met >= 1
         case Counted("steps", least):
             return lambda: spent.steps >= least
         case Counted(_, least):
@@ -227,15 +223,3 @@ def _compiled(condition: Condition, tallies: Tallies, spent: Odometer, clock: Cl
             return lambda: clock() - spent.began >= seconds
         case _:
             return lambda: False
-
-
-def _either(first: Question, second: Question) -> Question:
-    return lambda: first() or second()
-
-
-def _both(first: Question, second: Question) -> Question:
-    return lambda: first() and second()
-
-
-def _filled(tally: Tally, least: int) -> Question:
-    return lambda: tally.met >= least

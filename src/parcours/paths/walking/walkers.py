@@ -1,4 +1,4 @@
-"""Where a walk stands and what was covered -> its next move: random, weighted, least-visited, guided, planned.
+"""Walkers choose the next move: random, weighted, least-visited, guided, planned.
 
 A walker is asked for one move at a time, so that a host can drive a live system with it. Random numbers come
 from the bits of a numpy generator, whose stream numpy keeps the same between its versions.
@@ -15,7 +15,8 @@ from typing import Protocol
 import numpy as np
 
 from parcours.errors import BadModel
-from parcours.paths.walking.spaces import Option, Place, Space
+from parcours.paths.graph import Came, way_to
+from parcours.paths.spaces import ModelSpace, Option, Place
 from parcours.paths.walking.tallies import Nodes, Tallies
 
 LOOK_AHEAD = 10_000
@@ -37,7 +38,7 @@ class Ending(StrEnum):
 
 
 Choice = tuple[Option, int] | Ending | None
-"""A move (an option and its choice of inputs), or an end, or None: begin anew in the initial configuration."""
+"""A move (an option and its choice of inputs), or an end, or None: start again in the initial configuration."""
 
 
 class Chance:
@@ -69,7 +70,7 @@ class Chance:
 class View:
     """What a walker may look at."""
 
-    space: Space
+    space: ModelSpace
     tallies: Tallies
     chance: Chance
     may_restart: bool
@@ -141,7 +142,7 @@ class Guided:
         self._patience = 0
 
     def choose(self, here: Place, options: Sequence[Option], view: View) -> Choice:
-        """Return the next step of the way; begin anew, or end, if only that can help."""
+        """Return the next step of the way; start again, or end, if only that can help."""
         if self._way:
             return self._way.popleft()
         if self._patience > 0 or not view.tallies.is_wanting:
@@ -164,40 +165,23 @@ class Guided:
 
     def _nearest(self, here: Place, nodes: Nodes, view: View) -> tuple[list[tuple[Option, int]], bool]:
         """Return the fewest moves to something wanted, none if none was found, and whether every place was seen."""
-        reached: dict[tuple[Place, Nodes], tuple[tuple[Place, Nodes], Option, int] | None] = {(here, nodes): None}
-        queue = deque(reached)
-        while queue and len(reached) < self._look_ahead:
+        came: Came[tuple[Place, Nodes], tuple[Option, int]] = {(here, nodes): None}
+        queue = deque(came)
+        while queue and len(came) < self._look_ahead:
             place, done = key = queue.popleft()
             for option in view.space.options(place):
                 onward, is_wanted = view.tallies.look(done, option.taken)
                 for choice in range(len(option.moves)):
-                    after = _after(option, view.space, place, choice)
-                    if after is None:
+                    try:
+                        after = option.after(view.space, place, choice)
+                    except BadModel:  # a move that breaks the model's own rules; the walk that takes it says so
                         continue
                     if is_wanted:
-                        return [*_way_to(key, reached), (option, choice)], False
-                    if (after, onward) not in reached:
-                        reached[after, onward] = key, option, choice
+                        return [*way_to(key, came), (option, choice)], False
+                    if (after, onward) not in came:
+                        came[after, onward] = (option, choice), key
                         queue.append((after, onward))
         return [], not queue
-
-
-def _after(option: Option, space: Space, place: Place, choice: int) -> Place | None:
-    # A move that breaks the model's own rules leads nowhere; the walk that takes it says so.
-    try:
-        return option.after(space, place, choice)
-    except BadModel:
-        return None
-
-
-def _way_to(
-    key: tuple[Place, Nodes], reached: dict[tuple[Place, Nodes], tuple[tuple[Place, Nodes], Option, int] | None]
-) -> list[tuple[Option, int]]:
-    way: list[tuple[Option, int]] = []
-    while (step := reached[key]) is not None:
-        key, option, choice = step
-        way.append((option, choice))
-    return way[::-1]
 
 
 class Planned:

@@ -1,4 +1,4 @@
-"""One component of a model -> the states it may be in and its steps, with its messages to and from anybody else."""
+"""The states that one component of a model may be in, and its steps with its messages to and from anybody else."""
 
 from __future__ import annotations
 
@@ -53,21 +53,7 @@ class State(NamedTuple):
 
 
 class Behaviour:
-    """The local step relation of one component: that of the model, the other components being free.
-
-    Args:
-        cefsm: a model without errors.
-        component: its name there.
-        allowance: what is let pass beside the model.
-        unread: so many unread messages of a channel are counted; beyond them there may be any number more.
-
-    Attributes:
-        reads: channels that some transition receives from, the order of `State.inbox`.
-        sends: channels that it may send on.
-
-    Raises:
-        BadRequest: an allowance names a channel that does not exist.
-    """
+    """The local step relation of one component: that of the model, the other components being free."""
 
     def __init__(self, cefsm: Cefsm, component: str, allowance: Allowance, unread: int) -> None:
         self.name, self.allowance, self._unread = component, allowance, unread
@@ -83,7 +69,6 @@ class Behaviour:
         self._at = {name: at for at, name in enumerate(self.reads)}
         self._slots = {id: self._steps.layout.sites[id].slot for id in self.transitions}
         layout = self._steps.layout
-        self._others = {at for at, (name, _) in enumerate(layout.machines) if name == _OTHERS}
         self._queues = {name: at for name, at in layout.queue.items() if name in self._at or name in self.sends}
         self._answers = _answers(cefsm, component) if allowance.conversations else {}
         self._local: dict[object, tuple[After, ...]] = {}
@@ -100,23 +85,16 @@ class Behaviour:
     def initial(self, *, apart: bool = False) -> tuple[State, ...]:
         """Return the states it may begin in: all machines running, or `apart`, any one of them alone."""
         begin = self._steps.layout.initial()
+        *own, stub = begin.states
+        alone = [[name if at == slot else "" for at, name in enumerate(own)] for slot in range(len(own))]
         empty: Inbox = ((),) * len(self.reads)
-        if not apart:
-            return (State(begin.states, begin.values, empty),)
-        own = [slot for slot in range(len(begin.states)) if slot not in self._others]
-        alone = [
-            tuple(name if at == slot or at in self._others else "" for at, name in enumerate(begin.states))
-            for slot in own
-        ]
-        return tuple(State(states, begin.values, empty) for states in alone)
+        return tuple(State((*states, stub), begin.values, empty) for states in (alone if apart else [own]))
 
     def content(self, channel: str, fields: dict[str, object]) -> Message:
         """Return the observed fields of a message that guards can read, as the model's steps want them."""
         known = self._fields.get(channel, frozenset())
-        scalars = (bool, int, float, str)
-        return tuple(
-            sorted((name, value) for name, value in fields.items() if name in known and isinstance(value, scalars))
-        )
+        seen = (each for each in fields.items() if each[0] in known and isinstance(each[1], bool | int | float | str))
+        return tuple(sorted(seen))
 
     def take(self, state: State, id: str) -> Iterator[State]:
         """Yield the states after the transition `id`; none if it cannot be taken."""
@@ -228,7 +206,7 @@ class Behaviour:
             try:
                 after = self._steps.step(here, move)
             except BadModel as error:
-                if error.slug != "out-of-range":  # a step that would leave a domain is none
+                if error.slug != "out-of-range":  # a step that would leave a domain cannot be taken
                     raise
                 continue
             left = [list(queue) for queue in after.queues]

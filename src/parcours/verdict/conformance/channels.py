@@ -1,4 +1,4 @@
-"""Sends and receives of a trace -> what is under way on each channel, and whether it was taken up once and in order."""
+"""What is under way on each channel of a trace, and whether it was taken up once and in order."""
 
 from __future__ import annotations
 
@@ -39,11 +39,7 @@ class _Queue:
 class Channels:
     """The traffic of a trace.
 
-    Each complaint is a sentence; an empty one is none. Messages without a number (-1) are told apart by their order.
-
-    Args:
-        cefsm: a model without errors. Only services and rendezvous are held to their capacity: a topic loses old
-            messages.
+    Complaints are sentences, empty where all is well. Messages without a number (-1) are told apart by their order.
 
     Between numbered instances the tester hands messages on in an order of its own: there only messages between the
     same two keep theirs.
@@ -56,14 +52,7 @@ class Channels:
         return channel in self._queues
 
     def send(self, channel: str, number: int, sender: str, contents: tuple[Message, ...]) -> str:
-        """Note a message that was sent; return what is wrong with it.
-
-        Args:
-            channel: its name.
-            number: of the message.
-            sender: as the trace names it.
-            contents: what it may hold.
-        """
+        """Note a message that was sent by a component, as the trace names it; return what is wrong with it."""
         queue = self._queues[channel]
         message = _Under(number, queue.n_sent, sender, contents, sender == ENVIRONMENT)
         queue.n_sent += 1
@@ -96,32 +85,26 @@ class Channels:
         _forget(queue, found)
         return found.contents, ""
 
-    def hold(self, channel: str, number: int) -> None:
-        """Note that the tester keeps a message back: others may pass it, and it takes no room."""
-        queue = self._queues[channel]
-        found = _found(queue.under_way, number)
-        if found is not None:
-            _forget(queue, found)
-            queue.held.append(found)
+    def note(self, kind: str, channel: str, number: int) -> None:
+        """Note that the tester kept a message back (hold) or let it go (release), or that it was lost (drop).
 
-    def release(self, channel: str, number: int) -> None:
-        """Note that the tester let a message go that it had kept back."""
-        found = _found(self._queues[channel].held, number)
-        if found is not None:
-            found.let_go = True
+        While the tester keeps a message back, others may pass it, and it takes no room.
+        """
+        queue = self._queues[channel]
+        sent, held = _found(queue.under_way, number), _found(queue.held, number)
+        if kind == "release" and held is not None:
+            held.let_go = True
+        elif kind == "hold" and sent is not None:
+            _forget(queue, sent)
+            queue.held.append(sent)
+        elif kind == "drop" and (found := sent or held) is not None:
+            _forget(queue, found)
 
     def waiting(self, channel: str) -> tuple[Message, ...]:
         """Return what the latest message may hold that lies before its receiver; nothing if there is none."""
         queue = self._queues[channel]
         there = [message for message in (*queue.held, *queue.under_way) if message.let_go]
         return max(there, key=lambda message: message.order).contents if there else ()
-
-    def drop(self, channel: str, number: int) -> None:
-        """Note that a message was lost."""
-        queue = self._queues[channel]
-        found = _found(queue.under_way, number) or _found(queue.held, number)
-        if found is not None:
-            _forget(queue, found)
 
 
 def _is_gated(component: str) -> bool:

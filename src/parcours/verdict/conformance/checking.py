@@ -1,4 +1,4 @@
-"""A trace, event by event or whole, and a model -> the first deviation from what the model lets its components do."""
+"""Follows a trace event by event, to its first deviation from what the model lets its components do."""
 
 from __future__ import annotations
 
@@ -13,7 +13,6 @@ from parcours.model.structure import Cefsm
 from parcours.run.trace import TraceEvent
 from parcours.verdict.conformance.behaviour import Allowance
 from parcours.verdict.conformance.channels import Channels
-from parcours.verdict.conformance.explaining import why_not_sent, why_not_taken
 from parcours.verdict.conformance.findings import Deviation, Expectation
 from parcours.verdict.conformance.silence import Debts
 from parcours.verdict.conformance.tracking import Edge, Node, Observes, Tracker, trackers
@@ -30,10 +29,7 @@ LONGEST_PATH = 10_000
 
 
 def no_fields(channel: str, payload: object) -> None:
-    """Read nothing from a payload: messages are told apart by their channels alone.
-
-    >>> no_fields("reply", {"code": 3})
-    """
+    """Read nothing from a payload: messages are told apart by their channels alone."""
 
 
 @dataclass(slots=True)
@@ -69,28 +65,6 @@ class Checker:
         components: the names of the model's components.
         deviation: the first one, once there was one.
         n_outside: events on channels that the model does not name.
-
-    Example: a lamp that switches on twice.
-
-    >>> from parcours.model import parse_model
-    >>> lamp = parse_model('''
-    ... parcours: model/1
-    ... name: lamp
-    ... components:
-    ...   Lamp:
-    ...     machines:
-    ...       light:
-    ...         initial: off
-    ...         transitions:
-    ...           switch_on: {from: off, to: on}
-    ...           switch_off: {from: on, to: off}
-    ... ''')
-    >>> checker = Checker(lamp, component="Lamp")
-    >>> [str(each) for each in checker.expected()]
-    ['take switch_on']
-    >>> checker.observe(TraceEvent(0, "take", "Lamp", "switch_on"))
-    >>> print(checker.observe(TraceEvent(1_000_000, "take", "Lamp", "switch_on")))
-    event 1 at 1.000 ms, Lamp: switch_on cannot be taken here; expected: take switch_off; after switch_on
     """
 
     def __init__(
@@ -147,12 +121,7 @@ class Checker:
         elif kind == "receive":
             self._receive(event)
         elif event.channel in self._channels:
-            if kind == "hold":
-                self._channels.hold(event.channel, event.message)
-            elif kind == "release":
-                self._channels.release(event.channel, event.message)
-            elif kind == "drop":
-                self._channels.drop(event.channel, event.message)
+            self._channels.note(kind, event.channel, event.message)
         elif kind == "deviation" and event.transition:
             self._silent(event, before)
         return self.deviation
@@ -230,7 +199,7 @@ class Checker:
 
     def _take(self, instance: _Instance, event: TraceEvent) -> None:
         if not self._follow(instance, instance.tracker.take(instance.node, event.transition)):
-            self._deviates(instance, event, why_not_taken(instance.tracker, instance.node, event.transition))
+            self._deviates(instance, event, instance.tracker.why_not_taken(instance.node, event.transition))
             return
         self._note(instance, seen=event.transition)
 
@@ -246,7 +215,7 @@ class Checker:
             edge = instance.tracker.send(instance.node, channel, observed)
             contents = edge.contents
             if not self._follow(instance, edge):
-                self._deviates(instance, event, why_not_sent(instance.tracker, instance.node, event.channel, observed))
+                self._deviates(instance, event, instance.tracker.why_not_sent(instance.node, channel, observed))
                 return
             self._note(instance, seen=f"!{channel}" if self._observes == "messages" else "", sent=channel)
         elif observed:

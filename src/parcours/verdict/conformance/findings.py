@@ -17,9 +17,6 @@ class Expectation:
 
     `what` is take (name is a transition), send or receive (name is a channel), or silence, when nothing need come.
     `values` are the fields of a message that the model says.
-
-    >>> print(Expectation("send", "reply", (("code", 3),)))
-    send reply(code = 3)
     """
 
     what: Literal["take", "send", "receive", "silence"]

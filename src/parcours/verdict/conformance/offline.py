@@ -1,4 +1,4 @@
-"""A whole trace and a model -> pass, fail or inconclusive, with the first deviation: what is online, offline."""
+"""Checks a whole trace against a model: pass, fail or inconclusive, with the first deviation."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What each component still owes, and timeouts -> when silence becomes a deviation."""
+"""When silence becomes a deviation: what each component still owes, and the timeouts."""
 
 from __future__ import annotations
 
@@ -24,18 +24,8 @@ class Overdue(NamedTuple):
 class Debts:
     """The messages that must come and have not.
 
-    A debt begins when the model leaves its component no way around a message, and anew when one was sent and the next
-    is owed.
-
-    Args:
-        timeouts: channel -> how long [ns] a message that must come may take.
-        cefsm: the model of the channels.
-
-    Attributes:
-        deadline: when the first debt is overdue [ns]; NEVER if none is.
-
-    Raises:
-        BadRequest: a channel is unknown, or a timeout is not above 0.
+    A debt starts when the model leaves its component no way around a message, and again when one was sent and the
+    next is owed.
     """
 
     def __init__(self, timeouts: Mapping[str, int], cefsm: Cefsm) -> None:

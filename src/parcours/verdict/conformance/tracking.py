@@ -1,4 +1,4 @@
-"""Observations of one component -> the set of states it may be in: each observation filters and advances the set.
+"""The set of states that one component may be in: each observation filters and advances the set.
 
 The sets are the states of a deterministic automaton that is built where traces lead, and kept: an observation
 seen before from the same set is one look-up.
@@ -7,7 +7,7 @@ seen before from the same set is one look-up.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from typing import Literal, NamedTuple
 
 from parcours.model.configuration import Message
@@ -38,19 +38,16 @@ class Edge(NamedTuple):
 class Node:
     """A set of states, what follows it, and what of it is known already.
 
-    Attributes:
-        states: where the component may stand.
-        doubt: why there may be more of them, reached by steps that nobody sees.
-        edges: what each observation so far led to.
+    `doubt` says why there may be more states, reached by steps that nobody sees; `edges` what each observation led to.
     """
 
-    __slots__ = ("_expected", "_owed", "doubt", "edges", "states")
+    __slots__ = ("doubt", "edges", "expected", "owed", "states")
 
     def __init__(self, states: frozenset[State], doubt: str) -> None:
         self.states, self.doubt = states, doubt
         self.edges: dict[object, Edge] = {}
-        self._owed: dict[str, bool] = {}
-        self._expected: tuple[Expectation, ...] | None = None
+        self.owed: dict[str, bool] = {}
+        self.expected: tuple[Expectation, ...] | None = None
 
     def keep(self, key: object, edge: Edge) -> Edge:
         """Remember where an observation leads, and return it."""
@@ -59,28 +56,9 @@ class Node:
         self.edges[key] = edge
         return edge
 
-    def owed(self, channel: str, compute: Callable[[], bool]) -> bool:
-        """Return whether a message must come on the channel, remembered."""
-        if channel not in self._owed:
-            self._owed[channel] = compute()
-        return self._owed[channel]
-
-    def expected(self, compute: Callable[[], tuple[Expectation, ...]]) -> tuple[Expectation, ...]:
-        """Return what may come next, remembered."""
-        if self._expected is None:
-            self._expected = compute()
-        return self._expected
-
 
 class Tracker:
-    """All sets of states of one component that observations lead to.
-
-    Args:
-        behaviour: of the component.
-        observes: whether its transitions are reported, or only its messages.
-        hidden: most states that are followed through steps nobody sees.
-        apart: whether only one of its machines runs, nobody said which.
-    """
+    """All sets of states of one component that observations lead to."""
 
     def __init__(self, behaviour: Behaviour, observes: Observes, hidden: int, *, apart: bool = False) -> None:
         self.behaviour, self.observes, self._hidden = behaviour, observes, hidden
@@ -130,14 +108,18 @@ class Tracker:
 
     def expected(self, node: Node) -> tuple[Expectation, ...]:
         """Return what the model lets come next, sorted."""
-        return node.expected(lambda: tuple(sorted(set(self._expectations(node)), key=str)))
+        if node.expected is None:
+            node.expected = tuple(sorted(set(self._expectations(node)), key=str))
+        return node.expected
 
     def owes(self, node: Node, channel: str) -> bool:
         """Return whether a message must come on the channel, whatever the component does, if nothing else reaches it.
 
         What can happen again and again is taken to happen: a loop that may be left is left.
         """
-        return node.owed(channel, lambda: all(self._owes(state, channel) for state in node.states))
+        if channel not in node.owed:
+            node.owed[channel] = all(self._owes(state, channel) for state in node.states)
+        return node.owed[channel]
 
     def running(self, node: Node, id: str) -> Node:
         """Return the set without the states in which the machine of a transition does not run."""
@@ -154,6 +136,35 @@ class Tracker:
     def is_settled(self, node: Node) -> bool:
         """Return whether the transition under way has sent all it must, in some state of the set."""
         return any(not state.due for state in node.states)
+
+    def why_not_taken(self, node: Node, transition: str) -> str:
+        """Return why a transition cannot have been taken from any state of the set."""
+        behaviour = self.behaviour
+        known = behaviour.transitions.get(transition)
+        if known is None:
+            return f"{transition} is no transition of {behaviour.name}"
+        if not self.is_settled(node):
+            return f"{transition} came before what the last transition must send"
+        if known.event is not None:
+            channel = known.event.channel
+            offered = [behaviour.receive(state._replace(foreign=frozenset()), channel, ()) for state in node.states]
+            if any(True for state in offered for _ in behaviour.take(state, transition)):
+                return f"{transition} needs a message of {channel}, but none was there to take up"
+        return f"{transition} cannot be taken here"
+
+    def why_not_sent(self, node: Node, channel: str, observed: Message) -> str:
+        """Return why a message cannot have been sent from any state of the set."""
+        behaviour = self.behaviour
+        if channel not in behaviour.sends:
+            return f"{channel} is no channel that {behaviour.name} sends on"
+        if observed and self.send(node, channel).node is not None:
+            values = ", ".join(f"{name} = {value!r}" for name, value in observed)
+            return f"{channel} was sent with {values}, which is not what the model says"
+        if self.observes == "messages":
+            return f"{channel} was sent, but nothing that it may do now sends it"
+        if not self.is_settled(node):
+            return f"{channel} was sent, where the transition taken sends another message"
+        return f"{channel} was sent, but no transition taken sends it"
 
     def _expectations(self, node: Node) -> Iterator[Expectation]:
         for state in node.states:
@@ -225,14 +236,7 @@ class Tracker:
 
 
 class Trackers:
-    """The trackers of one model's components, made when they are asked for.
-
-    Args:
-        cefsm: a model without errors.
-        observes: whether transitions are reported, or only messages.
-        allowance: what is let pass beside the model.
-        hidden: most states that are followed through steps nobody sees.
-    """
+    """The trackers of one model's components, made when they are asked for."""
 
     def __init__(self, cefsm: Cefsm, observes: Observes, allowance: Allowance, hidden: int) -> None:
         self.key = observes, allowance, hidden

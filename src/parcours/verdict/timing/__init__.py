@@ -1,26 +1,15 @@
-"""Repeated durations, a bound in words and the noise beside them become a timing verdict one can defend."""
+"""Timing verdicts that can be defended, from repeated durations, a bound in words and the noise beside them."""
 
 from parcours.verdict.timing.bounds import Bound, parse_bound
-from parcours.verdict.timing.durations import (
-    NEVER,
-    PeriodJitter,
-    Timing,
-    duration,
-    period_jitter,
-    summary,
-    wall_durations,
-)
+from parcours.verdict.timing.durations import NEVER, Timing, duration, summary
 from parcours.verdict.timing.judging import judge
 
 __all__ = [
     "NEVER",
     "Bound",
-    "PeriodJitter",
     "Timing",
     "duration",
     "judge",
     "parse_bound",
-    "period_jitter",
     "summary",
-    "wall_durations",
 ]

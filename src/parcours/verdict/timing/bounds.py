@@ -100,7 +100,7 @@ def parse_bound(text: str) -> Bound:
     """Return the bound that a text says; `str` of it says the same again.
 
     Raises:
-        BadRequest: the text is no bound, names a statistic that is none of ours, or a number out of its range.
+        BadRequest: the text is no bound, names another statistic, or a number out of its range.
 
     >>> parse_bound("p99.9<=1.5ms with 99 % confidence")
     Bound(limit=1500000, percent=99.9, strict=False, repeats=0, confidence=99.0)

@@ -1,4 +1,4 @@
-"""Traces and repeated durations -> how long an interaction takes, how much that varies, how often it is too late.
+"""How long an interaction takes, how much that varies, and how often it is too late.
 
 Quantiles are durations that occurred (the inverse of the empirical distribution, type 1 of Hyndman and Fan, The
 American Statistician 50, 1996), so none lies between a fast and a slow mode where nothing ever was.
@@ -6,14 +6,12 @@ American Statistician 50, 1996), so none lies between a fast and a slow mode whe
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from parcours.errors import BadRequest
-from parcours.run import trace as traces
 from parcours.run.trace import Trace
 from parcours.verdict.statistics import Rate, wilson
 from parcours.verdict.timing.bounds import Bound
@@ -57,7 +55,7 @@ def summary(durations: ArrayLike, bound: Bound | None = None) -> Timing:
         bound: its limit says what a miss is.
 
     Raises:
-        BadRequest: there is none, or one is negative or no number.
+        BadRequest: there is no duration, or one is negative or not a number.
 
     >>> from parcours.verdict.timing.bounds import parse_bound
     >>> timing = summary([2_000_000, 3_000_000, 9_000_000, 2_000_000], parse_bound("every < 5 ms"))
@@ -85,7 +83,7 @@ def checked(durations: ArrayLike) -> NDArray[np.int64]:
     """Return durations as whole nanoseconds, shape (n_repeats,).
 
     Raises:
-        BadRequest: there is none, or one is negative or no number.
+        BadRequest: there is no duration, or one is negative or not a number.
     """
     given = np.asarray(durations)
     if given.size == 0:
@@ -118,75 +116,12 @@ def ordered_quantile(ordered: NDArray[np.int64], share: float) -> int:
     return int(ordered[max(rank, 1) - 1])
 
 
-@dataclass(frozen=True, slots=True)
-class PeriodJitter:
-    """How regularly a periodic event comes, as JEDEC standard 65B names it. Times are in ns.
-
-    Attributes:
-        n: number of periods, one less than of events.
-        period: what each period is compared with: the nominal one or, without one, their mean.
-        rms: root of the mean squared deviation from it.
-        peak: the greatest deviation from it.
-        cycle_to_cycle: the greatest difference of two periods in a row; 0 if n is 1.
-    """
-
-    n: int
-    period: float
-    rms: float
-    peak: float
-    cycle_to_cycle: int
-
-
-def period_jitter(times: Sequence[int], nominal: int | None = None) -> PeriodJitter:
-    """Return how regularly an event came.
-
-    Args:
-        times: when it came [ns], not decreasing, shape (n_events,), at least two.
-        nominal: the period that was meant [ns].
-
-    Raises:
-        BadRequest: there are too few, or they decrease.
-
-    >>> period_jitter([0, 100, 200, 330], nominal=100)
-    PeriodJitter(n=3, period=100.0, rms=17.320508075688775, peak=30.0, cycle_to_cycle=30)
-    """
-    stamps = np.asarray(times)
-    periods = np.diff(stamps.astype(np.int64))
-    if stamps.ndim != 1 or len(periods) == 0 or (periods < 0).any():
-        rule = "a period needs two times or more, none before the one ahead of it, but these are not such"
-        raise BadRequest("times of a periodic event", rule, slug="timing-durations")
-    period = float(periods.mean()) if nominal is None else float(nominal)
-    off = np.abs(periods.astype(float) - period)
-    cycles = int(np.abs(np.diff(periods)).max(initial=0))
-    return PeriodJitter(len(periods), period, float(np.sqrt(np.mean(off * off))), float(off.max()), cycles)
-
-
 def duration(trace: Trace) -> int:
     """Return the time from the first to the last event of a trace [ns].
 
     Raises:
         BadRequest: the trace was made on a simulated clock, or has no events.
     """
-    require_wall(trace)
-    if not trace.events:
-        raise BadRequest(f"trace of {trace.case or 'a case'}", "it has no events to time", slug="empty-trace")
-    return trace.events[-1].time - trace.events[0].time
-
-
-def wall_durations(trace: Trace, begin: str, end: str) -> tuple[int, ...]:
-    """Return how long it took from each taking of transition `begin` to the next taking of `end` [ns].
-
-    A `begin` that no `end` follows gives no duration: compare their number with the number of repeats.
-
-    Raises:
-        BadRequest: the trace was made on a simulated clock.
-    """
-    require_wall(trace)
-    return traces.durations(trace, begin, end)
-
-
-def require_wall(trace: Trace) -> None:
-    """Raise BadRequest unless the times of a trace are real ones."""
     if trace.clock != "wall":
         raise BadRequest(
             f"trace of {trace.case or 'a case'}",
@@ -194,3 +129,6 @@ def require_wall(trace: Trace) -> None:
             "run the case on a wall-clock host",
             slug="simulated-duration",
         )
+    if not trace.events:
+        raise BadRequest(f"trace of {trace.case or 'a case'}", "it has no events to time", slug="empty-trace")
+    return trace.events[-1].time - trace.events[0].time

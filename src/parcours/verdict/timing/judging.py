@@ -1,4 +1,4 @@
-"""Repeated durations, a bound and the noise of the machine -> pass, fail, or why neither can be said.
+"""Judges repeated durations against a bound, the noise of the machine considered: pass, fail, or why neither.
 
 A measured duration is the true one and what the machine added. Two things can thus make a verdict wrong: that the
 repeats happened to be fast or slow ones, which the ranks of `ranks.py` bound, and noise. A fail must stand
@@ -38,7 +38,7 @@ def judge(durations: ArrayLike, bound: Bound, noise: Noise | None = None) -> Jud
         noise: of the same run, measured between its repeats; without it the judgement says so.
 
     Raises:
-        BadRequest: there is none, or one is negative or no number.
+        BadRequest: there is no duration, or one is negative or not a number.
 
     >>> from parcours.verdict.timing.bounds import parse_bound
     >>> judge([4_000_000] * 298 + [6_000_000], parse_bound("p95 < 5 ms")).why
@@ -63,8 +63,8 @@ def _every(ordered: NDArray[np.int64], bound: Bound, noise: Noise | None) -> Jud
                 f"all {n} repeats kept {limit}, the longest by {margin}, but noise reached {_shown(noise.max)}"
             )
         rate = greatest_miss_rate(0, n, bound.error)
-        least = f"{sure}at most {_rounded_up(100.0 * rate)} % of repeats miss it"
-        return _passed(f"all {n} repeats kept {limit}, the longest took {_shown(worst)}; {least}", noise)
+        least = f"{sure}at most {math.ceil(100.0 * (100.0 * rate)) / 100.0:.3g} % of repeats miss it"
+        return _said(Verdict.PASS, f"all {n} repeats kept {limit}, the longest took {_shown(worst)}; {least}", noise)
     missed = f"{misses} of {n} repeats missed {limit}, the longest took {_shown(worst)}"
     if noise is not None and worst != NEVER:
         clear = _beyond(ordered, bound.last + noise.max)
@@ -76,7 +76,7 @@ def _every(ordered: NDArray[np.int64], bound: Bound, noise: Noise | None) -> Jud
                 f"{missed}, but {noise.samples} samples of noise are too few to exclude it as the cause: "
                 f"{enough} are enough"
             )
-    return _failed(missed, noise)
+    return _said(Verdict.FAIL, missed, noise)
 
 
 def _quantile(ordered: NDArray[np.int64], bound: Bound, noise: Noise | None) -> Judgement:
@@ -90,14 +90,14 @@ def _quantile(ordered: NDArray[np.int64], bound: Bound, noise: Noise | None) -> 
             return few
         said = f"{measured}, {sure}at most {_shown(upper)}, limit {limit}"
         refusal = _too_noisy(said, last - upper, 1.0 - bound.quantile, bound, noise)
-        return refusal or _passed(said, noise)
+        return refusal or _said(Verdict.PASS, said, noise)
     if low > n - misses:
         said = f"{measured}, {sure}at least {_shown(int(ordered[low - 1]))}, limit {limit}"
         # what noise beyond its quantile may have made miss is no miss of the interaction's own
         share = ALLOWANCE * (1.0 - bound.quantile)
         charged = quantile_ranks(n, bound.quantile - share, bound.error / 2)[0]
         margin = int(ordered[charged - 1]) - last - 1 if charged else -1
-        return _too_noisy(said, margin, share, bound, noise) or _failed(said, noise)
+        return _too_noisy(said, margin, share, bound, noise) or _said(Verdict.FAIL, said, noise)
     needed = max(bound.repeats, repeats_needed(bound.quantile, bound.error, misses))
     if misses == 0:
         shown = math.floor(1000.0 * (1.0 - greatest_miss_rate(0, n, bound.error)) + 1e-9) / 10.0
@@ -137,14 +137,6 @@ def _few(n: int, bound: Bound) -> Judgement | None:
     return _inconclusive(f"the bound is over {bound.repeats} repeats, but {n} were made", "few-repeats")
 
 
-def _passed(why: str, noise: Noise | None) -> Judgement:
-    return Judgement(Verdict.PASS, why + _told(noise))
-
-
-def _failed(why: str, noise: Noise | None) -> Judgement:
-    return Judgement(Verdict.FAIL, why + _told(noise))
-
-
 def _refused(why: str) -> Judgement:
     return _inconclusive(why, "noise")
 
@@ -153,10 +145,10 @@ def _inconclusive(why: str, slug: str) -> Judgement:
     return Judgement(Verdict.INCONCLUSIVE, f"{why} [{slug}]")
 
 
-def _told(noise: Noise | None) -> str:
+def _said(verdict: Verdict, why: str, noise: Noise | None) -> Judgement:
     if noise is None:
-        return "; noise was not measured"
-    return f"; noise p99 {_shown(noise.p99)}, at most {_shown(noise.max)}"
+        return Judgement(verdict, f"{why}; noise was not measured")
+    return Judgement(verdict, f"{why}; noise p99 {_shown(noise.p99)}, at most {_shown(noise.max)}")
 
 
 def _beyond(ordered: NDArray[np.int64], time: int) -> int:
@@ -165,10 +157,6 @@ def _beyond(ordered: NDArray[np.int64], time: int) -> int:
 
 def _sure(bound: Bound) -> str:
     return f"with {bound.confidence:.12g} % confidence "
-
-
-def _rounded_up(percent: float) -> str:
-    return f"{math.ceil(100.0 * percent) / 100.0:.3g}"
 
 
 def _shown(time: int) -> str:

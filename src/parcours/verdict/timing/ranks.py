@@ -1,4 +1,4 @@
-"""Numbers of repeats and of misses -> what they allow to say about a quantile, whatever the distribution.
+"""What numbers of repeats and of misses allow to say about a quantile, whatever the distribution.
 
 Of n independent durations, the number that lie below the p-quantile is binomial (n, p). So the durations of certain
 ranks bound that quantile with a confidence that holds for every distribution (H. A. David & H. N. Nagaraja, Order
@@ -43,7 +43,7 @@ def quantile_ranks(n: int, quantile: float, error: float) -> tuple[int, int]:
 
 @functools.lru_cache(maxsize=256)
 def repeats_needed(quantile: float, error: float, misses: int = 0) -> int:
-    """Return the least number of repeats that shows, with so many misses, that a quantile is within its limit.
+    """Return the least number of repeats that shows, with this number of misses, that a quantile is within its limit.
 
     Args:
         quantile: in (0, 1).

@@ -1,0 +1,202 @@
+"""Runs through the state space of a component that together meet what requirements of one machine can be met.
+
+All machines of the component move; the tester stands in at both ends of every channel that leaves it. Where the
+space is finite and every choice of inputs was tried, what was not met cannot be met.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+
+from parcours.errors import BadModel
+from parcours.model.configuration import Move, Site
+from parcours.model.exactness import inexact
+from parcours.model.solutions import Question
+from parcours.model.structure import Cefsm
+from parcours.paths.criteria.requirement import Requirement
+from parcours.paths.graph import Came, way_to
+from parcours.paths.solving.targets import Node, Targets
+from parcours.paths.spaces import ModelSpace, Place
+
+Position = tuple[Place, Node]
+"""Where a run stands, and which parts of requirements it has just done."""
+
+Wanted = Callable[[Node], bool]
+"""Whether to stop at a node of the requirements' automaton."""
+
+Found = tuple[list[Move], Position, set[Requirement]]
+"""A way, where it ends, and what it meets."""
+
+
+class Full(Exception):
+    """The state space is larger than allowed, or the time is up; the text says which."""
+
+
+@dataclass(frozen=True, slots=True)
+class Explored:
+    """Runs that meet requirements, and why what they do not meet is not proven infeasible; empty if it is."""
+
+    runs: tuple[tuple[Move, ...], ...]
+    doubt: str
+    n_states: int
+
+
+class Exploration:
+    """The state space of a component as far as it was asked for.
+
+    Args:
+        alone: the model of the component alone (`part_of`).
+        targets: what the runs of one machine are to meet.
+        finals: the states of that machine where a run may end.
+        most: how many configurations may be visited.
+        deadline: when to stop, on `time.monotonic`.
+    """
+
+    def __init__(self, alone: Cefsm, targets: Targets, finals: Iterable[str], most: int, deadline: float) -> None:
+        self._space, self._targets, self._finals = ModelSpace(alone, remembered=sys.maxsize), targets, set(finals)
+        self._most, self._deadline = most, deadline
+        self._after: dict[Place, list[tuple[Move, Place]]] = {}
+        self._doubts: dict[str, str] = {}
+        self._doubt = ""
+
+    def runs(self, *, complete: bool) -> Explored:
+        """Return few runs that together meet what can be met: always on to the nearest requirement not met yet.
+
+        Where they can, `complete` runs go on to a state where a run may end.
+        """
+        targets = self._targets
+        missing = set(targets.requirements)
+        begin = (self._space.place(self._space.initial), targets.start())
+        missing.difference_update(targets.at(begin[1]))
+
+        def meets(node: Node) -> bool:
+            return not missing.isdisjoint(targets.at(node))
+
+        runs: list[tuple[Move, ...]] = []
+        run: list[Move] = []
+        here = begin
+        doubt = ""
+        while missing:
+            try:
+                found = self._onward(here, meets)
+            except Full as why:
+                found, doubt = None, str(why)
+            if found is not None:
+                moves, here, seen = found
+                run += moves
+                missing.difference_update(seen)
+            elif run:
+                runs.append(self._closed(run, here, complete=complete))
+                run, here = [], begin
+            else:
+                break
+        if run or not runs:
+            runs.append(self._closed(run, here, complete=complete))
+        return Explored(tuple(runs), doubt or self._doubt, len(self._after))
+
+    def _closed(self, run: list[Move], here: Position, *, complete: bool) -> tuple[Move, ...]:
+        def is_home(node: Node) -> bool:
+            return node[0] in self._finals
+
+        if not complete or is_home(here[1]):
+            return tuple(run)
+        try:
+            found = self._straight(here, is_home) or self._onward(here, is_home)
+        except Full:
+            return tuple(run)
+        return (*run, *found[0]) if found is not None else tuple(run)
+
+    def _onward(self, here: Position, wanted: Wanted) -> Found | None:
+        """Return the shortest way to a wanted node, with where it ends and what it meets."""
+        targets = self._targets
+        came: Came[Position, Move] = {here: None}
+        queue = deque([here])
+        while queue:
+            place = queue.popleft()
+            if time.monotonic() > self._deadline:
+                raise Full(f"the budget was spent after {len(self._after)} states")
+            for move, then in self._expanded(place[0]):
+                node = place[1]
+                for id in (move.transition, move.partner):
+                    if id in targets.transitions:
+                        node = targets.after(node, id)
+                following = (then, node)
+                if following in came:
+                    continue
+                came[following] = move, place
+                if node != place[1] and wanted(node):
+                    met, back = set[Requirement](), following
+                    while (step := came[back]) is not None:
+                        met.update(targets.at(back[1]))
+                        back = step[1]
+                    return way_to(following, came), following, met
+                queue.append(following)
+                if len(came) > 4 * self._most:
+                    raise Full(f"more than {4 * self._most} states with what they have just met")
+        return None
+
+    def _straight(self, here: Position, wanted: Wanted) -> Found | None:
+        """Return the way that comes one transition nearer to a wanted node by every move, if one is met at once.
+
+        It is as short as any, and needs no search, however large the space is.
+        """
+        targets = self._targets
+        far = targets.distances(wanted, frozenset(targets.transitions))
+        moves, met = list[Move](), set[Requirement]()
+        while not moves or not wanted(here[1]):
+            nearer = (
+                (move, (then, node))
+                for move, then in self._moves(here[0])
+                if move.transition in targets.transitions and not move.partner
+                for node in [targets.after(here[1], move.transition)]
+                if wanted(node) or far.get(node, len(far)) < far.get(here[1], 0)
+            )
+            if (found := next(nearer, None)) is None:
+                return None
+            moves.append(found[0])
+            here = found[1]
+            met.update(targets.at(here[1]))
+        return moves, here, met
+
+    def _expanded(self, place: Place) -> list[tuple[Move, Place]]:
+        if place not in self._after:
+            if len(self._after) >= self._most:
+                raise Full(f"more than {self._most} states")
+            self._after[place] = list(self._moves(place))
+        return self._after[place]
+
+    def _moves(self, place: Place) -> Iterator[tuple[Move, Place]]:
+        """Yield what can happen in a place, and where it leads."""
+        for state, leaving in zip(place.configuration.states, self._space.steps.layout.leaving, strict=True):
+            for site in leaving.get(state, ()):
+                # Only what can be reached counts: a transition is looked at when its state is.
+                if site.transition.id not in self._doubts:
+                    self._doubts[site.transition.id] = self._inexact(site)
+                self._doubt = self._doubt or self._doubts[site.transition.id]
+        try:
+            options = self._space.options(place)
+        except BadModel as error:
+            self._doubt = self._doubt or f"{error.where}: {error.rule}"
+            return
+        for option in options:
+            for choice, move in enumerate(option.moves):
+                try:
+                    yield move, option.after(self._space, place, choice)
+                except BadModel as error:
+                    # A value that leaves its range forbids the move; a guard that may not hold leaves a doubt.
+                    if error.slug == "impossible-move":
+                        doubt = f"guard of {move}: no values were found for which it surely holds"
+                        self._doubt = self._doubt or doubt
+
+    def _inexact(self, site: Site) -> str:
+        """Return why the step relation may not try every different choice at a transition; empty if it does."""
+        layout, transition = self._space.steps.layout, site.transition
+        types, domains = layout.scopes.types(site.component, transition), layout.scopes.domains(site.component)
+        known = {each.name: None for owner, each in layout.variables if owner == site.component}
+        question = Question(types, layout.scopes.classes, domains, known)
+        guards = [transition.guard] if transition.guard is not None else []
+        return inexact(question, guards, site.effects(), repr(transition.id))
