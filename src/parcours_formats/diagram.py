@@ -11,12 +11,7 @@ from parcours_formats.losses import ASPECTS, unsaid
 
 
 def states(cefsm: Cefsm, plain: Callable[[str], str]) -> Iterator[str]:
-    """Yield the lines of a diagram.
-
-    Args:
-        cefsm: a model without errors.
-        plain: makes a text one without markup, in the words of the format.
-    """
+    """Yield the lines of a diagram."""
     for number, component in enumerate(cefsm.components):
         yield f'state "{plain(component.name)}" as c{number} {{'
         for at, machine in enumerate(component.machines):

@@ -14,8 +14,16 @@ from parcours.errors import BadModel
 from parcours.model.conversion import Loss, Reading, Writing
 from parcours.model.structure import Cefsm
 from parcours_formats.graphwalker.joining import START, joined
-from parcours_formats.graphwalker.labels import as_edge, as_vertex, edge_label, plain_text, vertex_label
-from parcours_formats.graphwalker.models import Edge, Model, Vertex
+from parcours_formats.graphwalker.labels import (
+    Edge,
+    Model,
+    Vertex,
+    as_edge,
+    as_vertex,
+    edge_label,
+    plain_text,
+    vertex_label,
+)
 from parcours_formats.graphwalker.parting import parted
 from parcours_formats.naming import as_label, stem
 from parcours_formats.xml_lines import Element, parse_xml

@@ -52,12 +52,7 @@ class Alphabet:
 
 
 def symbols_of(cefsm: Cefsm, barred: str = "") -> dict[str, str]:
-    """Return the symbol of each channel that has one end at the environment: its topic, or else its name.
-
-    Args:
-        cefsm: a model without errors.
-        barred: characters that the symbols of a format do not have.
-    """
+    """Return the symbol of each channel that has one end at the environment: its topic, or else its name."""
     found: dict[str, str] = {}
     used: set[tuple[str, str, str]] = set()
     for channel in cefsm.channels:

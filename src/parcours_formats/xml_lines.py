@@ -57,14 +57,6 @@ class Element:
 def parse_xml(text: str, origin: str) -> Element:
     """Return the root element of an XML text.
 
-    Args:
-        text: one document; what its declaration says of the encoding no longer matters.
-        origin: the file's name, for messages.
-
-    Raises:
-        BadModel: the text is no XML, declares or uses entities of its own, or is too deep or too large.
-
-    Example:
     >>> root = parse_xml("<a>\\n <b x='1'>t &lt; 2</b>\\n</a>", "here")
     >>> [(child.tag, child.line, child.get("x"), child.text) for child in root.children]
     [('b', 2, '1', 't < 2')]

@@ -10,8 +10,8 @@ from collections.abc import Iterator, Mapping
 
 from parcours.model.conversion import Loss, Reading, Writing, accepted
 from parcours.model.structure import Cefsm, Component, Machine
+from parcours_formats.dot.dot_graphs import parse_dot, quoted
 from parcours_formats.dot.drawing import drawings
-from parcours_formats.dot.graphs import parse_dot, quoted
 from parcours_formats.graphwalker import Model, joined, parted
 from parcours_formats.graphwalker.labels import edge_label, vertex_label
 from parcours_formats.losses import unsaid

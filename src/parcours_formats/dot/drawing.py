@@ -9,11 +9,9 @@ from collections.abc import Iterator
 from parcours.errors import BadModel
 from parcours.model.conversion import Loss
 from parcours.model.structure import Machine, Send, Transition
-from parcours_formats.dot.attributes import DRAWN
-from parcours_formats.dot.graphs import Edge, Graph, label_text
+from parcours_formats.dot.dot_graphs import Edge, Graph, label_text
 from parcours_formats.graphwalker.joining import START
-from parcours_formats.graphwalker.labels import as_edge, as_vertex
-from parcours_formats.graphwalker.models import Model
+from parcours_formats.graphwalker.labels import Model, as_edge, as_vertex
 from parcours_formats.naming import Names, as_label
 from parcours_formats.symbols import Alphabet
 
@@ -26,12 +24,7 @@ _MARK = "__start"
 def drawings(graph: Graph, origin: str, name: str) -> Iterator[Drawing]:
     """Yield the machines that a digraph draws: one, unless parts that no edge joins have starts of their own.
 
-    Args:
-        graph: a digraph.
-        origin: the file's name, for messages.
-        name: what to call it if it has no name.
-
-    >>> from parcours_formats.dot.graphs import parse_dot
+    >>> from parcours_formats.dot.dot_graphs import parse_dot
     >>> [graph] = parse_dot('digraph g { __start0 -> a; a -> a [label=x]; __start1 -> b; b -> c [label=y] }', "here")
     >>> [drawing.states for drawing in drawings(graph, "here", "g")]
     [['a'], ['b', 'c']]
@@ -59,13 +52,7 @@ def drawings(graph: Graph, origin: str, name: str) -> Iterator[Drawing]:
 
 
 class Drawing:
-    """A graph with its labels as they are seen.
-
-    Args:
-        graph: a digraph.
-        origin: the file's name, for messages.
-        name: what to call it if it has no name.
-    """
+    """A graph with its labels as they are seen."""
 
     def __init__(self, graph: Graph, origin: str, name: str) -> None:
         self.graph = graph
@@ -188,3 +175,19 @@ def _is_walked(label: str) -> bool:
     edge = as_edge(label, "", "", "")
     acts = any(text.endswith(";") for text in edge.actions)
     return _NAME.fullmatch(edge.name) is not None and bool(edge.guard or edge.weight or acts)
+
+
+DRAWN = frozenset(
+    re.findall(
+        r"\w+",
+        """URL area arrowhead arrowsize arrowtail class color colorscheme comment constraint decorate dir distortion
+        edgeURL edgehref edgetarget edgetooltip fillcolor fixedsize fontcolor fontname fontsize gradientangle group
+        headURL head_lp headclip headhref headlabel headport headtarget headtooltip height href id image imagepos
+        imagescale label labelURL labelangle labeldistance labelfloat labelfontcolor labelfontname labelfontsize
+        labelhref labeljust labelloc labeltarget labeltooltip layer len lhead lp ltail margin minlen nojustify ordering
+        orientation penwidth peripheries pin pos radius rects regular root samehead samepoints sametail sampoints
+        shape shapefile showboxes sides skew sortv style tailURL tail_lp tailclip tailhref taillabel tailport
+        tailtarget tailtooltip target tooltip vertices weight width xdotversion xlabel xlp z""",
+    )
+)
+"""Names of attributes of nodes and edges."""

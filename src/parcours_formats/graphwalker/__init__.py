@@ -2,9 +2,9 @@
 
 from parcours.model.conversion import Reading, Writing
 from parcours.model.structure import Cefsm
-from parcours_formats.graphwalker.document import document_of, models_in
+from parcours_formats.graphwalker.graphwalker_json import document_of, models_in
 from parcours_formats.graphwalker.joining import joined
-from parcours_formats.graphwalker.models import Edge, Model, Vertex
+from parcours_formats.graphwalker.labels import Edge, Model, Vertex
 from parcours_formats.graphwalker.parting import parted
 from parcours_formats.naming import as_label, stem
 

@@ -14,8 +14,8 @@ from typing import TypeVar
 from parcours.errors import BadModel
 from parcours.model.conversion import Loss, Reading, accepted
 from parcours.model.structure import Cefsm, Component, Machine
+from parcours_formats.graphwalker.labels import Edge, Model, Vertex
 from parcours_formats.graphwalker.meaning import Draft, Start, translated
-from parcours_formats.graphwalker.models import Edge, Model, Vertex
 from parcours_formats.naming import Names, part_names
 
 MAX_JUMPS = 100_000
@@ -31,16 +31,6 @@ _T = TypeVar("_T")
 def joined(models: Iterable[Model], name: str, origin: str, losses: Iterable[Loss] = ()) -> Reading:
     """Return models as one Cefsm.
 
-    Args:
-        models: at least one.
-        name: what to call the Cefsm.
-        origin: the file's name, for messages.
-        losses: what the file said and the models do not.
-
-    Raises:
-        BadModel: an edge leads nowhere, or a text says what our language cannot.
-
-    Example:
     >>> a = Model("A", [Vertex("n0", "v_Home"), Vertex("n1", "v_Shop", "SHOP")], [Edge("e0", "e_Go", "n0", "n1")], "n0")
     >>> b = Model("B", [Vertex("n2", "v_Shop", "SHOP")], [Edge("e1", "e_Buy", "n2", "n2")])
     >>> for each in joined([a, b], "shop", "shop.json").cefsm.component("A").transitions():

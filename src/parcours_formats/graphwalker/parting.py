@@ -10,7 +10,7 @@ from parcours.model.conversion import Loss
 from parcours.model.expression import Apply, Assignment, Binary, Expression, Literal, Name, names
 from parcours.model.expression.syntax import walk
 from parcours.model.structure import BASE_TYPES, CLOCK, Cefsm, Component, Machine, Transition
-from parcours_formats.graphwalker.models import Edge, Model, Vertex
+from parcours_formats.graphwalker.labels import Edge, Model, Vertex
 from parcours_formats.guard_languages.javascript import javascript
 from parcours_formats.guard_languages.values import literal, replaced
 from parcours_formats.losses import unsaid
@@ -39,10 +39,6 @@ def parted(cefsm: Cefsm) -> tuple[list[Model], tuple[Loss, ...]]:
 
     Variables of a component with one machine are those of the model; of one with several, they stand in `global`.
 
-    Args:
-        cefsm: a model without errors.
-
-    Example:
     >>> from parcours.model import parse_model
     >>> [door], losses = parted(parse_model('''
     ... parcours: model/1

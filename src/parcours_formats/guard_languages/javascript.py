@@ -6,7 +6,7 @@ import re
 from collections.abc import Set
 
 from parcours.model.expression import Apply, Binary, Expression, Literal, Name, Unary
-from parcours_formats.guard_languages.kinds import is_natural
+from parcours_formats.guard_languages.values import is_natural
 
 WORDS = frozenset(
     re.findall(
@@ -25,11 +25,6 @@ _SIGNS = {"\n": "\\n", "\t": "\\t", "\r": "\\r", "\\": "\\\\", "'": "\\'"}
 def javascript(node: Expression, naturals: Set[str] = frozenset()) -> str:
     """Return the text of an expression in JavaScript.
 
-    Args:
-        node: an expression without `size`, which asks for lists.
-        naturals: variables that are never negative.
-
-    Example:
     >>> from parcours.model.expression import parse_expression
     >>> javascript(parse_expression("n % 2 == 0 && mode != 'it\\\\'s' && floor(n / 2) < 3"), {"n"})
     "n % 2 == 0 && mode != 'it\\\\'s' && Math.floor(n / 2) < 3"

@@ -7,11 +7,9 @@ from dataclasses import dataclass, field
 
 from parcours.errors import BadModel
 from parcours.model.expression import Apply, Binary, Expression, Literal, Name, Unary
+from parcours.model.expression.parsing import MAX_DEPTH, MAX_LENGTH
 from parcours.model.nodes import is_identifier
-from parcours_formats.guard_languages.kinds import is_natural, kind_of
-from parcours_formats.guard_languages.refusing import construct_of, refusal
-from parcours_formats.guard_languages.tokens import Language
-from parcours_formats.guard_languages.tree import (
+from parcours_formats.guard_languages.foreign_parser import (
     Applied,
     Choice,
     Constant,
@@ -25,16 +23,20 @@ from parcours_formats.guard_languages.tree import (
     Series,
     Tree,
 )
+from parcours_formats.guard_languages.foreign_tokens import Language
 from parcours_formats.guard_languages.values import (
     MAX_CASES,
     TRUE,
     Cases,
     always,
     conjunction,
+    depth,
     disjunction,
     folded,
     holds,
+    is_natural,
     joined,
+    kind_of,
     literal,
     negation,
 )
@@ -56,13 +58,7 @@ FUNCTIONS = {
 
 @dataclass
 class Scope:
-    """What the names of a foreign text mean. Readers with arrays, records or parameters override the methods.
-
-    Args:
-        language: whose operators.
-        kinds: the type of each known variable: bool, int, real, text; others are taken as they are used.
-        naturals: variables that are never negative.
-    """
+    """What the names of a foreign text mean. Readers with arrays, records or parameters override the methods."""
 
     language: Language
     kinds: Mapping[str, str] = field(default_factory=dict)
@@ -95,12 +91,7 @@ class Scope:
 
 
 class Translation:
-    """Translates trees of one text.
-
-    Args:
-        scope: what names mean.
-        where: what the text belongs to, for messages.
-    """
+    """Translates trees of one text."""
 
     def __init__(self, scope: Scope, where: str) -> None:
         self.scope, self.where = scope, where
@@ -313,3 +304,38 @@ def _by_sign(node: Expression, positive: Expression, negative: Expression) -> Ca
 
 def _pairs(cases: Cases) -> list[tuple[Expression, tuple[Expression, Expression]]]:
     return [(case, (pair.arguments[0], pair.arguments[1])) for case, pair in cases if isinstance(pair, Apply)]
+
+
+def sized(node: Expression, where: str) -> Expression:
+    """Return the expression if it is no longer than our own parser allows, so that it can be written and read."""
+    if depth(node) >= MAX_DEPTH or len(str(node)) > MAX_LENGTH:
+        rule = (
+            f"a translated expression has at most {MAX_LENGTH} characters and {MAX_DEPTH} levels, but this one has more"
+        )
+        raise BadModel(where, rule, "split it", slug="expression-size")
+    return node
+
+
+def refusal(where: str, what: str) -> BadModel:
+    """Return the refusal of something that our language cannot say."""
+    rule = f"only arithmetic, comparisons, assignments and choices are translated, but here is {what}"
+    return BadModel(where, rule, "write it with these", slug="foreign-construct")
+
+
+def construct_of(tree: Tree) -> str:
+    """Return what a place is that our language does not know, in words."""
+    match tree:
+        case Identifier(name):
+            return f"the name {name!r}"
+        case Member(_, name):
+            return f"a field {name!r} of an object"
+        case Index():
+            return "an element of a list"
+        case Applied(function, _):
+            return f"a call of the function {function!r}"
+        case Record():
+            return "an object"
+        case Series():
+            return "a list"
+        case _:
+            return "an assignment to a value"

@@ -2,7 +2,7 @@
 
 from parcours.data.formats import DataFormat
 from parcours_formats.pict.pict_reader import parse_pict, read_pict
-from parcours_formats.pict.writing import write_pict
+from parcours_formats.pict.pict_writer import write_pict
 
 __all__ = ["FORMATS", "parse_pict", "read", "read_pict", "write", "write_pict"]
 

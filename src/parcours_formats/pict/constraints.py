@@ -56,17 +56,7 @@ class Parameter:
 def constraints_in(
     text: str, first_line: int, origin: str, parameters: Mapping[str, Parameter]
 ) -> Iterator[Constraint]:
-    """Yield the constraints of the last part of a PICT model.
-
-    Args:
-        text: that part, comments left empty.
-        first_line: its line in the file.
-        origin: the file's name, for messages.
-        parameters: by their names there, folded.
-
-    Raises:
-        BadDomain: it is not in PICT's language, names something unknown, or becomes too much.
-    """
+    """Yield the constraints of the last part of a PICT model."""
     parser = _Parser(text, first_line, origin, parameters)
     domains = [parameter.domain for parameter in parameters.values()]
     names: set[str] = set()

@@ -32,9 +32,6 @@ class Token:
 def tokens_of(text: str, line: int, origin: str) -> Iterator[Token]:
     """Yield the words of a text that begins at a line, and at last one of kind `end`.
 
-    Raises:
-        BadDomain: a character begins no word.
-
     >>> [token.text for token in tokens_of('[A] <> "x";', 1, "here")]
     ['[A]', '<>', '"x"', ';', 'the end']
     """

@@ -16,13 +16,13 @@ def read(text: str, origin: str) -> Reading:
     Raises:
         BadModel: the document is not well formed, or says what cannot be translated.
     """
-    from parcours_formats.scxml.system import read_chart
+    from parcours_formats.scxml.scxml_reader import read_chart
 
     return read_chart(text, origin)
 
 
 def write(cefsm: Cefsm) -> Writing:
     """Return a model as an SCXML document."""
-    from parcours_formats.scxml.writing import write_chart
+    from parcours_formats.scxml.scxml_writer import write_chart
 
     return write_chart(cefsm)

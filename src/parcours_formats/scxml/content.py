@@ -10,8 +10,7 @@ from parcours.errors import BadModel
 from parcours.model.conversion import Loss
 from parcours.model.expression import Expression, Name
 from parcours_formats.guard_languages import Branch, Scope, Tokens, Translation, performed, refusal, sized
-from parcours_formats.guard_languages.texts import MAX_ACTIONS
-from parcours_formats.guard_languages.tree import (
+from parcours_formats.guard_languages.foreign_parser import (
     Applied,
     Constant,
     Identifier,
@@ -20,9 +19,8 @@ from parcours_formats.guard_languages.tree import (
     Statement,
     Tree,
 )
-from parcours_formats.guard_languages.tree import (
-    Set as Assign,
-)
+from parcours_formats.guard_languages.foreign_parser import Set as Assign
+from parcours_formats.guard_languages.foreign_texts import MAX_ACTIONS
 from parcours_formats.guard_languages.values import (
     FALSE,
     MAX_CASES,
@@ -63,15 +61,7 @@ class Outcome:
 
 @dataclass
 class DataScope(Scope):
-    """The data of a document, where some states are active and an event has arrived.
-
-    Args:
-        missing: data that cannot be translated, with the reason.
-        wholes: objects and lists, by name.
-        parts: the variables that these consist of, whose names the document does not know.
-        active: ids of the active states, for `In(id)`.
-        event: name of the event, for `_event.name`; empty if there is none.
-    """
+    """The data of a document, where some states are active and an event has arrived."""
 
     missing: Mapping[str, BadModel] = field(default_factory=dict)
     wholes: Mapping[str, Whole] = field(default_factory=dict)
@@ -121,12 +111,7 @@ class DataScope(Scope):
 
 
 class Content:
-    """Runs the executable content of one document symbolically; `losses` grows.
-
-    Args:
-        origin: the file's name, for messages.
-        losses: to which is added what is left out.
-    """
+    """Runs the executable content of one document symbolically; `losses` grows."""
 
     def __init__(self, origin: str, losses: list[Loss]) -> None:
         self.origin, self.losses = origin, losses
@@ -150,11 +135,7 @@ class Content:
         return self._trees[text]
 
     def run(self, elements: Iterable[Element], scope: Scope, before: Iterable[Outcome] = (Outcome(),)) -> list[Outcome]:
-        """Return what elements do, one after the other, behind what was done before.
-
-        Raises:
-            BadModel: an element cannot be translated, or there are too many branches.
-        """
+        """Return what elements do, one after the other, behind what was done before."""
         now = list(before)
         for element in elements:
             if element.tag in ("raise", "send", "script", "if", "foreach", "assign", *_IGNORED):

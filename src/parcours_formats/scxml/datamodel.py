@@ -8,8 +8,7 @@ from parcours.errors import BadModel
 from parcours.model.conversion import Loss
 from parcours.model.expression import Expression, Literal
 from parcours_formats.guard_languages import Scope, Tokens, Translation, refusal
-from parcours_formats.guard_languages.kinds import kind_of
-from parcours_formats.guard_languages.tree import (
+from parcours_formats.guard_languages.foreign_parser import (
     Choice,
     Constant,
     Identifier,
@@ -23,7 +22,7 @@ from parcours_formats.guard_languages.tree import (
     Tree,
     When,
 )
-from parcours_formats.guard_languages.values import is_constant
+from parcours_formats.guard_languages.values import is_constant, kind_of
 from parcours_formats.naming import Names
 from parcours_formats.scxml.parts import ChartParser, Part, Whole, part_at, refused
 from parcours_formats.xml_lines import Element
@@ -36,21 +35,7 @@ _STARTS: dict[str, bool | int | float | str] = {"bool": False, "int": 0, "real":
 
 
 class DataModel:
-    """What data a document declares.
-
-    Args:
-        root: the `scxml` element.
-        origin: the file's name, for messages.
-
-    Attributes:
-        initial: the initial values, by name.
-        lines: of the declarations, by name.
-        kinds: bool, int, real or text, by name.
-        wholes: objects and lists, by name; their parts are among the variables.
-        parts: the names of these variables, which the document does not know.
-        missing: data that cannot be translated, with the reason.
-        losses: data that start otherwise here, or are left out.
-    """
+    """What data a document declares."""
 
     def __init__(self, root: Element, origin: str) -> None:
         self.origin = origin

@@ -15,8 +15,7 @@ from parcours.errors import BadModel
 from parcours.model.expression import Expression
 from parcours_formats.guard_languages import sized
 from parcours_formats.guard_languages.values import FALSE, MAX_CASES, TRUE, conjunction, negation
-from parcours_formats.scxml.chart import Arc, Node
-from parcours_formats.scxml.configuring import Configuration, arrived, start, take, without_conflicts
+from parcours_formats.scxml.chart import Arc, Configuration, Node, arrived, start, take, without_conflicts
 from parcours_formats.scxml.content import Content, DataScope, Outcome
 
 MAX_CONFIGURATIONS = 1_000
@@ -57,15 +56,7 @@ class Flat:
 
 
 class Flattening:
-    """Flattens one chart, or one region of it.
-
-    Args:
-        root: the document, or a region.
-        events: the names of all events, for descriptors with wildcards.
-        content: runs what transitions do.
-        scope: the data.
-        origin: the file's name, for messages.
-    """
+    """Flattens one chart, or one region of it."""
 
     def __init__(self, root: Node, events: Sequence[str], content: Content, scope: DataScope, origin: str) -> None:
         self.root, self.content, self.scope, self.origin = root, content, scope, origin
@@ -79,11 +70,7 @@ class Flattening:
         self._ended: set[Arc] = set()
 
     def flat(self) -> Flat:
-        """Return the machine.
-
-        Raises:
-            BadModel: a text cannot be translated, or there are too many configurations or transitions.
-        """
+        """Return the machine."""
         first, beginning = start(self.root)
         steps: list[Step] = []
         seen = {first: first.name}

@@ -14,8 +14,7 @@ from dataclasses import dataclass
 from typing import TypeAlias
 
 from parcours.errors import BadModel
-from parcours_formats.guard_languages.parsing import Parser
-from parcours_formats.guard_languages.tree import (
+from parcours_formats.guard_languages.foreign_parser import (
     Applied,
     Choice,
     Constant,
@@ -23,6 +22,7 @@ from parcours_formats.guard_languages.tree import (
     Index,
     Infix,
     Member,
+    Parser,
     Prefix,
     Record,
     Series,
@@ -117,17 +117,6 @@ def refused(where: str, what: str, remedy: str) -> BadModel:
 def part_at(tree: Tree, wholes: Mapping[str, Whole], where: str) -> Part | int | None:
     """Return what a place means: a variable, a whole, or the length of a list.
 
-    Args:
-        tree: the place.
-        wholes: the objects and lists of the document, by name.
-        where: file, line and element, for messages.
-
-    Returns:
-        None, if the place is no part of these.
-
-    Raises:
-        BadModel: the whole has no such part, or which one is not known.
-
     >>> x = Whole("x", {"a": "x_a", "b": Whole("x.b", {"0": "x_b_0"}, True)}, False)
     >>> at_b = Member(Identifier("x"), "b")
     >>> part_at(Index(at_b, Constant(0)), {"x": x}, "here"), part_at(Member(at_b, "length"), {"x": x}, "here")
@@ -160,11 +149,7 @@ def part_at(tree: Tree, wholes: Mapping[str, Whole], where: str) -> Part | int |
 
 
 def spread(statements: tuple[Statement, ...], wholes: Mapping[str, Whole], where: str) -> Iterator[Statement]:
-    """Yield statements in which each assignment of an object or a list is one to each of its parts.
-
-    Raises:
-        BadModel: what is assigned has another shape, is a copy, or exchanges parts.
-    """
+    """Yield statements in which each assignment of an object or a list is one to each of its parts."""
     for statement in statements:
         match statement:
             case When(condition, yes, no):

@@ -16,13 +16,13 @@ def read(text: str, origin: str) -> Reading:
     Raises:
         BadModel: the file is not well formed, or says what cannot be translated.
     """
-    from parcours_formats.uppaal.system import read_system
+    from parcours_formats.uppaal.uppaal_reader import read_system
 
     return read_system(text, origin)
 
 
 def write(cefsm: Cefsm) -> Writing:
     """Return a model as a UPPAAL file."""
-    from parcours_formats.uppaal.writing import write_system
+    from parcours_formats.uppaal.uppaal_writer import write_system
 
     return write_system(cefsm)

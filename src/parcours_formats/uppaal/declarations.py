@@ -6,19 +6,20 @@ The grammar is that of UPPAAL 4 and 5 (docs.uppaal.org/language-reference), with
 
 from __future__ import annotations
 
-from parcours_formats.guard_languages.parsing import Parser
-from parcours_formats.guard_languages.tokens import Tokens
-from parcours_formats.guard_languages.tree import Tree
-from parcours_formats.uppaal.declared import (
-    Aside,
-    Declaration,
-    Declared,
-    Initial,
-    Instance,
-    Routine,
-    System,
-    TypeTree,
+from dataclasses import dataclass
+from typing import TypeAlias
+
+from parcours_formats.guard_languages.foreign_parser import (
+    Applied,
+    Constant,
+    Infix,
+    Other,
+    Parser,
+    Set,
+    Statement,
+    Tree,
 )
+from parcours_formats.guard_languages.foreign_tokens import Tokens
 
 _PREFIXES = ("const", "meta", "urgent", "broadcast", "hybrid")
 _SKIPPED = ("progress", "gantt", "query", "state", "priority")
@@ -28,15 +29,6 @@ _REFUSED = ("before_update", "after_update", "import", "dynamic", "process")
 def parse_declarations(text: str, origin: str, line: int) -> list[Declaration]:
     """Return what a text declares, in order.
 
-    Args:
-        text: of a `declaration` or `system` element.
-        origin: the file's name, for messages.
-        line: where the text starts.
-
-    Raises:
-        BadModel: the text is not well formed, or declares what cannot be translated.
-
-    Example:
     >>> [n, go] = parse_declarations("const int N = 6;\\nurgent chan go[N];", "gate.xml", 4)
     >>> n.name, n.initial, go.line, sorted(go.type.prefixes), go.lengths
     ('N', Constant(value=6), 5, ['urgent'], (Identifier(name='N'),))
@@ -228,3 +220,188 @@ class DeclarationReader:
             if depth <= 0 and text in ("}", ";"):
                 return
         tokens.fail("'}'")
+
+
+@dataclass(frozen=True, slots=True)
+class TypeTree:
+    """A type as written: int, bool, clock, chan, double, struct or the name of another, with its bounds or fields."""
+
+    base: str
+    prefixes: frozenset[str] = frozenset()
+    low: Tree | None = None
+    high: Tree | None = None
+    fields: tuple[Declared, ...] = ()
+
+
+Initial: TypeAlias = "Tree | tuple[Initial, ...]"
+
+
+@dataclass(frozen=True, slots=True)
+class Declared:
+    """A variable, constant, channel, clock, parameter or (`is_type`) the name of a type."""
+
+    name: str
+    type: TypeTree
+    line: int
+    lengths: tuple[Tree | TypeTree, ...] = ()
+    initial: Initial | None = None
+    is_reference: bool = False
+    is_type: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Routine:
+    """A function: the position of its body among the tokens of its text."""
+
+    name: str
+    result: TypeTree
+    parameters: tuple[Declared, ...]
+    tokens: Tokens
+    body: int
+    line: int
+
+
+@dataclass(frozen=True, slots=True)
+class Instance:
+    """`name(parameters) = template(arguments);`."""
+
+    name: str
+    parameters: tuple[Declared, ...]
+    template: str
+    arguments: tuple[Tree, ...]
+    line: int
+
+
+@dataclass(frozen=True, slots=True)
+class System:
+    """`system A, B < C;`; `is_ranked` tells that processes have priorities."""
+
+    names: tuple[str, ...]
+    is_ranked: bool
+    line: int
+
+
+@dataclass(frozen=True, slots=True)
+class Aside:
+    """Something that has no counterpart and does not matter to what can happen, by its name."""
+
+    what: str
+    line: int
+
+
+Declaration: TypeAlias = Declared | Routine | Instance | System | Aside
+
+
+_TYPES = ("int", "bool", "const", "double", "struct")
+
+
+@dataclass(frozen=True, slots=True)
+class Perform(Other):
+    """A function called for its effect."""
+
+    call: Applied
+
+
+@dataclass(frozen=True, slots=True)
+class Loop(Other):
+    """`while (condition) body`; a `for` is one behind its first statement."""
+
+    condition: Tree
+    body: tuple[Statement, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Each(Other):
+    """`for (name : range) body`."""
+
+    name: str
+    type: TypeTree
+    body: tuple[Statement, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Return(Other):
+    """`return value;`."""
+
+    value: Tree | None
+
+
+@dataclass(frozen=True, slots=True)
+class Local(Other):
+    """A variable of a function, declared."""
+
+    declared: Declared
+
+
+class BodyParser(Parser):
+    """Reads statements of UPPAAL's C.
+
+    >>> [loop] = BodyParser(Tokens("for (i = 0; i < 3; i++) a[n++] = i;", "uppaal", "here")).statements()[1:]
+    >>> len(loop.body), loop.body[1] == loop.body[2]
+    (3, False)
+    """
+
+    def __init__(self, tokens: Tokens) -> None:
+        super().__init__(tokens)
+        self.trailing: list[Statement] = []
+
+    def operand(self) -> Tree:
+        """Return an operand; `x++` is x, and the increment follows the statement."""
+        found = super().operand()
+        for sign in ("++", "--"):
+            if self.tokens.accept(sign):
+                self.trailing.append(Set(found, Infix(sign[0], found, Constant(1))))
+        return found
+
+    def called(self, call: Applied) -> tuple[Statement, ...]:
+        """Return the statement of a call."""
+        return (Perform(call),)
+
+    def statement(self) -> tuple[Statement, ...]:
+        """Return the statement that starts here, with what follows it."""
+        kept, self.trailing = self.trailing, []
+        found = self._statement()
+        found, self.trailing = (*found, *self.trailing), kept
+        return found
+
+    def _statement(self) -> tuple[Statement, ...]:
+        tokens = self.tokens
+        if tokens.accept(";"):
+            return ()
+        if tokens.accept_word("return"):
+            return (Return(None if tokens.token.text == ";" else self.condition()),)
+        if tokens.accept_word("while"):
+            condition = self._braced()
+            return (Loop(condition, self.inner()),)
+        if tokens.accept_word("for"):
+            return self._for()
+        if tokens.token.text in _TYPES or (tokens.token.kind == tokens.ahead(1).kind == "name"):
+            declared = DeclarationReader(tokens).plain()
+            tokens.position -= 1  # the semicolon ends the statement
+            return tuple(map(Local, declared))
+        return super().statement()
+
+    def _braced(self) -> Tree:
+        self.tokens.expect("(")
+        condition = self.condition()
+        self.tokens.expect(")")
+        if self.trailing:
+            self.tokens.refuse("an increment inside a condition")
+        return condition
+
+    def _for(self) -> tuple[Statement, ...]:
+        tokens = self.tokens
+        tokens.expect("(")
+        if tokens.ahead(1).text == ":":
+            name = tokens.name("a name")
+            tokens.expect(":")
+            type_ = DeclarationReader(tokens).type()
+            tokens.expect(")")
+            return (Each(name, type_, self.inner()),)
+        first = () if tokens.token.text == ";" else self._statement()
+        tokens.expect(";")
+        condition = Constant(True) if tokens.token.text == ";" else self.condition()
+        tokens.expect(";")
+        following = () if tokens.token.text == ")" else super().statement()
+        tokens.expect(")")
+        return (*first, Loop(condition, (*self.inner(), *following)))

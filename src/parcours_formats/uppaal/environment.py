@@ -8,7 +8,7 @@ from typing import Self
 from parcours.errors import BadModel
 from parcours.model.expression import Binary, Expression, Literal, Name, Unary
 from parcours_formats.guard_languages import Scope, Translation, refusal
-from parcours_formats.guard_languages.tree import Identifier, Index, Member, Quantified, Tree
+from parcours_formats.guard_languages.foreign_parser import Identifier, Index, Member, Quantified, Tree
 from parcours_formats.guard_languages.values import (
     FALSE,
     MAX_CASES,
@@ -21,32 +21,14 @@ from parcours_formats.guard_languages.values import (
     joined,
     literal,
 )
-from parcours_formats.uppaal.declared import Declared, Initial, Routine, TypeTree
-from parcours_formats.uppaal.symbols import (
-    KINDS,
-    MAX_CELLS,
-    Cell,
-    Cells,
-    Given,
-    Held,
-    Link,
-    Record,
-    Row,
-    Shape,
-    Symbol,
-)
+from parcours_formats.uppaal.declarations import Declared, Initial, Routine, TypeTree
+from parcours_formats.uppaal.symbols import KINDS, MAX_CELLS, Cell, Cells, Given, Held, Link, Record, Row, Shape, Symbol
 
 _PLAIN = {"int": "int", "bool": "bool", "clock": "clock", "chan": "chan", "double": "real", "void": "void"}
 
 
 class Environment(Scope):
-    """The names of one scope, then those of the scopes around it.
-
-    Args:
-        cells: the variables of the whole system.
-        prefix: stands before the ids of what is declared here; empty for what is global.
-        around: the scope around this one.
-    """
+    """The names of one scope, then those of the scopes around it."""
 
     def __init__(self, cells: Cells, prefix: str = "", around: Environment | None = None) -> None:
         super().__init__("uppaal", cells.kinds, cells.naturals)

@@ -9,7 +9,7 @@ from typing import TypeAlias
 from parcours.errors import BadModel
 from parcours.model.expression import Expression
 from parcours_formats.guard_languages.values import TRUE, literal
-from parcours_formats.uppaal.declared import Routine
+from parcours_formats.uppaal.declarations import Routine
 
 MAX_CELLS = 200_000
 """Most variables, channels and constants of a system, each element of an array counted."""
@@ -115,15 +115,7 @@ Given: TypeAlias = "bool | int | float | tuple[Given, ...] | None"
 
 
 class Cells:
-    """All variables of one system, counted, with what translations ask for.
-
-    Attributes:
-        cells: by id.
-        kinds: by id.
-        naturals: ids of variables that are never negative.
-        known: the values of variables of functions, by id, where the way that is followed says them.
-        depth: how many calls the way is inside.
-    """
+    """All variables of one system, counted, with what translations ask for."""
 
     def __init__(self) -> None:
         self.kinds: dict[str, str] = {}
@@ -145,19 +137,7 @@ class Cells:
             raise BadModel(where, rule, "make its ranges smaller", slug="expansion-size")
 
     def make(self, id: str, shape: Shape, given: Given, line: int, where: str, *, is_global: bool) -> Symbol:
-        """Return what a declaration makes.
-
-        Args:
-            id: unique in the system; elements and fields add theirs behind it.
-            shape: its type.
-            given: its initial value.
-            line: of the declaration.
-            where: file and line, for messages.
-            is_global: whether every process sees it.
-
-        Raises:
-            BadModel: the initial value has another shape, or the system has more than MAX_CELLS elements.
-        """
+        """Return what a declaration makes."""
         parts: list[tuple[str, Shape]] = []
         if shape.lengths:
             inner = Shape(shape.kind, shape.low, shape.high, shape.prefixes, shape.fields, shape.lengths[1:])

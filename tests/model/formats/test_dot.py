@@ -13,7 +13,7 @@ from parcours.errors import BadModel
 from parcours.model import Cefsm, Channel, Component, Machine, MessageClass, Receive, Send, Steps, Transition, predicate
 from parcours.model.formats import Reading, read_any
 from parcours_formats import aut, dot
-from parcours_formats.dot.graphs import label_text, parse_dot, quoted
+from parcours_formats.dot.dot_graphs import label_text, parse_dot, quoted
 
 SAMPLES = Path(__file__).parents[3] / "examples" / "formats"
 SYMBOLS = st.text(st.characters(exclude_categories=["C", "Z"], exclude_characters="/"), min_size=1, max_size=4) | (

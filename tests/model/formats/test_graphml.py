@@ -12,8 +12,7 @@ from parcours.errors import BadModel
 from parcours.model import predicate
 from parcours.model.formats import Reading, read_any
 from parcours_formats import graphml
-from parcours_formats.graphwalker.labels import as_edge, as_vertex, edge_label, vertex_label
-from parcours_formats.graphwalker.models import Edge, Vertex
+from parcours_formats.graphwalker.labels import Edge, Vertex, as_edge, as_vertex, edge_label, vertex_label
 
 SAMPLES = Path(__file__).parents[3] / "examples" / "formats"
 HEAD = """<?xml version="1.0" encoding="UTF-8"?>

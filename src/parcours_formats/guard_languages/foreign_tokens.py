@@ -72,17 +72,7 @@ class Token:
 
 
 class Tokens:
-    """The tokens of one text, read one after the other.
-
-    Args:
-        text: the source.
-        language: whose words and signs.
-        where: what the text belongs to, with file and line, for messages.
-        line: if given, `where` is the file alone, and the line of each token, counted from here, is added.
-
-    Attributes:
-        position: index of the next token.
-    """
+    """The tokens of one text, read one after the other."""
 
     def __init__(self, text: str, language: Language, where: str, line: int = 0) -> None:
         self.text, self.language, self.origin, self.line = text, language, where, line

@@ -16,7 +16,7 @@ from itertools import pairwise
 
 from parcours.errors import BadModel
 from parcours.model.conversion import MAX_BYTES
-from parcours_formats.dot.tokens import Markup, Tokens
+from parcours_formats.tokens import Tokens
 
 MAX_DEPTH = 50
 """Deepest nesting of subgraphs."""
@@ -26,9 +26,16 @@ MAX_EDGES = 300_000
 
 _ESCAPE = re.compile(r"\\(.)", re.DOTALL)
 _TAG = re.compile(r"<[^<>]*>")
+_ANGLE = re.compile(r"[<>]")
 _WORDS = ("strict", "graph", "digraph", "node", "edge", "subgraph")
 
 Attributes = dict[str, str]
+
+
+class Markup(str):
+    """A text that stood in <>, with these: a label of HTML."""
+
+    __slots__ = ()
 
 
 @dataclass(slots=True)
@@ -56,14 +63,6 @@ class Graph:
 def parse_dot(text: str, origin: str) -> list[Graph]:
     """Return the graphs of a DOT file.
 
-    Args:
-        text: the file; at most MAX_BYTES characters.
-        origin: its name, for messages.
-
-    Raises:
-        BadModel: the text is no DOT, a graph is not directed, or is too large or too deep.
-
-    Example:
     >>> [graph] = parse_dot('digraph g { a -> {b "c d"} [label=x]; b [shape=box] }', "here")
     >>> [(edge.source, edge.target, edge.attributes) for edge in graph.edges]
     [('a', 'b', {'label': 'x'}), ('a', 'c d', {'label': 'x'})]
@@ -103,10 +102,42 @@ class _Defaults:
 
 
 class _Parser(Tokens):
+    pattern = re.compile(
+        r"""(?P<blank>[\s\ufeff]+ | //[^\n]* | /\*[^*]*\*+(?:[^/*][^*]*\*+)* / | \#[^\n]*)
+          | (?P<id>[A-Za-z_\u0080-\U0010ffff][A-Za-z0-9_\u0080-\U0010ffff]* | -?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?))
+          | (?P<text>"[^"\\]*(?:\\.[^"\\]*)*")
+          | (?P<markup><)
+          | (?P<sign>->|--|[\[\]{}=;,:+])""",
+        re.VERBOSE | re.DOTALL,
+    )
+    slug = "dot-graph"
+
     def __init__(self, text: str, origin: str) -> None:
         super().__init__(text, origin)
         self.strict: dict[tuple[str, str], Edge] | None = None
         self.depth = self.count = 0
+
+    def advance(self) -> None:
+        super().advance()
+        if self.kind == "markup":
+            start, depth = self.at - 1, 0
+            for match in _ANGLE.finditer(self.text, start):
+                depth += 1 if match.group() == "<" else -1
+                if not depth:
+                    self.at = match.end()
+                    self.token = self.text[start : self.at]
+                    return
+            self.fail("a text in <> must end with >, but the one that starts here does not")
+
+    def word(self) -> str:
+        """Return the next token in lower case if it has no quotes, else an empty text."""
+        return self.token.lower() if self.kind == "id" else ""
+
+    def accept_word(self, word: str) -> bool:
+        if self.word() != word:
+            return False
+        self.advance()
+        return True
 
     def graph(self) -> Graph:
         strict = self.accept_word("strict")
@@ -215,16 +246,27 @@ class _Parser(Tokens):
         return found
 
     def id(self, wanted: str) -> str:
+        if self.kind == "text":
+            return self.quoted()
         if self.kind == "id" and self.word() not in _WORDS:
             found = self.token
-        elif self.kind == "text":
-            return self.quoted()
         elif self.kind == "markup":
             found = Markup(self.token)
         else:
             self.fail_at_token(f"{wanted} must stand here, but")
         self.advance()
         return found
+
+    def quoted(self) -> str:
+        """Return the text in quotes that stands here, with what `+` adds to it."""
+        parts = []
+        while True:
+            parts.append(self.token[1:-1].replace('\\"', '"').replace("\\\r\n", "").replace("\\\n", ""))
+            self.advance()
+            if not self.accept("+"):
+                return "".join(parts)
+            if self.kind != "text":
+                self.fail_at_token("a text in quotes must stand behind '+', but")
 
 
 def quoted(text: str) -> str:

@@ -13,13 +13,19 @@ from dataclasses import dataclass
 from parcours.errors import BadModel
 from parcours.model.expression import Assignment, Expression, Literal, Unary
 from parcours.model.structure import Variable
-from parcours_formats.guard_languages.kinds import KINDS, kind_of
-from parcours_formats.guard_languages.parsing import Parser
-from parcours_formats.guard_languages.refusing import refusal, sized
-from parcours_formats.guard_languages.tokens import Language, Tokens
-from parcours_formats.guard_languages.translation import Scope, Translation
-from parcours_formats.guard_languages.tree import Set, Statement, When
-from parcours_formats.guard_languages.values import FALSE, MAX_CASES, TRUE, conjunction, negation, replaced
+from parcours_formats.guard_languages.foreign_parser import Parser, Set, Statement, When
+from parcours_formats.guard_languages.foreign_tokens import Language, Tokens
+from parcours_formats.guard_languages.translation import Scope, Translation, refusal, sized
+from parcours_formats.guard_languages.values import (
+    FALSE,
+    KINDS,
+    MAX_CASES,
+    TRUE,
+    conjunction,
+    kind_of,
+    negation,
+    replaced,
+)
 
 MAX_ACTIONS = 1_000
 """Most assignments of one branch."""
@@ -33,30 +39,18 @@ class Branch:
     actions: tuple[Assignment, ...]
 
     def before(self, condition: Expression, where: str) -> Expression:
-        """Return a condition on the values afterwards in terms of the values before.
-
-        Raises:
-            BadModel: it would be too large.
-        """
+        """Return a condition on the values afterwards in terms of the values before."""
         if condition in (TRUE, FALSE):
             return condition
         return replaced(condition, self.held(where))
 
     def under(self, condition: Expression, where: str) -> Branch | None:
-        """Return the branch on which a condition on the values afterwards holds too; None if it cannot.
-
-        Raises:
-            BadModel: its guard would be too large.
-        """
+        """Return the branch on which a condition on the values afterwards holds too; None if it cannot."""
         guard = conjunction((self.guard, self.before(condition, where)))
         return None if guard == FALSE else Branch(sized(guard, where), self.actions)
 
     def held(self, where: str) -> dict[str, Expression]:
-        """Return what each assigned variable holds afterwards, in terms of the values before.
-
-        Raises:
-            BadModel: one would be too large.
-        """
+        """Return what each assigned variable holds afterwards, in terms of the values before."""
         values: dict[str, Expression] = {}
         for action in self.actions:
             values[action.target] = sized(replaced(action.value, values), where)
@@ -180,15 +174,6 @@ def _after(before: Branch, statement: Statement, scope: Scope, where: str) -> It
 def variables(initial: Iterable[Assignment], later: Iterable[Assignment], where: str) -> tuple[Variable, ...]:
     """Return the variables that initial assignments of constants declare.
 
-    Args:
-        initial: the assignments before the first step, each of a constant.
-        later: those of transitions; a variable that starts as an integer and is given a real is a real.
-        where: for messages.
-
-    Raises:
-        BadModel: an initial value is not constant.
-
-    Example:
     >>> start = actions("n = 0; ready = false; v = 1", "javascript", "actions")
     >>> [(each.name, each.type, each.initial) for each in variables(start, actions("v /= 2", "javascript", ""), "m")]
     [('n', 'int', 0), ('ready', 'bool', False), ('v', 'real', 1.0)]

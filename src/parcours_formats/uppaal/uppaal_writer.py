@@ -17,8 +17,7 @@ from parcours.model.expression import Assignment, Expression
 from parcours.model.structure import Cefsm, Component, Machine, Transition
 from parcours_formats.losses import unsaid
 from parcours_formats.naming import Names, as_identifier
-from parcours_formats.uppaal.rendering import WORDS, Rendering, UnsayableError
-from parcours_formats.uppaal.sharing import TESTER, Shared
+from parcours_formats.uppaal.sharing import TESTER, WORDS, Rendering, Shared, UnsayableError
 
 _HEAD = """<?xml version="1.0" encoding="utf-8"?>
 <!DOCTYPE nta PUBLIC '-//Uppaal Team//DTD Flat System 1.1//EN'

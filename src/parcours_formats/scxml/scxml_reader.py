@@ -24,8 +24,7 @@ from parcours.model.structure import (
 from parcours_formats.guard_languages import variables
 from parcours_formats.guard_languages.values import TRUE, conjunction, is_constant, replaced
 from parcours_formats.naming import Names, as_label
-from parcours_formats.scxml.chart import Arc, ChartReader, Node
-from parcours_formats.scxml.configuring import Configuration, exits
+from parcours_formats.scxml.chart import Arc, ChartReader, Configuration, Node, exits
 from parcours_formats.scxml.content import Content, DataScope, Outcome, is_inward
 from parcours_formats.scxml.datamodel import DataModel
 from parcours_formats.scxml.flattening import MAX_STEPS, Flat, Flattening, beginnings, plain

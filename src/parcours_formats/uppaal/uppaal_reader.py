@@ -11,14 +11,12 @@ from parcours.model.structure import CLOCK, Cefsm
 from parcours_formats.guard_languages.values import TRUE, conjunction, conjuncts
 from parcours_formats.naming import as_label
 from parcours_formats.uppaal.composing import Composing, Part
-from parcours_formats.uppaal.declarations import parse_declarations
-from parcours_formats.uppaal.declared import Aside, Declared, Routine, System
-from parcours_formats.uppaal.instantiation import Instantiation, Process
-from parcours_formats.uppaal.routines import CallingEnvironment
+from parcours_formats.uppaal.declarations import Aside, Declared, Routine, System, parse_declarations
+from parcours_formats.uppaal.execution import CallingEnvironment
+from parcours_formats.uppaal.processes import Instantiation, Process, label_of, read_template
 from parcours_formats.uppaal.sharing import TESTER
 from parcours_formats.uppaal.steps import Steps
 from parcours_formats.uppaal.symbols import Cells
-from parcours_formats.uppaal.templates import label_of, read_template
 from parcours_formats.xml_lines import parse_xml
 
 

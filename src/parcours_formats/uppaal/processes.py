@@ -2,16 +2,26 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import product
 
 from parcours.errors import BadModel, one_of
 from parcours_formats.guard_languages import refusal
-from parcours_formats.guard_languages.tree import Tree
-from parcours_formats.uppaal.declared import Declaration, Declared, Instance, Routine, System
+from parcours_formats.guard_languages.foreign_parser import Tree
+from parcours_formats.naming import Names, as_label
+from parcours_formats.uppaal.declarations import (
+    Declaration,
+    Declared,
+    Instance,
+    Routine,
+    System,
+    parse_declarations,
+    parse_parameters,
+)
 from parcours_formats.uppaal.environment import Environment
-from parcours_formats.uppaal.templates import Template
+from parcours_formats.xml_lines import Element
 
 MAX_PROCESSES = 50_000
 """Most processes of a system."""
@@ -29,14 +39,7 @@ class Process:
 
 
 class Instantiation:
-    """Makes the processes of a system.
-
-    Args:
-        templates: by name.
-        declared: the declarations of the file and of its system, in order.
-        around: the global scope.
-        origin: the file's name, for messages.
-    """
+    """Makes the processes of a system."""
 
     def __init__(
         self, templates: dict[str, Template], declared: list[Declaration], around: Environment, origin: str
@@ -46,11 +49,7 @@ class Instantiation:
         self.systems = [each for each in declared if isinstance(each, System)]
 
     def processes(self) -> list[Process]:
-        """Return the processes that the system line names.
-
-        Raises:
-            BadModel: it names none, or something unknown, or a template in a circle; too many processes.
-        """
+        """Return the processes that the system line names."""
         if not self.systems:
             raise BadModel(self.origin, "a file must have a system line, but has none", slug="uppaal-structure")
         found: list[Process] = []
@@ -137,3 +136,118 @@ class Instantiation:
         else:
             value = scope.constant(argument, where)
             given.hold(parameter.name, bool(value) if shape.kind == "bool" else value)
+
+
+@dataclass(frozen=True, slots=True)
+class Label:
+    """A text at a location or an edge."""
+
+    text: str
+    line: int
+
+
+@dataclass(frozen=True, slots=True)
+class Location:
+    """A location; of its labels `invariant` and `exponentialrate` matter."""
+
+    name: str
+    labels: dict[str, Label]
+    is_urgent: bool
+    is_committed: bool
+    line: int
+
+
+@dataclass(frozen=True, slots=True)
+class Edge:
+    """An edge between locations, or from or to a branch point; `name` is its id, or counts from 1 in its template."""
+
+    name: str
+    source: str
+    target: str
+    labels: dict[str, Label]
+    line: int
+
+
+@dataclass(frozen=True, slots=True)
+class Template:
+    """A template; `locations` are by id, and `forks` are the ids of its branch points."""
+
+    name: str
+    parameters: tuple[Declared, ...]
+    declarations: list[Declaration]
+    locations: dict[str, Location]
+    forks: frozenset[str]
+    initial: str
+    edges: tuple[Edge, ...]
+    line: int
+
+    def ways(self) -> list[tuple[Edge, ...]]:
+        """Return the ways from location to location: an edge, or two with a branch point between."""
+        found: list[tuple[Edge, ...]] = []
+        leaving = {fork: [edge for edge in self.edges if edge.source == fork] for fork in self.forks}
+        for edge in self.edges:
+            if edge.source in self.locations:
+                found += [(edge,)] if edge.target in self.locations else [(edge, each) for each in leaving[edge.target]]
+        return found
+
+
+def read_template(element: Element, origin: str) -> Template:
+    """Return a template of a file."""
+    where = f"{origin}:{element.line}"
+    name = label_of(element.first("name")).text.strip()
+    if not name:
+        raise BadModel(where, "a template must have a name, but this one has none", "name it", slug="uppaal-structure")
+    parameters, declared = label_of(element.first("parameter")), label_of(element.first("declaration"))
+    names = Names()
+    locations = {each.get("id"): _location(each, names) for each in element.all("location")}
+    forks = frozenset(each.get("id") for each in element.all("branchpoint"))
+    start = element.first("init")
+    initial = start.get("ref") if start is not None else ""
+    edges = []
+    for number, each in enumerate(element.all("transition"), 1):
+        source, target = (end.get("ref") if end is not None else "" for end in map(each.first, ("source", "target")))
+        for end in (source, target):
+            if end not in locations and end not in forks:
+                rule = f"an edge of {name!r} must join locations, but {end!r} is none"
+                raise BadModel(f"{origin}:{each.line}", rule, slug="uppaal-structure")
+        if source in forks and target in forks:
+            rule = f"an edge of {name!r} must not join two branch points, but this one does"
+            raise BadModel(f"{origin}:{each.line}", rule, slug="uppaal-structure")
+        edges.append(Edge(_name(each) or str(number), source, target, _labels(each), each.line))
+    return Template(
+        name,
+        parse_parameters(parameters.text, origin, parameters.line),
+        parse_declarations(declared.text, origin, declared.line),
+        locations,
+        forks,
+        initial,
+        tuple(edges),
+        element.line,
+    )
+
+
+def label_of(element: Element | None) -> Label:
+    """Return the text of an element with the line where it starts; an empty one if there is no element."""
+    if element is None:
+        return Label("", 1)
+    blank = len(element.text) - len(element.text.lstrip())
+    return Label(
+        element.text[blank:].rstrip(), (element.text_line or element.line) + element.text.count("\n", 0, blank)
+    )
+
+
+def _name(element: Element) -> str:
+    # UPPAAL numbers elements by ids such as id7, which say nothing.
+    id = element.get("id")
+    return "" if re.fullmatch(r"id[0-9]+", id) else as_label(id) if id else ""
+
+
+def _location(element: Element, names: Names) -> Location:
+    name = label_of(element.first("name")).text or element.get("id")
+    is_urgent, is_committed = (element.first(kind) is not None for kind in ("urgent", "committed"))
+    return Location(names.label(name), _labels(element), is_urgent, is_committed, element.line)
+
+
+def _labels(element: Element) -> dict[str, Label]:
+    found = {each.get("kind"): label_of(each) for each in element.all("label")}
+    return {kind: label for kind, label in found.items() if label.text}

@@ -1,30 +1,109 @@
-"""GraphWalker's JSON (version 4) to its models and back."""
+"""GraphWalker's JSON (version 4), which may be hostile, to its models and back.
+
+As GraphWalker's own reader, this one takes `//` and `/* */` for comments and lets strings run over lines. Doubled keys,
+NaN and what is too large or too deep are refused.
+"""
 
 from __future__ import annotations
 
 import json
 import math
+import re
+from collections.abc import Iterator
 
 from parcours.errors import BadModel
-from parcours.model.conversion import Loss
+from parcours.model.conversion import MAX_BYTES, Loss
 from parcours.model.documents import Mapping, Node, Scalar, Sequence
 from parcours.model.nodes import shown
-from parcours_formats.graphwalker.json_lines import parse_json
-from parcours_formats.graphwalker.models import Edge, Model, Vertex
+from parcours_formats.graphwalker.labels import Edge, Model, Vertex
 from parcours_formats.naming import stem
+from parcours_formats.tokens import Tokens
+
+MAX_DEPTH = 50
+"""Deepest nesting of lists and objects."""
 
 Items = dict[str, Node]
 
 
+def parse_json(text: str, origin: str) -> Node:
+    """Return the only value of a JSON text, as nodes with lines; a scalar that is not `plain` is a string.
+
+    >>> node = parse_json('/* head */ {"a": [1, "x // y"]}', "here")
+    >>> [(key.text, [item.text for item in value.items]) for key, value in node.items]
+    [('a', ['1', 'x // y'])]
+    >>> parse_json('{"a": NaN}', "here")
+    Traceback (most recent call last):
+    parcours.errors.BadModel: here:1: a value must stand in JSON, but here is 'NaN}' [json-syntax]
+    """
+    if len(text) > MAX_BYTES:
+        rule = f"a file of this format has at most {MAX_BYTES} characters, but this one has {len(text)}"
+        raise BadModel(origin, rule, "split the model", slug="file-size")
+    parser = _Parser(text, origin)
+    found = parser.value(1)
+    if parser.kind != "end":
+        parser.fail_at_token("a file holds one value, but behind it")
+    return found
+
+
+class _Parser(Tokens):
+    pattern = re.compile(
+        r"""(?P<blank>[ \t\r\n\ufeff]+ | //[^\n]* | /\*[^*]*\*+(?:[^/*][^*]*\*+)*/)
+          | (?P<string>"[^"\\]*(?:\\.[^"\\]*)*")
+          | (?P<plain>-?[0-9]+(?:\.[0-9]+)?(?:[eE][-+]?[0-9]+)?(?![A-Za-z0-9_.]) | (?:true|false|null)\b)
+          | (?P<sign>[\[\]{},:])""",
+        re.VERBOSE | re.DOTALL,
+    )
+    slug = "json-syntax"
+    quoted_kind = "string"
+
+    def value(self, depth: int) -> Node:
+        line = self.line
+        if self.kind in ("plain", "string"):
+            return self.scalar()
+        if self.kind != "sign" or self.token not in "[{":
+            self.fail_at_token("a value must stand in JSON, but")
+        if depth > MAX_DEPTH:
+            self.fail(f"JSON nests at most {MAX_DEPTH} deep here, but goes deeper", slug="json-size")
+        if self.accept("["):
+            return Sequence(tuple(self.value(depth + 1) for _ in self.parts("]")), line)
+        self.advance()
+        found: dict[str, tuple[Scalar, Node]] = {}
+        for _ in self.parts("}"):
+            if self.kind != "string":
+                self.fail_at_token("a key in quotes must stand in JSON, but")
+            key = self.scalar(found)
+            if not self.accept(":"):
+                self.fail_at_token("a colon must stand behind a key in JSON, but")
+            found[key.text] = key, self.value(depth + 1)
+        return Mapping(tuple(found.values()), line)
+
+    def parts(self, closing: str) -> Iterator[None]:
+        """Yield before each part of a list or object."""
+        is_first = True
+        while not self.accept(closing):
+            if not is_first and not self.accept(","):
+                self.fail_at_token("a comma or the end of the list or object must stand in JSON, but")
+            is_first = False
+            yield
+
+    def scalar(self, known: dict[str, tuple[Scalar, Node]] | None = None) -> Scalar:
+        text = self.token if self.kind == "plain" else self.token[1:-1]
+        if self.kind == "string" and "\\" in text:
+            try:
+                text = json.loads(self.token, strict=False)
+                text.encode()
+            except ValueError:
+                self.fail("a string must have known escapes and whole characters, but this one has not")
+        if known and text in known:
+            first = known[text][0].line
+            self.fail(f"an object has each key once, but {text[:60]!r} was used in line {first}", slug="duplicate-key")
+        found = Scalar(text, self.kind == "plain", self.line)
+        self.advance()
+        return found
+
+
 def models_in(text: str, origin: str) -> tuple[str, list[Model], list[Loss]]:
     """Return the name of a JSON file, if it says one, its models, and what these do not hold.
-
-    Args:
-        text: `{"models": [...]}`, or one model alone.
-        origin: the file's name, for messages.
-
-    Raises:
-        BadModel: the text is no JSON, or a key has a value of the wrong kind.
 
     >>> _, [model], _ = models_in('{"models": [{"name": "m", "vertices": [{"id": "n0"}], "edges": []}]}', "here")
     >>> model.vertices
