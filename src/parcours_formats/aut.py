@@ -16,9 +16,9 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import NoReturn
 
 from parcours.errors import BadModel, BadRequest
-from parcours.model.conversion import Loss, Reading, Writing
+from parcours.model.conversion import Reading, Writing
 from parcours.model.structure import Cefsm, Component, Machine, Receive, Send, Transition
-from parcours_formats.losses import unsaid
+from parcours_formats.losses import Losses, unsaid
 from parcours_formats.naming import as_label, part_names
 from parcours_formats.symbols import Alphabet, silent, symbols_of, unsaid_of_channels
 
@@ -81,15 +81,13 @@ def write(cefsm: Cefsm) -> Writing:
         raise BadRequest(cefsm.name, rule, "write the state space of the composition", slug="one-machine")
     machine = machines[0]
     symbols = symbols_of(cefsm, barred='"')
-    losses = [*unsaid(cefsm, {"events", "sends"}), *unsaid_of_channels(cefsm, symbols)]
+    losses = Losses([*unsaid(cefsm, {"events", "sends"}), *unsaid_of_channels(cefsm, symbols)])
     marked = any(transition.sends for transition in machine.transitions)
     number = {state: at for at, state in enumerate(_ordered(machine))}
     sources, targets, labels, count = [], [], [], len(number)
     for transition in machine.transitions:
         for channel in silent(transition, symbols):
-            losses.append(
-                Loss(f"transition {transition.id!r}", transition.line, f"{channel!r} is not written: it is inside")
-            )
+            losses.add(f"transition {transition.id!r}", transition.line, f"{channel!r} is not written: it is inside")
         event = [transition.event.channel] if transition.event else []
         chain = [f"?{symbols[name]}" if marked else _unmistakable(symbols[name]) for name in event if name in symbols]
         chain += ["!" + symbols[send.channel] for send in transition.sends if send.channel in symbols]
@@ -97,7 +95,7 @@ def write(cefsm: Cefsm) -> Writing:
         count += max(len(chain) - 1, 0)
         if len(chain) > 1:
             what = f"a transition has one label; this one becomes {len(chain)} in a row"
-            losses.append(Loss(f"transition {transition.id!r}", transition.line, what))
+            losses.add(f"transition {transition.id!r}", transition.line, what)
         sources += stops[:-1]
         targets += stops[1:]
         labels += chain or [INTERNAL[0]]
@@ -134,7 +132,7 @@ class _System:
     """The lines of one file; `states` and `losses` are complete once `transitions` is exhausted."""
 
     def __init__(self, text: str, origin: str) -> None:
-        self.origin, self.losses = origin, list[Loss]()
+        self.origin, self.losses = origin, Losses()
         self.lines = enumerate(io.StringIO(text), 1)
         self.line, header = next(((at, line) for at, line in self.lines if line.strip()), (1, ""))
         match = _HEADER.fullmatch(header)
@@ -180,7 +178,7 @@ class _System:
             self.refuse(f"the header promises {self.promised} transitions, but {found} follow", _ADVICE)
         if len(states) < self.size:
             what = f"{self.size - len(states)} of its {self.size} states have no transition; they are left out"
-            self.losses.append(Loss("des", header, what))
+            self.losses.add("des", header, what)
 
     def state(self, digits: str) -> str:
         if not (len(digits) <= 18 and digits.isascii() and int(digits) < self.size):

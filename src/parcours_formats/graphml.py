@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from xml.sax.saxutils import escape, quoteattr
 
 from parcours.errors import BadModel
-from parcours.model.conversion import Loss, Reading, Writing
+from parcours.model.conversion import Reading, Writing
 from parcours.model.structure import Cefsm
 from parcours_formats.graphwalker.joining import START, joined
 from parcours_formats.graphwalker.labels import (
@@ -25,6 +25,7 @@ from parcours_formats.graphwalker.labels import (
     vertex_label,
 )
 from parcours_formats.graphwalker.parting import parted
+from parcours_formats.losses import Losses
 from parcours_formats.naming import as_label, stem
 from parcours_formats.xml_lines import Element, parse_xml
 
@@ -61,7 +62,7 @@ class _Reader:
 
     def __init__(self, root: Element, origin: str) -> None:
         self.origin = origin
-        self.losses: list[Loss] = []
+        self.losses = Losses()
         self.keys = {key.get("id"): key.get("attr.name").lower() for key in root.all("key")}
         self.vertices: dict[str, Vertex] = {}
         self.initial: dict[str, tuple[str, ...]] = {}
@@ -114,7 +115,7 @@ class _Reader:
         for data in element.all("data"):
             name = self.keys.get(data.get("key"), "")
             if data.text.strip() and not data.children and name not in ("label", "name"):
-                self.losses.append(Loss(where, data.line, f"its {name or 'data'} is not kept"))
+                self.losses.add(where, data.line, f"its {name or 'data'} is not kept")
 
     def models(self, name: str) -> list[Model]:
         """Return one model, or one for each outermost group that has a start."""
@@ -150,12 +151,12 @@ class _Reader:
 def write(cefsm: Cefsm) -> Writing:
     """Return a model as GraphML that yEd draws and GraphWalker walks; several machines are groups of one graph."""
     models, losses = parted(cefsm)
-    more = []
+    more = Losses()
     if len(models) > 1:
         what = "GraphWalker reads one graph a file; its machines are groups here, to be cut apart"
-        more.append(Loss(f"model {cefsm.name!r}", 0, what))
+        more.add(f"model {cefsm.name!r}", 0, what)
     elif models[0].name != cefsm.name:
-        more.append(Loss(f"model {cefsm.name!r}", 0, f"its name is that of its only machine, {models[0].name!r}"))
+        more.add(f"model {cefsm.name!r}", 0, f"its name is that of its only machine, {models[0].name!r}")
     lines = [_HEAD.format(escape(cefsm.name if len(models) > 1 else models[0].name))]
     for number, model in enumerate(models):
         if len(models) == 1:

@@ -7,6 +7,15 @@ from collections.abc import Iterator, Set
 from parcours.model.conversion import Loss
 from parcours.model.structure import CLOCK, Cefsm, Machine, Transition, Variable
 
+
+class Losses(list[Loss]):
+    """What a conversion leaves out or changes, noted on the way."""
+
+    def add(self, where: str, line: int, what: str) -> None:
+        """Note one loss, as `Loss`."""
+        self.append(Loss(where, line, what))
+
+
 ASPECTS = frozenset(
     (
         "actions",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-import importlib
+import pkgutil
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -25,7 +25,7 @@ class Format:
     Args:
         title: its name in prose.
         suffixes: of file names, the first one for new files.
-        module: what reads and writes it, imported when it is first needed.
+        module: what reads and writes it, a module or `module:name`, imported when it is first needed.
         mark: what the start of a file's content looks like, where the suffix alone does not tell; else None.
         reads: whether its module has `read(text, origin) -> Reading`.
         writes: whether its module has `write(cefsm) -> Writing`.
@@ -63,7 +63,7 @@ class _Module(Protocol):
 
 
 def _module(name: str) -> _Module:
-    return cast(_Module, importlib.import_module(formats()[name].module))
+    return cast(_Module, pkgutil.resolve_name(formats()[name].module))
 
 
 def read_any(path: str | Path, name: str = "") -> Reading:

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
-from parcours.model.conversion import Loss, Reading, Writing, accepted
+from parcours.model.conversion import Reading, Writing, accepted
 from parcours.model.structure import Cefsm, Component, Machine
 from parcours_formats.dot.dot_graphs import parse_dot, quoted
 from parcours_formats.dot.drawing import drawings
 from parcours_formats.graphwalker import Model, joined, parted
 from parcours_formats.graphwalker.labels import edge_label, vertex_label
-from parcours_formats.losses import unsaid
+from parcours_formats.losses import Losses, unsaid
 from parcours_formats.naming import Names, joint_name, part_names, stem
 from parcours_formats.symbols import Alphabet, is_alphabetic, symbols_of, unsaid_of_channels
 
@@ -65,10 +65,10 @@ def write(cefsm: Cefsm) -> Writing:
     """
     machines = [(component, machine) for component in cefsm.components for machine in component.machines]
     names = [joint_name(owner.name, machine.name, alone=len(owner.machines) == 1) for owner, machine in machines]
-    losses = []
+    losses = Losses()
     if names != [cefsm.name]:
         told = f"its only machine, {names[0]!r}" if len(names) == 1 else "the file"
-        losses.append(Loss(f"model {cefsm.name!r}", 0, f"its name is not written; it is called as {told}"))
+        losses.add(f"model {cefsm.name!r}", 0, f"its name is not written; it is called as {told}")
     if is_alphabetic(cefsm):
         symbols = symbols_of(cefsm, barred="/")
         losses += [*unsaid(cefsm, {"events", "sends", "finals", "ids", "states"}), *unsaid_of_channels(cefsm, symbols)]

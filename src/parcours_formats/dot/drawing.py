@@ -12,6 +12,7 @@ from parcours.model.structure import Machine, Send, Transition
 from parcours_formats.dot.dot_graphs import Edge, Graph, label_text
 from parcours_formats.graphwalker.joining import START
 from parcours_formats.graphwalker.labels import Model, as_edge, as_vertex
+from parcours_formats.losses import Losses
 from parcours_formats.naming import Names, as_label
 from parcours_formats.symbols import Alphabet
 
@@ -133,10 +134,10 @@ class Drawing:
             transitions.append(Transition(ids.label(wanted), source, target, event, sends=sends, line=edge.line))
         final = tuple(states[id] for id in self.states if self.graph.nodes[id].get("shape") == "doublecircle")
         initial = states[self.initial]
-        losses = []
+        losses = Losses()
         if first := given_in.get(self.initial):
             what = f"outputs are given on entering a state; {first!r} before the first input is not kept"
-            losses.append(Loss(f"state {initial!r}", self.graph.line, what))
+            losses.add(f"state {initial!r}", self.graph.line, what)
         machine = Machine(name, initial, tuple(states.values()), tuple(transitions), final, line=self.graph.line)
         return machine, losses
 

@@ -16,6 +16,7 @@ from parcours.model.conversion import MAX_BYTES, Loss
 from parcours.model.documents import Mapping, Node, Scalar, Sequence
 from parcours.model.nodes import shown
 from parcours_formats.graphwalker.labels import Edge, Model, Vertex
+from parcours_formats.losses import Losses
 from parcours_formats.naming import stem
 from parcours_formats.tokens import Tokens
 
@@ -114,14 +115,14 @@ def models_in(text: str, origin: str) -> tuple[str, list[Model], list[Loss]]:
     items = reader.items(root, "a GraphWalker file")
     models = reader.models(root, items)
     if "seed" in items:
-        reader.losses.append(Loss("seed", items["seed"].line, "the seed is not kept; give it to parcours walk --seed"))
+        reader.losses.add("seed", items["seed"].line, "the seed is not kept; give it to parcours walk --seed")
     return reader.text(items, "name"), models, reader.losses
 
 
 class _Reader:
     def __init__(self, origin: str) -> None:
         self.origin, self.fallback = origin, stem(origin)
-        self.losses: list[Loss] = []
+        self.losses = Losses()
 
     def models(self, root: Node, items: Items) -> list[Model]:
         if "models" not in items and "vertices" in items:
@@ -150,32 +151,19 @@ class _Reader:
     def vertex(self, node: Node) -> Vertex:
         items = self.items(node, "a vertex")
         self.described(items, node, "vertex")
-        return Vertex(
-            id=self.text(items, "id"),
-            name=self.text(items, "name"),
-            shared=self.text(items, "sharedState"),
-            actions=self.texts(items, "actions"),
-            requirements=self.texts(items, "requirements"),
-            blocked=self.is_blocked(items),
-            line=node.line,
-        )
+        id, name, shared = (self.text(items, key) for key in ("id", "name", "sharedState"))
+        actions, requirements = self.texts(items, "actions"), self.texts(items, "requirements")
+        return Vertex(id, name, shared, actions, requirements, self.is_blocked(items), node.line)
 
     def edge(self, node: Node) -> Edge:
         items = self.items(node, "an edge")
         self.described(items, node, "edge")
-        return Edge(
-            id=self.text(items, "id"),
-            name=self.text(items, "name"),
-            source=self.text(items, "sourceVertexId"),
-            target=self.text(items, "targetVertexId"),
-            guard=self.text(items, "guard"),
-            actions=self.texts(items, "actions"),
-            requirements=self.texts(items, "requirements"),
-            weight=self.number(items, "weight"),
-            dependency=round(self.number(items, "dependency")),
-            blocked=self.is_blocked(items),
-            line=node.line,
-        )
+        keys = ("id", "name", "sourceVertexId", "targetVertexId", "guard")
+        id, name, source, target, guard = (self.text(items, key) for key in keys)
+        actions, requirements = self.texts(items, "actions"), self.texts(items, "requirements")
+        weight, dependency = self.number(items, "weight"), round(self.number(items, "dependency"))
+        blocked = self.is_blocked(items)
+        return Edge(id, name, source, target, guard, actions, requirements, weight, dependency, blocked, node.line)
 
     def is_blocked(self, items: Items) -> bool:
         value = items.get("blocked", _properties(items).get("blocked"))
@@ -185,7 +173,7 @@ class _Reader:
         # Where it stands in a drawing is of no account; what someone wrote is.
         for key in _properties(items).keys() - {"x", "y", "blocked"}:
             where = f"{kind} {self.text(items, 'name') or self.text(items, 'id')!r}"
-            self.losses.append(Loss(where, node.line, f"its property {key[:60]!r} is not kept"))
+            self.losses.add(where, node.line, f"its property {key[:60]!r} is not kept")
 
     def items(self, node: Node, what: str) -> Items:
         if not isinstance(node, Mapping):
@@ -237,54 +225,21 @@ def _is_null(node: Node) -> bool:
 
 
 def document_of(name: str, models: list[Model]) -> str:
-    """Return models as GraphWalker's JSON; `models_in` inverts it but for the lines.
-
-    >>> model = Model("m", [Vertex("n0", "idle")], [], start="n0", generator="random(edge_coverage(100))")
-    >>> print(document_of("walk", [model]))
-    {
-     "name": "walk",
-     "models": [
-      {
-       "name": "m",
-       "generator": "random(edge_coverage(100))",
-       "startElementId": "n0",
-       "vertices": [
-        {
-         "id": "n0",
-         "name": "idle"
-        }
-       ],
-       "edges": []
-      }
-     ]
-    }
-    """
+    """Return models as GraphWalker's JSON; `models_in` inverts it but for the lines."""
     written = []
     for model in models:
         entry: dict[str, object] = {"name": model.name, "generator": model.generator, "startElementId": model.start}
-        if model.actions:
-            entry["actions"] = model.actions
-        entry["vertices"] = [
-            _said({"id": each.id, "name": each.name, "sharedState": each.shared, "actions": each.actions})
-            for each in model.vertices
-        ]
-        entry["edges"] = [
-            _said(
-                {
-                    "id": each.id,
-                    "name": each.name,
-                    "sourceVertexId": each.source,
-                    "targetVertexId": each.target,
-                    "guard": each.guard,
-                    "actions": each.actions,
-                    "weight": each.weight,
-                }
-            )
-            for each in model.edges
-        ]
+        entry |= {"actions": model.actions} if model.actions else {}
+        entry["vertices"] = [_said(each, _VERTEX) for each in model.vertices]
+        entry["edges"] = [_said(each, _EDGE) for each in model.edges]
         written.append(entry)
     return json.dumps({"name": name, "models": written}, indent=1, ensure_ascii=False)
 
 
-def _said(entry: dict[str, object]) -> dict[str, object]:
-    return {key: value for key, value in entry.items() if value}
+_VERTEX = {"id": "id", "name": "name", "sharedState": "shared", "actions": "actions"}
+_EDGE = {"id": "id", "name": "name", "sourceVertexId": "source", "targetVertexId": "target"}
+_EDGE |= {each: each for each in ("guard", "actions", "weight")}
+
+
+def _said(element: Vertex | Edge, keys: dict[str, str]) -> dict[str, object]:
+    return {key: value for key, attribute in keys.items() if (value := getattr(element, attribute))}

@@ -8,14 +8,15 @@ component, so that they share variables.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Sequence
-from typing import TypeVar
+from collections.abc import Iterable, Sequence
 
 from parcours.errors import BadModel
 from parcours.model.conversion import Loss, Reading, accepted
 from parcours.model.structure import Cefsm, Component, Machine
 from parcours_formats.graphwalker.labels import Edge, Model, Vertex
 from parcours_formats.graphwalker.meaning import Draft, Start, translated
+from parcours_formats.grouping import grouped
+from parcours_formats.losses import Losses
 from parcours_formats.naming import Names, part_names
 
 MAX_JUMPS = 100_000
@@ -25,7 +26,6 @@ START = "Start"
 """The state before a walk's first edge, where that edge has no source, or one that other edges leave or enter."""
 
 _GLOBAL = re.compile(r"\bglobal\s*\.\s*([A-Za-z_$][A-Za-z0-9_$]*)")
-_T = TypeVar("_T")
 
 
 def joined(models: Iterable[Model], name: str, origin: str, losses: Iterable[Loss] = ()) -> Reading:
@@ -40,32 +40,14 @@ def joined(models: Iterable[Model], name: str, origin: str, losses: Iterable[Los
     SHOP: A/v_Shop to B/v_Shop: A/v_Shop -> B/v_Shop
     SHOP: B/v_Shop to A/v_Shop: B/v_Shop -> A/v_Shop
     """
-    joiner = _Joiner(origin, list(losses))
-    walks = _grouped([joiner.unblocked(model) for model in models], _shared_states)
+    joiner = _Joiner(origin, Losses(losses))
+    kept = [joiner.unblocked(model) for model in models]
+    walks = [[kept[at] for at in group] for group in grouped([_shared_states(model) for model in kept])]
     components, named = [], Names()
-    for group in _grouped(walks, _shared_variables):
-        component = named.identifier(part_names(group[0][0].name)[0])
-        components.append(joiner.component(component, group))
+    for group in grouped([_shared_variables(walk) for walk in walks]):
+        component = named.identifier(part_names(walks[group[0]][0].name)[0])
+        components.append(joiner.component(component, [walks[at] for at in group]))
     return accepted(Cefsm(name, tuple(components), source=origin), joiner.losses)
-
-
-def _grouped(items: Iterable[_T], keys: Callable[[_T], Iterable[str]]) -> list[list[_T]]:
-    """Return the items in groups: those that have a key in common, directly or by others, are in one."""
-    groups: list[list[_T]] = []
-    having: dict[str, int] = {}
-    for item in items:
-        own = list(keys(item))
-        met = sorted({having[key] for key in own if key in having})
-        at = met[0] if met else len(groups)
-        if not met:
-            groups.append([])
-        for other in met[1:]:
-            groups[at] += groups[other]
-            groups[other] = []
-            having.update({key: at for key, group in having.items() if group == other})
-        groups[at].append(item)
-        having.update(dict.fromkeys(own, at))
-    return [group for group in groups if group]
 
 
 def _shared_states(model: Model) -> set[str]:
@@ -82,13 +64,11 @@ def _shared_variables(walk: Sequence[Model]) -> set[str]:
 
 
 class _Joiner:
-    def __init__(self, origin: str, losses: list[Loss]) -> None:
+    def __init__(self, origin: str, losses: Losses) -> None:
         self.origin, self.losses = origin, losses
+        self.lose = losses.add
         self.ids = Names()
         self.jumps = 0
-
-    def lose(self, where: str, line: int, what: str) -> None:
-        self.losses.append(Loss(where, line, what))
 
     def unblocked(self, model: Model) -> Model:
         """Return the model without what is blocked, and note what of it has no place in ours."""

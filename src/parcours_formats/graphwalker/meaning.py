@@ -12,8 +12,9 @@ from parcours.model.expression import Assignment, Binary, Expression, Literal, N
 from parcours.model.expression.syntax import COMPARISONS, walk
 from parcours.model.structure import Transition, Variable
 from parcours_formats.guard_languages import Branch, Scope, branches, condition, variables
-from parcours_formats.guard_languages.foreign_parser import Identifier, Member, Tree
+from parcours_formats.guard_languages.foreign_syntax import Identifier, Member, Tree
 from parcours_formats.guard_languages.values import TRUE, conjunction, kind_of
+from parcours_formats.losses import Losses
 from parcours_formats.naming import Names
 
 
@@ -152,7 +153,7 @@ def declared(
     rest = {name: None for name in rest if name not in kinds}
     if rest:
         _infer(kinds, later, read)
-    losses = []
+    losses = Losses()
     found = list(known)
     assigned = {action.target for action in later}
     for name in rest:
@@ -162,10 +163,10 @@ def declared(
         if name in assigned:
             found.append(Variable(name, kinds[name], _FIRST[kinds[name]]))
             value = Literal(_FIRST[kinds[name]])
-            losses.append(Loss(f"variable {name!r}", 0, f"it is not set at the start; it starts as {value}"))
+            losses.add(f"variable {name!r}", 0, f"it is not set at the start; it starts as {value}")
         else:
             found.append(Variable(name, kinds[name], None, "input"))
-            losses.append(Loss(f"variable {name!r}", 0, "it is read but never set; it is an input of the environment"))
+            losses.add(f"variable {name!r}", 0, "it is read but never set; it is an input of the environment")
     for action in later:
         given, wanted = kind_of(action.value, kinds), kinds[action.target]
         if given and given != wanted and (wanted, given) != ("real", "int"):

@@ -7,13 +7,13 @@ from collections.abc import Iterator, Mapping
 from itertools import count
 
 from parcours.model.conversion import Loss
-from parcours.model.expression import Apply, Assignment, Binary, Expression, Literal, Name, names
+from parcours.model.expression import Assignment, Binary, Expression, Literal, Name
 from parcours.model.expression.syntax import walk
 from parcours.model.structure import BASE_TYPES, CLOCK, Cefsm, Component, Machine, Transition
 from parcours_formats.graphwalker.labels import Edge, Model, Vertex
-from parcours_formats.guard_languages.javascript import javascript
-from parcours_formats.guard_languages.values import literal, replaced
-from parcours_formats.losses import unsaid
+from parcours_formats.guard_languages.javascript import WORDS, javascript, sayable
+from parcours_formats.guard_languages.values import conjuncts, literal, replaced
+from parcours_formats.losses import Losses, unsaid
 from parcours_formats.naming import Names, joint_name
 
 GENERATOR = "random(edge_coverage(100))"
@@ -22,15 +22,6 @@ GENERATOR = "random(edge_coverage(100))"
 _HOLDS = frozenset(("actions", "guards", "ids", "states", "variables", "weights"))
 _SAYABLE = re.compile(r"[A-Za-z0-9_$.]+")
 _OWN_WORDS = frozenset(("start", "blocked", "shared", "init", "reqtag", "weight", "dependency"))
-_JAVASCRIPT = frozenset(
-    re.findall(
-        r"\w+",
-        """arguments await break case catch class const continue debugger default delete do else enum eval export
-        extends finally for function global if implements import in instanceof interface let new null package private
-        protected public return static super switch this throw try typeof undefined var void while with yield Math
-        NaN Infinity false true""",
-    )
-)
 _ESCAPED = "\n\t\r\\'"
 
 
@@ -63,17 +54,15 @@ def parted(cefsm: Cefsm) -> tuple[list[Model], tuple[Loss, ...]]:
 
 class _Parter:
     def __init__(self, cefsm: Cefsm) -> None:
-        self.losses: list[Loss] = []
-        self.shared, self.edges = Names(_JAVASCRIPT), Names()
+        self.losses = Losses()
+        self.lose = self.losses.add
+        self.shared, self.edges = Names(WORDS), Names()
         self.numbers = {"n": count(), "e": count()}
         self.spoken = {component.name: self.variables(component) for component in cefsm.components}
 
-    def lose(self, where: str, line: int, what: str) -> None:
-        self.losses.append(Loss(where, line, what))
-
     def variables(self, component: Component) -> dict[str, Expression]:
         """Return how each variable of the component is called; those that are not said are missing."""
-        own = self.shared if len(component.machines) > 1 else Names(_JAVASCRIPT)
+        own = self.shared if len(component.machines) > 1 else Names(WORDS)
         prefix = "global." if len(component.machines) > 1 else ""
         spoken: dict[str, Expression] = {}
         for variable in component.variables:
@@ -141,7 +130,7 @@ class _Parter:
 
     def conditions(self, component: Component, transition: Transition) -> Iterator[str]:
         spoken = self.spoken[component.name]
-        for part in _conjuncts(transition.guard) if transition.guard is not None else ():
+        for part in conjuncts(transition.guard) if transition.guard is not None else ():
             if _is_said(part, spoken):
                 text = javascript(replaced(part, spoken))
                 yield f"({text})" if isinstance(part, Binary) and part.operator == "||" else text
@@ -158,20 +147,9 @@ class _Parter:
                 self.lose(f"transition {transition.id!r}", transition.line, f'the action "{action}" is not written')
 
 
-def _conjuncts(node: Expression) -> Iterator[Expression]:
-    if isinstance(node, Binary) and node.operator == "&&":
-        yield from _conjuncts(node.left)
-        yield from _conjuncts(node.right)
-    else:
-        yield node
-
-
 def _is_said(node: Expression, spoken: Mapping[str, Expression]) -> bool:
-    if not names(node) <= spoken.keys():
-        return False
-    return all(
-        _is_plain(part.value) for part in walk(node) if isinstance(part, Literal) and isinstance(part.value, str)
-    ) and not any(isinstance(part, Apply) and part.function == "size" for part in walk(node))
+    texts = (part.value for part in walk(node) if isinstance(part, Literal) and isinstance(part.value, str))
+    return sayable(node, spoken) and all(map(_is_plain, texts))
 
 
 def _is_plain(text: str) -> bool:

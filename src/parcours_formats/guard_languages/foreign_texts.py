@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from parcours.errors import BadModel
 from parcours.model.expression import Assignment, Expression, Literal, Unary
 from parcours.model.structure import Variable
-from parcours_formats.guard_languages.foreign_parser import Parser, Set, Statement, When
+from parcours_formats.guard_languages.foreign_syntax import Parser, Set, Statement, When
 from parcours_formats.guard_languages.foreign_tokens import Language, Tokens
 from parcours_formats.guard_languages.translation import Scope, Translation, refusal, sized
 from parcours_formats.guard_languages.values import (
@@ -99,24 +99,6 @@ def condition(text: str, scope: Scope, where: str) -> Expression:
     return sized(Translation(scope, where).truth(tree), where)
 
 
-def actions(
-    text: str, language: Language, where: str, kinds: Mapping[str, str] | None = None
-) -> tuple[Assignment, ...]:
-    """Return assignments, in order.
-
-    Raises:
-        BadModel: as for `guard`, or what is assigned depends on a choice: see `branches`.
-
-    Example:
-    >>> [str(action) for action in actions("x = 1; n += x, n++", "javascript", "actions of 'v1'")]
-    ['x := 1', 'n := n + x', 'n := n + 1']
-    """
-    found = branches(text, Scope(language, kinds or {}), where)
-    if len(found) != 1:
-        raise refusal(where, "a choice of what to assign")
-    return found[0].actions
-
-
 def branches(text: str, scope: Scope, where: str) -> tuple[Branch, ...]:
     """Return what statements do, one branch for each way their choices can fall; exactly one guard holds.
 
@@ -174,9 +156,9 @@ def _after(before: Branch, statement: Statement, scope: Scope, where: str) -> It
 def variables(initial: Iterable[Assignment], later: Iterable[Assignment], where: str) -> tuple[Variable, ...]:
     """Return the variables that initial assignments of constants declare.
 
-    >>> start = actions("n = 0; ready = false; v = 1", "javascript", "actions")
-    >>> [(each.name, each.type, each.initial) for each in variables(start, actions("v /= 2", "javascript", ""), "m")]
-    [('n', 'int', 0), ('ready', 'bool', False), ('v', 'real', 1.0)]
+    >>> [start], [later] = (branches(text, Scope("javascript"), "") for text in ("n = 0; on = false; v = 1", "v /= 2"))
+    >>> [(each.name, each.type, each.initial) for each in variables(start.actions, later.actions, "m")]
+    [('n', 'int', 0), ('on', 'bool', False), ('v', 'real', 1.0)]
     """
     values: dict[str, object] = {}
     for action in initial:

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Set
+from collections.abc import Mapping, Set
 
-from parcours.model.expression import Apply, Binary, Expression, Literal, Name, Unary
+from parcours.model.expression import Apply, Binary, Expression, Literal, Name, Unary, names
+from parcours.model.expression.syntax import walk
 from parcours_formats.guard_languages.values import is_natural
 
 WORDS = frozenset(
     re.findall(
         r"\w+",
-        """arguments await break case catch class const continue debugger default delete do else enum eval export
-        extends false finally for function global if implements import in instanceof interface let new null package
-        private protected public return static super switch this throw true try typeof undefined var void while with
-        yield Math NaN Infinity In _event _name _sessionid _ioprocessors _x""",
+        """arguments await break case catch class const continue debugger default delete do else enum eval
+        export extends false finally for function global if implements import in instanceof
+        interface let new null package private protected public return static super switch this
+        throw true try typeof undefined var void while with yield Math NaN Infinity""",
     )
 )
 """Names that mean something there and cannot be given."""
@@ -65,3 +66,9 @@ def _sign(sign: str) -> str:
         if sign.isprintable() and ord(sign) < 0x10000
         else "".join(f"\\u{unit:04x}" for unit in memoryview(sign.encode("utf-16-le", "surrogatepass")).cast("H"))
     )
+
+
+def sayable(node: Expression, spoken: Mapping[str, Expression]) -> bool:
+    """Return whether an expression has a counterpart: its variables are `spoken`, and it asks for no lists."""
+    is_sized = any(isinstance(each, Apply) and each.function == "size" for each in walk(node))
+    return names(node) <= spoken.keys() and not is_sized

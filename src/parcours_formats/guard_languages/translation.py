@@ -9,20 +9,7 @@ from parcours.errors import BadModel
 from parcours.model.expression import Apply, Binary, Expression, Literal, Name, Unary
 from parcours.model.expression.parsing import MAX_DEPTH, MAX_LENGTH
 from parcours.model.nodes import is_identifier
-from parcours_formats.guard_languages.foreign_parser import (
-    Applied,
-    Choice,
-    Constant,
-    Identifier,
-    Index,
-    Infix,
-    Member,
-    Prefix,
-    Quantified,
-    Record,
-    Series,
-    Tree,
-)
+from parcours_formats.guard_languages import foreign_syntax as syntax
 from parcours_formats.guard_languages.foreign_tokens import Language
 from parcours_formats.guard_languages.values import (
     MAX_CASES,
@@ -67,17 +54,17 @@ class Scope:
     def spend(self, count: int, where: str) -> None:
         """Count cases that are written out. Readers that expand ranges bound their sum."""
 
-    def read(self, tree: Identifier | Index | Member, where: str) -> Cases:
+    def read(self, tree: syntax.Identifier | syntax.Index | syntax.Member, where: str) -> Cases:
         """Return what a place of the foreign model holds."""
         return always(self.target(tree, where)[0][1])
 
-    def target(self, tree: Tree, where: str) -> list[tuple[Expression, Name]]:
+    def target(self, tree: syntax.Tree, where: str) -> list[tuple[Expression, Name]]:
         """Return the variables that an assignment to a place may change, each with the condition for it."""
-        if isinstance(tree, Identifier) and is_identifier(tree.name):
+        if isinstance(tree, syntax.Identifier) and is_identifier(tree.name):
             return [(TRUE, Name(tree.name))]
         raise refusal(where, construct_of(tree))
 
-    def applied(self, tree: Applied, where: str) -> Cases:
+    def applied(self, tree: syntax.Applied, where: str) -> Cases:
         """Return the value of a function."""
         own = FUNCTIONS[self.language].get(tree.function)
         if own is None:
@@ -85,7 +72,7 @@ class Scope:
         arguments = [Translation(self, where).number(each) for each in tree.arguments]
         return joined(where, lambda *values: folded(Apply(own, values)), *arguments)
 
-    def quantified(self, tree: Quantified, where: str) -> Cases:
+    def quantified(self, tree: syntax.Quantified, where: str) -> Cases:
         """Return the value of forall, exists or sum."""
         raise refusal(where, f"{tree.quantifier!r} over a range")
 
@@ -95,20 +82,20 @@ class Translation:
 
     def __init__(self, scope: Scope, where: str) -> None:
         self.scope, self.where = scope, where
-        self._known: dict[int, tuple[Tree, Cases]] = {}
+        self._known: dict[int, tuple[syntax.Tree, Cases]] = {}
 
-    def truth(self, tree: Tree) -> Expression:
+    def truth(self, tree: syntax.Tree) -> Expression:
         """Return the condition that a tree stands for; a number stands for `!= 0`."""
         match tree:
-            case Infix("&&", left, right):
+            case syntax.Infix("&&", left, right):
                 return conjunction((self.truth(left), self.truth(right)))
-            case Infix("||", left, right):
+            case syntax.Infix("||", left, right):
                 return disjunction((self.truth(left), self.truth(right)))
-            case Infix("imply", left, right):
+            case syntax.Infix("imply", left, right):
                 return disjunction((negation(self.truth(left)), self.truth(right)))
-            case Prefix("!", operand):
+            case syntax.Prefix("!", operand):
                 return negation(self.truth(operand))
-            case Choice(condition, yes, no):
+            case syntax.Choice(condition, yes, no):
                 choice = self.truth(condition)
                 return disjunction(
                     (conjunction((choice, self.truth(yes))), conjunction((negation(choice), self.truth(no))))
@@ -116,7 +103,7 @@ class Translation:
             case _:
                 return holds([(case, self._true(value)) for case, value in self.value(tree)])
 
-    def number(self, tree: Tree) -> Cases:
+    def number(self, tree: syntax.Tree) -> Cases:
         """Return the number that a tree stands for; a truth value is 1 or 0."""
         found: Cases = []
         for case, value in self.value(tree):
@@ -128,43 +115,43 @@ class Translation:
                     found.append((both, Literal(number)))
         return found
 
-    def of_kind(self, tree: Tree, kind: str) -> Cases:
+    def of_kind(self, tree: syntax.Tree, kind: str) -> Cases:
         """Return what a tree stands for as a value of a variable of that kind."""
         if kind == "bool":
             return always(self.truth(tree))
         return self.number(tree) if kind in ("int", "real", "clock") else self.value(tree)
 
-    def value(self, tree: Tree) -> Cases:
+    def value(self, tree: syntax.Tree) -> Cases:
         """Return what a tree stands for, of whatever kind."""
         # Operators ask for their operands as values and as numbers: each is translated once.
         if id(tree) not in self._known:
             self._known[id(tree)] = tree, self._value(tree)
         return self._known[id(tree)][1]
 
-    def _value(self, tree: Tree) -> Cases:
+    def _value(self, tree: syntax.Tree) -> Cases:
         match tree:
-            case Constant(constant):
+            case syntax.Constant(constant):
                 return always(literal(constant))
-            case Identifier() | Index() | Member():
+            case syntax.Identifier() | syntax.Index() | syntax.Member():
                 return self.scope.read(tree, self.where)
-            case Prefix("-", operand):
+            case syntax.Prefix("-", operand):
                 return joined(self.where, lambda value: folded(Unary("-", value)), self.number(operand))
-            case Infix("==" | "!=" | "<" | "<=" | ">" | ">=" as operator, left, right):
+            case syntax.Infix("==" | "!=" | "<" | "<=" | ">" | ">=" as operator, left, right):
                 return always(self._comparison(operator, left, right))
-            case Infix("+" | "-" | "*" | "/" | "%" | "<?" | ">?" as operator, left, right):
+            case syntax.Infix("+" | "-" | "*" | "/" | "%" | "<?" | ">?" as operator, left, right):
                 return self._arithmetic(operator, left, right)
-            case Choice(condition, yes, no):
+            case syntax.Choice(condition, yes, no):
                 choice = self.truth(condition)
                 found = [(conjunction((choice, case)), value) for case, value in self.value(yes)]
                 found += [(conjunction((negation(choice), case)), value) for case, value in self.value(no)]
                 return [(case, value) for case, value in found if case != Literal(False)]
-            case Applied():
+            case syntax.Applied():
                 return self.scope.applied(tree, self.where)
-            case Record() | Series():
+            case syntax.Record() | syntax.Series():
                 raise refusal(self.where, construct_of(tree))
-            case Quantified():
+            case syntax.Quantified():
                 return self.scope.quantified(tree, self.where)
-            case Infix(operator, left, _) if self.scope.language == "javascript":
+            case syntax.Infix(operator, left, _) if self.scope.language == "javascript":
                 kinds = {kind_of(value, self.scope.kinds) for _, value in self.value(left)}
                 if kinds & {"int", "real", "text"}:
                     raise refusal(self.where, f"{operator} on values that are not true or false")
@@ -176,7 +163,7 @@ class Translation:
             return folded(Binary("!=", value, Literal(0)))
         return folded(Binary("!=", value, Literal(""))) if kind == "text" else value
 
-    def _comparison(self, operator: str, left: Tree, right: Tree) -> Expression:
+    def _comparison(self, operator: str, left: syntax.Tree, right: syntax.Tree) -> Expression:
         kinds = self.scope.kinds
         sides = [self.value(left), self.value(right)]
         among = {kind_of(value, kinds) == "bool" for side in sides for _, value in side}
@@ -184,7 +171,12 @@ class Translation:
             known = {kind_of(value, kinds) for side in sides for _, value in side}
             if known & {"int", "real"} or operator not in ("==", "!="):
                 sides = [self.number(left), self.number(right)]
-        if operator in ("==", "!=") and isinstance(left, Infix) and left.operator == "%" and right == Constant(0):
+        if (
+            operator in ("==", "!=")
+            and isinstance(left, syntax.Infix)
+            and left.operator == "%"
+            and right == syntax.Constant(0)
+        ):
             # Languages differ in the sign of a remainder, not in whether there is one.
             sides[0] = joined(self.where, _binary("%"), self.number(left.left), self.number(left.right))
         return holds(joined(self.where, _binary(operator), *sides))
@@ -216,7 +208,7 @@ class Translation:
         remedy = "write the texts it can become as a choice: x == 1 ? 'a1' : 'a2'"
         return BadModel(self.where, rule, remedy, slug="foreign-construct")
 
-    def _arithmetic(self, operator: str, left: Tree, right: Tree) -> Cases:
+    def _arithmetic(self, operator: str, left: syntax.Tree, right: syntax.Tree) -> Cases:
         if operator == "+":
             sides = self.value(left), self.value(right)
             if any(kind_of(value, self.scope.kinds) == "text" for side in sides for _, value in side):
@@ -262,12 +254,12 @@ class Translation:
         return is_natural(node, self.scope.naturals)
 
 
-def is_truth(tree: Tree) -> bool:
+def is_truth(tree: syntax.Tree) -> bool:
     """Return whether the tree shows that a condition is true or false in JavaScript, not merely as good as that."""
     match tree:
-        case Constant() | Prefix("!", _) | Infix("==" | "!=" | "<" | "<=" | ">" | ">=", _, _):
+        case syntax.Constant() | syntax.Prefix("!", _) | syntax.Infix("==" | "!=" | "<" | "<=" | ">" | ">=", _, _):
             return True
-        case Choice(_, yes, no):
+        case syntax.Choice(_, yes, no):
             return is_truth(yes) and is_truth(no)
         case _:
             return False
@@ -322,20 +314,20 @@ def refusal(where: str, what: str) -> BadModel:
     return BadModel(where, rule, "write it with these", slug="foreign-construct")
 
 
-def construct_of(tree: Tree) -> str:
+def construct_of(tree: syntax.Tree) -> str:
     """Return what a place is that our language does not know, in words."""
     match tree:
-        case Identifier(name):
+        case syntax.Identifier(name):
             return f"the name {name!r}"
-        case Member(_, name):
+        case syntax.Member(_, name):
             return f"a field {name!r} of an object"
-        case Index():
+        case syntax.Index():
             return "an element of a list"
-        case Applied(function, _):
+        case syntax.Applied(function, _):
             return f"a call of the function {function!r}"
-        case Record():
+        case syntax.Record():
             return "an object"
-        case Series():
+        case syntax.Series():
             return "a list"
         case _:
             return "an assignment to a value"

@@ -11,8 +11,9 @@ from parcours.data.constraints import Constraint
 from parcours.data.domains import Domain
 from parcours.data.inputs import InputModel, rules_of
 from parcours.errors import ParcoursError
-from parcours.model.conversion import Loss, Writing
+from parcours.model.conversion import Writing
 from parcours.model.expression import Binary, Expression, Literal, Name, Unary, parse_expression
+from parcours_formats.losses import Losses
 from parcours_formats.pict.pict_reader import CROSSED
 
 MAX_FORBIDDEN = 1_000
@@ -43,7 +44,7 @@ def write_pict(model: InputModel) -> Writing:
 class _Writer:
     def __init__(self, model: InputModel) -> None:
         self.model = model
-        self.losses: list[Loss] = []
+        self.losses = Losses()
         self.words = {domain.name: self.words_of(domain) for domain in model.domains}
         self.domains = {domain.name: domain for domain in model.domains}
 
@@ -60,7 +61,7 @@ class _Writer:
         return Writing("\n".join(lines) + "\n", tuple(self.losses))
 
     def lose(self, where: str, what: str) -> None:
-        self.losses.append(Loss(where, 0, what))
+        self.losses.add(where, 0, what)
 
     def words_of(self, domain: Domain) -> list[str]:
         """Return what PICT calls each block, all different."""

@@ -5,24 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 
 from parcours.errors import BadModel
-from parcours.model.conversion import Loss
 from parcours.model.expression import Expression, Literal
 from parcours_formats.guard_languages import Scope, Tokens, Translation, refusal
-from parcours_formats.guard_languages.foreign_parser import (
-    Choice,
-    Constant,
-    Identifier,
-    Infix,
-    Member,
-    Prefix,
-    Record,
-    Series,
-    Set,
-    Statement,
-    Tree,
-    When,
-)
+from parcours_formats.guard_languages import foreign_syntax as syntax
 from parcours_formats.guard_languages.values import is_constant, kind_of
+from parcours_formats.losses import Losses
 from parcours_formats.naming import Names
 from parcours_formats.scxml.parts import ChartParser, Part, Whole, part_at, refused
 from parcours_formats.xml_lines import Element
@@ -45,13 +32,13 @@ class DataModel:
         self.wholes: dict[str, Whole] = {}
         self.parts: set[str] = set()
         self.missing: dict[str, BadModel] = {}
-        self.losses: list[Loss] = []
+        self.losses = Losses()
         self._assigned = list(_assigned(root))
         declared = [element for element in root.walk() if element.tag == "data"]
         if len(declared) > MAX_DATA:
             rule = f"a document declares at most {MAX_DATA} data, but this one has {len(declared)}"
             raise BadModel(f"{origin}:{declared[0].line}", rule, "split the document", slug="expansion-size")
-        scripted = [each.place.name for each in self._assigned if isinstance(each.place, Identifier)]
+        scripted = [each.place.name for each in self._assigned if isinstance(each.place, syntax.Identifier)]
         self._names = Names([*(element.get("id") for element in declared), *scripted])
         for element in declared:
             self._declare(element.get("id"), element)
@@ -69,7 +56,7 @@ class DataModel:
                 kind = self._guessed(name)
                 self._start(name, Literal(_STARTS[kind]))
                 rule = f'has no value at first; here it starts as "{Literal(_STARTS[kind])}"'
-                self.losses.append(Loss(f"data {name!r}", element.line, rule))
+                self.losses.add(f"data {name!r}", element.line, rule)
             else:
                 self._begin(name, _parsed(text, where), where)
         except BadModel as error:
@@ -79,22 +66,22 @@ class DataModel:
         # A script of the document itself runs once, before the first configuration.
         where = f"{self.origin}:{script.line}: <script>"
         if script.get("src"):
-            self.losses.append(Loss("<script>", script.line, "a script in another file is left out"))
+            self.losses.add("<script>", script.line, "a script in another file is left out")
             return
         for statement in ChartParser(Tokens(script.text, "javascript", where)).statements():
-            if not isinstance(statement, Set):
+            if not isinstance(statement, syntax.Set):
                 raise refusal(where, "a choice in a script of the document")
             if isinstance(part := part_at(statement.place, self.wholes, where), str):
                 self._start(part, self._constant(statement.value, where))
-            elif not isinstance(statement.place, Identifier):
+            elif not isinstance(statement.place, syntax.Identifier):
                 raise refusal(where, "an assignment to a part of what is not declared in a script of the document")
             else:
                 self.lines.setdefault(statement.place.name, script.line)
                 self._begin(statement.place.name, statement.value, where)
 
-    def _begin(self, name: str, tree: Tree, where: str) -> None:
+    def _begin(self, name: str, tree: syntax.Tree, where: str) -> None:
         """Let data start with a value; an object or a list becomes variables."""
-        is_whole = isinstance(tree, Record | Series)
+        is_whole = isinstance(tree, syntax.Record | syntax.Series)
         if name in self.wholes or (is_whole and name in self.initial):
             raise refused(where, f"a second initial value of {name!r}", "keep one")
         if not is_whole:
@@ -110,29 +97,29 @@ class DataModel:
             self._start(part, value)
         shown = ", ".join(list(values)[:9]) + (", ..." if len(values) > 9 else "")
         rule = f"its parts are variables here: {shown}" if values else "it is empty, and is no variable here"
-        self.losses.append(Loss(f"data {name!r}", self.lines[name], rule))
+        self.losses.add(f"data {name!r}", self.lines[name], rule)
 
-    def _part(self, name: str, variable: str, tree: Tree, where: str, values: dict[str, Expression]) -> Part:
-        if not isinstance(tree, Record | Series):
+    def _part(self, name: str, variable: str, tree: syntax.Tree, where: str, values: dict[str, Expression]) -> Part:
+        if not isinstance(tree, syntax.Record | syntax.Series):
             given = self._names.identifier(variable)
             values[given] = self._constant(tree, where)
             return given
         if len(self.initial) + len(values) > MAX_DATA:
             raise refused(where, f"more than {MAX_DATA} parts", "split the document")
-        if isinstance(tree, Record):
+        if isinstance(tree, syntax.Record):
             fields = {key: (f"{name}.{key}", value) for key, value in tree.fields}
         else:
             fields = {str(at): (f"{name}[{at}]", value) for at, value in enumerate(tree.items)}
         parts = {
             key: self._part(inner, f"{variable}_{key}", value, where, values) for key, (inner, value) in fields.items()
         }
-        return Whole(name, parts, isinstance(tree, Series))
+        return Whole(name, parts, isinstance(tree, syntax.Series))
 
     def _start(self, name: str, value: Expression) -> None:
         self.initial[name] = value
         self.kinds[name] = kind_of(value, {})
 
-    def _constant(self, tree: Tree, where: str) -> Expression:
+    def _constant(self, tree: syntax.Tree, where: str) -> Expression:
         cases = Translation(_Initial(self.initial, self.wholes), where).value(tree)
         if len(cases) != 1 or not is_constant(cases[0][1]):
             raise refusal(where, "an initial value that is not constant")
@@ -140,7 +127,7 @@ class DataModel:
 
     def _guessed(self, name: str) -> str:
         for statement in self._assigned:
-            if statement.place == Identifier(name) and (kind := _kind(statement.value, self.kinds)):
+            if statement.place == syntax.Identifier(name) and (kind := _kind(statement.value, self.kinds)):
                 return kind
         raise refusal(f"{self.origin}:{self.lines[name]}", f"{name!r} without a value")
 
@@ -152,36 +139,36 @@ class _Initial(Scope):
         super().__init__("javascript")
         self._values, self._wholes = values, wholes
 
-    def read(self, tree: Tree, where: str) -> list[tuple[Expression, Expression]]:
+    def read(self, tree: syntax.Tree, where: str) -> list[tuple[Expression, Expression]]:
         """Return the value of a name, or of a part."""
         part = part_at(tree, self._wholes, where)
         if isinstance(part, int | str):
             return [(Literal(True), self._values[part] if isinstance(part, str) else Literal(part))]
-        if isinstance(tree, Identifier) and tree.name in self._values:
+        if isinstance(tree, syntax.Identifier) and tree.name in self._values:
             return [(Literal(True), self._values[tree.name])]
         return super().read(tree, where)  # type: ignore[arg-type]
 
 
-def _assigned(root: Element) -> Iterable[Set]:
+def _assigned(root: Element) -> Iterable[syntax.Set]:
     for element in root.walk():
         try:
             if element.tag == "assign":
-                yield Set(_parsed(element.get("location"), ""), _parsed(element.get("expr") or element.text, ""))
+                yield syntax.Set(_parsed(element.get("location"), ""), _parsed(element.get("expr") or element.text, ""))
             elif element.tag == "script":
                 yield from _sets(ChartParser(Tokens(element.text, "javascript", "")).statements())
         except BadModel:
             continue  # complained about where it is used
 
 
-def _sets(statements: Iterable[Statement]) -> Iterable[Set]:
+def _sets(statements: Iterable[syntax.Statement]) -> Iterable[syntax.Set]:
     for statement in statements:
-        if isinstance(statement, When):
+        if isinstance(statement, syntax.When):
             yield from _sets((*statement.yes, *statement.no))
-        elif isinstance(statement, Set):
+        elif isinstance(statement, syntax.Set):
             yield statement
 
 
-def _parsed(text: str, where: str) -> Tree:
+def _parsed(text: str, where: str) -> syntax.Tree:
     tokens = Tokens(text, "javascript", where)
     tree = ChartParser(tokens).condition()
     if tokens.token.kind != "end":
@@ -189,24 +176,24 @@ def _parsed(text: str, where: str) -> Tree:
     return tree
 
 
-def _kind(tree: Tree, kinds: dict[str, str]) -> str:
+def _kind(tree: syntax.Tree, kinds: dict[str, str]) -> str:
     match tree:
-        case Member(Identifier("_event"), "name"):
+        case syntax.Member(syntax.Identifier("_event"), "name"):
             return "text"
-        case Constant(value):
+        case syntax.Constant(value):
             return kind_of(Literal(value), {})
-        case Identifier(name):
+        case syntax.Identifier(name):
             return kinds.get(name, "")
-        case Prefix("!", _) | Infix("&&" | "||" | "==" | "!=" | "<" | "<=" | ">" | ">=", _, _):
+        case syntax.Prefix("!", _) | syntax.Infix("&&" | "||" | "==" | "!=" | "<" | "<=" | ">" | ">=", _, _):
             return "bool"
-        case Prefix(_, operand):
+        case syntax.Prefix(_, operand):
             return _kind(operand, kinds)
-        case Infix("/", _, _):
+        case syntax.Infix("/", _, _):
             return "real"
-        case Infix(operator, left, right):
+        case syntax.Infix(operator, left, right):
             among = _kind(left, kinds), _kind(right, kinds)
             return "text" if operator == "+" and "text" in among else "real" if "real" in among else "int"
-        case Choice(_, yes, _):
+        case syntax.Choice(_, yes, _):
             return _kind(yes, kinds)
         case _:
             return ""

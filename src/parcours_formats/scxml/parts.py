@@ -14,23 +14,7 @@ from dataclasses import dataclass
 from typing import TypeAlias
 
 from parcours.errors import BadModel
-from parcours_formats.guard_languages.foreign_parser import (
-    Applied,
-    Choice,
-    Constant,
-    Identifier,
-    Index,
-    Infix,
-    Member,
-    Parser,
-    Prefix,
-    Record,
-    Series,
-    Set,
-    Statement,
-    Tree,
-    When,
-)
+from parcours_formats.guard_languages import foreign_syntax as syntax
 
 MAX_PARTS = 1_000
 """Most fields of one object, and most elements of one list."""
@@ -50,7 +34,7 @@ class Whole:
 Part: TypeAlias = str | Whole
 
 
-class ChartParser(Parser):
+class ChartParser(syntax.Parser):
     """Reads JavaScript with objects and lists written out.
 
     >>> from parcours_formats.guard_languages import Tokens
@@ -58,7 +42,7 @@ class ChartParser(Parser):
     ('a', Constant(value=1))
     """
 
-    def operand(self) -> Tree:
+    def operand(self) -> syntax.Tree:
         """Return an operand; it may be an object or a list."""
         if self.tokens.accept("{"):
             return self._record()
@@ -66,7 +50,7 @@ class ChartParser(Parser):
             return self._series()
         return super().operand()
 
-    def called(self, call: Applied) -> tuple[Statement, ...]:
+    def called(self, call: syntax.Applied) -> tuple[syntax.Statement, ...]:
         """Refuse a call for its effect."""
         list_, _, method = call.function.rpartition(".")
         if list_ and method in _RESIZING:
@@ -74,8 +58,8 @@ class ChartParser(Parser):
             self.tokens.refuse(f"{method!r}, which changes the list {list_!r} as a whole,", remedy)
         return super().called(call)
 
-    def _record(self) -> Record:
-        tokens, fields = self.tokens, dict[str, Tree]()
+    def _record(self) -> syntax.Record:
+        tokens, fields = self.tokens, dict[str, syntax.Tree]()
         while not self._ends("}", len(fields)):
             token = tokens.token
             if token.kind not in ("name", "text", "int"):
@@ -87,13 +71,13 @@ class ChartParser(Parser):
             if key in fields or key == "__proto__":
                 tokens.refuse(f"the field {key!r}, twice or special", "write each field once")
             fields[key] = self.condition()
-        return Record(tuple(fields.items()))
+        return syntax.Record(tuple(fields.items()))
 
-    def _series(self) -> Series:
-        items: list[Tree] = []
+    def _series(self) -> syntax.Series:
+        items: list[syntax.Tree] = []
         while not self._ends("]", len(items)):
             items.append(self.condition())
-        return Series(tuple(items))
+        return syntax.Series(tuple(items))
 
     def _ends(self, closing: str, count: int) -> bool:
         """Take the closing sign if it is next, or the comma before the next part."""
@@ -114,7 +98,7 @@ def refused(where: str, what: str, remedy: str) -> BadModel:
     return BadModel(where, rule, remedy, slug="foreign-construct")
 
 
-def part_at(tree: Tree, wholes: Mapping[str, Whole], where: str) -> Part | int | None:
+def part_at(tree: syntax.Tree, wholes: Mapping[str, Whole], where: str) -> Part | int | None:
     """Return what a place means: a variable, a whole, or the length of a list.
 
     >>> x = Whole("x", {"a": "x_a", "b": Whole("x.b", {"0": "x_b_0"}, True)}, False)
@@ -123,13 +107,15 @@ def part_at(tree: Tree, wholes: Mapping[str, Whole], where: str) -> Part | int |
     ('x_b_0', 1)
     """
     match tree:
-        case Identifier(name):
+        case syntax.Identifier(name):
             return wholes.get(name)
-        case Member(of, key):
+        case syntax.Member(of, key):
             whole = part_at(of, wholes, where)
-        case Index(of, Constant(constant)) if isinstance(constant, int | str) and not isinstance(constant, bool):
+        case syntax.Index(of, syntax.Constant(constant)) if isinstance(constant, int | str) and not isinstance(
+            constant, bool
+        ):
             whole, key = part_at(of, wholes, where), str(constant)
-        case Index(of, _):
+        case syntax.Index(of, _):
             whole, key = part_at(of, wholes, where), ""
             if isinstance(whole, Whole):
                 remedy = f"write a choice: i == 0 ? {whole.name}[0] : ..., or the number"
@@ -148,31 +134,37 @@ def part_at(tree: Tree, wholes: Mapping[str, Whole], where: str) -> Part | int |
     return whole.parts[key]
 
 
-def spread(statements: tuple[Statement, ...], wholes: Mapping[str, Whole], where: str) -> Iterator[Statement]:
+def spread(
+    statements: tuple[syntax.Statement, ...], wholes: Mapping[str, Whole], where: str
+) -> Iterator[syntax.Statement]:
     """Yield statements in which each assignment of an object or a list is one to each of its parts."""
     for statement in statements:
         match statement:
-            case When(condition, yes, no):
-                yield When(condition, tuple(spread(yes, wholes, where)), tuple(spread(no, wholes, where)))
-            case Set(place, Choice(condition, yes_value, no_value)) if isinstance(part_at(place, wholes, where), Whole):
-                inner = ((Set(place, yes_value),), (Set(place, no_value),))
-                yield When(condition, *(tuple(spread(each, wholes, where)) for each in inner))
-            case Set(place, value):
+            case syntax.When(condition, yes, no):
+                yield syntax.When(condition, tuple(spread(yes, wholes, where)), tuple(spread(no, wholes, where)))
+            case syntax.Set(place, syntax.Choice(condition, yes_value, no_value)) if isinstance(
+                part_at(place, wholes, where), Whole
+            ):
+                inner = ((syntax.Set(place, yes_value),), (syntax.Set(place, no_value),))
+                yield syntax.When(condition, *(tuple(spread(each, wholes, where)) for each in inner))
+            case syntax.Set(place, value):
                 yield from _assigned(place, value, wholes, where)
             case _:
                 yield statement
 
 
-def _assigned(place: Tree, value: Tree, wholes: Mapping[str, Whole], where: str) -> Iterator[Statement]:
+def _assigned(
+    place: syntax.Tree, value: syntax.Tree, wholes: Mapping[str, Whole], where: str
+) -> Iterator[syntax.Statement]:
     part = part_at(place, wholes, where)
     if isinstance(part, int):
         raise refused(where, "an assignment to the length of a list", "give it all its elements at first")
     if not isinstance(part, Whole):
-        if isinstance(value, Record | Series):
+        if isinstance(value, syntax.Record | syntax.Series):
             raise refused(
                 where, "one assigned to a place that starts as a single value", "let <data> start with that shape"
             )
-        yield Set(place, value)
+        yield syntax.Set(place, value)
         return
     # All values are those before the assignment, so a part goes before another only if that does not read it.
     left = [(part_at(each.place, wholes, where), each, _read(each.value, wholes, where))
@@ -185,11 +177,11 @@ def _assigned(place: Tree, value: Tree, wholes: Mapping[str, Whole], where: str)
         yield left.pop(free[0])[1]
 
 
-def _leaves(place: Tree, whole: Whole, value: Tree, where: str) -> Iterator[Set]:
+def _leaves(place: syntax.Tree, whole: Whole, value: syntax.Tree, where: str) -> Iterator[syntax.Set]:
     match value:
-        case Record(fields) if not whole.is_list:
+        case syntax.Record(fields) if not whole.is_list:
             given = dict(fields)
-        case Series(items) if whole.is_list:
+        case syntax.Series(items) if whole.is_list:
             given = {str(at): item for at, item in enumerate(items)}
         case _:
             remedy = "assign part by part: a copy of an object or a list shares its parts with the original there"
@@ -200,28 +192,32 @@ def _leaves(place: Tree, whole: Whole, value: Tree, where: str) -> Iterator[Set]
         what = f"{whole.name!r} assigned the parts {has}, though it starts with {wants}"
         raise refused(where, what, "let <data> start with all parts")
     for key, part in whole.parts.items():
-        inner: Tree = Index(place, Constant(int(key))) if whole.is_list else Index(place, Constant(key))
+        inner: syntax.Tree = (
+            syntax.Index(place, syntax.Constant(int(key)))
+            if whole.is_list
+            else syntax.Index(place, syntax.Constant(key))
+        )
         if isinstance(part, Whole):
             yield from _leaves(inner, part, given[key], where)
-        elif isinstance(given[key], Record | Series):
+        elif isinstance(given[key], syntax.Record | syntax.Series):
             raise refused(where, f"one as the part {key!r} of {whole.name!r}, a single value", "let <data> start so")
         else:
-            yield Set(inner, given[key])
+            yield syntax.Set(inner, given[key])
 
 
-def _read(tree: Tree, wholes: Mapping[str, Whole], where: str) -> set[str]:
+def _read(tree: syntax.Tree, wholes: Mapping[str, Whole], where: str) -> set[str]:
     """Return the variables of parts that a value reads."""
     match tree:
-        case Member() | Index():
+        case syntax.Member() | syntax.Index():
             part = part_at(tree, wholes, where)
             return {part} if isinstance(part, str) else set()
-        case Prefix(_, operand):
-            inner: tuple[Tree, ...] = (operand,)
-        case Infix(_, left, right):
+        case syntax.Prefix(_, operand):
+            inner: tuple[syntax.Tree, ...] = (operand,)
+        case syntax.Infix(_, left, right):
             inner = (left, right)
-        case Choice(condition, yes, no):
+        case syntax.Choice(condition, yes, no):
             inner = (condition, yes, no)
-        case Applied(_, arguments):
+        case syntax.Applied(_, arguments):
             inner = arguments
         case _:
             return set()

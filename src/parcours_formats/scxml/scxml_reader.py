@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence, Set
 from pathlib import PurePath
 
 from parcours.errors import BadModel
-from parcours.model.conversion import Loss, Reading, accepted
+from parcours.model.conversion import Reading, accepted
 from parcours.model.expression import Assignment, Binary, Call, Literal, Name
 from parcours.model.structure import (
     CLOCK,
@@ -23,6 +23,7 @@ from parcours.model.structure import (
 )
 from parcours_formats.guard_languages import variables
 from parcours_formats.guard_languages.values import TRUE, conjunction, is_constant, replaced
+from parcours_formats.losses import Losses
 from parcours_formats.naming import Names, as_label
 from parcours_formats.scxml.chart import Arc, ChartReader, Configuration, Node, exits
 from parcours_formats.scxml.content import Content, DataScope, Outcome, is_inward
@@ -43,8 +44,16 @@ START = "(start)"
 """The state before the first configuration, where entering that does something."""
 
 
-def read_chart(text: str, origin: str) -> Reading:
-    """Return the chart of an SCXML document as a model, as `parcours_formats.scxml.read`."""
+def read(text: str, origin: str) -> Reading:
+    """Return the chart of an SCXML document as a model.
+
+    Args:
+        text: XML with the root element `scxml`.
+        origin: the file's name, for messages.
+
+    Raises:
+        BadModel: the document is not well formed, or says what cannot be translated.
+    """
     root = parse_xml(text, origin)
     if root.tag != "scxml":
         rule = f"the root element must be scxml, but is {root.tag[:40]!r}"
@@ -56,7 +65,7 @@ class _System:
     def __init__(self, root: Element, origin: str) -> None:
         self.element, self.origin = root, origin
         self.data = DataModel(root, origin)
-        self.losses: list[Loss] = list(self.data.losses)
+        self.losses = Losses(self.data.losses)
         self.chart = ChartReader(root, origin)
         self.content = Content(origin, self.losses)
         self.component = Names().identifier(root.get("name") or PurePath(origin).stem)
@@ -107,10 +116,10 @@ class _System:
                 if error.slug != "expansion-size":
                     raise
             rule = f"regions that answer {', '.join(shared[:9])} take it at once there; here one of them does"
-            self.losses.append(Loss(f"parallel {top.id!r}", top.line, rule))
+            self.losses.add(f"parallel {top.id!r}", top.line, rule)
         if sum(any(not arc.events for arc in _arcs(region)) for region in regions) > 1:
             rule = "regions with transitions without events take them at once there; here one after the other"
-            self.losses.append(Loss(f"parallel {top.id!r}", top.line, rule))
+            self.losses.add(f"parallel {top.id!r}", top.line, rule)
         return {region: self._flat(region) for region in regions}
 
     def _flat(self, region: Node) -> Flat:
@@ -148,7 +157,7 @@ class _System:
             raise BadModel(f"{self.origin}:{self.element.line}", rule, "split the chart", slug="expansion-size")
         if any(each.endswith("*") for each in named):
             rule = "an event with * is read as one of the events that the document names"
-            self.losses.append(Loss("<scxml>", self.element.line, rule))
+            self.losses.add("<scxml>", self.element.line, rule)
         return found or (["any"] if named else [])
 
     def _time(self, flats: Iterable[Flat]) -> None:
@@ -164,10 +173,10 @@ class _System:
             if len(found) == 1 and found != {0.0}:
                 self.clocks[event] = (names.identifier(f"since_{event}"), min(found))
                 rule = f"arrives {min(found):g} s after each send there; here then or later, after the last"
-                self.losses.append(Loss(f"event {event!r}", self.element.line, rule))
+                self.losses.add(f"event {event!r}", self.element.line, rule)
             elif len(found) > 1:
                 rule = "is sent with several delays; here it may arrive at any time"
-                self.losses.append(Loss(f"event {event!r}", self.element.line, rule))
+                self.losses.add(f"event {event!r}", self.element.line, rule)
 
     def _machine(self, name: str, flat: Flat, region: Node) -> Machine:
         transitions = []
@@ -228,16 +237,14 @@ class _System:
     def _report(self) -> None:
         line = self.element.line
         for name, reason in self.data.missing.items():
-            self.losses.append(Loss(f"data {name!r}", self.data.lines[name], f"is left out: {reason.rule}"))
+            self.losses.add(f"data {name!r}", self.data.lines[name], f"is left out: {reason.rule}")
         for each in self.chart.invoked:
-            self.losses.append(Loss("<invoke>", each.line, "what is invoked is left out"))
+            self.losses.add("<invoke>", each.line, "what is invoked is left out")
         if any(channel.sender == channel.receiver for channel in self.channels.values()):
             rule = (
                 "events from inside go before those from outside there, and are dropped if no transition answers them"
             )
-            self.losses.append(
-                Loss("<scxml>", line, f"{rule}; here they wait, {CAPACITY} of a name, and go in any order")
-            )
+            self.losses.add("<scxml>", line, f"{rule}; here they wait, {CAPACITY} of a name, and go in any order")
 
     def _report_unused(self, flats: Mapping[Node, Flat]) -> None:
         """Note the states and transitions of the document that nothing leads to."""
@@ -246,11 +253,11 @@ class _System:
                 if node.kind == "history":
                     continue
                 if node is not region and node not in flat.nodes:
-                    self.losses.append(Loss(f"state {node.id!r}", node.line, "can never be entered; left out"))
+                    self.losses.add(f"state {node.id!r}", node.line, "can never be entered; left out")
                 for number, arc in enumerate(node.arcs, 1):
                     if arc not in flat.arcs:
                         where = f"transition {number} of state {node.id!r}"
-                        self.losses.append(Loss(where, arc.line, "can never be taken; left out"))
+                        self.losses.add(where, arc.line, "can never be taken; left out")
 
 
 def _arcs(node: Node) -> list[Arc]:

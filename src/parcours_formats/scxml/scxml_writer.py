@@ -9,13 +9,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from xml.sax.saxutils import escape, quoteattr
 
-from parcours.model.conversion import Loss, Writing
-from parcours.model.expression import Apply, Assignment, Expression, Name, names
-from parcours.model.expression.syntax import walk
+from parcours.model.conversion import Writing
+from parcours.model.expression import Assignment, Expression, Name
 from parcours.model.structure import BASE_TYPES, CLOCK, ENVIRONMENT, Cefsm, Component, Machine, Transition
-from parcours_formats.guard_languages.javascript import WORDS, javascript
+from parcours_formats.guard_languages.javascript import WORDS, javascript, sayable
 from parcours_formats.guard_languages.values import FALSE, TRUE, conjunction, conjuncts, literal, replaced
-from parcours_formats.losses import unsaid
+from parcours_formats.losses import Losses, unsaid
 from parcours_formats.naming import Names, as_identifier
 from parcours_formats.scxml.chart import ID, OWN, SILENT
 
@@ -25,12 +24,12 @@ OUTSIDE = "#_external"
 _RAISED = ("done", "error")
 """How the names of events begin that an SCXML processor raises by itself."""
 
+_WORDS = ("In", "_event", "_name", "_sessionid", "_ioprocessors", "_x")
 _HOLDS = frozenset(("actions", "events", "finals", "guards", "ids", "sends", "states", "variables"))
-"""What of the aspects of a model a document holds."""
 
 
-def write_chart(cefsm: Cefsm) -> Writing:
-    """Return a model as an SCXML document, as `parcours_formats.scxml.write`."""
+def write(cefsm: Cefsm) -> Writing:
+    """Return a model as an SCXML document."""
     writer = _Writer(cefsm)
     text = "\n".join(writer.lines()) + "\n"
     return Writing(text, tuple(sorted({*unsaid(cefsm, _HOLDS), *writer.losses})))
@@ -39,11 +38,12 @@ def write_chart(cefsm: Cefsm) -> Writing:
 class _Writer:
     def __init__(self, cefsm: Cefsm) -> None:
         self.cefsm = cefsm
-        self.losses: list[Loss] = []
+        self.losses = Losses()
+        self.lose = self.losses.add
         self.machines = [(component, machine) for component in cefsm.components for machine in component.machines]
         self.events = {channel.name: _event(channel.name, channel.topic) for channel in cefsm.channels}
         self.channels = {channel.name: channel for channel in cefsm.channels}
-        own, self.ids = Names(WORDS), Names()
+        own, self.ids = Names((*WORDS, *_WORDS)), Names()
         self.silent = Names((*self.events.values(), *_RAISED))
         self.spoken: dict[str, dict[str, Expression]] = {}
         for component in cefsm.components:
@@ -131,7 +131,7 @@ class _Writer:
         meaning = self.spoken[component.name]
         guards = []
         for part in conjuncts(transition.guard) if transition.guard is not None else ():
-            if self.is_said(part, meaning):
+            if sayable(part, meaning):
                 guards.append(replaced(part, meaning))
             else:
                 self.lose(
@@ -179,7 +179,7 @@ class _Writer:
     def actions(self, component: Component, transition: Transition, meaning: dict[str, Expression]) -> Iterator[str]:
         """Yield an element for each assignment."""
         for action in transition.actions:
-            if isinstance(action, Assignment) and action.target in meaning and self.is_said(action.value, meaning):
+            if isinstance(action, Assignment) and action.target in meaning and sayable(action.value, meaning):
                 value = javascript(replaced(action.value, meaning), self.naturals(component))
                 yield f'      <assign location="{meaning[action.target]}" expr={quoteattr(value)}/>'
             else:
@@ -190,12 +190,6 @@ class _Writer:
         for send in transition.sends:
             target = f' target="{OUTSIDE}"' if self.channels[send.channel].receiver == ENVIRONMENT else ""
             yield f'      <send event="{self.events[send.channel]}"{target}/>'
-
-    def is_said(self, node: Expression, meaning: dict[str, Expression]) -> bool:
-        """Return whether an expression has a counterpart."""
-        return names(node) <= meaning.keys() and not any(
-            isinstance(each, Apply) and each.function == "size" for each in walk(node)
-        )
 
     def naturals(self, component: Component) -> set[str]:
         """Return the variables, as they are called there, that are never negative."""
@@ -211,10 +205,6 @@ class _Writer:
         if given != name:
             self.lose(f"{what} {name!r}", line, f"is called {given!r} there")
         return given
-
-    def lose(self, where: str, line: int, what: str) -> None:
-        """Note that something is not written."""
-        self.losses.append(Loss(where, line, what))
 
 
 def _event(name: str, topic: str) -> str:

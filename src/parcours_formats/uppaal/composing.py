@@ -13,7 +13,6 @@ from dataclasses import dataclass, field
 from typing import cast
 
 from parcours.errors import BadModel
-from parcours.model.conversion import Loss
 from parcours.model.expression import Assignment, Expression, Name, names
 from parcours.model.schema import MAX_RANGE
 from parcours.model.structure import (
@@ -28,7 +27,9 @@ from parcours.model.structure import (
     Transition,
     Variable,
 )
+from parcours_formats.grouping import grouped
 from parcours_formats.guard_languages.values import TRUE, literal, replaced
+from parcours_formats.losses import Losses
 from parcours_formats.naming import Names
 from parcours_formats.uppaal.processes import Process
 from parcours_formats.uppaal.steps import MAX_STEPS, Step
@@ -51,7 +52,7 @@ class Composing:
 
     parts: list[Part]
     cells: Cells
-    losses: list[Loss] = field(default_factory=list)
+    losses: Losses = field(default_factory=Losses)
     tester: Set[tuple[str, str]] = frozenset()
     origin: str = ""
 
@@ -88,27 +89,17 @@ class Composing:
         return found
 
     def _group(self) -> None:
-        # Whoever uses a variable that somebody changes joins the first who did.
+        # A process that uses a variable which somebody changes joins all that use it.
         changed = set().union(*self._written)
-        first: dict[str, int] = {}
-        leader = list(range(len(self.parts)))
-
-        def lead(at: int) -> int:
-            while leader[at] != at:
-                leader[at] = leader[leader[at]]
-                at = leader[at]
-            return at
-
-        for at, (read, written) in enumerate(zip(self._read, self._written, strict=True)):
-            for id in sorted(read | written):
-                if id in changed or self.cells.kinds[id] == CLOCK:
-                    one, other = sorted((lead(first.setdefault(id, at)), lead(at)))
-                    leader[other] = one
-        order = {leader_at: group for group, leader_at in enumerate(dict.fromkeys(map(lead, range(len(self.parts)))))}
-        self.members: list[list[Part]] = [[] for _ in order]
-        for at, part in enumerate(self.parts):
-            part.group = order[lead(at)]
-            self.members[part.group].append(part)
+        used = [
+            [id for id in read | written if id in changed or self.cells.kinds[id] == CLOCK]
+            for read, written in zip(self._read, self._written, strict=True)
+        ]
+        self.members: list[list[Part]] = []
+        for group, indices in enumerate(grouped(used)):
+            self.members.append([self.parts[at] for at in indices])
+            for part in self.members[-1]:
+                part.group = group
         users: dict[str, set[int]] = {}
         for part, read, written in zip(self.parts, self._read, self._written, strict=True):
             for id in read | written:
@@ -116,11 +107,11 @@ class Composing:
         self.constants: dict[str, Expression] = {}
         for id, cell in self.cells.cells.items():
             if cell.is_global and id not in users:
-                self.losses.append(Loss(f"variable {id!r}", cell.line, "no process uses it; it is left out"))
+                self.losses.add(f"variable {id!r}", cell.line, "no process uses it; it is left out")
             elif len(users.get(id, ())) > 1:
                 self.constants[id] = literal(cell.initial)
                 rule = "several components read it, but none changes it; its value stands in its place"
-                self.losses.append(Loss(f"variable {id!r}", cell.line, rule))
+                self.losses.add(f"variable {id!r}", cell.line, rule)
         self.users = users
 
     def _name(self) -> None:
@@ -162,7 +153,7 @@ class Composing:
                 domain = range(cell.low, cell.high + 1)
             else:
                 rule = f"its range has more than {MAX_RANGE} values and is left out"
-                self.losses.append(Loss(f"variable {cell.id!r}", cell.line, rule))
+                self.losses.add(f"variable {cell.id!r}", cell.line, rule)
         return Variable(name, cell.kind, cell.initial, domain=domain, line=cell.line)
 
     def _machine(self, part: Part, values: dict[str, Name]) -> Machine:
@@ -233,7 +224,7 @@ class Linking:
     ) -> None:
         self.components, self.tester, self.origin, self._steps = components, tester, origin, 0
         self.partners: dict[tuple[str, str, str], list[tuple[str, str]]] = {}
-        self.losses: list[Loss] = []
+        self.losses = Losses()
         self._names, self._made = Names(), list[Channel]()
         ends: dict[str, tuple[Link, dict[str, _Side]]] = {}
         for name, group, steps in processes:
@@ -294,19 +285,19 @@ class Linking:
         met = any(sender != receiver for sender in senders for receiver in receivers)
         if link.is_broadcast and (met or not senders):
             rule = "a broadcast meets all that are ready and waits for none; here it meets one, and waits for it"
-            self.losses.append(Loss(where, link.line, rule))
+            self.losses.add(where, link.line, rule)
         if link.is_urgent:
-            self.losses.append(Loss(where, link.line, "is urgent; here time may pass before it is taken"))
+            self.losses.add(where, link.line, "is urgent; here time may pass before it is taken")
         meets_tester = any((link.id, sign) in self.tester for sign in "!?")
         if not met and not meets_tester and not (link.is_broadcast and senders):
             other = "no other process" if senders and receivers else "no process"
             rule = f"{other} {'receives' if senders else 'sends'} on it, so that it blocks; here the environment does"
-            self.losses.append(Loss(where, link.line, rule))
+            self.losses.add(where, link.line, rule)
         sent = {action.target for _, steps in senders.values() for step in steps for action in step.actions}
         read = {id for _, steps in receivers.values() for step in steps for id in names(step.guard)}
         if both := sorted(sent & read):
             rule = f"a receiver's guard reads {', '.join(both)} before the sender's update; here it reads after it"
-            self.losses.append(Loss(where, link.line, rule))
+            self.losses.add(where, link.line, rule)
 
 
 def _by_component(side: _Side) -> dict[int, list[str]]:

@@ -9,16 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TypeAlias
 
-from parcours_formats.guard_languages.foreign_parser import (
-    Applied,
-    Constant,
-    Infix,
-    Other,
-    Parser,
-    Set,
-    Statement,
-    Tree,
-)
+from parcours_formats.guard_languages import foreign_syntax as syntax
 from parcours_formats.guard_languages.foreign_tokens import Tokens
 
 _PREFIXES = ("const", "meta", "urgent", "broadcast", "hybrid")
@@ -59,7 +50,7 @@ class DeclarationReader:
 
     def __init__(self, tokens: Tokens) -> None:
         self.tokens = tokens
-        self.parser = Parser(tokens)
+        self.parser = syntax.Parser(tokens)
         self.nesting = 0
 
     def all(self) -> list[Declaration]:
@@ -139,8 +130,8 @@ class DeclarationReader:
             return TypeTree(base, marks, low, high)
         return TypeTree(base, marks)
 
-    def _lengths(self) -> tuple[Tree | TypeTree, ...]:
-        tokens, found = self.tokens, list[Tree | TypeTree]()
+    def _lengths(self) -> tuple[syntax.Tree | TypeTree, ...]:
+        tokens, found = self.tokens, list[syntax.Tree | TypeTree]()
         while tokens.accept("["):
             is_type = tokens.token.text in ("int", "scalar") and tokens.ahead(1).text == "["
             found.append(self.type() if is_type else self.parser.condition())
@@ -191,7 +182,7 @@ class DeclarationReader:
             tokens.expect("=")
         template = tokens.name("a template")
         tokens.expect("(")
-        arguments: list[Tree] = []
+        arguments: list[syntax.Tree] = []
         while not tokens.accept(")"):
             if arguments:
                 tokens.expect(",")
@@ -228,12 +219,12 @@ class TypeTree:
 
     base: str
     prefixes: frozenset[str] = frozenset()
-    low: Tree | None = None
-    high: Tree | None = None
+    low: syntax.Tree | None = None
+    high: syntax.Tree | None = None
     fields: tuple[Declared, ...] = ()
 
 
-Initial: TypeAlias = "Tree | tuple[Initial, ...]"
+Initial: TypeAlias = "syntax.Tree | tuple[Initial, ...]"
 
 
 @dataclass(frozen=True, slots=True)
@@ -243,7 +234,7 @@ class Declared:
     name: str
     type: TypeTree
     line: int
-    lengths: tuple[Tree | TypeTree, ...] = ()
+    lengths: tuple[syntax.Tree | TypeTree, ...] = ()
     initial: Initial | None = None
     is_reference: bool = False
     is_type: bool = False
@@ -268,7 +259,7 @@ class Instance:
     name: str
     parameters: tuple[Declared, ...]
     template: str
-    arguments: tuple[Tree, ...]
+    arguments: tuple[syntax.Tree, ...]
     line: int
 
 
@@ -296,44 +287,44 @@ _TYPES = ("int", "bool", "const", "double", "struct")
 
 
 @dataclass(frozen=True, slots=True)
-class Perform(Other):
+class Perform(syntax.Other):
     """A function called for its effect."""
 
-    call: Applied
+    call: syntax.Applied
 
 
 @dataclass(frozen=True, slots=True)
-class Loop(Other):
+class Loop(syntax.Other):
     """`while (condition) body`; a `for` is one behind its first statement."""
 
-    condition: Tree
-    body: tuple[Statement, ...]
+    condition: syntax.Tree
+    body: tuple[syntax.Statement, ...]
 
 
 @dataclass(frozen=True, slots=True)
-class Each(Other):
+class Each(syntax.Other):
     """`for (name : range) body`."""
 
     name: str
     type: TypeTree
-    body: tuple[Statement, ...]
+    body: tuple[syntax.Statement, ...]
 
 
 @dataclass(frozen=True, slots=True)
-class Return(Other):
+class Return(syntax.Other):
     """`return value;`."""
 
-    value: Tree | None
+    value: syntax.Tree | None
 
 
 @dataclass(frozen=True, slots=True)
-class Local(Other):
+class Local(syntax.Other):
     """A variable of a function, declared."""
 
     declared: Declared
 
 
-class BodyParser(Parser):
+class BodyParser(syntax.Parser):
     """Reads statements of UPPAAL's C.
 
     >>> [loop] = BodyParser(Tokens("for (i = 0; i < 3; i++) a[n++] = i;", "uppaal", "here")).statements()[1:]
@@ -343,28 +334,28 @@ class BodyParser(Parser):
 
     def __init__(self, tokens: Tokens) -> None:
         super().__init__(tokens)
-        self.trailing: list[Statement] = []
+        self.trailing: list[syntax.Statement] = []
 
-    def operand(self) -> Tree:
+    def operand(self) -> syntax.Tree:
         """Return an operand; `x++` is x, and the increment follows the statement."""
         found = super().operand()
         for sign in ("++", "--"):
             if self.tokens.accept(sign):
-                self.trailing.append(Set(found, Infix(sign[0], found, Constant(1))))
+                self.trailing.append(syntax.Set(found, syntax.Infix(sign[0], found, syntax.Constant(1))))
         return found
 
-    def called(self, call: Applied) -> tuple[Statement, ...]:
+    def called(self, call: syntax.Applied) -> tuple[syntax.Statement, ...]:
         """Return the statement of a call."""
         return (Perform(call),)
 
-    def statement(self) -> tuple[Statement, ...]:
+    def statement(self) -> tuple[syntax.Statement, ...]:
         """Return the statement that starts here, with what follows it."""
         kept, self.trailing = self.trailing, []
         found = self._statement()
         found, self.trailing = (*found, *self.trailing), kept
         return found
 
-    def _statement(self) -> tuple[Statement, ...]:
+    def _statement(self) -> tuple[syntax.Statement, ...]:
         tokens = self.tokens
         if tokens.accept(";"):
             return ()
@@ -381,7 +372,7 @@ class BodyParser(Parser):
             return tuple(map(Local, declared))
         return super().statement()
 
-    def _braced(self) -> Tree:
+    def _braced(self) -> syntax.Tree:
         self.tokens.expect("(")
         condition = self.condition()
         self.tokens.expect(")")
@@ -389,7 +380,7 @@ class BodyParser(Parser):
             self.tokens.refuse("an increment inside a condition")
         return condition
 
-    def _for(self) -> tuple[Statement, ...]:
+    def _for(self) -> tuple[syntax.Statement, ...]:
         tokens = self.tokens
         tokens.expect("(")
         if tokens.ahead(1).text == ":":
@@ -400,7 +391,7 @@ class BodyParser(Parser):
             return (Each(name, type_, self.inner()),)
         first = () if tokens.token.text == ";" else self._statement()
         tokens.expect(";")
-        condition = Constant(True) if tokens.token.text == ";" else self.condition()
+        condition = syntax.Constant(True) if tokens.token.text == ";" else self.condition()
         tokens.expect(";")
         following = () if tokens.token.text == ")" else super().statement()
         tokens.expect(")")

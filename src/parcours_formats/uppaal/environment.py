@@ -8,7 +8,7 @@ from typing import Self
 from parcours.errors import BadModel
 from parcours.model.expression import Binary, Expression, Literal, Name, Unary
 from parcours_formats.guard_languages import Scope, Translation, refusal
-from parcours_formats.guard_languages.foreign_parser import Identifier, Index, Member, Quantified, Tree
+from parcours_formats.guard_languages.foreign_syntax import Identifier, Index, Member, Quantified, Tree
 from parcours_formats.guard_languages.values import (
     FALSE,
     MAX_CASES,

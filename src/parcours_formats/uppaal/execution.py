@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from parcours.errors import BadModel
 from parcours.model.expression import Assignment, Expression, names
 from parcours_formats.guard_languages import Branch, Tokens, Translation, performed, refusal, sized
-from parcours_formats.guard_languages.foreign_parser import Applied, Set, Statement, When
+from parcours_formats.guard_languages.foreign_syntax import Applied, Set, Statement, When
 from parcours_formats.guard_languages.values import (
     MAX_CASES,
     TRUE,

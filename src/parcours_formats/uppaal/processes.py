@@ -9,7 +9,7 @@ from itertools import product
 
 from parcours.errors import BadModel, one_of
 from parcours_formats.guard_languages import refusal
-from parcours_formats.guard_languages.foreign_parser import Tree
+from parcours_formats.guard_languages.foreign_syntax import Tree
 from parcours_formats.naming import Names, as_label
 from parcours_formats.uppaal.declarations import (
     Declaration,

@@ -7,11 +7,11 @@ import re
 from collections.abc import Iterable, Iterator, Mapping, Set
 from dataclasses import dataclass, field
 
-from parcours.model.conversion import Loss
 from parcours.model.expression import Apply, Assignment, Binary, Expression, Field, Literal, Name, Unary, names
 from parcours.model.expression.syntax import walk
 from parcours.model.structure import CLOCK, ENVIRONMENT, Cefsm, Channel, Component, Send, Transition, Variable
 from parcours_formats.guard_languages.values import is_natural
+from parcours_formats.losses import Losses
 from parcours_formats.naming import Names
 
 TESTER = "Environment"
@@ -23,11 +23,11 @@ class Shared:
 
     def __init__(self, cefsm: Cefsm) -> None:
         self.cefsm = cefsm
-        self.losses: list[Loss] = []
+        self.losses = Losses()
         self.names = Names((*WORDS, TESTER))
         self.scale = scale_of(cefsm)
         if self.scale != 1:
-            self.losses.append(Loss("model", 0, f"the unit of time is 1/{self.scale} s there"))
+            self.losses.add("model", 0, f"the unit of time is 1/{self.scale} s there")
         words = [str(word) for each in _variables(cefsm) if each.type == "enum" for word in each.domain]
         self.numbers = {word: self.names.identifier(word) for word in dict.fromkeys(words)}
         self.classes = {message.name: message for message in cefsm.messages}
@@ -52,10 +52,10 @@ class Shared:
                     yield f"chan {self.links[channel.name]};"
             else:
                 yield f"int[0,{channel.capacity}] {self.links[channel.name]};"
-            for field in self.classes[channel.message].fields:
-                if (slot := self.slots.get((channel.name, field.name))) is not None:
+            for part in self.classes[channel.message].fields:
+                if (slot := self.slots.get((channel.name, part.name))) is not None:
                     length = f"[{channel.capacity + 1}]" if self.is_queue(channel) else ""
-                    yield f"{'bool' if field.type == 'bool' else 'int'} {slot}{length};"
+                    yield f"{'bool' if part.type == 'bool' else 'int'} {slot}{length};"
         for component in self.cefsm.components:
             if len(component.machines) > 1:
                 yield from self.declared(component)
@@ -87,10 +87,10 @@ class Shared:
         event = transition.event if transition is not None else None
         if event is not None and event.name:
             channel = self.channels[event.channel]
-            for field in self.classes[channel.message].fields:
-                slot = self.slots.get((channel.name, field.name))
+            for part in self.classes[channel.message].fields:
+                slot = self.slots.get((channel.name, part.name))
                 if slot is not None and (self.is_queue(channel) or not guard):
-                    known[f"{event.name}.{field.name}"] = f"{slot}[0]" if self.is_queue(channel) else slot
+                    known[f"{event.name}.{part.name}"] = f"{slot}[0]" if self.is_queue(channel) else slot
         naturals = {
             each.name
             for each in component.variables
@@ -142,8 +142,7 @@ class Shared:
             return []
         at = f"[{self.links[channel.name]}]" if self.is_queue(channel) else ""
         slots = (
-            (self.slots.get((channel.name, field.name)), value)
-            for field, value in zip(fields, send.payload, strict=True)
+            (self.slots.get((channel.name, part.name)), value) for part, value in zip(fields, send.payload, strict=True)
         )
         return [(f"{slot}{at}", value) for slot, value in slots if slot is not None]
 
@@ -168,47 +167,45 @@ class Shared:
         where = f"channel {channel.name!r}"
         if self.is_queue(channel):
             rule = f"the queue of {channel.capacity} is a counter there, and does not come back as a channel"
-            self.losses.append(Loss(where, channel.line, rule))
+            self.losses.add(where, channel.line, rule)
         elif ENVIRONMENT in (channel.sender, channel.receiver) and channel.capacity:
-            self.losses.append(Loss(where, channel.line, "has no capacity there: the tester is always ready"))
+            self.losses.add(where, channel.line, "has no capacity there: the tester is always ready")
         if self.links[channel.name] != channel.name:
-            self.losses.append(Loss(where, channel.line, f"is called {self.links[channel.name]!r} there"))
+            self.losses.add(where, channel.line, f"is called {self.links[channel.name]!r} there")
         if channel.topic:
-            self.losses.append(Loss(where, channel.line, f"its topic {channel.topic!r} is not written"))
+            self.losses.add(where, channel.line, f"its topic {channel.topic!r} is not written")
         fields = self.classes[channel.message].fields
         if fields:
             rule = f"messages are variables there, and the class {channel.message!r} does not come back"
-            self.losses.append(Loss(where, channel.line, rule))
-        for field in fields:
-            if ENVIRONMENT in (channel.sender, channel.receiver) or field.type not in ("bool", "int") or field.shape:
-                rule = (
-                    f"its field {field.name!r} is not written: what the tester or a message of that type says is open"
-                )
-                self.losses.append(Loss(where, channel.line, rule))
+            self.losses.add(where, channel.line, rule)
+        for part in fields:
+            if ENVIRONMENT in (channel.sender, channel.receiver) or part.type not in ("bool", "int") or part.shape:
+                rule = f"its field {part.name!r} is not written: what the tester or a message of that type says is open"
+                self.losses.add(where, channel.line, rule)
             else:
-                slot = self.names.identifier(f"{self.links[channel.name]}_{field.name}")
-                self.slots[channel.name, field.name] = slot
+                slot = self.names.identifier(f"{self.links[channel.name]}_{part.name}")
+                self.slots[channel.name, part.name] = slot
 
     def _name(self, component: Component, variable: Variable) -> None:
         where = f"variable '{component.name}.{variable.name}'"
         if variable.type not in ("bool", "int", "enum", CLOCK):
-            self.losses.append(Loss(where, variable.line, f"a variable of type {variable.type} is not written"))
+            self.losses.add(where, variable.line, f"a variable of type {variable.type} is not written")
             return
         if variable.role == "input" and variable.type == "int" and not variable.domain:
             rule = "an input without a range is not written: it cannot be selected"
-            self.losses.append(Loss(where, variable.line, rule))
+            self.losses.add(where, variable.line, rule)
             return
         if variable.role == "input":
-            self.losses.append(Loss(where, variable.line, "an input is a selection at each edge that reads it"))
+            self.losses.add(where, variable.line, "an input is a selection at each edge that reads it")
         if variable.type == "enum":
-            self.losses.append(Loss(where, variable.line, "its values are numbers there"))
+            self.losses.add(where, variable.line, "its values are numbers there")
         if variable.type == "int" and not variable.domain:
-            self.losses.append(Loss(where, variable.line, "has no range; there it goes from -32768 to 32767"))
+            self.losses.add(where, variable.line, "has no range; there it goes from -32768 to 32767")
         if variable.unit not in ("1", "s" if variable.type == CLOCK else "1"):
-            self.losses.append(Loss(where, variable.line, f"its unit {variable.unit!r} is not written"))
+            self.losses.add(where, variable.line, f"its unit {variable.unit!r} is not written")
         name = self.names.identifier(variable.name)
         if name != variable.name:
-            self.losses.append(Loss(where, variable.line, f"is called {name!r} there"))
+            self.losses.add(where, variable.line, f"is called {name!r} there")
         self.variables[component.name, variable.name] = name
 
 

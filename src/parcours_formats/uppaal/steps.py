@@ -10,7 +10,7 @@ from math import prod
 from parcours.errors import BadModel
 from parcours.model.expression import Assignment, Expression
 from parcours_formats.guard_languages import Branch, Tokens, Translation, sized
-from parcours_formats.guard_languages.foreign_parser import Constant, Parser, Tree
+from parcours_formats.guard_languages.foreign_syntax import Constant, Parser, Tree
 from parcours_formats.guard_languages.values import FALSE, TRUE, conjunction
 from parcours_formats.naming import Names
 from parcours_formats.uppaal.declarations import parse_selections

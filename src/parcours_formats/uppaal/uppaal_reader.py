@@ -5,10 +5,11 @@ from __future__ import annotations
 from pathlib import PurePath
 
 from parcours.errors import BadModel
-from parcours.model.conversion import Loss, Reading, accepted
+from parcours.model.conversion import Reading, accepted
 from parcours.model.expression import Expression, names
 from parcours.model.structure import CLOCK, Cefsm
 from parcours_formats.guard_languages.values import TRUE, conjunction, conjuncts
+from parcours_formats.losses import Losses
 from parcours_formats.naming import as_label
 from parcours_formats.uppaal.composing import Composing, Part
 from parcours_formats.uppaal.declarations import Aside, Declared, Routine, System, parse_declarations
@@ -20,14 +21,22 @@ from parcours_formats.uppaal.symbols import Cells
 from parcours_formats.xml_lines import parse_xml
 
 
-def read_system(text: str, origin: str) -> Reading:
-    """Return the system of a UPPAAL file as a model, as `parcours_formats.uppaal.read`."""
+def read(text: str, origin: str) -> Reading:
+    """Return the system of a UPPAAL file as a model.
+
+    Args:
+        text: XML with the root element `nta`.
+        origin: the file's name, for messages.
+
+    Raises:
+        BadModel: the file is not well formed, or says what cannot be translated.
+    """
     root = parse_xml(text, origin)
     if root.tag != "nta":
         raise BadModel(
             f"{origin}:{root.line}", f"the root element must be nta, but is {root.tag[:40]!r}", slug="format"
         )
-    losses: list[Loss] = []
+    losses = Losses()
     cells = Cells()
     around = CallingEnvironment(cells)
     declared = []
@@ -38,17 +47,15 @@ def read_system(text: str, origin: str) -> Reading:
         if isinstance(each, Declared | Routine):
             around.declare(each, f"{origin}:{each.line}")
         elif isinstance(each, Aside):
-            losses.append(Loss("declarations", each.line, f"{each.what} is left out"))
+            losses.add("declarations", each.line, f"{each.what} is left out")
         elif isinstance(each, System) and each.is_ranked:
-            losses.append(Loss("system", each.line, "priorities of processes are left out"))
+            losses.add("system", each.line, "priorities of processes are left out")
     templates = {each.name: each for each in (read_template(element, origin) for element in root.all("template"))}
     for element in root.all("lsc"):
-        losses.append(Loss("lsc", element.line, "live sequence charts are left out"))
+        losses.add("lsc", element.line, "live sequence charts are left out")
     queries = [each for element in root.all("queries") for each in element.all("query")]
     if queries:
-        losses.append(
-            Loss("queries", queries[0].line, f"{len(queries)} queries are left out: a model says no properties")
-        )
+        losses.add("queries", queries[0].line, f"{len(queries)} queries are left out: a model says no properties")
     steps = Steps(origin)
     parts = []
     for process in Instantiation(templates, declared, around, origin).processes():
@@ -70,19 +77,19 @@ def _is_tester(part: Part) -> bool:
     return template.name == TESTER and len(template.locations) == 1 and not part.invariants and only_meets
 
 
-def _location_losses(process: Process) -> list[Loss]:
-    found = []
+def _location_losses(process: Process) -> Losses:
+    found = Losses()
     for location in process.template.locations.values():
         where = f"location {location.name!r} of {process.template.name!r}"
         if location.is_committed:
             rule = "is committed; here others may move while it is urgent"
-            found.append(Loss(where, location.line, rule))
+            found.add(where, location.line, rule)
         if "exponentialrate" in location.labels:
-            found.append(Loss(where, location.line, "its exponential rate is left out"))
+            found.add(where, location.line, "its exponential rate is left out")
     return found
 
 
-def _invariants(process: Process, steps: Steps, cells: Cells, losses: list[Loss]) -> list[tuple[str, Expression]]:
+def _invariants(process: Process, steps: Steps, cells: Cells, losses: Losses) -> list[tuple[str, Expression]]:
     found = []
     for location in process.template.locations.values():
         if "invariant" not in location.labels:
@@ -94,7 +101,7 @@ def _invariants(process: Process, steps: Steps, cells: Cells, losses: list[Loss]
                 kept.append(part)
             elif part != TRUE:
                 rule = f'the part "{part}" of its invariant is not about clocks and constants alone and is left out'
-                losses.append(Loss(f"location {location.name!r} of {process.name!r}", location.line, rule))
+                losses.add(f"location {location.name!r} of {process.name!r}", location.line, rule)
         if kept:
             found.append((location.name, conjunction(kept)))
     return found

@@ -12,7 +12,7 @@ from itertools import pairwise
 from math import inf
 from xml.sax.saxutils import escape
 
-from parcours.model.conversion import Loss, Writing
+from parcours.model.conversion import Writing
 from parcours.model.expression import Assignment, Expression
 from parcours.model.structure import Cefsm, Component, Machine, Transition
 from parcours_formats.losses import unsaid
@@ -25,8 +25,8 @@ _HEAD = """<?xml version="1.0" encoding="utf-8"?>
 <nta>"""
 
 
-def write_system(cefsm: Cefsm) -> Writing:
-    """Return a model as a UPPAAL file, as `parcours_formats.uppaal.write`."""
+def write(cefsm: Cefsm) -> Writing:
+    """Return a model as a UPPAAL file."""
     shared = Shared(cefsm)
     shared.losses += unsaid(replace(cefsm, components=()), frozenset())
     given, templates = Names([*WORDS, TESTER]), list[_Template]()
@@ -34,10 +34,10 @@ def write_system(cefsm: Cefsm) -> Writing:
         alone = len(component.machines) == 1
         if component.title:
             where = f"component {component.name!r}"
-            shared.losses.append(Loss(where, component.line, f"its title {component.title!r} is not written"))
+            shared.losses.add(where, component.line, f"its title {component.title!r} is not written")
         if not alone:
             rule = "its machines come back as components of their own, unless they share variables"
-            shared.losses.append(Loss(f"component {component.name!r}", component.line, rule))
+            shared.losses.add(f"component {component.name!r}", component.line, rule)
         for machine in component.machines:
             name = given.identifier(component.name if alone else f"{component.name}_{machine.name}")
             templates.append(_Template(shared, component, machine, name, alone=alone))
@@ -64,7 +64,7 @@ class _Template:
 
     def __init__(self, shared: Shared, component: Component, machine: Machine, name: str, *, alone: bool) -> None:
         self.shared, self.component, self.machine, self.name, self.alone = shared, component, machine, name, alone
-        self.rendering = shared.rendering(component)
+        self.rendering, self.lose = shared.rendering(component), shared.losses.add
         leaving: dict[str, list[Transition]] = {}
         for transition in machine.transitions:
             leaving.setdefault(transition.source, []).append(transition)
@@ -196,10 +196,6 @@ class _Template:
         except UnsayableError as error:
             self.lose(where, line, f'{what} "{node}" is not written: {error}')
             return ""
-
-    def lose(self, where: str, line: int, what: str) -> None:
-        """Note that something is not written."""
-        self.shared.losses.append(Loss(where, line, what))
 
 
 def _edge(source: str, target: str, labels: Iterable[tuple[str, str]], id: str = "") -> Iterator[str]:

@@ -18,7 +18,7 @@ from parcours.model import (
 from parcours.model.formats import Reading
 from parcours_formats import scxml
 
-SEEDS = Path(__file__).parents[2] / "fuzz" / "seeds"
+SEEDS = Path(__file__).parents[1] / "fuzz" / "seeds"
 
 
 def read(body: str, head: str = "") -> Reading:

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from parcours.model import Cefsm, Channel, Component, Machine, MessageClass, Transition, Variable, predicate
 from parcours.model.expression import Literal, Name, parse_actions, parse_expression
-from parcours_formats import mermaid, plantuml
+from parcours_formats.diagrams import mermaid, plantuml
 
 HOSTILE = [
     '"',

@@ -26,7 +26,7 @@ from parcours.model.formats import Reading, read_any
 from parcours_formats import scxml
 from parcours_formats.scxml.chart import ID, OWN, SILENT
 
-ROOT = Path(__file__).parents[3]
+ROOT = Path(__file__).parents[2]
 HEAD = '<scxml xmlns="http://www.w3.org/2005/07/scxml" name="chart">\n'
 NEVER = "can never be taken; left out"
 

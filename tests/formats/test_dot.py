@@ -15,7 +15,7 @@ from parcours.model.formats import Reading, read_any
 from parcours_formats import aut, dot
 from parcours_formats.dot.dot_graphs import label_text, parse_dot, quoted
 
-SAMPLES = Path(__file__).parents[3] / "examples" / "formats"
+SAMPLES = Path(__file__).parents[2] / "examples" / "formats"
 SYMBOLS = st.text(st.characters(exclude_categories=["C", "Z"], exclude_characters="/"), min_size=1, max_size=4) | (
     st.sampled_from(
         ["coin", "ACK+PSH(V,V,1)", "a b", '"', "\\", "\\n", "<b>", "i", "tau", "?x", "!x", "e_1", "not", "x[1]"]

@@ -24,7 +24,7 @@ from parcours.model.expression import Assignment, Literal
 from parcours.model.formats import read_any
 from parcours_formats import aut
 
-SAMPLES = Path(__file__).parents[3] / "examples" / "formats"
+SAMPLES = Path(__file__).parents[2] / "examples" / "formats"
 
 
 def drawn(text: str) -> list[str]:

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from parcours.errors import BadModel
 from parcours.model.expression import evaluate, parse_expression
-from parcours_formats.guard_languages import Scope, actions, branches, guard, variables
+from parcours_formats.guard_languages import Scope, branches, guard, variables
 from parcours_formats.guard_languages.javascript import javascript
 
 Values = dict[str, object]
@@ -222,7 +222,7 @@ def test_what_our_language_cannot_say_is_refused_by_name(text: str, language: st
 @pytest.mark.parametrize("text", ["while (x) { x--; }", "for (;;) {}", "x = function () {}", "x = y = 1", "f()"])
 def test_statements_that_loop_or_call_are_refused(text: str) -> None:
     with pytest.raises(BadModel, match="foreign-construct"):
-        actions(text, "javascript", "here")
+        branches(text, Scope("javascript"), "here")
 
 
 @pytest.mark.parametrize(
@@ -240,16 +240,14 @@ def test_nested_choices_are_bounded() -> None:
 
 
 def test_lines_may_end_statements_of_javascript() -> None:
-    assert [str(each) for each in actions("x = 1\ny = 2\n\n z += x;", "javascript", "here")] == [
-        "x := 1",
-        "y := 2",
-        "z := z + x",
-    ]
+    [branch] = branches("x = 1\ny = 2\n\n z += x;", Scope("javascript"), "here")
+    assert [str(each) for each in branch.actions] == ["x := 1", "y := 2", "z := z + x"]
 
 
 def test_an_integer_that_is_given_a_real_is_a_real() -> None:
-    start = actions("a = 1; b = a; t = 'x'; v = -2", "javascript", "here")
-    found = variables(start, actions("b = a / 2; a = b", "javascript", "here"), "here")
+    [start] = branches("a = 1; b = a; t = 'x'; v = -2", Scope("javascript"), "here")
+    [later] = branches("b = a / 2; a = b", Scope("javascript"), "here")
+    found = variables(start.actions, later.actions, "here")
     assert [(each.name, each.type, each.initial) for each in found] == [
         ("a", "real", 1.0),
         ("b", "real", 1.0),

@@ -24,7 +24,7 @@ from parcours.model.expression import Assignment, parse_expression
 from parcours.model.formats import read_any
 from parcours_formats import scxml
 
-SEEDS = Path(__file__).parents[2] / "fuzz" / "seeds"
+SEEDS = Path(__file__).parents[1] / "fuzz" / "seeds"
 
 
 def random_chart(source: random.Random) -> Cefsm:

@@ -15,7 +15,7 @@ from parcours.model import ENVIRONMENT, Cefsm, Steps, predicate
 from parcours.model.formats import Reading, read_any
 from parcours_formats import uppaal
 
-SEEDS = Path(__file__).parents[2] / "fuzz" / "seeds"
+SEEDS = Path(__file__).parents[1] / "fuzz" / "seeds"
 
 
 def network(declarations: str, system: str, *templates: str) -> str:

@@ -14,7 +14,7 @@ from parcours.model.formats import Reading, read_any
 from parcours_formats import graphml
 from parcours_formats.graphwalker.labels import Edge, Vertex, as_edge, as_vertex, edge_label, vertex_label
 
-SAMPLES = Path(__file__).parents[3] / "examples" / "formats"
+SAMPLES = Path(__file__).parents[2] / "examples" / "formats"
 HEAD = """<?xml version="1.0" encoding="UTF-8"?>
 <graphml xmlns="http://graphml.graphdrawing.org/xmlns" xmlns:y="http://www.yworks.com/xml/graphml">
 <key attr.name="description" for="node" id="d1"/><key attr.name="Description" for="graph" id="d2"/>"""

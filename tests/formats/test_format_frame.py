@@ -15,7 +15,7 @@ from parcours.model import native, parse_model, read_model
 from parcours.model.formats import format_of, formats, read_any, write_as
 from parcours_formats.xml_lines import parse_xml
 
-SEEDS = Path(__file__).parents[2] / "fuzz" / "seeds"
+SEEDS = Path(__file__).parents[1] / "fuzz" / "seeds"
 ROOTS = {"uppaal": "gate.xml", "scxml": "player.scxml"}
 
 
