@@ -23,13 +23,7 @@ _MARK = "__start"
 
 
 def drawings(graph: Graph, origin: str, name: str) -> Iterator[Drawing]:
-    """Yield the machines that a digraph draws: one, unless parts that no edge joins have starts of their own.
-
-    >>> from parcours_formats.dot.dot_graphs import parse_dot
-    >>> [graph] = parse_dot('digraph g { __start0 -> a; a -> a [label=x]; __start1 -> b; b -> c [label=y] }', "here")
-    >>> [drawing.states for drawing in drawings(graph, "here", "g")]
-    [['a'], ['b', 'c']]
-    """
+    """Yield the machines that a digraph draws: one, unless parts that no edge joins have starts of their own."""
     whole = Drawing(graph, origin, name)
     part: dict[str, int] = {}
     near: dict[str, list[str]] = {id: [] for id in graph.nodes}

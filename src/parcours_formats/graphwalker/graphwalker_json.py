@@ -12,12 +12,15 @@ import re
 from collections.abc import Iterator
 
 from parcours.errors import BadModel
-from parcours.model.conversion import MAX_BYTES, Loss
+from parcours.model.conversion import MAX_BYTES, Reading, Writing
 from parcours.model.documents import Mapping, Node, Scalar, Sequence
 from parcours.model.nodes import shown
+from parcours.model.structure import Cefsm
+from parcours_formats.graphwalker.joining import joined
 from parcours_formats.graphwalker.labels import Edge, Model, Vertex
+from parcours_formats.graphwalker.parting import parted
 from parcours_formats.losses import Losses
-from parcours_formats.naming import stem
+from parcours_formats.naming import as_label, stem
 from parcours_formats.tokens import Tokens
 
 MAX_DEPTH = 50
@@ -103,12 +106,24 @@ class _Parser(Tokens):
         return found
 
 
-def models_in(text: str, origin: str) -> tuple[str, list[Model], list[Loss]]:
-    """Return the name of a JSON file, if it says one, its models, and what these do not hold.
+def read(text: str, origin: str) -> Reading:
+    """Return the model that GraphWalker's JSON holds.
 
-    >>> _, [model], _ = models_in('{"models": [{"name": "m", "vertices": [{"id": "n0"}], "edges": []}]}', "here")
-    >>> model.vertices
-    [Vertex(id='n0', name='', shared='', actions=(), requirements=(), blocked=False, line=1)]
+    Args:
+        text: the file: `{"models": [...]}`, or one model alone.
+        origin: its name, for messages; the model is called as the file, or as its only graph.
+
+    Raises:
+        BadModel: the text is no such JSON, or says what our language cannot.
+
+    Example:
+    >>> reading = read('''{"models": [{"name": "Door", "startElementId": "n0", "actions": ["n = 0;"],
+    ...   "vertices": [{"id": "n0", "name": "v_Open"}, {"id": "n1", "name": "v_Shut"}],
+    ...   "edges": [{"id": "e0", "name": "e_Shut", "sourceVertexId": "n0", "targetVertexId": "n1",
+    ...              "guard": "n < 3", "actions": ["n++;"]}]}]}''', "door.json")
+    >>> from parcours.model import predicate
+    >>> [f"{each.id} {predicate(each)}" for each in reading.cefsm.component("Door").transitions()]
+    ['e_Shut (-/[n < 3]/n := n + 1/-)']
     """
     root = parse_json(text, origin)
     reader = _Reader(origin)
@@ -116,7 +131,8 @@ def models_in(text: str, origin: str) -> tuple[str, list[Model], list[Loss]]:
     models = reader.models(root, items)
     if "seed" in items:
         reader.losses.add("seed", items["seed"].line, "the seed is not kept; give it to parcours walk --seed")
-    return reader.text(items, "name"), models, reader.losses
+    name = reader.text(items, "name") or (models[0].name if len(models) == 1 else stem(origin))
+    return joined(models, as_label(name), origin, reader.losses)
 
 
 class _Reader:
@@ -224,8 +240,9 @@ def _is_null(node: Node) -> bool:
     return isinstance(node, Scalar) and node.plain and node.text == "null"
 
 
-def document_of(name: str, models: list[Model]) -> str:
-    """Return models as GraphWalker's JSON; `models_in` inverts it but for the lines."""
+def write(cefsm: Cefsm) -> Writing:
+    """Return a model as GraphWalker's JSON: each machine is a graph; messages are left out."""
+    models, losses = parted(cefsm)
     written = []
     for model in models:
         entry: dict[str, object] = {"name": model.name, "generator": model.generator, "startElementId": model.start}
@@ -233,7 +250,8 @@ def document_of(name: str, models: list[Model]) -> str:
         entry["vertices"] = [_said(each, _VERTEX) for each in model.vertices]
         entry["edges"] = [_said(each, _EDGE) for each in model.edges]
         written.append(entry)
-    return json.dumps({"name": name, "models": written}, indent=1, ensure_ascii=False)
+    document = {"name": cefsm.name, "models": written}
+    return Writing(json.dumps(document, indent=1, ensure_ascii=False), losses)
 
 
 _VERTEX = {"id": "id", "name": "name", "sharedState": "shared", "actions": "actions"}

@@ -29,17 +29,7 @@ _GLOBAL = re.compile(r"\bglobal\s*\.\s*([A-Za-z_$][A-Za-z0-9_$]*)")
 
 
 def joined(models: Iterable[Model], name: str, origin: str, losses: Iterable[Loss] = ()) -> Reading:
-    """Return models as one Cefsm.
-
-    >>> a = Model("A", [Vertex("n0", "v_Home"), Vertex("n1", "v_Shop", "SHOP")], [Edge("e0", "e_Go", "n0", "n1")], "n0")
-    >>> b = Model("B", [Vertex("n2", "v_Shop", "SHOP")], [Edge("e1", "e_Buy", "n2", "n2")])
-    >>> for each in joined([a, b], "shop", "shop.json").cefsm.component("A").transitions():
-    ...     print(f"{each.id}: {each.source} -> {each.target}")
-    e_Go: A/v_Home -> A/v_Shop
-    e_Buy: B/v_Shop -> B/v_Shop
-    SHOP: A/v_Shop to B/v_Shop: A/v_Shop -> B/v_Shop
-    SHOP: B/v_Shop to A/v_Shop: B/v_Shop -> A/v_Shop
-    """
+    """Return models as one Cefsm."""
     joiner = _Joiner(origin, Losses(losses))
     kept = [joiner.unblocked(model) for model in models]
     walks = [[kept[at] for at in group] for group in grouped([_shared_states(model) for model in kept])]

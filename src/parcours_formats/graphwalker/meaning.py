@@ -65,15 +65,7 @@ class _Variables(Scope):
 def translated(
     drafts: Sequence[Draft], starts: Sequence[Start], ids: Names, origin: str
 ) -> tuple[list[list[Transition]], tuple[Variable, ...], tuple[Loss, ...]]:
-    """Return the transitions of each draft, several where an action has branches, and the variables.
-
-    >>> found, variables, _ = translated([Draft("e1", "a", "b", "m", "n < 2", ("n++; b = n > 1 ? 5 : 6",))],
-    ...                                  [Start("m", ("n = 0; b = 0",), 1)], Names(["e1"]), "here")
-    >>> for each in found[0]:
-    ...     print(each.id, each.guard, *each.actions, sep=" | ")
-    e1 | n < 2 && n + 1 > 1 | n := n + 1 | b := 5
-    e1_2 | n < 2 && n + 1 <= 1 | n := n + 1 | b := 6
-    """
+    """Return the transitions of each draft, several where an action has branches, and the variables."""
     scope = _Variables("javascript")
     initial: list[Assignment] = []
     for start in starts:
@@ -134,15 +126,6 @@ def declared(
     A variable has the type of its first value; an integer that is given a real is a real. One that is only read is an
     input, and one that only transitions set starts as false, 0 or ''. A text that is only set to constants and only
     compared with constants is an enumeration of these.
-
-    >>> from parcours.model.expression import parse_actions, parse_expression
-    >>> found, losses = declared(parse_actions("n := 0"), parse_actions("n := n / 2; done := n < 1"),
-    ...                          [parse_expression("!done && open")], "m")
-    >>> [(each.name, each.type, each.initial, each.role) for each in found]
-    [('n', 'real', 0.0, 'local'), ('done', 'bool', False, 'local'), ('open', 'bool', None, 'input')]
-    >>> print(*losses, sep="\\n")
-    variable 'done': it is not set at the start; it starts as false
-    variable 'open': it is read but never set; it is an input of the environment
     """
     known = variables(initial, later, where)
     kinds = {each.name: each.type for each in known}

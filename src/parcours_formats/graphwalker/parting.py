@@ -29,23 +29,6 @@ def parted(cefsm: Cefsm) -> tuple[list[Model], tuple[Loss, ...]]:
     """Return the machines of a model as GraphWalker's models, and what these do not hold.
 
     Variables of a component with one machine are those of the model; of one with several, they stand in `global`.
-
-    >>> from parcours.model import parse_model
-    >>> [door], losses = parted(parse_model('''
-    ... parcours: model/1
-    ... name: door
-    ... components:
-    ...   Door:
-    ...     variables: {n: {type: int, initial: 0, range: [0, 3]}}
-    ...     machines:
-    ...       Door:
-    ...         initial: open
-    ...         transitions: {shut: {from: open, to: open, guard: n < 3, action: n := n + 1}}
-    ... '''))
-    >>> door.actions, door.edges[0].guard, door.edges[0].actions
-    (('n = 0;',), 'n < 3', ('n = n + 1;',))
-    >>> print(*losses)
-    line 6: variable 'Door.n': its range 0 to 3 is not written
     """
     parter = _Parter(cefsm)
     models = [parter.model(component, machine) for component in cefsm.components for machine in component.machines]

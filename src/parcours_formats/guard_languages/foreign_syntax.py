@@ -93,21 +93,11 @@ class Parser:
                 tokens.expect("]")
             elif tokens.accept("."):
                 found = Member(found, tokens.name("a field name"))
-            elif tokens.token.text == "(" and tokens.token.kind == "sign":
-                found = Applied(_path(found), self._arguments())
+            elif tokens.accept("("):
+                found = Applied(_path(found), tuple(tokens.listed(self.condition, ")")))
             else:
                 return found
         return tokens.too_deep()
-
-    def _arguments(self) -> tuple[Tree, ...]:
-        tokens = self.tokens
-        tokens.expect("(")
-        found: list[Tree] = []
-        while not tokens.accept(")"):
-            if found:
-                tokens.expect(",")
-            found.append(self.condition())
-        return tuple(found)
 
     def _atom(self) -> Tree:
         tokens = self.tokens
@@ -178,14 +168,10 @@ class Parser:
             return (When(condition, yes, no),)
         if tokens.language == "javascript" and tokens.token.text in _DECLARING:
             tokens.position += 1
-        for sign in ("++", "--"):
-            if tokens.accept(sign):
-                place = self.place()
-                return (Set(place, Infix(sign[0], place, Constant(1))),)
+        step = self._step()
         place = self.place()
-        for sign in ("++", "--"):
-            if tokens.accept(sign):
-                return (Set(place, Infix(sign[0], place, Constant(1))),)
+        if step := step or self._step():
+            return (Set(place, Infix(step, place, Constant(1))),)
         if isinstance(place, Applied):
             return self.called(place)
         sign = tokens.token.text
@@ -196,6 +182,10 @@ class Parser:
         if tokens.token.text in _ASSIGNING and tokens.token.kind == "sign":
             tokens.refuse("an assignment inside an expression")
         return (Set(place, Infix(_ASSIGNING[sign], place, value) if _ASSIGNING[sign] else value),)
+
+    def _step(self) -> str:
+        """Take `++` or `--` if it is next; return its operator."""
+        return "+" if self.tokens.accept("++") else "-" if self.tokens.accept("--") else ""
 
     def called(self, call: Applied) -> tuple[Statement, ...]:
         """Return what a call for its effect means; here it is refused."""

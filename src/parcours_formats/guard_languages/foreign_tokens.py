@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import re
 from bisect import bisect_left
+from collections.abc import Callable
 from dataclasses import dataclass
 from math import isfinite
-from typing import Literal, NoReturn, TypeAlias
+from typing import Literal, NoReturn, TypeAlias, TypeVar
 
 from parcours.errors import BadModel
 from parcours.model.expression.evaluation import INTEGER_LIMIT
 
 Language: TypeAlias = Literal["javascript", "uppaal"]
+_T = TypeVar("_T")
 
 MAX_LENGTH = 2_000_000
 """Longest text of declarations, a script or a label [characters]."""
@@ -128,6 +130,15 @@ class Tokens:
         if not self.accept(sign):
             self.fail(repr(sign))
 
+    def listed(self, part: Callable[[], _T], closing: str = "") -> list[_T]:
+        """Take parts with commas between them, up to a closing sign or the end."""
+        found: list[_T] = []
+        while not (self.accept(closing) if closing else self.token.kind == "end"):
+            if found:
+                self.expect(",")
+            found.append(part())
+        return found
+
     def name(self, wanted: str) -> str:
         """Take the next token, which must be a name, and return it."""
         token = self.token
@@ -197,10 +208,8 @@ class Tokens:
         while at < len(self.text):
             match = _TOKEN.match(self.text, at)
             if match is None or match.lastgroup == "open":
-                bad = Token("sign", self.text[at], at)
-                self._fail_at(
-                    bad, f"a sign of the language must stand at the caret, but found {bad.text!r}", "foreign-syntax"
-                )
+                rule = f"a sign of the language must stand at the caret, but found {self.text[at]!r}"
+                self._fail_at(Token("sign", self.text[at], at), rule, "foreign-syntax")
             if match.lastgroup == "blank":
                 fresh = fresh or "\n" in match.group()
             else:

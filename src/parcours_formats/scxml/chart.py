@@ -32,7 +32,6 @@ class Arc:
     is_internal: bool
     content: tuple[Element, ...]
     line: int
-    number: int
     id: str = ""
     is_silent: bool = False
 
@@ -93,7 +92,6 @@ class ChartReader:
         self.origin = origin
         self.nodes: dict[str, Node] = {}
         self.invoked: list[Element] = []
-        self._arcs = 0
         self._elements: list[tuple[Node, Element]] = []
         self.root = self._node(root, None)
         for node, element in self._elements:
@@ -128,7 +126,7 @@ class ChartReader:
                 self._fail(element, f"history {node.id!r} must lead to states beside it, but does not")
         elif node.is_compound:
             if initial is not None and (inner := initial.first("transition")) is not None:
-                node.starts = self._targets(inner)
+                node.starts = self._named(inner, inner.get("target"))
                 node.start_content = tuple(inner.children)
             elif element.get("initial"):
                 node.starts = self._named(element, element.get("initial"))
@@ -143,25 +141,10 @@ class ChartReader:
             self._fail(element, "a document must have a state, but has none")
 
     def _arc(self, node: Node, element: Element) -> Arc:
-        self._arcs += 1
-        events = tuple(element.get("event").split())
-        is_internal = element.get("type") == "internal"
-        content = tuple(element.children)
-        return Arc(
-            node,
-            events,
-            element.get("cond").strip(),
-            self._targets(element),
-            is_internal,
-            content,
-            element.line,
-            self._arcs,
-            element.get(ID),
-            element.get(SILENT) == "true",
-        )
-
-    def _targets(self, element: Element) -> tuple[Node, ...]:
-        return self._named(element, element.get("target"))
+        events, condition = tuple(element.get("event").split()), element.get("cond").strip()
+        targets, content = self._named(element, element.get("target")), tuple(element.children)
+        is_internal, is_silent = element.get("type") == "internal", element.get(SILENT) == "true"
+        return Arc(node, events, condition, targets, is_internal, content, element.line, element.get(ID), is_silent)
 
     def _named(self, element: Element, ids: str) -> tuple[Node, ...]:
         found = []
@@ -320,18 +303,18 @@ class _Moves:
                 self.descend(each)
             for each in _effective(node.starts, self.configuration):
                 self.climb(each, node)
-        elif node.kind == "parallel":
-            for child in node.inner():
-                if not any(each.is_inside(child) or each is child for each in self.entering):
-                    self.descend(child)
+        self.fill(node)
+
+    def fill(self, node: Node) -> None:
+        """Enter the regions of a parallel state in which nothing is entered yet."""
+        for child in node.inner() if node.kind == "parallel" else ():
+            if not any(each.is_inside(child) or each is child for each in self.entering):
+                self.descend(child)
 
     def climb(self, node: Node, until: Node) -> None:
         for ancestor in node.ancestors(until):
             self.entering.add(ancestor)
-            if ancestor.kind == "parallel":
-                for child in ancestor.inner():
-                    if not any(each.is_inside(child) or each is child for each in self.entering):
-                        self.descend(child)
+            self.fill(ancestor)
 
     def entered(
         self, staying: frozenset[Node], remembered: frozenset[tuple[Node, frozenset[Node]]]

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections import ChainMap, Counter
 from collections.abc import Iterator, Mapping, Sequence, Set
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import cast
 
 from parcours.errors import BadModel
@@ -46,28 +46,16 @@ class Part:
     group: int = 0
 
 
-@dataclass
 class Composing:
     """Makes components and channels of the parts of one system; `losses` grows."""
 
-    parts: list[Part]
-    cells: Cells
-    losses: Losses = field(default_factory=Losses)
-    tester: Set[tuple[str, str]] = frozenset()
-    origin: str = ""
-
-    def __post_init__(self) -> None:
-        self._read = [self._reads(part) for part in self.parts]
-        self._written = [{action.target for step in part.steps for action in step.actions} for part in self.parts]
+    def __init__(
+        self, parts: list[Part], cells: Cells, losses: Losses, tester: Set[tuple[str, str]], origin: str
+    ) -> None:
+        self.parts, self.cells, self.losses = parts, cells, losses
         self._group()
         self._name()
-        self.links = Linking(
-            [(part.process.name, part.group, part.steps) for part in self.parts],
-            self.component_names,
-            self.tester,
-            self.origin,
-        )
-        self.losses += self.links.losses
+        self.links = Linking(parts, self.component_names, losses, tester, origin)
 
     def components(self) -> tuple[Component, ...]:
         """Return the components, in the order of their first processes."""
@@ -78,31 +66,20 @@ class Composing:
             found.append(Component(name, machines, variables, line=members[0].process.template.line))
         return tuple(found)
 
-    def _reads(self, part: Part) -> set[str]:
-        found: set[str] = set()
-        for step in part.steps:
-            found |= names(step.guard)
-            for action in step.actions:
-                found |= names(action.value)
-        for _, condition in part.invariants:
-            found |= names(condition)
-        return found
-
     def _group(self) -> None:
         # A process that uses a variable which somebody changes joins all that use it.
-        changed = set().union(*self._written)
-        used = [
-            [id for id in read | written if id in changed or self.cells.kinds[id] == CLOCK]
-            for read, written in zip(self._read, self._written, strict=True)
-        ]
+        written = [{action.target for step in part.steps for action in step.actions} for part in self.parts]
+        changed = set().union(*written)
+        used = [_read(part) | own for part, own in zip(self.parts, written, strict=True)]
+        shared = [[id for id in ids if id in changed or self.cells.kinds[id] == CLOCK] for ids in used]
         self.members: list[list[Part]] = []
-        for group, indices in enumerate(grouped(used)):
+        for group, indices in enumerate(grouped(shared)):
             self.members.append([self.parts[at] for at in indices])
             for part in self.members[-1]:
                 part.group = group
         users: dict[str, set[int]] = {}
-        for part, read, written in zip(self.parts, self._read, self._written, strict=True):
-            for id in read | written:
+        for part, ids in zip(self.parts, used, strict=True):
+            for id in ids:
                 users.setdefault(id, set()).add(part.group)
         self.constants: dict[str, Expression] = {}
         for id, cell in self.cells.cells.items():
@@ -120,9 +97,8 @@ class Composing:
         self.renamed: list[dict[str, Name]] = []
         for group, kept in zip(self.members, self._kept(), strict=True):
             members = [part.process.name for part in group]
-            self.component_names.append(
-                components.identifier("_".join(members) if len(members) < 4 else f"{members[0]}_and_others")
-            )
+            joint = "_".join(members) if len(members) < 4 else f"{members[0]}_and_others"
+            self.component_names.append(components.identifier(joint))
             labels, variables = Names(), Names()
             for name in members:
                 self.machine_names[name] = labels.label(name)
@@ -163,22 +139,11 @@ class Composing:
         transitions = []
         for step in part.steps:
             guard = replaced(step.guard, meaning)
+            holds, duration = None if guard == TRUE else guard, (0.0, 0.0) if step.source in urgent else None
             actions = tuple(Assignment(values[each.target].id, replaced(each.value, meaning)) for each in step.actions)
             for id, event, sends in self._ends(part, step):
-                transitions.append(
-                    Transition(
-                        id,
-                        step.source,
-                        step.target,
-                        event,
-                        None if guard == TRUE else guard,
-                        actions,
-                        sends,
-                        (0.0, 0.0) if step.source in urgent else None,
-                        step.weight,
-                        step.line,
-                    )
-                )
+                ends = (id, step.source, step.target, event)
+                transitions.append(Transition(*ends, holds, actions, sends, duration, step.weight, step.line))
         locations = template.locations
         return Machine(
             self.machine_names[part.process.name],
@@ -196,10 +161,13 @@ class Composing:
         partners = self.links.partners.get((part.process.name, step.link.id, step.sign), [])
         for name, partner in partners:
             id = step.id if len(partners) == 1 else f"{step.id} with {partner}"
-            if step.sign == "!":
-                yield id, None, (Send(name),)
-            else:
-                yield id, Receive(name), ()
+            yield (id, None, (Send(name),)) if step.sign == "!" else (id, Receive(name), ())
+
+
+def _read(part: Part) -> set[str]:
+    said = [condition for _, condition in part.invariants]
+    said += [each for step in part.steps for each in (step.guard, *(action.value for action in step.actions))]
+    return set().union(*map(names, said))
 
 
 def _plain(id: str) -> str:
@@ -217,21 +185,21 @@ class Linking:
 
     def __init__(
         self,
-        processes: Sequence[tuple[str, int, list[Step]]],
+        parts: Sequence[Part],
         components: Sequence[str],
-        tester: Set[tuple[str, str]] = frozenset(),
-        origin: str = "",
+        losses: Losses,
+        tester: Set[tuple[str, str]],
+        origin: str,
     ) -> None:
-        self.components, self.tester, self.origin, self._steps = components, tester, origin, 0
+        self.components, self.losses, self.tester, self.origin, self._steps = components, losses, tester, origin, 0
         self.partners: dict[tuple[str, str, str], list[tuple[str, str]]] = {}
-        self.losses = Losses()
         self._names, self._made = Names(), list[Channel]()
         ends: dict[str, tuple[Link, dict[str, _Side]]] = {}
-        for name, group, steps in processes:
-            for step in steps:
+        for part in parts:
+            for step in part.steps:
                 if step.link is not None:
                     _, sides = ends.setdefault(step.link.id, (step.link, {"!": {}, "?": {}}))
-                    sides[step.sign].setdefault(name, (group, []))[1].append(step)
+                    sides[step.sign].setdefault(part.process.name, (part.group, []))[1].append(step)
         for link, sides in sorted(ends.values(), key=lambda end: end[0].line):
             self._join(link, sides["!"], sides["?"])
             self._limits(link, sides["!"], sides["?"])

@@ -35,23 +35,13 @@ def parse_parameters(text: str, origin: str, line: int) -> tuple[Declared, ...]:
 def parse_selections(text: str, origin: str, line: int) -> tuple[Declared, ...]:
     """Return the names of a `select` label with their types, e.g. `e : id_t, i : int[0,3]`."""
     reader = DeclarationReader(Tokens(text, "uppaal", origin, line))
-    tokens, found = reader.tokens, list[Declared]()
-    while tokens.token.kind != "end":
-        if found:
-            tokens.expect(",")
-        name = tokens.name("a name")
-        tokens.expect(":")
-        found.append(Declared(name, reader.type(), line))
-    return tuple(found)
+    return tuple(reader.tokens.listed(lambda: Declared(reader.bound_name(), reader.type(), line)))
 
 
-class DeclarationReader:
+class DeclarationReader(syntax.Parser):
     """Reads declarations from tokens."""
 
-    def __init__(self, tokens: Tokens) -> None:
-        self.tokens = tokens
-        self.parser = syntax.Parser(tokens)
-        self.nesting = 0
+    structs = 0
 
     def all(self) -> list[Declaration]:
         """Return the declarations up to the end."""
@@ -92,7 +82,7 @@ class DeclarationReader:
             if tokens.accept("=") or tokens.accept(":="):
                 initial = self._initial()
             elif "const" in type_.prefixes and tokens.token.kind in ("int", "real"):
-                initial = self.parser.condition()
+                initial = self.condition()
             found.append(Declared(name, type_, line, lengths, initial, is_reference))
             if not tokens.accept(","):
                 tokens.expect(";")
@@ -115,17 +105,17 @@ class DeclarationReader:
         base = tokens.name("a type")
         if base == "struct":
             tokens.expect("{")
-            self.nesting += 1
-            if self.nesting > 10:
+            self.structs += 1
+            if self.structs > 10:
                 tokens.too_deep()
             fields: list[Declared] = []
             while not tokens.accept("}"):
                 fields += self.plain()
-            self.nesting -= 1
+            self.structs -= 1
             return TypeTree(base, marks, fields=tuple(fields))
         if base in ("int", "scalar") and tokens.accept("["):
-            low = self.parser.condition()
-            high = self.parser.condition() if tokens.accept(",") else None
+            low = self.condition()
+            high = self.condition() if tokens.accept(",") else None
             tokens.expect("]")
             return TypeTree(base, marks, low, high)
         return TypeTree(base, marks)
@@ -134,24 +124,23 @@ class DeclarationReader:
         tokens, found = self.tokens, list[syntax.Tree | TypeTree]()
         while tokens.accept("["):
             is_type = tokens.token.text in ("int", "scalar") and tokens.ahead(1).text == "["
-            found.append(self.type() if is_type else self.parser.condition())
+            found.append(self.type() if is_type else self.condition())
             tokens.expect("]")
         return tuple(found)
 
     def _initial(self, depth: int = 0) -> Initial:
         tokens = self.tokens
         if not tokens.accept("{"):
-            return self.parser.condition()
+            return self.condition()
         if depth > 10:
             tokens.too_deep()
-        found: list[Initial] = []
-        while not tokens.accept("}"):
-            if found:
-                tokens.expect(",")
+
+        def part() -> Initial:
             if tokens.ahead(1).text == ":" and tokens.token.kind == "name":
                 tokens.position += 2
-            found.append(self._initial(depth + 1))
-        return tuple(found)
+            return self._initial(depth + 1)
+
+        return tuple(tokens.listed(part, "}"))
 
     def _routine(self, name: str, result: TypeTree, line: int) -> Routine:
         parameters = self.parameters(")")
@@ -163,16 +152,19 @@ class DeclarationReader:
 
     def parameters(self, closing: str = "") -> tuple[Declared, ...]:
         """Return parameters up to a closing sign, or the end."""
-        tokens, found = self.tokens, list[Declared]()
-        while not (tokens.accept(closing) if closing else tokens.token.kind == "end"):
-            if found:
-                tokens.expect(",")
-            type_ = self.type()
-            is_reference = tokens.accept("&")
-            line = tokens.line_at(tokens.token.at)
-            name = tokens.name("a name")
-            found.append(Declared(name, type_, line, self._lengths(), None, is_reference))
-        return tuple(found)
+        return tuple(self.tokens.listed(self._parameter, closing))
+
+    def _parameter(self) -> Declared:
+        tokens, type_ = self.tokens, self.type()
+        is_reference = tokens.accept("&")
+        line = tokens.line_at(tokens.token.at)
+        return Declared(tokens.name("a name"), type_, line, self._lengths(), None, is_reference)
+
+    def bound_name(self) -> str:
+        """Return the name in `name : type`."""
+        name = self.tokens.name("a name")
+        self.tokens.expect(":")
+        return name
 
     def _instance(self, line: int) -> Instance:
         tokens = self.tokens
@@ -182,13 +174,9 @@ class DeclarationReader:
             tokens.expect("=")
         template = tokens.name("a template")
         tokens.expect("(")
-        arguments: list[syntax.Tree] = []
-        while not tokens.accept(")"):
-            if arguments:
-                tokens.expect(",")
-            arguments.append(self.parser.condition())
+        arguments = tuple(tokens.listed(self.condition, ")"))
         tokens.expect(";")
-        return Instance(name, parameters, template, tuple(arguments), line)
+        return Instance(name, parameters, template, arguments, line)
 
     def _system(self, line: int) -> System:
         tokens = self.tokens
@@ -339,9 +327,8 @@ class BodyParser(syntax.Parser):
     def operand(self) -> syntax.Tree:
         """Return an operand; `x++` is x, and the increment follows the statement."""
         found = super().operand()
-        for sign in ("++", "--"):
-            if self.tokens.accept(sign):
-                self.trailing.append(syntax.Set(found, syntax.Infix(sign[0], found, syntax.Constant(1))))
+        if step := self._step():
+            self.trailing.append(syntax.Set(found, syntax.Infix(step, found, syntax.Constant(1))))
         return found
 
     def called(self, call: syntax.Applied) -> tuple[syntax.Statement, ...]:
@@ -384,9 +371,8 @@ class BodyParser(syntax.Parser):
         tokens = self.tokens
         tokens.expect("(")
         if tokens.ahead(1).text == ":":
-            name = tokens.name("a name")
-            tokens.expect(":")
-            type_ = DeclarationReader(tokens).type()
+            reader = DeclarationReader(tokens)
+            name, type_ = reader.bound_name(), reader.type()
             tokens.expect(")")
             return (Each(name, type_, self.inner()),)
         first = () if tokens.token.text == ";" else self._statement()

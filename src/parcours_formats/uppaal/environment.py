@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 from typing import Self
 
 from parcours.errors import BadModel
@@ -207,8 +208,7 @@ class Environment(Scope):
         named = self.find(type_.base, where)
         if not isinstance(named, Shape):
             raise refusal(where, f"{KINDS[type(named)]} {type_.base!r} as a type")
-        prefixes = named.prefixes | type_.prefixes
-        return Shape(named.kind, named.low, named.high, prefixes, named.fields, own + named.lengths)
+        return replace(named, prefixes=named.prefixes | type_.prefixes, lengths=own + named.lengths)
 
     def _length(self, length: Tree | TypeTree, where: str) -> int:
         if isinstance(length, Identifier) and isinstance(self.find(length.name, where), Shape):

@@ -170,9 +170,8 @@ class Execution:
         if self.scope.cells.depth >= MAX_NESTED:
             raise refusal(self.where, f"calls more than {MAX_NESTED} deep")
         if len(call.arguments) != len(routine.parameters):
-            rule = (
-                f"{call.function!r} has {len(routine.parameters)} parameters, but gets {len(call.arguments)} arguments"
-            )
+            count, given = len(routine.parameters), len(call.arguments)
+            rule = f"{call.function!r} has {count} parameters, but gets {given} arguments"
             raise BadModel(self.where, rule, slug="arity")
         inner = self.scope.home(routine).inner()
         now = [here]

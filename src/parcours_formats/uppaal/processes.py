@@ -116,14 +116,13 @@ class Instantiation:
         inner = self.instances.get(instance.template)
         parameters = inner.parameters if inner is not None else self.template(instance.template, where).parameters
         if len(parameters) != len(instance.arguments):
-            rule = (
-                f"{instance.template!r} has {len(parameters)} parameters, but gets {len(instance.arguments)} arguments"
-            )
+            given = len(instance.arguments)
+            rule = f"{instance.template!r} has {len(parameters)} parameters, but gets {given} arguments"
             raise BadModel(where, rule, slug="arity")
-        given = self.around.inner()
+        bound = self.around.inner()
         for parameter, argument in zip(parameters, instance.arguments, strict=True):
-            self.give(parameter, argument, scope, given, where)
-        return self.bound(instance.template, given, where, depth + 1)
+            self.give(parameter, argument, scope, bound, where)
+        return self.bound(instance.template, bound, where, depth + 1)
 
     def give(self, parameter: Declared, argument: Tree, scope: Environment, given: Environment, where: str) -> None:
         """Let a parameter mean its argument: the place itself, or its value."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 from parcours.errors import BadModel
@@ -46,9 +46,8 @@ class Shape:
             rule = "only a bounded type can be written out, but this one is not bounded"
             raise BadModel(where, rule, "write int[lowest, highest]", slug="expansion-size")
         if self.high - self.low >= MAX_CHOICES:
-            rule = (
-                f"a range is written out for at most {MAX_CHOICES} values, but this one has {self.high - self.low + 1}"
-            )
+            count = self.high - self.low + 1
+            rule = f"a range is written out for at most {MAX_CHOICES} values, but this one has {count}"
             raise BadModel(where, rule, "make the range smaller", slug="expansion-size")
         return range(self.low, self.high + 1)
 
@@ -140,14 +139,11 @@ class Cells:
         """Return what a declaration makes."""
         parts: list[tuple[str, Shape]] = []
         if shape.lengths:
-            inner = Shape(shape.kind, shape.low, shape.high, shape.prefixes, shape.fields, shape.lengths[1:])
+            inner = replace(shape, lengths=shape.lengths[1:])
             self._count(shape.lengths[0], where)
             parts = [(str(at), inner) for at in range(shape.lengths[0])]
         elif shape.kind == "struct":
-            parts = [
-                (name, Shape(each.kind, each.low, each.high, each.prefixes | shape.prefixes, each.fields, each.lengths))
-                for name, each in shape.fields
-            ]
+            parts = [(name, replace(each, prefixes=each.prefixes | shape.prefixes)) for name, each in shape.fields]
         if shape.lengths or shape.kind == "struct":
             if given is not None and not (isinstance(given, tuple) and len(given) == len(parts)):
                 rule = f"{id!r} must have {len(parts)} initial values, but has others"
