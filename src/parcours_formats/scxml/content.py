@@ -22,7 +22,7 @@ from parcours_formats.guard_languages.values import (
     negation,
 )
 from parcours_formats.losses import Losses
-from parcours_formats.scxml.parts import ChartParser, Whole, part_at, refused, spread
+from parcours_formats.scxml.datamodel import ChartParser, Whole, parsed, part_at, refused, spread
 from parcours_formats.xml_lines import Element
 
 _DELAY = re.compile(r"([0-9]{0,9}\.?[0-9]{1,9})(s|ms)?")
@@ -119,10 +119,7 @@ class Content:
     def tree(self, text: str, where: str) -> syntax.Tree:
         """Return the syntax tree of an expression; each text is parsed once."""
         if text not in self._trees:
-            tokens = Tokens(text, "javascript", where)
-            self._trees[text] = ChartParser(tokens).condition()
-            if tokens.token.kind != "end":
-                tokens.fail("an operator or the end")
+            self._trees[text] = parsed(text, where)
         return self._trees[text]
 
     def run(self, elements: Iterable[Element], scope: Scope, before: Iterable[Outcome] = (Outcome(),)) -> list[Outcome]:

@@ -81,9 +81,8 @@ class _System:
         self._time(flats.values())
         machines, names = [], Names()
         for region, flat in flats.items():
-            machines.append(
-                self._machine(names.label(self.component if region.kind == "scxml" else region.id), flat, region)
-            )
+            name = names.label(self.component if region.kind == "scxml" else region.id)
+            machines.append(self._machine(name, flat, region))
         self._report()
         self._report_unused(flats)
         later = [each for machine in machines for step in machine.transitions for each in step.actions]
@@ -93,8 +92,8 @@ class _System:
         clocks = tuple(Variable(clock, CLOCK, None, unit="s") for clock, _ in self.clocks.values())
         component = Component(self.component, tuple(machines), (*declared, *clocks), line=self.element.line)
         messages = (MessageClass(EVENT, ()),) if self.channels else ()
-        name = as_label(self.element.get("name") or PurePath(self.origin).stem)
-        cefsm = Cefsm(name, (component,), tuple(self.channels.values()), messages, source=self.origin)
+        title = as_label(self.element.get("name") or PurePath(self.origin).stem)
+        cefsm = Cefsm(title, (component,), tuple(self.channels.values()), messages, source=self.origin)
         return accepted(cefsm, self.losses)
 
     def _flats(self) -> dict[Node, Flat]:
