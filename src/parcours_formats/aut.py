@@ -29,7 +29,6 @@ INTERNAL = ("i", "tau")
 """Labels of transitions that nobody sees: CADP's and mCRL2's."""
 
 _HEADER = re.compile(r"\s*des\s*\(\s*([0-9]{1,18})\s*,\s*([0-9]{1,18})\s*,\s*([0-9]{1,18})\s*\)\s*", re.ASCII)
-_NUMBER = re.compile(r"\s*[0-9]{1,18}\s*", re.ASCII)
 
 
 def read(text: str, origin: str) -> Reading:
@@ -59,9 +58,8 @@ def read(text: str, origin: str) -> Reading:
         event, sends = meaning[label]
         transitions.append(Transition(f"t{number}", source, target, event, sends=sends, line=line))
     machine_read = Machine(machine, system.first, tuple(system.states), tuple(transitions), line=1)
-    model = Cefsm(
-        machine, (Component(component, (machine_read,)),), tuple(alphabet.channels), alphabet.messages(), origin
-    )
+    components = (Component(component, (machine_read,)),)
+    model = Cefsm(machine, components, tuple(alphabet.channels), alphabet.messages(), origin)
     # Valid as it was built: to check a million transitions again would take longer than to read them.
     return Reading(model, tuple(system.losses))
 
@@ -83,7 +81,7 @@ def write(cefsm: Cefsm) -> Writing:
     symbols = symbols_of(cefsm, barred='"')
     losses = Losses([*unsaid(cefsm, {"events", "sends"}), *unsaid_of_channels(cefsm, symbols)])
     marked = any(transition.sends for transition in machine.transitions)
-    number = {state: at for at, state in enumerate(_ordered(machine))}
+    number = {state: at for at, state in enumerate(dict.fromkeys([machine.initial, *machine.states]))}
     sources, targets, labels, count = [], [], [], len(number)
     for transition in machine.transitions:
         for channel in silent(transition, symbols):
@@ -214,10 +212,6 @@ def _unquoted(middle: str) -> str:
 
 def _shown(line: str) -> str:
     return repr(line.strip() if len(line) <= 60 else line.strip()[:57] + "...")
-
-
-def _ordered(machine: Machine) -> list[str]:
-    return list(dict.fromkeys([machine.initial, *machine.states]))
 
 
 def _unmistakable(label: str) -> str:

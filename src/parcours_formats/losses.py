@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Set
 
 from parcours.model.conversion import Loss
@@ -17,20 +18,7 @@ class Losses(list[Loss]):
 
 
 ASPECTS = frozenset(
-    (
-        "actions",
-        "durations",
-        "events",
-        "finals",
-        "guards",
-        "ids",
-        "payloads",
-        "sends",
-        "states",
-        "texts",
-        "variables",
-        "weights",
-    )
+    re.findall(r"\w+", "actions durations events finals guards ids payloads sends states texts variables weights")
 )
 """What a format may have words for. `ids` and `states` are names; `texts` the doc and titles of a model."""
 

@@ -56,11 +56,8 @@ class Drawing:
         self.edges = [(edge, label_text(edge.attributes)) for edge in graph.edges]
         self.marks = self._marks()
         self.states = [id for id in graph.nodes if id not in self.marks]
-        self.initial = (
-            self.marks[next(iter(self.marks))]
-            if self.marks
-            else next((edge.source for edge in graph.edges), next(iter(graph.nodes), ""))
-        )
+        first = next((edge.source for edge in graph.edges), next(iter(graph.nodes), ""))
+        self.initial = next(iter(self.marks.values()), first)
         if not self.states:
             rule = f"a graph must have a node, but {self.name!r} has none"
             raise BadModel(f"{origin}:{graph.line}", rule, slug="dot-graph")

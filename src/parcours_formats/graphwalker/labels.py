@@ -51,19 +51,10 @@ def as_edge(label: str, id: str, source: str, target: str, line: int = 0) -> Edg
         text, seen = f"{text[:start]} {text[end + 1 :]}", f"{seen[:start]} {seen[end + 1 :]}"
         slash = seen.find("/")
     name, actions = (text[:slash], text[slash + 1 :]) if slash >= 0 else (text, "")
-    return Edge(
-        id,
-        " ".join(name.split()),
-        source,
-        target,
-        guard.strip(),
-        (actions.strip(),) if actions.strip() else (),
-        _listed(parts),
-        _number(parts.get("WEIGHT", "")),
-        round(_number(parts.get("DEPENDENCY", ""))),
-        "BLOCKED" in parts,
-        line,
-    )
+    name, guard, actions = " ".join(name.split()), guard.strip(), actions.strip()
+    weight, dependency = (_number(parts.get(key, "")) for key in ("WEIGHT", "DEPENDENCY"))
+    said = (guard, (actions,) if actions else (), _listed(parts), weight, round(dependency), "BLOCKED" in parts)
+    return Edge(id, name, source, target, *said, line)
 
 
 def vertex_label(vertex: Vertex, initial: tuple[str, ...] = ()) -> str:

@@ -7,7 +7,6 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 
 from parcours.errors import BadModel
-from parcours.model.conversion import Loss
 from parcours.model.expression import Assignment, Binary, Expression, Literal, Name, Unary, names
 from parcours.model.expression.syntax import COMPARISONS, walk
 from parcours.model.structure import Transition, Variable
@@ -64,7 +63,7 @@ class _Variables(Scope):
 
 def translated(
     drafts: Sequence[Draft], starts: Sequence[Start], ids: Names, origin: str
-) -> tuple[list[list[Transition]], tuple[Variable, ...], tuple[Loss, ...]]:
+) -> tuple[list[list[Transition]], tuple[Variable, ...], Losses]:
     """Return the transitions of each draft, several where an action has branches, and the variables."""
     scope = _Variables("javascript")
     initial: list[Assignment] = []
@@ -82,11 +81,9 @@ def translated(
         # Numbers, texts and truth values are translated differently: once their types are known, again.
         if {each.name for each in before} == {each.name for each in variables}:
             break
-    losses += tuple(
-        Loss(f"variable {name!r}", 0, f"it is called {given!r}, to be told from others")
-        for (_, name), given in scope.given.items()
-        if name != given
-    )
+    for (_, name), given in scope.given.items():
+        if name != given:
+            losses.add(f"variable {name!r}", 0, f"it is called {given!r}, to be told from others")
     made = [_transitions(draft, found, ids) for draft, found in zip(drafts, meant, strict=True)]
     return made, variables, losses
 
@@ -120,7 +117,7 @@ _FIRST: dict[str, bool | int | float | str] = {"bool": False, "int": 0, "real": 
 
 def declared(
     initial: Sequence[Assignment], later: Sequence[Assignment], guards: Sequence[Expression], where: str
-) -> tuple[tuple[Variable, ...], tuple[Loss, ...]]:
+) -> tuple[tuple[Variable, ...], Losses]:
     """Return the variables of a component, and what had to be assumed of them.
 
     A variable has the type of its first value; an integer that is given a real is a real. One that is only read is an
@@ -158,7 +155,7 @@ def declared(
             )
             raise BadModel(where, rule, "use two variables", slug="type")
     values = _enumerated(initial, later, read)
-    return tuple(_as_enum(each, values.get(each.name)) for each in found), tuple(losses)
+    return tuple(_as_enum(each, values.get(each.name)) for each in found), losses
 
 
 def _infer(kinds: dict[str, str], later: Sequence[Assignment], read: Iterable[Expression]) -> None:

@@ -31,13 +31,10 @@ from parcours_formats.guard_languages.values import (
 FUNCTIONS = {
     "javascript": {f"Math.{name}": name for name in ("abs", "floor", "hypot", "max", "min", "sqrt")},
     "uppaal": {
-        "abs": "abs",
         "fabs": "abs",
-        "floor": "floor",
         "fmax": "max",
         "fmin": "min",
-        "sqrt": "sqrt",
-        "hypot": "hypot",
+        **{name: name for name in ("abs", "floor", "hypot", "sqrt")},
     },
 }
 """The functions of each language that ours has too."""
@@ -301,9 +298,8 @@ def _pairs(cases: Cases) -> list[tuple[Expression, tuple[Expression, Expression]
 def sized(node: Expression, where: str) -> Expression:
     """Return the expression if it is no longer than our own parser allows, so that it can be written and read."""
     if depth(node) >= MAX_DEPTH or len(str(node)) > MAX_LENGTH:
-        rule = (
-            f"a translated expression has at most {MAX_LENGTH} characters and {MAX_DEPTH} levels, but this one has more"
-        )
+        size = f"{MAX_LENGTH} characters and {MAX_DEPTH} levels"
+        rule = f"a translated expression has at most {size}, but this one has more"
         raise BadModel(where, rule, "split it", slug="expression-size")
     return node
 

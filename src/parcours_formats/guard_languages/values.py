@@ -13,6 +13,7 @@ from typing import TypeAlias
 
 from parcours.errors import BadModel
 from parcours.model.expression import Apply, Binary, Expression, Field, Literal, Name, Unary, evaluate
+from parcours.model.structure import Component
 
 TRUE, FALSE = Literal(True), Literal(False)
 
@@ -270,3 +271,9 @@ def depth(node: Expression) -> int:
             return 1 + max((depth(argument) for argument in arguments), default=0)
         case _:
             return 1
+
+
+def naturals_of(component: Component) -> set[str]:
+    """Return the variables of a component that are never negative, as their ranges say."""
+    ranges = {each.name: each.domain for each in component.variables if isinstance(each.domain, range)}
+    return {name for name, domain in ranges.items() if domain and domain[0] >= 0}

@@ -188,13 +188,9 @@ class _System:
         states, initial = flat.states, flat.initial
         if not self._starts(flat.starts):
             states, initial = (START, *states), START
-            transitions = [
-                *(
-                    self._transition(self.ids.label(START), START, flat.initial, "", each, region.line)
-                    for each in flat.starts
-                ),
-                *transitions,
-            ]
+            ends = (START, flat.initial, "")
+            first = [self._transition(self.ids.label(START), *ends, each, region.line) for each in flat.starts]
+            transitions = first + transitions
         return Machine(name, initial, states, tuple(transitions), flat.final, line=region.line)
 
     def _transition(self, id: str, source: str, target: str, event: str, outcome: Outcome, line: int) -> Transition:
@@ -228,9 +224,8 @@ class _System:
         if (event, receiver) not in self.channels:
             name = self.channel_names.identifier(event)
             capacity = CAPACITY if sender == receiver else 1
-            self.channels[event, receiver] = Channel(
-                name, sender, receiver, EVENT, event if event != name else "", capacity
-            )
+            topic = event if event != name else ""
+            self.channels[event, receiver] = Channel(name, sender, receiver, EVENT, topic, capacity)
         return self.channels[event, receiver].name
 
     def _report(self) -> None:

@@ -13,7 +13,7 @@ from parcours.model.conversion import Writing
 from parcours.model.expression import Assignment, Expression, Name
 from parcours.model.structure import BASE_TYPES, CLOCK, ENVIRONMENT, Cefsm, Component, Machine, Transition
 from parcours_formats.guard_languages.javascript import WORDS, javascript, sayable
-from parcours_formats.guard_languages.values import FALSE, TRUE, conjunction, conjuncts, literal, replaced
+from parcours_formats.guard_languages.values import FALSE, TRUE, conjunction, conjuncts, literal, naturals_of, replaced
 from parcours_formats.losses import Losses, unsaid
 from parcours_formats.naming import Names, as_identifier
 from parcours_formats.scxml.chart import ID, OWN, SILENT
@@ -47,13 +47,11 @@ class _Writer:
         self.silent = Names((*self.events.values(), *_RAISED))
         self.spoken: dict[str, dict[str, Expression]] = {}
         for component in cefsm.components:
-            self.spoken[component.name] = {
-                variable.name: Name(
-                    self.renamed("variable", variable.name, own.identifier(variable.name), variable.line)
-                )
-                for variable in component.variables
-                if variable.type in BASE_TYPES
-            }
+            spoken = self.spoken[component.name] = {}
+            for variable in component.variables:
+                if variable.type in BASE_TYPES:
+                    given = self.renamed("variable", variable.name, own.identifier(variable.name), variable.line)
+                    spoken[variable.name] = Name(given)
 
     def lines(self) -> Iterator[str]:
         """Yield the lines of the document."""
@@ -144,11 +142,8 @@ class _Writer:
         if transition.event is None:
             return
         channel = transition.event.channel
-        rivals = [
-            other
-            for other, condition in before
-            if other.event is not None and other.event.channel == channel and conjunction((condition, guard)) != FALSE
-        ]
+        same = [each for each in before if each[0].event is not None and each[0].event.channel == channel]
+        rivals = [other for other, condition in same if conjunction((condition, guard)) != FALSE]
         if rivals:
             first = ", ".join(repr(other.id) for other in rivals[:9])
             rule = f"where {first} can go too, that goes first there, as it stands before it; here either may"
@@ -194,11 +189,7 @@ class _Writer:
     def naturals(self, component: Component) -> set[str]:
         """Return the variables, as they are called there, that are never negative."""
         spoken = self.spoken[component.name]
-        return {
-            str(spoken[each.name])
-            for each in component.variables
-            if isinstance(each.domain, range) and each.domain and each.domain[0] >= 0
-        }
+        return {str(spoken[name]) for name in naturals_of(component)}
 
     def renamed(self, what: str, name: str, given: str, line: int) -> str:
         """Return the name given instead of another, noting that it changed."""

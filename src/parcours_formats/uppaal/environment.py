@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import replace
-from typing import Self
+from typing import Self, TypeVar
 
 from parcours.errors import BadModel
 from parcours.model.expression import Binary, Expression, Literal, Name, Unary
@@ -25,6 +25,7 @@ from parcours_formats.guard_languages.values import (
 from parcours_formats.uppaal.declarations import Declared, Initial, Routine, TypeTree
 from parcours_formats.uppaal.symbols import KINDS, MAX_CELLS, Cell, Cells, Given, Held, Link, Record, Row, Shape, Symbol
 
+_S = TypeVar("_S", Cell, Link)
 _PLAIN = {"int": "int", "bool": "bool", "clock": "clock", "chan": "chan", "double": "real", "void": "void"}
 
 
@@ -141,19 +142,17 @@ class Environment(Scope):
 
     def target(self, tree: Tree, where: str) -> list[tuple[Expression, Name]]:
         """Return the variables that an assignment may change, each with its condition."""
-        found = []
-        for case, symbol in self.locate(tree, where):
-            if not isinstance(symbol, Cell):
-                raise refusal(where, f"an assignment to {KINDS[type(symbol)]}")
-            found.append((case, Name(symbol.id)))
-        return found
+        return [(case, Name(cell.id)) for case, cell in self._among(tree, Cell, "an assignment to", where)]
 
     def links(self, tree: Tree, where: str) -> list[tuple[Expression, Link]]:
         """Return the channels that a synchronisation may mean, each with its condition."""
+        return self._among(tree, Link, "a synchronisation on", where)
+
+    def _among(self, tree: Tree, kind: type[_S], use: str, where: str) -> list[tuple[Expression, _S]]:
         found = []
         for case, symbol in self.locate(tree, where):
-            if not isinstance(symbol, Link):
-                raise refusal(where, f"a synchronisation on {KINDS[type(symbol)]}")
+            if not isinstance(symbol, kind):
+                raise refusal(where, f"{use} {KINDS[type(symbol)]}")
             found.append((case, symbol))
         return found
 

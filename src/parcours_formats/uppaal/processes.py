@@ -213,16 +213,9 @@ def read_template(element: Element, origin: str) -> Template:
             rule = f"an edge of {name!r} must not join two branch points, but this one does"
             raise BadModel(f"{origin}:{each.line}", rule, slug="uppaal-structure")
         edges.append(Edge(_name(each) or str(number), source, target, _labels(each), each.line))
-    return Template(
-        name,
-        parse_parameters(parameters.text, origin, parameters.line),
-        parse_declarations(declared.text, origin, declared.line),
-        locations,
-        forks,
-        initial,
-        tuple(edges),
-        element.line,
-    )
+    given = parse_parameters(parameters.text, origin, parameters.line)
+    local = parse_declarations(declared.text, origin, declared.line)
+    return Template(name, given, local, locations, forks, initial, tuple(edges), element.line)
 
 
 def label_of(element: Element | None) -> Label:

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from parcours.model.expression import Apply, Assignment, Binary, Expression, Field, Literal, Name, Unary, names
 from parcours.model.expression.syntax import walk
 from parcours.model.structure import CLOCK, ENVIRONMENT, Cefsm, Channel, Component, Send, Transition, Variable
-from parcours_formats.guard_languages.values import is_natural
+from parcours_formats.guard_languages.values import is_natural, naturals_of
 from parcours_formats.losses import Losses
 from parcours_formats.naming import Names
 
@@ -91,13 +91,8 @@ class Shared:
                 slot = self.slots.get((channel.name, part.name))
                 if slot is not None and (self.is_queue(channel) or not guard):
                     known[f"{event.name}.{part.name}"] = f"{slot}[0]" if self.is_queue(channel) else slot
-        naturals = {
-            each.name
-            for each in component.variables
-            if isinstance(each.domain, range) and each.domain and each.domain[0] >= 0
-        }
         clocks = {each.name for each in component.variables if each.type == CLOCK}
-        return Rendering(known, self.numbers, naturals, clocks, self.scale)
+        return Rendering(known, self.numbers, naturals_of(component), clocks, self.scale)
 
     def selections(self, component: Component, transition: Transition) -> list[str]:
         """Return a selection for each input that a transition reads: the tester's choice."""
