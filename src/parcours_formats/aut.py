@@ -1,4 +1,4 @@
-"""Aldebaran's .aut to a machine over an alphabet and back: labelled transition systems of CADP, mCRL2, JTorX.
+"""Reads and writes Aldebaran's .aut: labelled transition systems of CADP, mCRL2, JTorX.
 
     des (0, 2, 2)            first state, number of transitions, number of states
     (0, "?coin", 1)          an input: the environment sends `coin`
@@ -34,18 +34,8 @@ _HEADER = re.compile(r"\s*des\s*\(\s*([0-9]{1,18})\s*,\s*([0-9]{1,18})\s*,\s*([0
 def read(text: str, origin: str) -> Reading:
     """Return the transition system as a model of one machine; the name of the model is that of the file.
 
-    Args:
-        text: the file; transitions stand one a line.
-        origin: the file's name, for messages.
-
     Raises:
         BadModel: a line is no transition, or the counts of the header are not met.
-
-    Example:
-    >>> reading = read('des (0, 2, 2)\\n(0, "?coin", 1)\\n(1, "!tea", 0)\\n', "tea.aut")
-    >>> print(*reading.cefsm.component("tea").transitions(), sep="\\n")
-    Transition(id='t1', source='0', target='1', event=Receive(channel='coin', name=''), ...)
-    Transition(id='t2', source='1', target='0', ..., sends=(Send(channel='tea', payload=()),), ...)
     """
     system = _System(text, origin)
     component, machine = part_names(origin.replace("\\", "/").rpartition("/")[2].removesuffix(".aut"))

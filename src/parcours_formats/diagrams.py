@@ -1,4 +1,4 @@
-"""A model to state diagrams of PlantUML and Mermaid: a composite state a component, a region a machine."""
+"""Writes a model as a state diagram of PlantUML or Mermaid: components are composite states, machines are regions."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""yEd's GraphML with GraphWalker's labels to a model and back.
+"""Reads and writes yEd's GraphML with GraphWalker's labels.
 
 A node `Start` with an edge that does nothing marks where the walk starts. Groups are flattened; if several groups have
 a `Start`, each is a graph of its own. Plain GraphML without yEd's labels is read by ids and by data called label or
@@ -32,10 +32,6 @@ from parcours_formats.xml_lines import Element, parse_xml
 
 def read(text: str, origin: str) -> Reading:
     """Return the model that a GraphML file holds.
-
-    Args:
-        text: the file.
-        origin: its name, for messages; the model is called as the file, unless the graph has a description.
 
     Raises:
         BadModel: the text is no GraphML, its graph is not directed, or a label says what our language cannot.

@@ -1,4 +1,4 @@
-"""Items to groups of those that have something in common."""
+"""Groups items that have something in common."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Names of foreign files to names that a model may have: each valid, each given out once, as like as possible."""
+"""Turns names of foreign files into names that a model may have: valid, unique, and as similar as possible."""
 
 from __future__ import annotations
 

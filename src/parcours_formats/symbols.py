@@ -1,4 +1,4 @@
-"""Input and output symbols of automata to channels between the environment and a component, and back.
+"""Turns the input and output symbols of automata into channels of the environment, and back.
 
 An automaton's alphabet has no data: an input symbol is a message without content that the environment sends, an
 output symbol one that it receives. So each symbol becomes a channel of class `Signal`, with the symbol as its topic

@@ -1,4 +1,4 @@
-"""The tokens of a file with their lines: what the readers of DOT, JSON and PICT's constraints share."""
+"""The tokenizer that the readers of DOT, JSON and PICT's constraints share; each token knows its line."""
 
 from __future__ import annotations
 

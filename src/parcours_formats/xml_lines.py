@@ -1,4 +1,4 @@
-"""XML text to a tree of elements that know their lines, for files that may be hostile.
+"""Parses XML that may be hostile into a tree of elements that know their lines.
 
 No entity is declared or fetched, nothing outside the text is read, and size, depth and count are bounded. A
 document type may be named, as UPPAAL's files do, but it is not looked at.

@@ -227,7 +227,7 @@ def test_descriptors_match_by_their_parts() -> None:
 @pytest.mark.parametrize(
     ("body", "named"),
     [
-        ('<state id="a"><transition target="gone"/></state>', "'gone' is none"),
+        ('<state id="a"><transition target="gone"/></state>', "'gone' is not one"),
         ('<state id="a"/><state id="a"/>', "'a' was used before"),
         ("", "a document must have a state"),
         ('<state id="a"><history id="h"/><state id="b"/></state>', "history 'h' must have one transition"),

@@ -1,4 +1,4 @@
-"""Graphviz' DOT to a model and back: automata as LearnLib and the automata wiki draw them, and GraphWalker's labels.
+"""Reads and writes Graphviz' DOT: automata as LearnLib and the automata wiki draw them, and GraphWalker's labels.
 
 Labels with guards or actions, as `e_Name[guard]/action;`, are GraphWalker's. In any other file a label is
 `input / output`, or an input alone: the environment sends the one and receives the other.
@@ -26,18 +26,8 @@ def read(text: str, origin: str) -> Reading:
     The start is where the only edge of a node that just marks it leads (`__start0 -> s0`), or else the source of the
     first edge. States drawn as double circles are final.
 
-    Args:
-        text: the file.
-        origin: its name, for messages.
-
     Raises:
         BadModel: the text is no DOT, a graph is not directed, or a label says what our language cannot.
-
-    Example:
-    >>> reading = read('digraph tea { s0 -> s1 [label="coin / ok"]; s1 -> s0 [label="button / tea!"] }', "tea.dot")
-    >>> from parcours.model import predicate
-    >>> [f"{each.id}: {predicate(each)}" for each in reading.cefsm.component("tea").transitions()]
-    ['s0 coin: (coin/-/-/ok())', 's1 button: (button/-/-/tea())']
     """
     graphs = parse_dot(text, origin)
     drawn = [drawing for graph in graphs for drawing in drawings(graph, origin, stem(origin))]

@@ -1,4 +1,4 @@
-"""Text in Graphviz' DOT language to graphs of nodes and edges with their attributes and lines.
+"""Parses Graphviz' DOT language into graphs of nodes and edges with their attributes and lines.
 
     file      := ['strict'] 'digraph' [id] '{' statement* '}' ...
     statement := id '=' id | ('graph' | 'node' | 'edge') attributes | ends ('->' ends)* attributes

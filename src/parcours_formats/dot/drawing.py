@@ -1,4 +1,4 @@
-"""A drawn graph to machines over an alphabet, or to GraphWalker's models, as its labels tell."""
+"""Turns a drawn graph into machines over an alphabet, or GraphWalker's models, depending on its labels."""
 
 from __future__ import annotations
 

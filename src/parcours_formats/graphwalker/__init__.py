@@ -1,4 +1,4 @@
-"""GraphWalker's JSON to models and back; its graphs with labels share all but the document (docs/formats-graphs.md)."""
+"""Reads and writes GraphWalker's JSON; graphs with its labels share all but the document (docs/formats-graphs.md)."""
 
 from parcours_formats.graphwalker.graphwalker_json import read, write
 

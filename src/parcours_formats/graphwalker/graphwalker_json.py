@@ -1,4 +1,4 @@
-"""GraphWalker's JSON (version 4), which may be hostile, to its models and back.
+"""Reads GraphWalker's JSON (version 4), which may be hostile, and writes it.
 
 As GraphWalker's own reader, this one takes `//` and `/* */` for comments and lets strings run over lines. Doubled keys,
 NaN and what is too large or too deep are refused.
@@ -109,21 +109,8 @@ class _Parser(Tokens):
 def read(text: str, origin: str) -> Reading:
     """Return the model that GraphWalker's JSON holds.
 
-    Args:
-        text: the file: `{"models": [...]}`, or one model alone.
-        origin: its name, for messages; the model is called as the file, or as its only graph.
-
     Raises:
         BadModel: the text is no such JSON, or says what our language cannot.
-
-    Example:
-    >>> reading = read('''{"models": [{"name": "Door", "startElementId": "n0", "actions": ["n = 0;"],
-    ...   "vertices": [{"id": "n0", "name": "v_Open"}, {"id": "n1", "name": "v_Shut"}],
-    ...   "edges": [{"id": "e0", "name": "e_Shut", "sourceVertexId": "n0", "targetVertexId": "n1",
-    ...              "guard": "n < 3", "actions": ["n++;"]}]}]}''', "door.json")
-    >>> from parcours.model import predicate
-    >>> [f"{each.id} {predicate(each)}" for each in reading.cefsm.component("Door").transitions()]
-    ['e_Shut (-/[n < 3]/n := n + 1/-)']
     """
     root = parse_json(text, origin)
     reader = _Reader(origin)

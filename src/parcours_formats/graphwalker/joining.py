@@ -1,4 +1,4 @@
-"""GraphWalker's models to a Cefsm.
+"""Joins GraphWalker's models to a Cefsm.
 
 One token walks over models that share a state: they are one machine, with a silent jump between vertices of the same
 shared state. Models without a shared state are machines side by side; those that use `global.` together are in one

@@ -127,7 +127,7 @@ def _parts(label: str) -> tuple[str, dict[str, str]]:
 
 
 def _uncommented(label: str) -> str:
-    """Return the label without comments; one that does not end is none."""
+    """Return the label without comments; one that does not end is not a comment."""
     seen, kept, at = _masked(label), list[str](), 0
     while (match := _COMMENT.search(seen, at)) is not None:
         end = seen.find("*/" if match[0] == "/*" else "\n", match.end())

@@ -1,4 +1,4 @@
-"""Guards and actions of GraphWalker's edges, in JavaScript, to transitions and to the variables they are about."""
+"""Translates guards and actions of GraphWalker's edges to transitions, and finds the types of their variables."""
 
 from __future__ import annotations
 
@@ -159,7 +159,7 @@ def declared(
 
 
 def _infer(kinds: dict[str, str], later: Sequence[Assignment], read: Iterable[Expression]) -> None:
-    """Add to `kinds` what use tells of the others, until nothing new is told."""
+    """Add to `kinds` what use tells of the others, until nothing new is found."""
     nodes = [node for expression in read for node in walk(expression)]
     guards = [node for node in read if isinstance(node, Name)]
     before = -1

@@ -1,4 +1,4 @@
-"""A Cefsm to GraphWalker's models: one for each machine, with guards and actions in JavaScript."""
+"""Takes a Cefsm apart into GraphWalker's models: one for each machine, with guards and actions in JavaScript."""
 
 from __future__ import annotations
 
@@ -7,17 +7,17 @@ from collections.abc import Iterator, Mapping
 from itertools import count
 
 from parcours.model.conversion import Loss
-from parcours.model.expression import Assignment, Binary, Expression, Literal, Name
+from parcours.model.expression import Binary, Expression, Literal, Name
 from parcours.model.expression.syntax import walk
 from parcours.model.structure import BASE_TYPES, CLOCK, Cefsm, Component, Machine, Transition
 from parcours_formats.graphwalker.labels import Edge, Model, Vertex
-from parcours_formats.guard_languages.javascript import WORDS, javascript, sayable
-from parcours_formats.guard_languages.values import conjuncts, literal, replaced
-from parcours_formats.losses import Losses, unsaid
+from parcours_formats.guard_languages.javascript import WORDS, Speaker, javascript
+from parcours_formats.guard_languages.values import literal
+from parcours_formats.losses import unsaid
 from parcours_formats.naming import Names, joint_name
 
 GENERATOR = "random(edge_coverage(100))"
-"""How GraphWalker is told to walk; every model of its needs a generator."""
+"""How GraphWalker shall walk: each of its models needs a generator."""
 
 _HOLDS = frozenset(("actions", "guards", "ids", "states", "variables", "weights"))
 _SAYABLE = re.compile(r"[A-Za-z0-9_$.]+")
@@ -35,10 +35,9 @@ def parted(cefsm: Cefsm) -> tuple[list[Model], tuple[Loss, ...]]:
     return models, (*unsaid(cefsm, _HOLDS), *parter.losses)
 
 
-class _Parter:
+class _Parter(Speaker):
     def __init__(self, cefsm: Cefsm) -> None:
-        self.losses = Losses()
-        self.lose = self.losses.add
+        super().__init__()
         self.shared, self.edges = Names(WORDS), Names()
         self.numbers = {"n": count(), "e": count()}
         self.spoken = {component.name: self.variables(component) for component in cefsm.components}
@@ -91,8 +90,11 @@ class _Parter:
     def edge(self, component: Component, transition: Transition, at: Mapping[str, str]) -> Edge:
         where = f"transition {transition.id!r}"
         name = self.renamed(where, transition.line, transition.id, self.edges)
-        guard = " && ".join(self.conditions(component, transition))
-        actions = tuple(self.actions(component, transition))
+        parts = [(part, javascript(part)) for part in self.conditions(component, transition)]
+        ors = (isinstance(part, Binary) and part.operator == "||" for part, _ in parts)
+        guard = " && ".join(f"({text})" if is_or else text for is_or, (_, text) in zip(ors, parts, strict=True))
+        assigned = self.assignments(component, transition, "the")
+        actions = tuple(f"{target} = {javascript(value)};" for target, value in assigned)
         source, target = at[transition.source], at[transition.target]
         return Edge(f"e{next(self.numbers['e'])}", name, source, target, guard, actions, line=transition.line)
 
@@ -111,28 +113,10 @@ class _Parter:
             if name is not None and variable.role == "local":
                 yield f"{name} = {javascript(literal(variable.initial))};"
 
-    def conditions(self, component: Component, transition: Transition) -> Iterator[str]:
-        spoken = self.spoken[component.name]
-        for part in conjuncts(transition.guard) if transition.guard is not None else ():
-            if _is_said(part, spoken):
-                text = javascript(replaced(part, spoken))
-                yield f"({text})" if isinstance(part, Binary) and part.operator == "||" else text
-            else:
-                what = f'the condition "{part}" is not written; the transition is free of it'
-                self.lose(f"transition {transition.id!r}", transition.line, what)
-
-    def actions(self, component: Component, transition: Transition) -> Iterator[str]:
-        spoken = self.spoken[component.name]
-        for action in transition.actions:
-            if isinstance(action, Assignment) and action.target in spoken and _is_said(action.value, spoken):
-                yield f"{spoken[action.target]} = {javascript(replaced(action.value, spoken))};"
-            else:
-                self.lose(f"transition {transition.id!r}", transition.line, f'the action "{action}" is not written')
-
-
-def _is_said(node: Expression, spoken: Mapping[str, Expression]) -> bool:
-    texts = (part.value for part in walk(node) if isinstance(part, Literal) and isinstance(part.value, str))
-    return sayable(node, spoken) and all(map(_is_plain, texts))
+    def is_said(self, node: Expression, spoken: Mapping[str, Expression]) -> bool:
+        """Return whether an expression has a counterpart that labels hold."""
+        texts = (part.value for part in walk(node) if isinstance(part, Literal) and isinstance(part.value, str))
+        return super().is_said(node, spoken) and all(map(_is_plain, texts))
 
 
 def _is_plain(text: str) -> bool:

@@ -1,4 +1,4 @@
-"""Guards and actions in JavaScript or UPPAAL's C-like language to our syntax trees, or a refusal by name."""
+"""Translates guards and actions in JavaScript or UPPAAL's C to our language, or refuses them by name."""
 
 from parcours_formats.guard_languages.foreign_texts import Branch, branches, condition, guard, performed, variables
 from parcours_formats.guard_languages.foreign_tokens import Tokens

@@ -1,4 +1,4 @@
-"""Text of a foreign language (JavaScript, UPPAAL's C) to a syntax tree of the part that can be translated.
+"""Parses the part of JavaScript and of UPPAAL's C that can be translated.
 
     condition  := operand (operator operand)* ['?' condition ':' condition]      precedence in LEVELS
     operand    := ('!' | '-' | '+') operand | atom ('[' condition ']' | '.' name | '(' conditions ')')*
@@ -75,7 +75,7 @@ class Parser:
             self._enter()
             operand = self._prefix()
             self.nesting -= 1
-            # A plus makes a number of its operand, as the difference to 0 does; a text is none here.
+            # A plus makes a number of its operand, as the difference to 0 does; a text is not one here.
             return Infix("-", operand, Constant(0)) if operator == "+" else Prefix(operator, operand)
         return self.operand()
 

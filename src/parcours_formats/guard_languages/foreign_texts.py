@@ -1,4 +1,4 @@
-"""Texts of guards and actions to expressions and branches of our language, or a refusal by name.
+"""Translates texts of guards and actions to expressions and branches of assignments, or refuses them by name.
 
 Arithmetic, comparisons, assignments, choices and the functions both languages share are translated exactly;
 where a value depends on a choice, a guard becomes a disjunction and an action becomes several branches. What
@@ -79,11 +79,6 @@ def guard(text: str, language: Language, where: str, kinds: Mapping[str, str] | 
     Example:
     >>> str(guard("x === 1 && (done ? y : 2) > 1", "javascript", "guard of 'e1'"))
     'x == 1 && (done && y > 1 || !done)'
-    >>> guard("send(x)", "javascript", "guard of 'e1'")
-    Traceback (most recent call last):
-    ...
-    parcours.errors.BadModel: guard of 'e1': only arithmetic, comparisons, assignments and choices are translated, \
-but here is a call of the function 'send'; write it with these [foreign-construct]
     """
     return condition(text, Scope(language, kinds or {}), where)
 

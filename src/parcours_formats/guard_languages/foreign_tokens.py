@@ -1,4 +1,4 @@
-"""Text of a foreign language to tokens, with refusals that name what cannot be translated and where it stands."""
+"""The tokenizer of JavaScript and UPPAAL's C; it says what cannot be translated, and where that stands."""
 
 from __future__ import annotations
 

@@ -1,13 +1,15 @@
-"""Expressions of our language to JavaScript with the same value; texts and remainders are what differs."""
+"""Writes expressions of our language in JavaScript; texts and remainders are what differs."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Set
+from collections.abc import Iterator, Mapping, Set
 
-from parcours.model.expression import Apply, Binary, Expression, Literal, Name, Unary, names
+from parcours.model.expression import Apply, Assignment, Binary, Expression, Literal, Name, Unary, names
 from parcours.model.expression.syntax import walk
-from parcours_formats.guard_languages.values import is_natural
+from parcours.model.structure import Component, Transition
+from parcours_formats.guard_languages.values import conjuncts, is_natural, replaced
+from parcours_formats.losses import Losses
 
 WORDS = frozenset(
     re.findall(
@@ -68,7 +70,38 @@ def _sign(sign: str) -> str:
     )
 
 
-def sayable(node: Expression, spoken: Mapping[str, Expression]) -> bool:
-    """Return whether an expression has a counterpart: its variables are `spoken`, and it asks for no lists."""
-    is_sized = any(isinstance(each, Apply) and each.function == "size" for each in walk(node))
-    return names(node) <= spoken.keys() and not is_sized
+class Speaker:
+    """What writers of JavaScript share: guards and actions in their words, and losses where they have none."""
+
+    def __init__(self) -> None:
+        self.losses = Losses()
+        self.lose = self.losses.add
+        self.spoken: dict[str, dict[str, Expression]] = {}
+        """What each variable of each component is called; variables that are not written are missing."""
+
+    def is_said(self, node: Expression, spoken: Mapping[str, Expression]) -> bool:
+        """Return whether an expression has a counterpart: its variables are written, and it asks for no lists."""
+        is_sized = any(isinstance(each, Apply) and each.function == "size" for each in walk(node))
+        return names(node) <= spoken.keys() and not is_sized
+
+    def conditions(self, component: Component, transition: Transition) -> Iterator[Expression]:
+        """Yield the parts of a guard that have a counterpart."""
+        spoken = self.spoken[component.name]
+        for part in conjuncts(transition.guard) if transition.guard is not None else ():
+            if self.is_said(part, spoken):
+                yield replaced(part, spoken)
+            else:
+                what = f'the condition "{part}" is not written; the transition is free of it'
+                self.lose(f"transition {transition.id!r}", transition.line, what)
+
+    def assignments(
+        self, component: Component, transition: Transition, action_of: str
+    ) -> Iterator[tuple[Expression, Expression]]:
+        """Yield target and value of each assignment that has a counterpart."""
+        spoken = self.spoken[component.name]
+        for action in transition.actions:
+            if isinstance(action, Assignment) and action.target in spoken and self.is_said(action.value, spoken):
+                yield spoken[action.target], replaced(action.value, spoken)
+            else:
+                what = f'{action_of} action "{action}" is not written'
+                self.lose(f"transition {transition.id!r}", transition.line, what)

@@ -1,4 +1,4 @@
-"""Foreign syntax trees to our expressions: operators, kinds and choices here, names by a scope."""
+"""Translates foreign syntax trees to our expressions; a scope says what their names mean."""
 
 from __future__ import annotations
 

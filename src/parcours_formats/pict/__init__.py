@@ -1,4 +1,4 @@
-"""PICT models (Microsoft's pairwise tool) to input models and back, each with a report of what is lost."""
+"""Reads and writes models of PICT, Microsoft's pairwise tool, with a report of what is lost."""
 
 from parcours.data.formats import DataFormat
 from parcours_formats.pict.pict_reader import parse_pict, read_pict

@@ -1,4 +1,4 @@
-"""The constraints of a PICT model become conditions in our expression language.
+"""Translates the constraints of a PICT model to conditions of our expression language.
 
     constraint := IF predicate THEN predicate [ELSE predicate] ;  |  predicate ;
     predicate  := conjunction (OR conjunction)*          conjunction := clause (AND clause)*
@@ -25,6 +25,7 @@ from parcours.data.inputs import constraint_of
 from parcours.data.schema import MAX_COLUMNS
 from parcours.errors import BadDomain, one_of
 from parcours.model.expression import Binary, Expression, Literal, Name, Unary
+from parcours_formats.naming import Names
 from parcours_formats.tokens import Tokens
 
 MAX_TERMS = 100_000
@@ -59,18 +60,14 @@ def constraints_in(
     """Yield the constraints of the last part of a PICT model."""
     parser = _Parser(text, first_line, origin, parameters)
     domains = [parameter.domain for parameter in parameters.values()]
-    names: set[str] = set()
+    names, count = Names(), 0
     while parser.kind != "end":
         line = parser.line
         rule = parser.constraint()
-        name, number = f"line_{line}", 1
-        while name in names:
-            number += 1
-            name = f"line_{line}_{number}"
-        names.add(name)
-        if len(names) > MAX_COLUMNS:
+        count += 1
+        if count > MAX_COLUMNS:
             parser.fail(f"a model has at most {MAX_COLUMNS} constraints, but this one has more", slug="columns")
-        yield constraint_of(name, rule, domains)
+        yield constraint_of(names.label(f"line_{line}"), rule, domains)
 
 
 class _Parser(Tokens):

@@ -1,4 +1,4 @@
-"""The text of a PICT model becomes an input model: parameters, sub-models, constraints (PICT's own user's guide).
+"""Reads a PICT model as an input model: parameters, sub-models, constraints (after PICT's user guide).
 
     PLATFORM: x86, arm64 (5), ~mips        ~ marks values of negative tests; weights in brackets are not kept
     BITS, 32, 64                           the same with a comma; where the line has a colon, that one counts
@@ -27,6 +27,7 @@ from parcours.errors import BadDomain, BadModel, one_of
 from parcours.model.conversion import text_of
 from parcours.model.nodes import brief, is_identifier, is_label
 from parcours_formats.losses import Losses
+from parcours_formats.naming import Names
 from parcours_formats.pict.constraints import Parameter, constraints_in
 
 MAX_BYTES = 1_000_000
@@ -81,7 +82,7 @@ class _Reader:
         self.origin = origin
         self.parameters: dict[str, Parameter] = {}  # by folded PICT name
         self.groups: list[Group] = []
-        self.losses = Losses()
+        self.losses, self.names = Losses(), Names(("pi",))
         self.line = 0
         self.n_values = 0
 
@@ -183,11 +184,7 @@ class _Reader:
         """Return a name that rules can say, different from all others."""
         name = title if is_identifier(title) else re.sub(r"[^A-Za-z0-9_]+", "_", title).strip("_")[:60]
         name = name if is_identifier(name) else f"p_{name}"
-        taken = {parameter.domain.name for parameter in self.parameters.values()}
-        unique, number = name, 1
-        while unique in taken or unique == "pi":
-            number += 1
-            unique = f"{name}_{number}"
+        unique = self.names.label(name)
         if unique != title:
             self.losses.add(f"parameter {title[:60]!r}", self.line, f"it is called {unique} here")
         return unique

@@ -1,4 +1,4 @@
-"""An input model becomes the text of a PICT model, with a report of what PICT cannot say."""
+"""Writes an input model as a PICT model, with a report of what PICT cannot say."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""SCXML (W3C State Chart XML) to models and back (docs/formats.md)."""
+"""Reads and writes SCXML, W3C's State Chart XML (docs/formats.md)."""
 
 from parcours_formats.scxml.scxml_reader import read
 from parcours_formats.scxml.scxml_writer import write

@@ -1,4 +1,4 @@
-"""The XML of an SCXML document to a tree of states and their transitions, as written (W3C SCXML 1.0, section 3)."""
+"""The states of an SCXML document, and which of them a microstep leaves and enters (W3C SCXML 1.0, appendix D)."""
 
 from __future__ import annotations
 
@@ -150,7 +150,7 @@ class ChartReader:
         found = []
         for id in ids.split():
             if id not in self.nodes or id == "scxml":
-                self._fail(element, f"a target must be a state, but {id[:60]!r} is none", "unknown-state")
+                self._fail(element, f"a target must be a state, but {id[:60]!r} is not one", "unknown-state")
             found.append(self.nodes[id])
         return tuple(found)
 

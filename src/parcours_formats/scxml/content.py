@@ -1,4 +1,4 @@
-"""Executable content of SCXML to what it does: branches of assignments and events sent."""
+"""Works out what executable content of SCXML does: branches of assignments and sent events."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The data of an SCXML document to variables with initial values, as far as our language has such values."""
+"""Turns the data of an SCXML document, objects and lists among them, into variables with initial values."""
 
 from __future__ import annotations
 
@@ -287,9 +287,9 @@ def part_at(tree: syntax.Tree, wholes: Mapping[str, Whole], where: str) -> Part 
     """Return what a place means: a variable, a whole, or the length of a list.
 
     >>> x = Whole("x", {"a": "x_a", "b": Whole("x.b", {"0": "x_b_0"}, True)}, False)
-    >>> at_b = Member(Identifier("x"), "b")
-    >>> part_at(Index(at_b, Constant(0)), {"x": x}, "here"), part_at(Member(at_b, "length"), {"x": x}, "here")
-    ('x_b_0', 1)
+    >>> at_b = syntax.Member(syntax.Identifier("x"), "b")
+    >>> [part_at(of, {"x": x}, "") for of in (syntax.Index(at_b, syntax.Constant(0)), syntax.Member(at_b, "length"))]
+    ['x_b_0', 1]
     """
     match tree:
         case syntax.Identifier(name):

@@ -1,4 +1,4 @@
-"""A chart to the transitions between its configurations: hierarchy, orthogonal regions and histories resolved.
+"""Flattens a chart: hierarchy, orthogonal regions and histories become transitions between configurations.
 
 Each configuration that can be reached becomes a state, and each set of transitions that SCXML would take together
 becomes one transition, with the content of exits, transitions and entries in the order of the standard. Inner

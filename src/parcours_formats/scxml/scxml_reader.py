@@ -1,4 +1,4 @@
-"""The text of an SCXML document to a model: one component whose machines are the document or its regions."""
+"""Reads an SCXML document as a model of one component, whose machines are the document or its regions."""
 
 from __future__ import annotations
 
@@ -46,10 +46,6 @@ START = "(start)"
 
 def read(text: str, origin: str) -> Reading:
     """Return the chart of an SCXML document as a model.
-
-    Args:
-        text: XML with the root element `scxml`.
-        origin: the file's name, for messages.
 
     Raises:
         BadModel: the document is not well formed, or says what cannot be translated.

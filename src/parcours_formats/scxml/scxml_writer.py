@@ -1,4 +1,4 @@
-"""A model to an SCXML document: one machine is the document, several are the regions of a parallel state.
+"""Writes a model as SCXML: one machine is the document, several are the regions of a parallel state.
 
 A transition without an event is a choice of the model, but SCXML takes one at once, before all others. So each gets an
 event of its own, marked `parcours:tau`, unless it is the only way out of its state. `parcours:transition` keeps ids.
@@ -10,11 +10,11 @@ from collections.abc import Iterator, Mapping
 from xml.sax.saxutils import escape, quoteattr
 
 from parcours.model.conversion import Writing
-from parcours.model.expression import Assignment, Expression, Name
+from parcours.model.expression import Expression, Name
 from parcours.model.structure import BASE_TYPES, CLOCK, ENVIRONMENT, Cefsm, Component, Machine, Transition
-from parcours_formats.guard_languages.javascript import WORDS, javascript, sayable
-from parcours_formats.guard_languages.values import FALSE, TRUE, conjunction, conjuncts, literal, naturals_of, replaced
-from parcours_formats.losses import Losses, unsaid
+from parcours_formats.guard_languages.javascript import WORDS, Speaker, javascript
+from parcours_formats.guard_languages.values import FALSE, TRUE, conjunction, literal, naturals_of
+from parcours_formats.losses import unsaid
 from parcours_formats.naming import Names, as_identifier
 from parcours_formats.scxml.chart import ID, OWN, SILENT
 
@@ -35,17 +35,15 @@ def write(cefsm: Cefsm) -> Writing:
     return Writing(text, tuple(sorted({*unsaid(cefsm, _HOLDS), *writer.losses})))
 
 
-class _Writer:
+class _Writer(Speaker):
     def __init__(self, cefsm: Cefsm) -> None:
         self.cefsm = cefsm
-        self.losses = Losses()
-        self.lose = self.losses.add
+        super().__init__()
         self.machines = [(component, machine) for component in cefsm.components for machine in component.machines]
         self.events = {channel.name: _event(channel.name, channel.topic) for channel in cefsm.channels}
         self.channels = {channel.name: channel for channel in cefsm.channels}
         own, self.ids = Names((*WORDS, *_WORDS)), Names()
         self.silent = Names((*self.events.values(), *_RAISED))
-        self.spoken: dict[str, dict[str, Expression]] = {}
         for component in cefsm.components:
             spoken = self.spoken[component.name] = {}
             for variable in component.variables:
@@ -115,27 +113,13 @@ class _Writer:
             lines.append(f'  <state id="{at[state]}">')
             before: list[tuple[Transition, Expression]] = []
             for transition in leaving[state]:
-                guard = self.guard(component, transition)
+                guard = conjunction(self.conditions(component, transition))
                 self.compare(transition, guard, before)
                 before.append((transition, guard))
                 alone = len(leaving[state]) == 1 == len(self.machines) and not transition.is_loop
                 lines += self.transition(component, transition, guard, at, alone=alone)
             lines.append("  </state>")
         return at[machine.initial], lines
-
-    def guard(self, component: Component, transition: Transition) -> Expression:
-        """Return what of the guard of a transition has a counterpart, in the words of the document."""
-        where = f"transition {transition.id!r}"
-        meaning = self.spoken[component.name]
-        guards = []
-        for part in conjuncts(transition.guard) if transition.guard is not None else ():
-            if sayable(part, meaning):
-                guards.append(replaced(part, meaning))
-            else:
-                self.lose(
-                    where, transition.line, f'the condition "{part}" is not written; the transition is free of it'
-                )
-        return conjunction(guards)
 
     def compare(self, transition: Transition, guard: Expression, before: list[tuple[Transition, Expression]]) -> None:
         """Note that transitions that stand before another one go first, where both may go."""
@@ -153,8 +137,7 @@ class _Writer:
         self, component: Component, transition: Transition, guard: Expression, at: Mapping[str, str], *, alone: bool
     ) -> Iterator[str]:
         """Yield the lines of a transition; `alone` says that nothing else can happen in its state."""
-        meaning = self.spoken[component.name]
-        parts, event = [], ""
+        parts, event, naturals = [], "", self.naturals(component)
         if transition.event is not None:
             event = self.events[transition.event.channel]
             parts.append(f' event="{event}"')
@@ -166,19 +149,13 @@ class _Writer:
         if transition.id != f"{at[transition.source]}:{event or 'always'}":
             parts.append(f" parcours:{ID}={quoteattr(transition.id)}")
         if guard != TRUE:
-            parts.append(f" cond={quoteattr(javascript(guard, self.naturals(component)))}")
-        body = [*self.actions(component, transition, meaning), *self.sends(transition)]
+            parts.append(f" cond={quoteattr(javascript(guard, naturals))}")
+        body = []
+        for target, value in self.assignments(component, transition, "its"):
+            body.append(f'      <assign location="{target}" expr={quoteattr(javascript(value, naturals))}/>')
+        body += self.sends(transition)
         head = f'    <transition{"".join(parts)} target="{at[transition.target]}"'
         yield from (f"{head}>", *body, "    </transition>") if body else (f"{head}/>",)
-
-    def actions(self, component: Component, transition: Transition, meaning: dict[str, Expression]) -> Iterator[str]:
-        """Yield an element for each assignment."""
-        for action in transition.actions:
-            if isinstance(action, Assignment) and action.target in meaning and sayable(action.value, meaning):
-                value = javascript(replaced(action.value, meaning), self.naturals(component))
-                yield f'      <assign location="{meaning[action.target]}" expr={quoteattr(value)}/>'
-            else:
-                self.lose(f"transition {transition.id!r}", transition.line, f'its action "{action}" is not written')
 
     def sends(self, transition: Transition) -> Iterator[str]:
         """Yield an element for each message."""

@@ -1,4 +1,4 @@
-"""UPPAAL XML (networks of timed automata) to models and back (docs/formats.md)."""
+"""Reads and writes UPPAAL's XML: networks of timed automata (docs/formats.md)."""
 
 from parcours_formats.uppaal.uppaal_reader import read
 from parcours_formats.uppaal.uppaal_writer import write

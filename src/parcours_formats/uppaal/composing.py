@@ -1,4 +1,4 @@
-"""Processes and their steps to a Cefsm: what shares variables becomes one component, what meets gets a channel.
+"""Composes processes to a Cefsm: those that share variables become one component, those that meet get a channel.
 
 Two processes that both use a variable which one of them changes stand side by side as machines of one component;
 others are components of their own. A channel with several senders or receivers becomes one for each pair of

@@ -1,4 +1,4 @@
-"""UPPAAL's declarations to a list of what they declare; nothing is looked up or worked out here.
+"""Parses UPPAAL's declarations and functions; nothing is looked up or worked out here.
 
 The grammar is that of UPPAAL 4 and 5 (docs.uppaal.org/language-reference), with the old forms `const N 3;` and
 `:=`. Bodies of functions are kept as tokens.

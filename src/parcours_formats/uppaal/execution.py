@@ -1,4 +1,4 @@
-"""Statements of UPPAAL's C followed along every way their choices can fall, loops as often as conditions can hold.
+"""Follows statements of UPPAAL's C, with loops and calls, along every way their choices can fall.
 
 Nothing runs: what is assigned stays an expression of the values before, and a way whose conditions exclude each other
 ends there. What does not come to an end in bounds is refused.

@@ -1,4 +1,4 @@
-"""Templates and a system line to processes: parameters bound, ranges of parameters written out."""
+"""Reads templates and makes the processes of a system: parameters are bound, their ranges written out."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ class Instantiation:
     def template(self, name: str, where: str) -> Template:
         """Return a template. Raises BadModel if there is none of that name."""
         if name not in self.templates:
-            rule = f"a process must be an instance of a template, but {name!r} is none"
+            rule = f"a process must be an instance of a template, but {name!r} is not one"
             raise BadModel(where, rule, one_of(name[:99], [*self.templates, *self.instances][:50]), slug="unknown-name")
         return self.templates[name]
 
@@ -207,7 +207,7 @@ def read_template(element: Element, origin: str) -> Template:
         source, target = (end.get("ref") if end is not None else "" for end in map(each.first, ("source", "target")))
         for end in (source, target):
             if end not in locations and end not in forks:
-                rule = f"an edge of {name!r} must join locations, but {end!r} is none"
+                rule = f"an edge of {name!r} must join locations, but {end!r} is not one"
                 raise BadModel(f"{origin}:{each.line}", rule, slug="uppaal-structure")
         if source in forks and target in forks:
             rule = f"an edge of {name!r} must not join two branch points, but this one does"

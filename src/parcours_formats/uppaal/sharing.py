@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Set
 from dataclasses import dataclass, field
 
@@ -18,6 +19,19 @@ TESTER = "Environment"
 """The template that stands for the tester: one location, and an edge for each channel of the environment."""
 
 
+@dataclass(frozen=True, slots=True)
+class Wire:
+    """How a channel is written: its name, and a variable of a type for each field that its messages have there.
+
+    Messages wait in a queue of a capacity above 0, which is a counter; others meet, unless nobody reads them.
+    """
+
+    name: str
+    capacity: int
+    meets: bool
+    slots: dict[str, tuple[str, str]]
+
+
 class Shared:
     """The global part of one written file; `losses` grows."""
 
@@ -28,34 +42,30 @@ class Shared:
         self.scale = scale_of(cefsm)
         if self.scale != 1:
             self.losses.add("model", 0, f"the unit of time is 1/{self.scale} s there")
-        words = [str(word) for each in _variables(cefsm) if each.type == "enum" for word in each.domain]
+        variables = [(component, each) for component in cefsm.components for each in component.variables]
+        words = [str(word) for _, each in variables if each.type == "enum" for word in each.domain]
         self.numbers = {word: self.names.identifier(word) for word in dict.fromkeys(words)}
-        self.classes = {message.name: message for message in cefsm.messages}
-        self.channels = {channel.name: channel for channel in cefsm.channels}
-        self.read = {each.event.channel for part in cefsm.components for each in part.transitions() if each.event}
-        self.links = {channel.name: self.names.identifier(channel.name) for channel in cefsm.channels}
-        self.slots: dict[tuple[str, str], str] = {}
-        for channel in cefsm.channels:
-            self._open(channel)
+        classes = {message.name: message for message in cefsm.messages}
+        self.fields = {channel.name: classes[channel.message].fields for channel in cefsm.channels}
+        read = {each.event.channel for part in cefsm.components for each in part.transitions() if each.event}
+        named = {channel.name: self.names.identifier(channel.name) for channel in cefsm.channels}
+        self.links = {each.name: self._link(each, named[each.name], each.name in read) for each in cefsm.channels}
         self.variables: dict[tuple[str, str], str] = {}
-        for component in cefsm.components:
-            for variable in component.variables:
-                self._name(component, variable)
+        for component, variable in variables:
+            self._name(component, variable)
 
     def declarations(self) -> Iterator[str]:
         """Yield the lines of the global declarations."""
         for number, name in enumerate(self.numbers.values()):
             yield f"const int {name} = {number};"
-        for channel in self.cefsm.channels:
-            if not self.is_queue(channel):
-                if self.meets(channel.name):
-                    yield f"chan {self.links[channel.name]};"
-            else:
-                yield f"int[0,{channel.capacity}] {self.links[channel.name]};"
-            for part in self.classes[channel.message].fields:
-                if (slot := self.slots.get((channel.name, part.name))) is not None:
-                    length = f"[{channel.capacity + 1}]" if self.is_queue(channel) else ""
-                    yield f"{'bool' if part.type == 'bool' else 'int'} {slot}{length};"
+        for link in self.links.values():
+            if link.capacity:
+                yield f"int[0,{link.capacity}] {link.name};"
+            elif link.meets:
+                yield f"chan {link.name};"
+            length = f"[{link.capacity + 1}]" if link.capacity else ""
+            for slot, type_ in link.slots.values():
+                yield f"{type_} {slot}{length};"
         for component in self.cefsm.components:
             if len(component.machines) > 1:
                 yield from self.declared(component)
@@ -86,11 +96,9 @@ class Shared:
         }
         event = transition.event if transition is not None else None
         if event is not None and event.name:
-            channel = self.channels[event.channel]
-            for part in self.classes[channel.message].fields:
-                slot = self.slots.get((channel.name, part.name))
-                if slot is not None and (self.is_queue(channel) or not guard):
-                    known[f"{event.name}.{part.name}"] = f"{slot}[0]" if self.is_queue(channel) else slot
+            link = self.links[event.channel]
+            for part, (slot, _) in link.slots.items() if link.capacity or not guard else ():
+                known[f"{event.name}.{part}"] = f"{slot}[0]" if link.capacity else slot
         clocks = {each.name for each in component.variables if each.type == CLOCK}
         return Rendering(known, self.numbers, naturals_of(component), clocks, self.scale)
 
@@ -107,79 +115,59 @@ class Shared:
                 found.append(f"{name} : int{_bounds(variable) or '[0,1]'}")
         return found
 
-    def is_queue(self, channel: Channel) -> bool:
-        """Return whether messages wait in the channel: it is written as a counter."""
-        inside = ENVIRONMENT not in (channel.sender, channel.receiver)
-        return inside and channel.capacity > 0 and channel.name in self.read
-
-    def meets(self, name: str) -> bool:
-        """Return whether steps on the channel are synchronisations; on one that nobody reads they are not."""
-        channel = self.channels[name]
-        return not self.is_queue(channel) and (channel.receiver == ENVIRONMENT or name in self.read)
-
     def waits(self, taken: str, sends: Iterable[Send]) -> list[str]:
         """Return the conditions on queues: a message is there, and there is room for what is sent."""
-        guards = [f"{self.links[taken]} > 0"] if taken and self.is_queue(self.channels[taken]) else []
-        counts: dict[str, int] = {}
-        for send in sends:
-            if self.is_queue(self.channels[send.channel]):
-                counts[send.channel] = counts.get(send.channel, 0) + 1
-        for name, count in counts.items():
-            most = self.channels[name].capacity + (name == taken) - count
-            guards.append(f"{self.links[name]} <= {most}")
+        guards = [f"{self.links[taken].name} > 0"] if taken and self.links[taken].capacity else []
+        for name, count in Counter(send.channel for send in sends if self.links[send.channel].capacity).items():
+            guards.append(f"{self.links[name].name} <= {self.links[name].capacity + (name == taken) - count}")
         return guards
 
     def payload(self, send: Send) -> list[tuple[str, Expression]]:
         """Return where each part of a message goes: the slots of its channel."""
-        channel = self.channels[send.channel]
-        fields = self.classes[channel.message].fields
-        if len(send.payload) != len(fields) or (not self.meets(send.channel) and not self.is_queue(channel)):
+        link, fields = self.links[send.channel], self.fields[send.channel]
+        if len(send.payload) != len(fields) or not (link.meets or link.capacity):
             return []
-        at = f"[{self.links[channel.name]}]" if self.is_queue(channel) else ""
-        slots = (
-            (self.slots.get((channel.name, part.name)), value) for part, value in zip(fields, send.payload, strict=True)
-        )
-        return [(f"{slot}{at}", value) for slot, value in slots if slot is not None]
+        at = f"[{link.name}]" if link.capacity else ""
+        parts = zip(fields, send.payload, strict=True)
+        return [(link.slots[part.name][0] + at, value) for part, value in parts if part.name in link.slots]
 
     def shifted(self, name: str) -> list[str]:
         """Return the updates that take the first message out of a queue."""
-        channel = self.channels[name]
-        if not self.is_queue(channel):
-            return []
-        slots = [slot for (owner, _), slot in self.slots.items() if owner == name]
-        moves = [f"{slot}[{at}] = {slot}[{at + 1}]" for slot in slots for at in range(channel.capacity)]
-        return [*moves, f"{self.links[name]}--"]
+        link = self.links[name]
+        slots = [slot for slot, _ in link.slots.values()]
+        moves = [f"{slot}[{at}] = {slot}[{at + 1}]" for slot in slots for at in range(link.capacity)]
+        return [*moves, f"{link.name}--"] if link.capacity else []
 
     def tester(self) -> list[str]:
         """Return the synchronisations of the tester: it is always ready."""
-        found = []
-        for channel in self.cefsm.channels:
-            if ENVIRONMENT in (channel.sender, channel.receiver) and self.meets(channel.name):
-                found.append(f"{self.links[channel.name]}{'!' if channel.sender == ENVIRONMENT else '?'}")
-        return found
+        outer = [each for each in self.cefsm.channels if ENVIRONMENT in (each.sender, each.receiver)]
+        met = [(self.links[each.name], "!" if each.sender == ENVIRONMENT else "?") for each in outer]
+        return [link.name + sign for link, sign in met if link.meets]
 
-    def _open(self, channel: Channel) -> None:
-        where = f"channel {channel.name!r}"
-        if self.is_queue(channel):
-            rule = f"the queue of {channel.capacity} is a counter there, and does not come back as a channel"
-            self.losses.add(where, channel.line, rule)
-        elif ENVIRONMENT in (channel.sender, channel.receiver) and channel.capacity:
-            self.losses.add(where, channel.line, "has no capacity there: the tester is always ready")
-        if self.links[channel.name] != channel.name:
-            self.losses.add(where, channel.line, f"is called {self.links[channel.name]!r} there")
+    def _link(self, channel: Channel, name: str, is_read: bool) -> Wire:
+        where, line, fields = f"channel {channel.name!r}", channel.line, self.fields[channel.name]
+        is_outer = ENVIRONMENT in (channel.sender, channel.receiver)
+        capacity = channel.capacity if is_read and not is_outer else 0
+        if capacity:
+            rule = f"the queue of {capacity} is a counter there, and does not come back as a channel"
+            self.losses.add(where, line, rule)
+        elif is_outer and channel.capacity:
+            self.losses.add(where, line, "has no capacity there: the tester is always ready")
+        if name != channel.name:
+            self.losses.add(where, line, f"is called {name!r} there")
         if channel.topic:
-            self.losses.add(where, channel.line, f"its topic {channel.topic!r} is not written")
-        fields = self.classes[channel.message].fields
+            self.losses.add(where, line, f"its topic {channel.topic!r} is not written")
         if fields:
             rule = f"messages are variables there, and the class {channel.message!r} does not come back"
-            self.losses.add(where, channel.line, rule)
+            self.losses.add(where, line, rule)
+        slots: dict[str, tuple[str, str]] = {}
         for part in fields:
-            if ENVIRONMENT in (channel.sender, channel.receiver) or part.type not in ("bool", "int") or part.shape:
+            if is_outer or part.type not in ("bool", "int") or part.shape:
                 rule = f"its field {part.name!r} is not written: what the tester or a message of that type says is open"
-                self.losses.add(where, channel.line, rule)
+                self.losses.add(where, line, rule)
             else:
-                slot = self.names.identifier(f"{self.links[channel.name]}_{part.name}")
-                self.slots[channel.name, part.name] = slot
+                slots[part.name] = self.names.identifier(f"{name}_{part.name}"), part.type
+        return Wire(name, capacity, not capacity and (channel.receiver == ENVIRONMENT or is_read), slots)
 
     def _name(self, component: Component, variable: Variable) -> None:
         where = f"variable '{component.name}.{variable.name}'"
@@ -202,11 +190,6 @@ class Shared:
         if name != variable.name:
             self.losses.add(where, variable.line, f"is called {name!r} there")
         self.variables[component.name, variable.name] = name
-
-
-def _variables(cefsm: Cefsm) -> Iterator[Variable]:
-    for component in cefsm.components:
-        yield from component.variables
 
 
 def _bounds(variable: Variable) -> str:

@@ -1,4 +1,4 @@
-"""A process to its steps: texts at edges translated, selections and varying channels written out."""
+"""Works out the steps of a process: texts are translated, selections and varying channels written out."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ class Steps:
         ]
         where = self._where(way[0].line)
         ranges = [around.shape(each.type, where).values(where) for each in selections]
-        # Texts are translated anew for each selection, and for each process.
+        # Texts are translated again for each selection, and for each process.
         size = sum(len(label.text) for edge in way for label in edge.labels.values())
         selected = prod(len(tuple(each)) for each in ranges)
         around.cells.spend(where, selected * (size // 400 + bool(selections)))

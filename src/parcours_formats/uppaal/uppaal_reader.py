@@ -1,4 +1,4 @@
-"""The text of a UPPAAL file to a model: its parts read, instantiated, written out and composed."""
+"""Reads a UPPAAL file as a model: its parts are read, instantiated, written out and composed."""
 
 from __future__ import annotations
 
@@ -23,10 +23,6 @@ from parcours_formats.xml_lines import parse_xml
 
 def read(text: str, origin: str) -> Reading:
     """Return the system of a UPPAAL file as a model.
-
-    Args:
-        text: XML with the root element `nta`.
-        origin: the file's name, for messages.
 
     Raises:
         BadModel: the file is not well formed, or says what cannot be translated.

@@ -1,4 +1,4 @@
-"""A model to a UPPAAL file: one template a machine, one process a template.
+"""Writes a model as a UPPAAL file: one template for each machine, one process for each template.
 
 Rendezvous are channels, and a process `Environment` is the tester. A bounded queue is a counter with one array for
 each field; an input is a selection at each edge that reads it; a duration is a clock of its machine.
@@ -87,7 +87,7 @@ class _Template:
         declared += [f"clock {self.since};"] if self.since else []
         yield f"\t<template>\n\t\t<name>{self.name}</name>"
         yield f"\t\t<declaration>{escape(chr(10).join(declared))}</declaration>"
-        shown = Names([*WORDS, *self.shared.variables.values(), *self.shared.links.values()])
+        shown = Names([*WORDS, *self.shared.variables.values(), *(link.name for link in self.shared.links.values())])
         for number, state in enumerate(machine.states):
             name = shown.identifier(state)
             if name != state:
@@ -129,13 +129,14 @@ class _Template:
             for slot, part in shared.payload(send):
                 if value := self.said(part, where, line, f"what it sends on {send.channel!r}", rendering):
                     updates.append(f"{slot} = {value}")
-            updates += [f"{shared.links[send.channel]}++"] if shared.is_queue(shared.channels[send.channel]) else []
+            updates += [f"{shared.links[send.channel].name}++"] if shared.links[send.channel].capacity else []
         updates += [f"{self.since} = 0"] if self.since else []
-        meetings = [f"{shared.links[taken]}?"] if taken and shared.meets(taken) else []
+        meetings = [f"{shared.links[taken].name}?"] if taken and shared.links[taken].meets else []
         for send in transition.sends:
-            if shared.meets(send.channel):
-                meetings.append(f"{shared.links[send.channel]}!")
-            elif not shared.is_queue(shared.channels[send.channel]):
+            link = shared.links[send.channel]
+            if link.meets:
+                meetings.append(f"{link.name}!")
+            elif not link.capacity:
                 self.lose(where, line, f"its message on {send.channel!r} is not written: nobody reads it")
         if transition.weight != 1:
             self.lose(where, line, f"its weight {transition.weight} is not written")
