@@ -13,17 +13,9 @@ from xml.sax.saxutils import escape, quoteattr
 from parcours.errors import BadModel
 from parcours.model.conversion import Reading, Writing
 from parcours.model.structure import Cefsm
+from parcours_formats.graphwalker import labels
 from parcours_formats.graphwalker.joining import START, joined
-from parcours_formats.graphwalker.labels import (
-    Edge,
-    Model,
-    Vertex,
-    as_edge,
-    as_vertex,
-    edge_label,
-    plain_text,
-    vertex_label,
-)
+from parcours_formats.graphwalker.labels import Edge, Model, Vertex
 from parcours_formats.graphwalker.parting import parted
 from parcours_formats.losses import Losses
 from parcours_formats.naming import as_label, stem
@@ -81,7 +73,7 @@ class _Reader:
             self.inside[id] = group or (id if inner is not None else "")
             label = self.label(node, "NodeLabel")
             self.described_too(node, f"node {id!r}")
-            vertex, initial = as_vertex(label, id, node.line)
+            vertex, initial = labels.as_vertex(label, id, node.line)
             if inner is None:
                 self.vertices[id], self.initial[id] = vertex, initial
             else:
@@ -97,13 +89,13 @@ class _Reader:
                     self.vertices.setdefault(end, self.frames[end])
             label = self.label(edge, "EdgeLabel")
             self.described_too(edge, f"edge from {ends[0]!r} to {ends[1]!r}")
-            self.edges.append(as_edge(label, edge.get("id"), *ends, line=edge.line))
+            self.edges.append(labels.as_edge(label, edge.get("id"), *ends, line=edge.line))
 
     def label(self, element: Element, tag: str) -> str:
         inner = [child for data in element.all("data") for child in data.children]
-        labels = [each for child in inner for each in child.walk() if each.tag == tag and each.text.strip()]
-        if labels:
-            return "\n".join(plain_text(each.text) for each in labels)
+        found = [each for child in inner for each in child.walk() if each.tag == tag and each.text.strip()]
+        if found:
+            return "\n".join(labels.plain_text(each.text) for each in found)
         plain = {self.keys.get(data.get("key"), ""): data.text for data in element.all("data") if not data.children}
         return plain.get("label") or plain.get("name") or ""
 
@@ -179,10 +171,10 @@ def _drawn(model: Model, start: str) -> Iterator[str]:
     yield _node(start, START, 0)
     for number, vertex in enumerate(model.vertices, 1):
         initial = model.actions if vertex.id == model.start else ()
-        yield _node(vertex.id, vertex_label(vertex, initial), number)
+        yield _node(vertex.id, labels.vertex_label(vertex, initial), number)
     yield _edge(f"{start}e", start, model.start, "")
     for edge in model.edges:
-        yield _edge(edge.id, edge.source, edge.target, edge_label(edge))
+        yield _edge(edge.id, edge.source, edge.target, labels.edge_label(edge))
 
 
 def _node(id: str, label: str, number: int) -> str:

@@ -79,6 +79,7 @@ class Tokens:
     def __init__(self, text: str, language: Language, where: str, line: int = 0) -> None:
         self.text, self.language, self.origin, self.line = text, language, where, line
         self.position = 0
+        self._words = _WORDS if language == "javascript" else _UPPAAL_WORDS
         self._breaks: list[int] = []
         self._end = Token("end", "", len(text))
         self._all = [self._end]
@@ -142,11 +143,8 @@ class Tokens:
     def name(self, wanted: str) -> str:
         """Take the next token, which must be a name, and return it."""
         token = self.token
-        words = _WORDS if self.language == "javascript" else _UPPAAL_WORDS
-        if token.kind != "name":
+        if token.kind != "name" or token.text in self._words:
             self.fail(wanted)
-        if token.text in words:
-            self.refuse(words[token.text].format(repr(token.text)))
         self.position += 1
         return token.text
 
@@ -183,11 +181,8 @@ class Tokens:
     def fail(self, wanted: str) -> NoReturn:
         """Raise the complaint that something else was expected, or the refusal of what stands there."""
         token = self.token
-        if token.kind == "sign" and token.text in _SIGNS:
-            self.refuse(_SIGNS[token.text].format(repr(token.text)))
-        words = _WORDS if self.language == "javascript" else _UPPAAL_WORDS
-        if token.kind == "name" and token.text in words:
-            self.refuse(words[token.text].format(repr(token.text)))
+        if what := (_SIGNS if token.kind == "sign" else self._words if token.kind == "name" else {}).get(token.text):
+            self.refuse(what.format(repr(token.text)))
         found = "the end" if token.kind == "end" else repr(token.text[:40])
         self._fail_at(token, f"{wanted} must stand at the caret, but found {found}", "foreign-syntax")
 

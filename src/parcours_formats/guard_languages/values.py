@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Set
 from dataclasses import replace
 from itertools import product
+from math import prod
 from typing import TypeAlias
 
 from parcours.errors import BadModel
@@ -33,9 +34,7 @@ def always(value: Expression) -> Cases:
 
 def joined(where: str, make: Callable[..., Expression], *operands: Cases) -> Cases:
     """Return the cases of an operation whose operands have cases."""
-    count = 1
-    for operand in operands:
-        count *= len(operand)
+    count = prod(map(len, operands))
     if count > MAX_CASES:
         rule = f"a translated value has at most {MAX_CASES} cases, but this one has {count}"
         raise BadModel(where, rule, "split the expression", slug="expression-size")

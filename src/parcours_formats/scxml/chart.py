@@ -167,14 +167,14 @@ class Configuration:
 
     def atoms(self) -> list[Node]:
         """Return the active states that have none inside, in the order of the document."""
-        return sorted((node for node in self.active if node.is_atomic), key=_order)
+        return sorted((node for node in self.active if node.is_atomic), key=in_order)
 
     @property
     def name(self) -> str:
         """The ids of the innermost active states, with what histories remember."""
         name = " | ".join(node.id for node in self.atoms())
         kept = sorted(
-            f"{history.id}: {' | '.join(node.id for node in sorted(nodes, key=_order))}"
+            f"{history.id}: {' | '.join(node.id for node in sorted(nodes, key=in_order))}"
             for history, nodes in self.remembered
         )
         return f"{name} ({', '.join(kept)})" if kept else name
@@ -216,7 +216,7 @@ def take(arcs: Iterable[Arc], configuration: Configuration) -> tuple[Configurati
     leaving = {node for arc in arcs for node in exits(arc, configuration)}
     remembered = dict(configuration.remembered)
     done: list[Element] = []
-    for node in sorted(leaving, key=_order, reverse=True):
+    for node in sorted(leaving, key=in_order, reverse=True):
         for history in (child for child in node.children if child.kind == "history"):
             inside = (each for each in configuration.active if each.is_inside(node))
             remembered[history] = frozenset(
@@ -320,12 +320,13 @@ class _Moves:
         self, staying: frozenset[Node], remembered: frozenset[tuple[Node, frozenset[Node]]]
     ) -> tuple[Configuration, list[Element]]:
         done: list[Element] = []
-        for node in sorted(self.entering - staying, key=_order):
+        for node in sorted(self.entering - staying, key=in_order):
             done += node.entry
             done += self.defaults.get(node, ())
         active = frozenset(node for node in self.entering | staying if node.kind != "scxml")
         return Configuration(active, remembered), done
 
 
-def _order(node: Node) -> int:
+def in_order(node: Node) -> int:
+    """Return the place of a state in the document."""
     return node.order

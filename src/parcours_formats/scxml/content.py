@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Set
+from collections.abc import Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass, field, replace
+from typing import TypeAlias
 
 from parcours.errors import BadModel
 from parcours.model.expression import Expression, Name
@@ -27,6 +28,10 @@ from parcours_formats.xml_lines import Element
 
 _DELAY = re.compile(r"([0-9]{0,9}\.?[0-9]{1,9})(s|ms)?")
 _IGNORED = {"log": "log is left out", "cancel": "cancel is left out: what was sent arrives"}
+
+
+Option: TypeAlias = tuple[str, str, Sequence[Element]]
+"""A condition, where it stands, and what is done if it holds."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,18 +140,16 @@ class Content:
                 raise BadModel(self.where(element), rule, "split it", slug="expression-size")
         return now
 
-    def under(
-        self, condition: str, elements: Iterable[Element], scope: Scope, where: str, before: Iterable[Outcome]
-    ) -> list[Outcome]:
-        """Return what elements do behind what was done before, if a condition holds then."""
-        elements, found = tuple(elements), list[Outcome]()
-        for outcome in before:
+    def chosen(self, options: Iterable[Option], scope: Scope, outcome: Outcome) -> list[Outcome]:
+        """Return what the first option whose condition holds does behind what was done before, or none of them."""
+        found, rest = list[Outcome](), outcome.branch.guard
+        for condition, where, block in options:
             choice = outcome.branch.before(self.condition(condition, scope, where), where)
-            for holds, block in ((choice, elements), (negation(choice), ())):
-                guard = conjunction((outcome.branch.guard, holds))
-                if guard != FALSE:
-                    found += self.run(block, scope, [outcome.under(guard)])
-        return found
+            guard = sized(conjunction((rest, choice)), where)
+            if guard != FALSE:
+                found += self.run(block, scope, [outcome.under(guard)])
+            rest = sized(conjunction((rest, negation(choice))), where)
+        return found if rest == FALSE else [*found, outcome.under(rest)]
 
     def lose(self, element: Element, what: str) -> None:
         """Note that something is left out."""
@@ -165,7 +168,7 @@ class Content:
                 statements = ChartParser(Tokens(element.text, "javascript", where)).statements()
                 return self._performed(statements, scope, where, outcome)
             case "if":
-                return self._chosen(element, scope, outcome)
+                return self.chosen(self._options(element), scope, outcome)
             case "raise" | "send":
                 if len(outcome.sent) >= MAX_ACTIONS:
                     rule = f"content sends at most {MAX_ACTIONS} events, but this sends more"
@@ -183,25 +186,14 @@ class Content:
             statements = tuple(spread(tuple(statements), scope.wholes, where))
         return [replace(outcome, branch=each) for each in performed(statements, scope, where, outcome.branch)]
 
-    def _chosen(self, element: Element, scope: Scope, outcome: Outcome) -> list[Outcome]:
-        found: list[Outcome] = []
-        rest, condition = outcome.branch.guard, element.get("cond")
-        block: list[Element] = []
-        head = element
-        for child in [*element.children, None]:
-            if child is not None and child.tag not in ("else", "elseif"):
-                block.append(child)
-                continue
-            choice = outcome.branch.before(self.condition(condition, scope, self.where(head)), self.where(head))
-            guard = sized(conjunction((rest, choice)), self.where(head))
-            if guard != FALSE:
-                found += self.run(block, scope, [outcome.under(guard)])
-            rest = sized(conjunction((rest, negation(choice))), self.where(head))
-            if child is not None:
-                head, condition, block = child, child.get("cond") if child.tag == "elseif" else "", []
-            elif rest != FALSE:
-                found.append(outcome.under(rest))
-        return found
+    def _options(self, element: Element) -> Iterable[Option]:
+        options: list[tuple[str, str, list[Element]]] = [(element.get("cond"), self.where(element), [])]
+        for child in element.children:
+            if child.tag in ("else", "elseif"):
+                options.append((child.get("cond") if child.tag == "elseif" else "", self.where(child), []))
+            else:
+                options[-1][2].append(child)
+        return options
 
     def _sent(self, element: Element, where: str) -> Sent:
         event = element.get("event")

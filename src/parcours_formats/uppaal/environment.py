@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import ChainMap
 from collections.abc import Iterable
 from dataclasses import replace
 from typing import Self, TypeVar
@@ -35,7 +36,7 @@ class Environment(Scope):
     def __init__(self, cells: Cells, prefix: str = "", around: Environment | None = None) -> None:
         super().__init__("uppaal", cells.kinds, cells.naturals)
         self.cells, self.prefix, self.around = cells, prefix, around
-        self.names: dict[str, Symbol] = {}
+        self.names: ChainMap[str, Symbol] = around.names.new_child() if around is not None else ChainMap()
 
     def inner(self, prefix: str = "") -> Self:
         """Return a scope inside this one."""
@@ -43,21 +44,16 @@ class Environment(Scope):
 
     def find(self, name: str, where: str) -> Symbol:
         """Return what a name means. Raises BadModel if nothing."""
-        here: Environment | None = self
-        while here is not None:
-            if name in here.names:
-                return here.names[name]
-            here = here.around
-        raise BadModel(where, f"a name must be declared, but {name!r} is not", "declare it", slug="unknown-name")
-
-    def knows(self, name: str) -> bool:
-        """Return whether a name means something here."""
-        return name in self.names or (self.around is not None and self.around.knows(name))
+        try:
+            return self.names[name]
+        except KeyError:
+            rule = f"a name must be declared, but {name!r} is not"
+            raise BadModel(where, rule, "declare it", slug="unknown-name") from None
 
     def home(self, symbol: Symbol) -> Environment:
         """Return the scope in which a symbol was declared."""
         here = self
-        while here.around is not None and not any(each is symbol for each in here.names.values()):
+        while here.around is not None and not any(each is symbol for each in here.names.maps[0].values()):
             here = here.around
         return here
 
@@ -94,6 +90,13 @@ class Environment(Scope):
                 return self._elements(self.locate(of, where), Translation(self, where).number(index), where)
             case _:
                 raise refusal(where, "a value where a variable or channel must stand")
+
+    def place(self, argument: Tree, where: str) -> Symbol:
+        """Return the only symbol that an argument stands for."""
+        places = self.locate(argument, where)
+        if len(places) != 1:
+            raise refusal(where, "an index that varies in an argument")
+        return places[0][1]
 
     def _elements(
         self, places: list[tuple[Expression, Symbol]], indices: Cases, where: str

@@ -178,10 +178,7 @@ class Execution:
         for parameter, argument in zip(routine.parameters, call.arguments, strict=True):
             shape = inner.shape(parameter.type, self.where, parameter.lengths)
             if parameter.is_reference or shape.lengths or shape.kind == "struct":
-                places = self.scope.locate(argument, self.where)
-                if len(places) != 1:
-                    raise refusal(self.where, "an index that varies in an argument")
-                inner.names[parameter.name] = places[0][1]
+                inner.names[parameter.name] = self.scope.place(argument, self.where)
             else:
                 made, cells = self.scope.cells.make_local(parameter.name, shape, parameter.line, self.where)
                 inner.names[parameter.name] = made
@@ -246,8 +243,6 @@ class CallingEnvironment(Environment):
 
     def applied(self, tree: Applied, where: str) -> Cases:
         """Return the value of a call: of a function of the file, or of the language."""
-        if self.knows(tree.function):
-            routine = self.find(tree.function, where)
-            if isinstance(routine, Routine):
-                return value_of(tree, self, routine, where)
+        if isinstance(routine := self.names.get(tree.function), Routine):
+            return value_of(tree, self, routine, where)
         return super().applied(tree, where)

@@ -55,8 +55,7 @@ class Instantiation:
         found: list[Process] = []
         for name in self.systems[-1].names:
             where = f"{self.origin}:{self.systems[-1].line}"
-            instance = self.instances.get(name)
-            parameters = instance.parameters if instance is not None else self.template(name, where).parameters
+            parameters = (self.instances.get(name) or self.template(name, where)).parameters
             for scope, values in self.choices(parameters, where, MAX_PROCESSES - len(found)):
                 template, environment = self.bound(name, scope, where, 0)
                 if template.initial not in template.locations:
@@ -114,7 +113,7 @@ class Instantiation:
             raise BadModel(where, rule, "name a template", slug="uppaal-structure")
         where = f"{self.origin}:{instance.line}"
         inner = self.instances.get(instance.template)
-        parameters = inner.parameters if inner is not None else self.template(instance.template, where).parameters
+        parameters = (inner or self.template(instance.template, where)).parameters
         if len(parameters) != len(instance.arguments):
             given = len(instance.arguments)
             rule = f"{instance.template!r} has {len(parameters)} parameters, but gets {given} arguments"
@@ -128,10 +127,7 @@ class Instantiation:
         """Let a parameter mean its argument: the place itself, or its value."""
         shape = self.around.shape(parameter.type, where, parameter.lengths)
         if parameter.is_reference or shape.lengths or shape.kind in ("chan", "clock", "struct"):
-            places = scope.locate(argument, where)
-            if len(places) != 1:
-                raise refusal(where, "an index that varies in an argument")
-            given.names[parameter.name] = places[0][1]
+            given.names[parameter.name] = scope.place(argument, where)
         else:
             value = scope.constant(argument, where)
             given.hold(parameter.name, bool(value) if shape.kind == "bool" else value)
