@@ -16,7 +16,7 @@ from itertools import pairwise
 
 from parcours.errors import BadModel
 from parcours.model.conversion import MAX_BYTES
-from parcours_formats.tokens import Tokens
+from parcours_formats.token_stream import TokenStream
 
 MAX_DEPTH = 50
 """Deepest nesting of subgraphs."""
@@ -101,7 +101,7 @@ class _Defaults:
     edge: Attributes
 
 
-class _Parser(Tokens):
+class _Parser(TokenStream):
     pattern = re.compile(
         r"""(?P<blank>[\s\ufeff]+ | //[^\n]* | /\*[^*]*\*+(?:[^/*][^*]*\*+)* / | \#[^\n]*)
           | (?P<id>[A-Za-z_\u0080-\U0010ffff][A-Za-z0-9_\u0080-\U0010ffff]* | -?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?))

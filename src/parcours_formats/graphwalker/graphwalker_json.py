@@ -21,7 +21,7 @@ from parcours_formats.graphwalker.labels import Edge, Model, Vertex
 from parcours_formats.graphwalker.parting import parted
 from parcours_formats.losses import Losses
 from parcours_formats.naming import as_label, stem
-from parcours_formats.tokens import Tokens
+from parcours_formats.token_stream import TokenStream
 
 MAX_DEPTH = 50
 """Deepest nesting of lists and objects."""
@@ -49,7 +49,7 @@ def parse_json(text: str, origin: str) -> Node:
     return found
 
 
-class _Parser(Tokens):
+class _Parser(TokenStream):
     pattern = re.compile(
         r"""(?P<blank>[ \t\r\n\ufeff]+ | //[^\n]* | /\*[^*]*\*+(?:[^/*][^*]*\*+)*/)
           | (?P<string>"[^"\\]*(?:\\.[^"\\]*)*")

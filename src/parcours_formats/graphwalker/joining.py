@@ -104,7 +104,7 @@ class _Walker:
     """One token on its models: the states, what leads from one to the other, and where it starts."""
 
     def __init__(self, joiner: _Joiner, models: Sequence[Model]) -> None:
-        self.joiner, self.models = joiner, models
+        self.joiner, self.models, self.lose = joiner, models, joiner.lose
         self.named = Names()
         self.fresh: list[str] = []
         self.drafts: list[Draft] = []
@@ -120,7 +120,7 @@ class _Walker:
             ids = self.edges(at, model)
             if model.predefined:
                 said = ", ".join(ids.get(each, each) for each in model.predefined)
-                joiner.lose(f"model {model.name!r}", model.line, f"its predefined path is not kept: {said}")
+                self.lose(f"model {model.name!r}", model.line, f"its predefined path is not kept: {said}")
         if not self.initial:
             self.guess()
         self.jump()
@@ -134,7 +134,7 @@ class _Walker:
         self.vertices[at][vertex.id] = vertex
         state = self.states[at, vertex.id] = self.named.label(wanted)
         if state != wanted:
-            self.joiner.lose(f"vertex {name!r}", vertex.line, f"its state is called {state!r}")
+            self.lose(f"vertex {name!r}", vertex.line, f"its state is called {state!r}")
 
     def start(self, at: int, model: Model) -> None:
         """Find where the token starts, if it does in this model and has no start yet."""
@@ -146,13 +146,11 @@ class _Walker:
             opening = []
         if not (opening or marked or at_vertex):
             if model.start and not any(model.start in [e.id for e in other.edges] for other in self.models):
-                self.joiner.lose(
-                    f"model {model.name!r}", model.line, f"no element has its startElementId {model.start!r}"
-                )
+                self.lose(f"model {model.name!r}", model.line, f"no element has its startElementId {model.start!r}")
             return
         if self.initial:
             what = f"the walk starts in model {self.first.name!r}; this model is entered through shared states only"
-            self.joiner.lose(f"model {model.name!r}", model.line, what)
+            self.lose(f"model {model.name!r}", model.line, what)
             self.pass_over(opening)
             return
         self.first = model
@@ -176,7 +174,7 @@ class _Walker:
         for edge in opening:
             if not edge.source:
                 what = "it has no source, and the walk starts elsewhere; it is left out"
-                self.joiner.lose(f"edge {edge.name or edge.id!r}", edge.line, what)
+                self.lose(f"edge {edge.name or edge.id!r}", edge.line, what)
 
     def edges(self, at: int, model: Model) -> dict[str, str]:
         """Add a draft for each edge that has a source; return the id of the draft by that of the edge."""
@@ -192,9 +190,9 @@ class _Walker:
         name = edge.name or f"{source} to {target}"
         id = self.joiner.ids.label(name)
         if edge.name and id != edge.name:
-            self.joiner.lose(f"edge {name!r}", edge.line, f"its transition is called {id!r}")
+            self.lose(f"edge {name!r}", edge.line, f"its transition is called {id!r}")
         if edge.dependency:
-            self.joiner.lose(f"edge {name!r}", edge.line, f"its dependency {edge.dependency} is not kept")
+            self.lose(f"edge {name!r}", edge.line, f"its dependency {edge.dependency} is not kept")
         actions = (*edge.actions, *self.vertices[at][edge.target].actions)
         self.drafts.append(Draft(id, source, target, model.name, edge.guard, actions, weight, edge.line))
         return id
@@ -214,7 +212,7 @@ class _Walker:
         vertex = next((each for each in model.vertices if each.id not in entered), model.vertices[0])
         self.initial = self.states[0, vertex.id]
         what = f"nothing says where the walk starts; it starts in {self.initial!r}"
-        self.joiner.lose(f"model {model.name!r}", model.line, what)
+        self.lose(f"model {model.name!r}", model.line, what)
 
     def jump(self) -> None:
         """Add the jumps between vertices of different models that share a state."""
@@ -227,7 +225,7 @@ class _Walker:
             if len({at for at, _ in found}) == 1:
                 what = f"no other model of this file has its shared state {shared!r}; it is not kept"
                 for _, vertex in found:
-                    self.joiner.lose(f"vertex {vertex.name!r}", vertex.line, what)
+                    self.lose(f"vertex {vertex.name!r}", vertex.line, what)
             self.joiner.jumps += len(found) ** 2
             if self.joiner.jumps > MAX_JUMPS:
                 rule = f"shared states have at most {MAX_JUMPS} jumps, but {shared!r} makes them {self.joiner.jumps}"

@@ -102,10 +102,8 @@ class Parser:
     def _atom(self) -> Tree:
         tokens = self.tokens
         token = tokens.token
-        if tokens.accept("("):
-            inner = self.condition()
-            tokens.expect(")")
-            return inner
+        if token.kind == "sign" and token.text == "(":
+            return self.braced()
         if token.kind in ("int", "real", "text"):
             tokens.position += 1
             return Constant(tokens.value(token))
@@ -159,9 +157,7 @@ class Parser:
         if tokens.accept("{"):
             return self.statements("}")
         if tokens.accept_word("if"):
-            tokens.expect("(")
-            condition = self.condition()
-            tokens.expect(")")
+            condition = self.braced()
             yes = self.inner()
             tokens.accept(";")
             no = self.inner() if tokens.accept_word("else") else ()
@@ -182,6 +178,13 @@ class Parser:
         if tokens.token.text in _ASSIGNING and tokens.token.kind == "sign":
             tokens.refuse("an assignment inside an expression")
         return (Set(place, Infix(_ASSIGNING[sign], place, value) if _ASSIGNING[sign] else value),)
+
+    def braced(self) -> Tree:
+        """Return a condition in parentheses."""
+        self.tokens.expect("(")
+        condition = self.condition()
+        self.tokens.expect(")")
+        return condition
 
     def _step(self) -> str:
         """Take `++` or `--` if it is next; return its operator."""

@@ -26,7 +26,7 @@ from parcours.data.schema import MAX_COLUMNS
 from parcours.errors import BadDomain, one_of
 from parcours.model.expression import Binary, Expression, Literal, Name, Unary
 from parcours_formats.naming import Names
-from parcours_formats.tokens import Tokens
+from parcours_formats.token_stream import TokenStream
 
 MAX_TERMS = 100_000
 """Most comparisons that the constraints of a file become."""
@@ -70,7 +70,7 @@ def constraints_in(
         yield constraint_of(names.label(f"line_{line}"), rule, domains)
 
 
-class _Parser(Tokens):
+class _Parser(TokenStream):
     pattern = re.compile(
         r"""(?P<blank>\s+)
           | (?P<parameter>\[[^\[\]\n]{1,200}\])

@@ -8,7 +8,7 @@ from typing import ClassVar, NoReturn
 from parcours.errors import BadModel
 
 
-class Tokens:
+class TokenStream:
     """The tokens of one text, read one after the other; `kind` and `token` are those of the next one.
 
     `kind` is the name of a group of `pattern`, `end`, or `strange` where nothing matches; blanks are skipped.
