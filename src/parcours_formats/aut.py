@@ -157,9 +157,8 @@ class _System:
             states[source] = states[target] = None
             found += 1
             if found > self.promised:
-                self.refuse(
-                    f"the header (line {header}) promises {self.promised} transitions, but here is one more", _ADVICE
-                )
+                promise = f"the header (line {header}) promises {self.promised} transitions"
+                self.refuse(f"{promise}, but here is one more", _ADVICE)
             yield source, label, target, self.line
         if found != self.promised:
             self.line = header

@@ -87,9 +87,8 @@ def _of_transition(transition: Transition, lacks: Set[str]) -> Iterator[Loss]:
     if transition.actions and "actions" in lacks:
         yield Loss(where, transition.line, f'its action "{"; ".join(map(str, transition.actions))}" is not written')
     if transition.event is not None and "events" in lacks:
-        yield Loss(
-            where, transition.line, f"its event {transition.event.channel!r} is not written; it needs none there"
-        )
+        what = f"its event {transition.event.channel!r} is not written; it needs none there"
+        yield Loss(where, transition.line, what)
     for send in transition.sends:
         if "sends" in lacks:
             yield Loss(where, transition.line, f"its message {send.channel!r} is not written")

@@ -86,9 +86,8 @@ def is_alphabetic(cefsm: Cefsm) -> bool:
 def unsaid_of_channels(cefsm: Cefsm, symbols: dict[str, str]) -> Iterator[Loss]:
     """Yield what symbols do not say of the channels they stand for."""
     transitions = [each for component in cefsm.components for each in component.transitions()]
-    used = {each.event.channel for each in transitions if each.event} | {
-        s.channel for t in transitions for s in t.sends
-    }
+    used = {each.event.channel for each in transitions if each.event}
+    used |= {send.channel for each in transitions for send in each.sends}
     classes = {message.name: message for message in cefsm.messages}
     for channel in cefsm.channels:
         where = f"channel {channel.name!r}"

@@ -114,9 +114,8 @@ class _Builder:
         self.texts[-1].append(text)
 
     def entity(self, name: str | None) -> NoReturn:
-        self.refuse(
-            f"an XML file declares no entities, but here is {(name or '')[:40]!r}", "xml-entity", "write it out"
-        )
+        rule = f"an XML file declares no entities, but here is {(name or '')[:40]!r}"
+        self.refuse(rule, "xml-entity", "write it out")
 
     def refuse(self, rule: str, slug: str, remedy: str = "") -> NoReturn:
         raise BadModel(f"{self.origin}:{self.parser.CurrentLineNumber}", rule, remedy, slug=slug)

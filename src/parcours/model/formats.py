@@ -1,4 +1,4 @@
-"""Model files of any known format to models and back, each with a report of what is lost (docs/formats.md)."""
+"""Reads and writes model files of any known format, with a report of what is lost (docs/formats.md)."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.metadata import entry_points
 from pathlib import Path
-from typing import Protocol, cast
+from typing import Any, Protocol, cast
 
 from parcours.errors import BadModel, BadRequest, require_known
 from parcours.model.conversion import MAX_BYTES, Loss, Reading, Writing, text_of
@@ -48,13 +48,18 @@ GROUP = "parcours.formats"
 """Entry points of this group are mappings of names to formats, which packages add."""
 
 
+def packaged(group: str) -> dict[str, Any]:
+    """Return what packages add under a group of entry points, each of which is a mapping by name."""
+    found: dict[str, Any] = {}
+    for entry in sorted(entry_points(group=group), key=lambda entry: entry.name):
+        found |= entry.load()
+    return found
+
+
 @functools.cache
 def formats() -> Mapping[str, Format]:
     """Return all formats by name: our own first, then those that packages add."""
-    found = {"native": NATIVE}
-    for entry in sorted(entry_points(group=GROUP), key=lambda entry: entry.name):
-        found |= entry.load()
-    return found
+    return {"native": NATIVE} | packaged(GROUP)
 
 
 class _Module(Protocol):
@@ -83,7 +88,7 @@ def read_any(path: str | Path, name: str = "") -> Reading:
         return _module(name).read(text_of(path, formats()[name].largest), str(path))
     among = _with_suffix(path)
     text = text_of(path, max(formats()[each].largest for each in among))
-    return _module(_told(among, text, path)).read(text, str(path))
+    return _module(_marked(among, text, path)).read(text, str(path))
 
 
 def write_as(cefsm: Cefsm, name: str) -> Writing:
@@ -121,7 +126,7 @@ def _with_suffix(path: Path) -> list[str]:
     return found
 
 
-def _told(among: list[str], text: str, path: Path) -> str:
+def _marked(among: list[str], text: str, path: Path) -> str:
     readable = [name for name in among if formats()[name].reads]
     if not readable:
         rule = f"{formats()[among[0]].title} is only written, but this file was to be read"

@@ -236,9 +236,8 @@ class _Walker:
                         source, target = self.states[at, vertex.id], self.states[to, entered.id]
                         id = self.joiner.ids.label(f"{shared}: {source} to {target}")
                         model = self.models[to]
-                        self.drafts.append(
-                            Draft(id, source, target, model.name, "", entered.actions, line=entered.line)
-                        )
+                        draft = Draft(id, source, target, model.name, actions=entered.actions, line=entered.line)
+                        self.drafts.append(draft)
 
 
 def _weights(edges: Sequence[Edge]) -> dict[int, float]:

@@ -104,11 +104,9 @@ def _meant(draft: Draft, scope: _Variables, origin: str) -> list[Branch]:
 def _transitions(draft: Draft, found: Sequence[Branch], ids: Names) -> list[Transition]:
     made: list[Transition] = []
     for branch in found:
-        id = ids.label(draft.id) if made else draft.id
+        ends = (ids.label(draft.id) if made else draft.id, draft.source, draft.target, None)
         held = None if branch.guard == TRUE else branch.guard
-        made.append(
-            Transition(id, draft.source, draft.target, None, held, branch.actions, weight=draft.weight, line=draft.line)
-        )
+        made.append(Transition(*ends, held, branch.actions, weight=draft.weight, line=draft.line))
     return made
 
 
@@ -127,10 +125,8 @@ def declared(
     known = variables(initial, later, where)
     kinds = {each.name: each.type for each in known}
     read = [*guards, *(action.value for action in later)]
-    rest = dict.fromkeys(
-        [*(action.target for action in later), *(name for each in read for name in sorted(names(each)))]
-    )
-    rest = {name: None for name in rest if name not in kinds}
+    used = [*(action.target for action in later), *(name for each in read for name in sorted(names(each)))]
+    rest = dict.fromkeys(name for name in used if name not in kinds)
     if rest:
         _infer(kinds, later, read)
     losses = Losses()
@@ -150,9 +146,8 @@ def declared(
     for action in later:
         given, wanted = kind_of(action.value, kinds), kinds[action.target]
         if given and given != wanted and (wanted, given) != ("real", "int"):
-            rule = (
-                f'a variable has one type, but {action.target!r} is {wanted}, and is set to "{action.value}", {given}'
-            )
+            uses = f'{action.target!r} is {wanted}, and is set to "{action.value}", {given}'
+            rule = f"a variable has one type, but {uses}"
             raise BadModel(where, rule, "use two variables", slug="type")
     values = _enumerated(initial, later, read)
     return tuple(_as_enum(each, values.get(each.name)) for each in found), losses

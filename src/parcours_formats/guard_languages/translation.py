@@ -12,6 +12,7 @@ from parcours.model.nodes import is_identifier
 from parcours_formats.guard_languages import foreign_syntax as syntax
 from parcours_formats.guard_languages.foreign_tokens import Language
 from parcours_formats.guard_languages.values import (
+    FALSE,
     MAX_CASES,
     TRUE,
     Cases,
@@ -94,9 +95,8 @@ class Translation:
                 return negation(self.truth(operand))
             case syntax.Choice(condition, yes, no):
                 choice = self.truth(condition)
-                return disjunction(
-                    (conjunction((choice, self.truth(yes))), conjunction((negation(choice), self.truth(no))))
-                )
+                taken = conjunction((choice, self.truth(yes)))
+                return disjunction((taken, conjunction((negation(choice), self.truth(no)))))
             case _:
                 return holds([(case, self._true(value)) for case, value in self.value(tree)])
 
@@ -108,7 +108,7 @@ class Translation:
                 found.append((case, value))
                 continue
             for condition, number in ((value, 1), (negation(value), 0)):
-                if (both := conjunction((case, condition))) != Literal(False):
+                if (both := conjunction((case, condition))) != FALSE:
                     found.append((both, Literal(number)))
         return found
 
@@ -141,7 +141,7 @@ class Translation:
                 choice = self.truth(condition)
                 found = [(conjunction((choice, case)), value) for case, value in self.value(yes)]
                 found += [(conjunction((negation(choice), case)), value) for case, value in self.value(no)]
-                return [(case, value) for case, value in found if case != Literal(False)]
+                return [(case, value) for case, value in found if case != FALSE]
             case syntax.Applied():
                 return self.scope.applied(tree, self.where)
             case syntax.Record() | syntax.Series():
@@ -186,7 +186,7 @@ class Translation:
                 raise refusal(self.where, "+ on what is now a text, now a number")
             for first, left in self._spelled(a):
                 for second, right in self._spelled(b):
-                    if (both := conjunction((case, first, second))) != Literal(False):
+                    if (both := conjunction((case, first, second))) != FALSE:
                         found.append((both, Literal(left + right)))
         if len(found) > MAX_CASES:
             rule = f"a translated value has at most {MAX_CASES} cases, but this one has {len(found)}"
@@ -288,7 +288,7 @@ def _binary(operator: str) -> Callable[..., Expression]:
 def _by_sign(node: Expression, positive: Expression, negative: Expression) -> Cases:
     condition = folded(Binary(">=", node, Literal(0)))
     found = [(condition, positive), (negation(condition), negative)]
-    return [(case, value) for case, value in found if case != Literal(False)]
+    return [(case, value) for case, value in found if case != FALSE]
 
 
 def _pairs(cases: Cases) -> list[tuple[Expression, tuple[Expression, Expression]]]:

@@ -123,9 +123,8 @@ class _Reader:
         if len(self.parameters) >= MAX_COLUMNS:
             self.fail(f"a model has at most {MAX_COLUMNS} parameters, but this one has more", slug="columns")
         if title.startswith("$"):
-            self.losses.add(
-                f"parameter {title[:60]!r}", self.line, "a result parameter is combined like any other here"
-            )
+            what = "a result parameter is combined like any other here"
+            self.losses.add(f"parameter {title[:60]!r}", self.line, what)
         valid, invalid = self.values(title, listed)
         name = self.name(title)
         words = valid + invalid

@@ -134,9 +134,8 @@ class ChartReader:
                 node.starts = tuple(node.inner()[:1])
             for start in node.starts:
                 if not start.is_inside(node):
-                    self._fail(
-                        element, f"the initial state of {node.id!r} must lie inside it, but {start.id!r} does not"
-                    )
+                    rule = f"the initial state of {node.id!r} must lie inside it, but {start.id!r} does not"
+                    self._fail(element, rule)
         if node.kind == "scxml" and not node.inner():
             self._fail(element, "a document must have a state, but has none")
 
@@ -218,10 +217,9 @@ def take(arcs: Iterable[Arc], configuration: Configuration) -> tuple[Configurati
     done: list[Element] = []
     for node in sorted(leaving, key=in_order, reverse=True):
         for history in (child for child in node.children if child.kind == "history"):
-            inside = (each for each in configuration.active if each.is_inside(node))
-            remembered[history] = frozenset(
-                each for each in inside if (each.is_atomic if history.is_deep else each.parent is node)
-            )
+            inside = [each for each in configuration.active if each.is_inside(node)]
+            kept = (each for each in inside if (each.is_atomic if history.is_deep else each.parent is node))
+            remembered[history] = frozenset(kept)
         done += node.exit
     for arc in arcs:
         done += arc.content

@@ -111,10 +111,10 @@ class DataModel:
             fields = {key: (f"{name}.{key}", value) for key, value in tree.fields}
         else:
             fields = {str(at): (f"{name}[{at}]", value) for at, value in enumerate(tree.items)}
-        parts = {
-            key: self._part(inner, f"{variable}_{key}", value, where, values) for key, (inner, value) in fields.items()
-        }
-        return Whole(name, parts, isinstance(tree, syntax.Series))
+        whole = Whole(name, {}, isinstance(tree, syntax.Series))
+        for key, (inner, value) in fields.items():
+            whole.parts[key] = self._part(inner, f"{variable}_{key}", value, where, values)
+        return whole
 
     def _start(self, name: str, value: Expression) -> None:
         self.initial[name] = value
@@ -296,9 +296,7 @@ def part_at(tree: syntax.Tree, wholes: Mapping[str, Whole], where: str) -> Part 
             return wholes.get(name)
         case syntax.Member(of, key):
             whole = part_at(of, wholes, where)
-        case syntax.Index(of, syntax.Constant(constant)) if isinstance(constant, int | str) and not isinstance(
-            constant, bool
-        ):
+        case syntax.Index(of, syntax.Constant(int() | str() as constant)) if not isinstance(constant, bool):
             whole, key = part_at(of, wholes, where), str(constant)
         case syntax.Index(of, _):
             whole, key = part_at(of, wholes, where), ""

@@ -199,9 +199,8 @@ class _System:
             guard = conjunction((guard, Binary(">=", Name(clock), Literal(delay))))
         receive = Receive(self._channel(event, inward=True)) if event else None
         sends = tuple(Send(self._channel(each.event, inward=not each.is_outward)) for each in outcome.sent)
-        return Transition(
-            id, source, target, receive, None if guard == TRUE else guard, tuple(actions), sends, line=line
-        )
+        holds = None if guard == TRUE else guard
+        return Transition(id, source, target, receive, holds, tuple(actions), sends, line=line)
 
     def _starts(self, starts: Sequence[Outcome]) -> bool:
         """Take what entering the first configuration does into the initial values, if that is all it does."""
@@ -231,10 +230,9 @@ class _System:
         for each in self.chart.invoked:
             self.losses.add("<invoke>", each.line, "what is invoked is left out")
         if any(channel.sender == channel.receiver for channel in self.channels.values()):
-            rule = (
-                "events from inside go before those from outside there, and are dropped if no transition answers them"
-            )
-            self.losses.add("<scxml>", line, f"{rule}; here they wait, {CAPACITY} of a name, and go in any order")
+            there = "events from inside go before those from outside there, and are dropped if no transition answers"
+            here = f"here they wait, {CAPACITY} of a name, and go in any order"
+            self.losses.add("<scxml>", line, f"{there} them; {here}")
 
     def _report_unused(self, flats: Mapping[Node, Flat]) -> None:
         """Note the states and transitions of the document that nothing leads to."""

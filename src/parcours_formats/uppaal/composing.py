@@ -103,10 +103,9 @@ class Composing:
             for name in members:
                 self.machine_names[name] = labels.label(name)
             # A local variable has its own name where that tells it from all others of the component.
-            plain = Counter(_plain(id) for id in kept)
-            self.renamed.append(
-                {id: Name(variables.identifier(_plain(id) if plain[_plain(id)] == 1 else id)) for id in kept}
-            )
+            plain = Counter(map(_plain, kept))
+            wanted = {id: _plain(id) if plain[_plain(id)] == 1 else id for id in kept}
+            self.renamed.append({id: Name(variables.identifier(name)) for id, name in wanted.items()})
 
     def _kept(self) -> list[list[str]]:
         """Return the ids of the variables of each component: those local to its processes, and those it uses."""

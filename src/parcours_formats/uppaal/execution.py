@@ -56,9 +56,8 @@ class Execution:
             if isinstance(statement, Local):
                 now = self.declared(statement.declared, now)
             else:
-                now = [
-                    after for each in now for after in ([each] if each.has_returned else self.after(statement, each))
-                ]
+                ends = ([each] if each.has_returned else self.after(statement, each) for each in now)
+                now = [after for end in ends for after in end]
             self.bounded(now)
         return now
 

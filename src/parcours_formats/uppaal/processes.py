@@ -219,9 +219,8 @@ def label_of(element: Element | None) -> Label:
     if element is None:
         return Label("", 1)
     blank = len(element.text) - len(element.text.lstrip())
-    return Label(
-        element.text[blank:].rstrip(), (element.text_line or element.line) + element.text.count("\n", 0, blank)
-    )
+    line = (element.text_line or element.line) + element.text.count("\n", 0, blank)
+    return Label(element.text[blank:].rstrip(), line)
 
 
 def _name(element: Element) -> str:

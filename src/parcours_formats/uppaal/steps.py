@@ -69,9 +69,8 @@ class Steps:
             raise BadModel(self._where(line), rule, "make its ranges smaller", slug="expansion-size")
 
     def _selected(self, around: Environment, way: tuple[Edge, ...]) -> Iterator[tuple[Environment, str]]:
-        selections = [
-            each for label in _labels(way, "select") for each in parse_selections(label.text, *self._at(label))
-        ]
+        labels = _labels(way, "select")
+        selections = [each for label in labels for each in parse_selections(label.text, *self._at(label))]
         where = self._where(way[0].line)
         ranges = [around.shape(each.type, where).values(where) for each in selections]
         # Texts are translated again for each selection, and for each process.

@@ -29,9 +29,8 @@ def read(text: str, origin: str) -> Reading:
     """
     root = parse_xml(text, origin)
     if root.tag != "nta":
-        raise BadModel(
-            f"{origin}:{root.line}", f"the root element must be nta, but is {root.tag[:40]!r}", slug="format"
-        )
+        rule = f"the root element must be nta, but is {root.tag[:40]!r}"
+        raise BadModel(f"{origin}:{root.line}", rule, slug="format")
     losses = Losses()
     cells = Cells()
     around = CallingEnvironment(cells)
