@@ -24,31 +24,26 @@ class Alphabet:
     def __init__(self) -> None:
         self.names = Names()
         self.channels: list[Channel] = []
-        self._received: dict[tuple[str, str], Receive] = {}
-        self._sent: dict[tuple[str, str], tuple[Send, ...]] = {}
+        self._known: dict[tuple[str, str, str], str] = {}
 
     def received(self, component: str, symbol: str) -> Receive:
         """Return the event in which the component takes the symbol."""
-        key = (component, symbol)
-        if key not in self._received:
-            self._received[key] = Receive(self._channel(symbol, ENVIRONMENT, component))
-        return self._received[key]
+        return Receive(self._channel(symbol, ENVIRONMENT, component))
 
     def sent(self, component: str, symbol: str) -> tuple[Send, ...]:
         """Return the messages by which the component gives the symbol out."""
-        key = (component, symbol)
-        if key not in self._sent:
-            self._sent[key] = (Send(self._channel(symbol, component, ENVIRONMENT)),)
-        return self._sent[key]
+        return (Send(self._channel(symbol, component, ENVIRONMENT)),)
 
     def messages(self) -> tuple[MessageClass, ...]:
         """Return the classes that the channels carry."""
         return (SIGNAL,) if self.channels else ()
 
     def _channel(self, symbol: str, sender: str, receiver: str) -> str:
-        name = self.names.identifier(symbol)
-        self.channels.append(Channel(name, sender, receiver, SIGNAL.name, "" if name == symbol else symbol))
-        return name
+        key = (symbol, sender, receiver)
+        if key not in self._known:
+            name = self._known[key] = self.names.identifier(symbol)
+            self.channels.append(Channel(name, *key[1:], SIGNAL.name, "" if name == symbol else symbol))
+        return self._known[key]
 
 
 def symbols_of(cefsm: Cefsm, barred: str = "") -> dict[str, str]:

@@ -93,12 +93,8 @@ def label_text(attributes: Attributes, name: str = "", key: str = "label") -> st
     return _ESCAPE.sub(lambda match: known.get(match[1], match[1]), label).strip()
 
 
-@dataclass(slots=True)
-class _Defaults:
-    """What nodes and edges have unless they say otherwise."""
-
-    node: Attributes
-    edge: Attributes
+_Defaults = dict[str, Attributes]
+"""What nodes and edges have unless they say otherwise."""
 
 
 class _Parser(TokenStream):
@@ -149,7 +145,7 @@ class _Parser(TokenStream):
         name = self.id("") if self.kind in ("id", "text", "markup") else ""
         found = Graph(name, line)
         self.strict = {} if strict else None
-        self.body(found, _Defaults({}, {}))
+        self.body(found, {"node": {}, "edge": {}})
         return found
 
     def body(self, graph: Graph, defaults: _Defaults) -> dict[str, None]:
@@ -170,10 +166,8 @@ class _Parser(TokenStream):
         if word in ("graph", "node", "edge"):
             self.advance()
             given = self.attributes()
-            if word == "node":
-                defaults.node = {**defaults.node, **given}
-            elif word == "edge":
-                defaults.edge = {**defaults.edge, **given}
+            if word in defaults:
+                defaults[word] = {**defaults[word], **given}
             elif self.depth == 1:
                 graph.attributes.update(given)
             return {}
@@ -207,7 +201,7 @@ class _Parser(TokenStream):
                 self.fail(f"a file has at most {MAX_EDGES} edges, but here are more")
             for source in sources:
                 for target in targets:
-                    self.edge(graph, Edge(source, target, {**defaults.edge, **given}, line), given)
+                    self.edge(graph, Edge(source, target, {**defaults["edge"], **given}, line), given)
         return met
 
     def ends(self, graph: Graph, defaults: _Defaults) -> tuple[dict[str, None], bool]:
@@ -215,7 +209,7 @@ class _Parser(TokenStream):
         if self.word() == "subgraph" or (self.kind == "sign" and self.token == "{"):
             if self.accept_word("subgraph") and self.kind in ("id", "text", "markup"):
                 self.id("")
-            return self.body(graph, _Defaults(dict(defaults.node), dict(defaults.edge))), False
+            return self.body(graph, dict(defaults)), False
         id = self.id("a node, an edge or a subgraph")
         for _ in range(2):
             if self.accept(":"):
@@ -224,7 +218,7 @@ class _Parser(TokenStream):
 
     def node(self, graph: Graph, defaults: _Defaults, id: str, line: int) -> None:
         if id not in graph.nodes:
-            graph.nodes[id] = dict(defaults.node)
+            graph.nodes[id] = dict(defaults["node"])
             graph.lines[id] = line
 
     def edge(self, graph: Graph, edge: Edge, given: Attributes) -> None:
