@@ -7,13 +7,13 @@ import time
 from pathlib import Path
 
 import pytest
-from parcours_formats.graphwalker.json_lines import MAX_DEPTH, parse_json
 
 from parcours.errors import BadModel
 from parcours.model import Steps, predicate
 from parcours.model.documents import Mapping
 from parcours.model.formats import Reading, read_any
 from parcours_formats.graphwalker import read
+from parcours_formats.graphwalker.graphwalker_json import MAX_DEPTH, parse_json
 
 SAMPLES = Path(__file__).parents[2] / "examples" / "formats"
 
