@@ -13,7 +13,9 @@ FORMATS: dict[str, Format] = {
     "graphml": Format("yEd GraphML", (".graphml", ".xml"), "parcours_formats.graphml", _ROOT + r"graphml\b"),
     "dot": Format("Graphviz DOT", (".dot", ".gv"), "parcours_formats.dot"),
     "aut": Format("Aldebaran .aut", (".aut",), "parcours_formats.aut", largest=64_000_000),
-    "plantuml": Format("PlantUML state diagram", (".puml", ".plantuml"), "parcours_formats.plantuml", reads=False),
-    "mermaid": Format("Mermaid state diagram", (".mmd", ".mermaid"), "parcours_formats.mermaid", reads=False),
+    "plantuml": Format(
+        "PlantUML state diagram", (".puml", ".plantuml"), "parcours_formats.diagrams:plantuml", reads=False
+    ),
+    "mermaid": Format("Mermaid state diagram", (".mmd", ".mermaid"), "parcours_formats.diagrams:mermaid", reads=False),
 }
 """Name -> format."""

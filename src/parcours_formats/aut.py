@@ -1,4 +1,4 @@
-"""Aldebaran's .aut to a machine over an alphabet and back: labelled transition systems of CADP, mCRL2, JTorX.
+"""Reads and writes Aldebaran's .aut: labelled transition systems of CADP, mCRL2, JTorX.
 
     des (0, 2, 2)            first state, number of transitions, number of states
     (0, "?coin", 1)          an input: the environment sends `coin`
@@ -16,9 +16,9 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import NoReturn
 
 from parcours.errors import BadModel, BadRequest
-from parcours.model.conversion import Loss, Reading, Writing
+from parcours.model.conversion import Reading, Writing
 from parcours.model.structure import Cefsm, Component, Machine, Receive, Send, Transition
-from parcours_formats.losses import unsaid
+from parcours_formats.losses import Losses, unsaid
 from parcours_formats.naming import as_label, part_names
 from parcours_formats.symbols import Alphabet, silent, symbols_of, unsaid_of_channels
 
@@ -29,24 +29,13 @@ INTERNAL = ("i", "tau")
 """Labels of transitions that nobody sees: CADP's and mCRL2's."""
 
 _HEADER = re.compile(r"\s*des\s*\(\s*([0-9]{1,18})\s*,\s*([0-9]{1,18})\s*,\s*([0-9]{1,18})\s*\)\s*", re.ASCII)
-_NUMBER = re.compile(r"\s*[0-9]{1,18}\s*", re.ASCII)
 
 
 def read(text: str, origin: str) -> Reading:
     """Return the transition system as a model of one machine; the name of the model is that of the file.
 
-    Args:
-        text: the file; transitions stand one a line.
-        origin: the file's name, for messages.
-
     Raises:
         BadModel: a line is no transition, or the counts of the header are not met.
-
-    Example:
-    >>> reading = read('des (0, 2, 2)\\n(0, "?coin", 1)\\n(1, "!tea", 0)\\n', "tea.aut")
-    >>> print(*reading.cefsm.component("tea").transitions(), sep="\\n")
-    Transition(id='t1', source='0', target='1', event=Receive(channel='coin', name=''), ...)
-    Transition(id='t2', source='1', target='0', ..., sends=(Send(channel='tea', payload=()),), ...)
     """
     system = _System(text, origin)
     component, machine = part_names(origin.replace("\\", "/").rpartition("/")[2].removesuffix(".aut"))
@@ -59,9 +48,8 @@ def read(text: str, origin: str) -> Reading:
         event, sends = meaning[label]
         transitions.append(Transition(f"t{number}", source, target, event, sends=sends, line=line))
     machine_read = Machine(machine, system.first, tuple(system.states), tuple(transitions), line=1)
-    model = Cefsm(
-        machine, (Component(component, (machine_read,)),), tuple(alphabet.channels), alphabet.messages(), origin
-    )
+    components = (Component(component, (machine_read,)),)
+    model = Cefsm(machine, components, tuple(alphabet.channels), alphabet.messages(), origin)
     # Valid as it was built: to check a million transitions again would take longer than to read them.
     return Reading(model, tuple(system.losses))
 
@@ -81,15 +69,13 @@ def write(cefsm: Cefsm) -> Writing:
         raise BadRequest(cefsm.name, rule, "write the state space of the composition", slug="one-machine")
     machine = machines[0]
     symbols = symbols_of(cefsm, barred='"')
-    losses = [*unsaid(cefsm, {"events", "sends"}), *unsaid_of_channels(cefsm, symbols)]
+    losses = Losses([*unsaid(cefsm, {"events", "sends"}), *unsaid_of_channels(cefsm, symbols)])
     marked = any(transition.sends for transition in machine.transitions)
-    number = {state: at for at, state in enumerate(_ordered(machine))}
+    number = {state: at for at, state in enumerate(dict.fromkeys([machine.initial, *machine.states]))}
     sources, targets, labels, count = [], [], [], len(number)
     for transition in machine.transitions:
         for channel in silent(transition, symbols):
-            losses.append(
-                Loss(f"transition {transition.id!r}", transition.line, f"{channel!r} is not written: it is inside")
-            )
+            losses.add(f"transition {transition.id!r}", transition.line, f"{channel!r} is not written: it is inside")
         event = [transition.event.channel] if transition.event else []
         chain = [f"?{symbols[name]}" if marked else _unmistakable(symbols[name]) for name in event if name in symbols]
         chain += ["!" + symbols[send.channel] for send in transition.sends if send.channel in symbols]
@@ -97,7 +83,7 @@ def write(cefsm: Cefsm) -> Writing:
         count += max(len(chain) - 1, 0)
         if len(chain) > 1:
             what = f"a transition has one label; this one becomes {len(chain)} in a row"
-            losses.append(Loss(f"transition {transition.id!r}", transition.line, what))
+            losses.add(f"transition {transition.id!r}", transition.line, what)
         sources += stops[:-1]
         targets += stops[1:]
         labels += chain or [INTERNAL[0]]
@@ -134,7 +120,7 @@ class _System:
     """The lines of one file; `states` and `losses` are complete once `transitions` is exhausted."""
 
     def __init__(self, text: str, origin: str) -> None:
-        self.origin, self.losses = origin, list[Loss]()
+        self.origin, self.losses = origin, Losses()
         self.lines = enumerate(io.StringIO(text), 1)
         self.line, header = next(((at, line) for at, line in self.lines if line.strip()), (1, ""))
         match = _HEADER.fullmatch(header)
@@ -171,16 +157,15 @@ class _System:
             states[source] = states[target] = None
             found += 1
             if found > self.promised:
-                self.refuse(
-                    f"the header (line {header}) promises {self.promised} transitions, but here is one more", _ADVICE
-                )
+                promise = f"the header (line {header}) promises {self.promised} transitions"
+                self.refuse(f"{promise}, but here is one more", _ADVICE)
             yield source, label, target, self.line
         if found != self.promised:
             self.line = header
             self.refuse(f"the header promises {self.promised} transitions, but {found} follow", _ADVICE)
         if len(states) < self.size:
             what = f"{self.size - len(states)} of its {self.size} states have no transition; they are left out"
-            self.losses.append(Loss("des", header, what))
+            self.losses.add("des", header, what)
 
     def state(self, digits: str) -> str:
         if not (len(digits) <= 18 and digits.isascii() and int(digits) < self.size):
@@ -216,10 +201,6 @@ def _unquoted(middle: str) -> str:
 
 def _shown(line: str) -> str:
     return repr(line.strip() if len(line) <= 60 else line.strip()[:57] + "...")
-
-
-def _ordered(machine: Machine) -> list[str]:
-    return list(dict.fromkeys([machine.initial, *machine.states]))
 
 
 def _unmistakable(label: str) -> str:

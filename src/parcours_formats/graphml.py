@@ -1,4 +1,4 @@
-"""yEd's GraphML with GraphWalker's labels to a model and back.
+"""Reads and writes yEd's GraphML with GraphWalker's labels.
 
 A node `Start` with an edge that does nothing marks where the walk starts. Groups are flattened; if several groups have
 a `Start`, each is a graph of its own. Plain GraphML without yEd's labels is read by ids and by data called label or
@@ -11,22 +11,19 @@ from collections.abc import Iterator
 from xml.sax.saxutils import escape, quoteattr
 
 from parcours.errors import BadModel
-from parcours.model.conversion import Loss, Reading, Writing
+from parcours.model.conversion import Reading, Writing
 from parcours.model.structure import Cefsm
+from parcours_formats.graphwalker import labels
 from parcours_formats.graphwalker.joining import START, joined
-from parcours_formats.graphwalker.labels import as_edge, as_vertex, edge_label, plain_text, vertex_label
-from parcours_formats.graphwalker.models import Edge, Model, Vertex
+from parcours_formats.graphwalker.labels import Edge, Model, Vertex
 from parcours_formats.graphwalker.parting import parted
+from parcours_formats.losses import Losses
 from parcours_formats.naming import as_label, stem
 from parcours_formats.xml_lines import Element, parse_xml
 
 
 def read(text: str, origin: str) -> Reading:
     """Return the model that a GraphML file holds.
-
-    Args:
-        text: the file.
-        origin: its name, for messages; the model is called as the file, unless the graph has a description.
 
     Raises:
         BadModel: the text is no GraphML, its graph is not directed, or a label says what our language cannot.
@@ -53,7 +50,7 @@ class _Reader:
 
     def __init__(self, root: Element, origin: str) -> None:
         self.origin = origin
-        self.losses: list[Loss] = []
+        self.losses = Losses()
         self.keys = {key.get("id"): key.get("attr.name").lower() for key in root.all("key")}
         self.vertices: dict[str, Vertex] = {}
         self.initial: dict[str, tuple[str, ...]] = {}
@@ -76,7 +73,7 @@ class _Reader:
             self.inside[id] = group or (id if inner is not None else "")
             label = self.label(node, "NodeLabel")
             self.described_too(node, f"node {id!r}")
-            vertex, initial = as_vertex(label, id, node.line)
+            vertex, initial = labels.as_vertex(label, id, node.line)
             if inner is None:
                 self.vertices[id], self.initial[id] = vertex, initial
             else:
@@ -92,13 +89,13 @@ class _Reader:
                     self.vertices.setdefault(end, self.frames[end])
             label = self.label(edge, "EdgeLabel")
             self.described_too(edge, f"edge from {ends[0]!r} to {ends[1]!r}")
-            self.edges.append(as_edge(label, edge.get("id"), *ends, line=edge.line))
+            self.edges.append(labels.as_edge(label, edge.get("id"), *ends, line=edge.line))
 
     def label(self, element: Element, tag: str) -> str:
         inner = [child for data in element.all("data") for child in data.children]
-        labels = [each for child in inner for each in child.walk() if each.tag == tag and each.text.strip()]
-        if labels:
-            return "\n".join(plain_text(each.text) for each in labels)
+        found = [each for child in inner for each in child.walk() if each.tag == tag and each.text.strip()]
+        if found:
+            return "\n".join(labels.plain_text(each.text) for each in found)
         plain = {self.keys.get(data.get("key"), ""): data.text for data in element.all("data") if not data.children}
         return plain.get("label") or plain.get("name") or ""
 
@@ -106,7 +103,7 @@ class _Reader:
         for data in element.all("data"):
             name = self.keys.get(data.get("key"), "")
             if data.text.strip() and not data.children and name not in ("label", "name"):
-                self.losses.append(Loss(where, data.line, f"its {name or 'data'} is not kept"))
+                self.losses.add(where, data.line, f"its {name or 'data'} is not kept")
 
     def models(self, name: str) -> list[Model]:
         """Return one model, or one for each outermost group that has a start."""
@@ -142,12 +139,12 @@ class _Reader:
 def write(cefsm: Cefsm) -> Writing:
     """Return a model as GraphML that yEd draws and GraphWalker walks; several machines are groups of one graph."""
     models, losses = parted(cefsm)
-    more = []
+    more = Losses()
     if len(models) > 1:
         what = "GraphWalker reads one graph a file; its machines are groups here, to be cut apart"
-        more.append(Loss(f"model {cefsm.name!r}", 0, what))
+        more.add(f"model {cefsm.name!r}", 0, what)
     elif models[0].name != cefsm.name:
-        more.append(Loss(f"model {cefsm.name!r}", 0, f"its name is that of its only machine, {models[0].name!r}"))
+        more.add(f"model {cefsm.name!r}", 0, f"its name is that of its only machine, {models[0].name!r}")
     lines = [_HEAD.format(escape(cefsm.name if len(models) > 1 else models[0].name))]
     for number, model in enumerate(models):
         if len(models) == 1:
@@ -174,10 +171,10 @@ def _drawn(model: Model, start: str) -> Iterator[str]:
     yield _node(start, START, 0)
     for number, vertex in enumerate(model.vertices, 1):
         initial = model.actions if vertex.id == model.start else ()
-        yield _node(vertex.id, vertex_label(vertex, initial), number)
+        yield _node(vertex.id, labels.vertex_label(vertex, initial), number)
     yield _edge(f"{start}e", start, model.start, "")
     for edge in model.edges:
-        yield _edge(edge.id, edge.source, edge.target, edge_label(edge))
+        yield _edge(edge.id, edge.source, edge.target, labels.edge_label(edge))
 
 
 def _node(id: str, label: str, number: int) -> str:

@@ -2,26 +2,23 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Set
 
 from parcours.model.conversion import Loss
 from parcours.model.structure import CLOCK, Cefsm, Machine, Transition, Variable
 
+
+class Losses(list[Loss]):
+    """What a conversion leaves out or changes, noted on the way."""
+
+    def add(self, where: str, line: int, what: str) -> None:
+        """Note one loss, as `Loss`."""
+        self.append(Loss(where, line, what))
+
+
 ASPECTS = frozenset(
-    (
-        "actions",
-        "durations",
-        "events",
-        "finals",
-        "guards",
-        "ids",
-        "payloads",
-        "sends",
-        "states",
-        "texts",
-        "variables",
-        "weights",
-    )
+    re.findall(r"\w+", "actions durations events finals guards ids payloads sends states texts variables weights")
 )
 """What a format may have words for. `ids` and `states` are names; `texts` the doc and titles of a model."""
 
@@ -90,9 +87,8 @@ def _of_transition(transition: Transition, lacks: Set[str]) -> Iterator[Loss]:
     if transition.actions and "actions" in lacks:
         yield Loss(where, transition.line, f'its action "{"; ".join(map(str, transition.actions))}" is not written')
     if transition.event is not None and "events" in lacks:
-        yield Loss(
-            where, transition.line, f"its event {transition.event.channel!r} is not written; it needs none there"
-        )
+        what = f"its event {transition.event.channel!r} is not written; it needs none there"
+        yield Loss(where, transition.line, what)
     for send in transition.sends:
         if "sends" in lacks:
             yield Loss(where, transition.line, f"its message {send.channel!r} is not written")

@@ -1,4 +1,4 @@
-"""Names of foreign files to names that a model may have: each valid, each given out once, as like as possible."""
+"""Turns names of foreign files into names that a model may have: valid, unique, and as similar as possible."""
 
 from __future__ import annotations
 
@@ -14,9 +14,6 @@ _FOREIGN = re.compile(r"[^A-Za-z0-9_]+")
 
 class Names:
     """Gives out names of one kind, each once; a second bearer of a name gets a number behind it.
-
-    Args:
-        taken: names that are not to be given out.
 
     >>> names = Names()
     >>> [names.label(wanted) for wanted in ("v_Login", "v_Login", "two\\nlines", "")]
@@ -74,11 +71,6 @@ def as_identifier(wanted: str) -> str:
 
 def joint_name(component: str, machine: str, *, alone: bool) -> str:
     """Return one name for a machine of a component, for formats that have one level only; `part_names` inverts it.
-
-    Args:
-        component: name of the component.
-        machine: name of the machine.
-        alone: whether it is the component's only machine.
 
     >>> joint_name("Lamp", "light", alone=True), joint_name("my_lamp", "my lamp", alone=True)
     ('Lamp/light', 'my lamp')

@@ -1,4 +1,4 @@
-"""Input and output symbols of automata to channels between the environment and a component, and back.
+"""Turns the input and output symbols of automata into channels of the environment, and back.
 
 An automaton's alphabet has no data: an input symbol is a message without content that the environment sends, an
 output symbol one that it receives. So each symbol becomes a channel of class `Signal`, with the symbol as its topic
@@ -24,40 +24,30 @@ class Alphabet:
     def __init__(self) -> None:
         self.names = Names()
         self.channels: list[Channel] = []
-        self._received: dict[tuple[str, str], Receive] = {}
-        self._sent: dict[tuple[str, str], tuple[Send, ...]] = {}
+        self._known: dict[tuple[str, str, str], str] = {}
 
     def received(self, component: str, symbol: str) -> Receive:
         """Return the event in which the component takes the symbol."""
-        key = (component, symbol)
-        if key not in self._received:
-            self._received[key] = Receive(self._channel(symbol, ENVIRONMENT, component))
-        return self._received[key]
+        return Receive(self._channel(symbol, ENVIRONMENT, component))
 
     def sent(self, component: str, symbol: str) -> tuple[Send, ...]:
         """Return the messages by which the component gives the symbol out."""
-        key = (component, symbol)
-        if key not in self._sent:
-            self._sent[key] = (Send(self._channel(symbol, component, ENVIRONMENT)),)
-        return self._sent[key]
+        return (Send(self._channel(symbol, component, ENVIRONMENT)),)
 
     def messages(self) -> tuple[MessageClass, ...]:
         """Return the classes that the channels carry."""
         return (SIGNAL,) if self.channels else ()
 
     def _channel(self, symbol: str, sender: str, receiver: str) -> str:
-        name = self.names.identifier(symbol)
-        self.channels.append(Channel(name, sender, receiver, SIGNAL.name, "" if name == symbol else symbol))
-        return name
+        key = (symbol, sender, receiver)
+        if key not in self._known:
+            name = self._known[key] = self.names.identifier(symbol)
+            self.channels.append(Channel(name, *key[1:], SIGNAL.name, "" if name == symbol else symbol))
+        return self._known[key]
 
 
 def symbols_of(cefsm: Cefsm, barred: str = "") -> dict[str, str]:
-    """Return the symbol of each channel that has one end at the environment: its topic, or else its name.
-
-    Args:
-        cefsm: a model without errors.
-        barred: characters that the symbols of a format do not have.
-    """
+    """Return the symbol of each channel that has one end at the environment: its topic, or else its name."""
     found: dict[str, str] = {}
     used: set[tuple[str, str, str]] = set()
     for channel in cefsm.channels:
@@ -91,9 +81,8 @@ def is_alphabetic(cefsm: Cefsm) -> bool:
 def unsaid_of_channels(cefsm: Cefsm, symbols: dict[str, str]) -> Iterator[Loss]:
     """Yield what symbols do not say of the channels they stand for."""
     transitions = [each for component in cefsm.components for each in component.transitions()]
-    used = {each.event.channel for each in transitions if each.event} | {
-        s.channel for t in transitions for s in t.sends
-    }
+    used = {each.event.channel for each in transitions if each.event}
+    used |= {send.channel for each in transitions for send in each.sends}
     classes = {message.name: message for message in cefsm.messages}
     for channel in cefsm.channels:
         where = f"channel {channel.name!r}"

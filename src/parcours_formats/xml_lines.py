@@ -1,4 +1,4 @@
-"""XML text to a tree of elements that know their lines, for files that may be hostile.
+"""Parses XML that may be hostile into a tree of elements that know their lines.
 
 No entity is declared or fetched, nothing outside the text is read, and size, depth and count are bounded. A
 document type may be named, as UPPAAL's files do, but it is not looked at.
@@ -57,14 +57,6 @@ class Element:
 def parse_xml(text: str, origin: str) -> Element:
     """Return the root element of an XML text.
 
-    Args:
-        text: one document; what its declaration says of the encoding no longer matters.
-        origin: the file's name, for messages.
-
-    Raises:
-        BadModel: the text is no XML, declares or uses entities of its own, or is too deep or too large.
-
-    Example:
     >>> root = parse_xml("<a>\\n <b x='1'>t &lt; 2</b>\\n</a>", "here")
     >>> [(child.tag, child.line, child.get("x"), child.text) for child in root.children]
     [('b', 2, '1', 't < 2')]
@@ -122,9 +114,8 @@ class _Builder:
         self.texts[-1].append(text)
 
     def entity(self, name: str | None) -> NoReturn:
-        self.refuse(
-            f"an XML file declares no entities, but here is {(name or '')[:40]!r}", "xml-entity", "write it out"
-        )
+        rule = f"an XML file declares no entities, but here is {(name or '')[:40]!r}"
+        self.refuse(rule, "xml-entity", "write it out")
 
     def refuse(self, rule: str, slug: str, remedy: str = "") -> NoReturn:
         raise BadModel(f"{self.origin}:{self.parser.CurrentLineNumber}", rule, remedy, slug=slug)

@@ -1,4 +1,4 @@
-"""Input models in files of any known format to input models and back, each with a report of what is lost."""
+"""Reads and writes input models in files of any known format, with a report of what is lost."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import functools
 import importlib
 from collections.abc import Mapping
 from dataclasses import dataclass
-from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Protocol, cast
 
@@ -15,6 +14,7 @@ from parcours.data.inputs import InputModel
 from parcours.data.writing import write_input_model
 from parcours.errors import BadRequest
 from parcours.model.conversion import Loss, Writing
+from parcours.model.formats import packaged
 
 GROUP = "parcours.data_formats"
 """Entry points of this group are mappings of names to formats, which packages add."""
@@ -54,10 +54,7 @@ class _Module(Protocol):
 @functools.cache
 def data_formats() -> Mapping[str, DataFormat]:
     """Return the formats that packages add, by name."""
-    found: dict[str, DataFormat] = {}
-    for entry in sorted(entry_points(group=GROUP), key=lambda entry: entry.name):
-        found |= entry.load()
-    return found
+    return packaged(GROUP)
 
 
 def read_data(path: Path) -> DataReading:

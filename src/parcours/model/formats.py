@@ -1,15 +1,15 @@
-"""Model files of any known format to models and back, each with a report of what is lost (docs/formats.md)."""
+"""Reads and writes model files of any known format, with a report of what is lost (docs/formats.md)."""
 
 from __future__ import annotations
 
 import functools
-import importlib
+import pkgutil
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.metadata import entry_points
 from pathlib import Path
-from typing import Protocol, cast
+from typing import Any, Protocol, cast
 
 from parcours.errors import BadModel, BadRequest, require_known
 from parcours.model.conversion import MAX_BYTES, Loss, Reading, Writing, text_of
@@ -25,7 +25,7 @@ class Format:
     Args:
         title: its name in prose.
         suffixes: of file names, the first one for new files.
-        module: what reads and writes it, imported when it is first needed.
+        module: what reads and writes it, a module or `module:name`, imported when it is first needed.
         mark: what the start of a file's content looks like, where the suffix alone does not tell; else None.
         reads: whether its module has `read(text, origin) -> Reading`.
         writes: whether its module has `write(cefsm) -> Writing`.
@@ -48,13 +48,18 @@ GROUP = "parcours.formats"
 """Entry points of this group are mappings of names to formats, which packages add."""
 
 
+def packaged(group: str) -> dict[str, Any]:
+    """Return what packages add under a group of entry points, each of which is a mapping by name."""
+    found: dict[str, Any] = {}
+    for entry in sorted(entry_points(group=group), key=lambda entry: entry.name):
+        found |= entry.load()
+    return found
+
+
 @functools.cache
 def formats() -> Mapping[str, Format]:
     """Return all formats by name: our own first, then those that packages add."""
-    found = {"native": NATIVE}
-    for entry in sorted(entry_points(group=GROUP), key=lambda entry: entry.name):
-        found |= entry.load()
-    return found
+    return {"native": NATIVE} | packaged(GROUP)
 
 
 class _Module(Protocol):
@@ -63,7 +68,7 @@ class _Module(Protocol):
 
 
 def _module(name: str) -> _Module:
-    return cast(_Module, importlib.import_module(formats()[name].module))
+    return cast(_Module, pkgutil.resolve_name(formats()[name].module))
 
 
 def read_any(path: str | Path, name: str = "") -> Reading:
@@ -83,7 +88,7 @@ def read_any(path: str | Path, name: str = "") -> Reading:
         return _module(name).read(text_of(path, formats()[name].largest), str(path))
     among = _with_suffix(path)
     text = text_of(path, max(formats()[each].largest for each in among))
-    return _module(_told(among, text, path)).read(text, str(path))
+    return _module(_marked(among, text, path)).read(text, str(path))
 
 
 def write_as(cefsm: Cefsm, name: str) -> Writing:
@@ -121,7 +126,7 @@ def _with_suffix(path: Path) -> list[str]:
     return found
 
 
-def _told(among: list[str], text: str, path: Path) -> str:
+def _marked(among: list[str], text: str, path: Path) -> str:
     readable = [name for name in among if formats()[name].reads]
     if not readable:
         rule = f"{formats()[among[0]].title} is only written, but this file was to be read"

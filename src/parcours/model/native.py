@@ -1,4 +1,4 @@
-"""Our own YAML (docs/model-format.md) in the frame of the foreign formats: nothing is lost either way."""
+"""Reads and writes our own YAML (docs/model-format.md) as if it were a foreign format: nothing is lost."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Graphviz' DOT to a model and back: automata as LearnLib and the automata wiki draw them, and GraphWalker's labels.
+"""Reads and writes Graphviz' DOT: automata as LearnLib and the automata wiki draw them, and GraphWalker's labels.
 
 Labels with guards or actions, as `e_Name[guard]/action;`, are GraphWalker's. In any other file a label is
 `input / output`, or an input alone: the environment sends the one and receives the other.
@@ -8,13 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
-from parcours.model.conversion import Loss, Reading, Writing, accepted
+from parcours.model.conversion import Reading, Writing, accepted
 from parcours.model.structure import Cefsm, Component, Machine
+from parcours_formats.dot.dot_graphs import parse_dot, quoted
 from parcours_formats.dot.drawing import drawings
-from parcours_formats.dot.graphs import parse_dot, quoted
-from parcours_formats.graphwalker import Model, joined, parted
-from parcours_formats.graphwalker.labels import edge_label, vertex_label
-from parcours_formats.losses import unsaid
+from parcours_formats.graphwalker.joining import joined
+from parcours_formats.graphwalker.labels import Model, edge_label, vertex_label
+from parcours_formats.graphwalker.parting import parted
+from parcours_formats.losses import Losses, unsaid
 from parcours_formats.naming import Names, joint_name, part_names, stem
 from parcours_formats.symbols import Alphabet, is_alphabetic, symbols_of, unsaid_of_channels
 
@@ -25,18 +26,8 @@ def read(text: str, origin: str) -> Reading:
     The start is where the only edge of a node that just marks it leads (`__start0 -> s0`), or else the source of the
     first edge. States drawn as double circles are final.
 
-    Args:
-        text: the file.
-        origin: its name, for messages.
-
     Raises:
         BadModel: the text is no DOT, a graph is not directed, or a label says what our language cannot.
-
-    Example:
-    >>> reading = read('digraph tea { s0 -> s1 [label="coin / ok"]; s1 -> s0 [label="button / tea!"] }', "tea.dot")
-    >>> from parcours.model import predicate
-    >>> [f"{each.id}: {predicate(each)}" for each in reading.cefsm.component("tea").transitions()]
-    ['s0 coin: (coin/-/-/ok())', 's1 button: (button/-/-/tea())']
     """
     graphs = parse_dot(text, origin)
     drawn = [drawing for graph in graphs for drawing in drawings(graph, origin, stem(origin))]
@@ -65,10 +56,10 @@ def write(cefsm: Cefsm) -> Writing:
     """
     machines = [(component, machine) for component in cefsm.components for machine in component.machines]
     names = [joint_name(owner.name, machine.name, alone=len(owner.machines) == 1) for owner, machine in machines]
-    losses = []
+    losses = Losses()
     if names != [cefsm.name]:
         told = f"its only machine, {names[0]!r}" if len(names) == 1 else "the file"
-        losses.append(Loss(f"model {cefsm.name!r}", 0, f"its name is not written; it is called as {told}"))
+        losses.add(f"model {cefsm.name!r}", 0, f"its name is not written; it is called as {told}")
     if is_alphabetic(cefsm):
         symbols = symbols_of(cefsm, barred="/")
         losses += [*unsaid(cefsm, {"events", "sends", "finals", "ids", "states"}), *unsaid_of_channels(cefsm, symbols)]

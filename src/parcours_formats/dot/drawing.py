@@ -1,4 +1,4 @@
-"""A drawn graph to machines over an alphabet, or to GraphWalker's models, as its labels tell."""
+"""Turns a drawn graph into machines over an alphabet, or GraphWalker's models, depending on its labels."""
 
 from __future__ import annotations
 
@@ -9,11 +9,10 @@ from collections.abc import Iterator
 from parcours.errors import BadModel
 from parcours.model.conversion import Loss
 from parcours.model.structure import Machine, Send, Transition
-from parcours_formats.dot.attributes import DRAWN
-from parcours_formats.dot.graphs import Edge, Graph, label_text
+from parcours_formats.dot.dot_graphs import Edge, Graph, label_text
 from parcours_formats.graphwalker.joining import START
-from parcours_formats.graphwalker.labels import as_edge, as_vertex
-from parcours_formats.graphwalker.models import Model
+from parcours_formats.graphwalker.labels import Model, as_edge, as_vertex
+from parcours_formats.losses import Losses
 from parcours_formats.naming import Names, as_label
 from parcours_formats.symbols import Alphabet
 
@@ -24,18 +23,7 @@ _MARK = "__start"
 
 
 def drawings(graph: Graph, origin: str, name: str) -> Iterator[Drawing]:
-    """Yield the machines that a digraph draws: one, unless parts that no edge joins have starts of their own.
-
-    Args:
-        graph: a digraph.
-        origin: the file's name, for messages.
-        name: what to call it if it has no name.
-
-    >>> from parcours_formats.dot.graphs import parse_dot
-    >>> [graph] = parse_dot('digraph g { __start0 -> a; a -> a [label=x]; __start1 -> b; b -> c [label=y] }', "here")
-    >>> [drawing.states for drawing in drawings(graph, "here", "g")]
-    [['a'], ['b', 'c']]
-    """
+    """Yield the machines that a digraph draws: one, unless parts that no edge joins have starts of their own."""
     whole = Drawing(graph, origin, name)
     part: dict[str, int] = {}
     near: dict[str, list[str]] = {id: [] for id in graph.nodes}
@@ -59,13 +47,7 @@ def drawings(graph: Graph, origin: str, name: str) -> Iterator[Drawing]:
 
 
 class Drawing:
-    """A graph with its labels as they are seen.
-
-    Args:
-        graph: a digraph.
-        origin: the file's name, for messages.
-        name: what to call it if it has no name.
-    """
+    """A graph with its labels as they are seen."""
 
     def __init__(self, graph: Graph, origin: str, name: str) -> None:
         self.graph = graph
@@ -74,11 +56,8 @@ class Drawing:
         self.edges = [(edge, label_text(edge.attributes)) for edge in graph.edges]
         self.marks = self._marks()
         self.states = [id for id in graph.nodes if id not in self.marks]
-        self.initial = (
-            self.marks[next(iter(self.marks))]
-            if self.marks
-            else next((edge.source for edge in graph.edges), next(iter(graph.nodes), ""))
-        )
+        first = next((edge.source for edge in graph.edges), next(iter(graph.nodes), ""))
+        self.initial = next(iter(self.marks.values()), first)
         if not self.states:
             rule = f"a graph must have a node, but {self.name!r} has none"
             raise BadModel(f"{origin}:{graph.line}", rule, slug="dot-graph")
@@ -146,10 +125,10 @@ class Drawing:
             transitions.append(Transition(ids.label(wanted), source, target, event, sends=sends, line=edge.line))
         final = tuple(states[id] for id in self.states if self.graph.nodes[id].get("shape") == "doublecircle")
         initial = states[self.initial]
-        losses = []
+        losses = Losses()
         if first := given_in.get(self.initial):
             what = f"outputs are given on entering a state; {first!r} before the first input is not kept"
-            losses.append(Loss(f"state {initial!r}", self.graph.line, what))
+            losses.add(f"state {initial!r}", self.graph.line, what)
         machine = Machine(name, initial, tuple(states.values()), tuple(transitions), final, line=self.graph.line)
         return machine, losses
 
@@ -188,3 +167,19 @@ def _is_walked(label: str) -> bool:
     edge = as_edge(label, "", "", "")
     acts = any(text.endswith(";") for text in edge.actions)
     return _NAME.fullmatch(edge.name) is not None and bool(edge.guard or edge.weight or acts)
+
+
+DRAWN = frozenset(
+    re.findall(
+        r"\w+",
+        """URL area arrowhead arrowsize arrowtail class color colorscheme comment constraint decorate dir distortion
+        edgeURL edgehref edgetarget edgetooltip fillcolor fixedsize fontcolor fontname fontsize gradientangle group
+        headURL head_lp headclip headhref headlabel headport headtarget headtooltip height href id image imagepos
+        imagescale label labelURL labelangle labeldistance labelfloat labelfontcolor labelfontname labelfontsize
+        labelhref labeljust labelloc labeltarget labeltooltip layer len lhead lp ltail margin minlen nojustify ordering
+        orientation penwidth peripheries pin pos radius rects regular root samehead samepoints sametail sampoints
+        shape shapefile showboxes sides skew sortv style tailURL tail_lp tailclip tailhref taillabel tailport
+        tailtarget tailtooltip target tooltip vertices weight width xdotversion xlabel xlp z""",
+    )
+)
+"""Names of attributes of nodes and edges."""

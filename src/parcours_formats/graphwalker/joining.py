@@ -1,4 +1,4 @@
-"""GraphWalker's models to a Cefsm.
+"""Joins GraphWalker's models to a Cefsm.
 
 One token walks over models that share a state: they are one machine, with a silent jump between vertices of the same
 shared state. Models without a shared state are machines side by side; those that use `global.` together are in one
@@ -8,14 +8,15 @@ component, so that they share variables.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Sequence
-from typing import TypeVar
+from collections.abc import Iterable, Sequence
 
 from parcours.errors import BadModel
 from parcours.model.conversion import Loss, Reading, accepted
 from parcours.model.structure import Cefsm, Component, Machine
+from parcours_formats.graphwalker.labels import Edge, Model, Vertex
 from parcours_formats.graphwalker.meaning import Draft, Start, translated
-from parcours_formats.graphwalker.models import Edge, Model, Vertex
+from parcours_formats.grouping import grouped
+from parcours_formats.losses import Losses
 from parcours_formats.naming import Names, part_names
 
 MAX_JUMPS = 100_000
@@ -25,57 +26,18 @@ START = "Start"
 """The state before a walk's first edge, where that edge has no source, or one that other edges leave or enter."""
 
 _GLOBAL = re.compile(r"\bglobal\s*\.\s*([A-Za-z_$][A-Za-z0-9_$]*)")
-_T = TypeVar("_T")
 
 
 def joined(models: Iterable[Model], name: str, origin: str, losses: Iterable[Loss] = ()) -> Reading:
-    """Return models as one Cefsm.
-
-    Args:
-        models: at least one.
-        name: what to call the Cefsm.
-        origin: the file's name, for messages.
-        losses: what the file said and the models do not.
-
-    Raises:
-        BadModel: an edge leads nowhere, or a text says what our language cannot.
-
-    Example:
-    >>> a = Model("A", [Vertex("n0", "v_Home"), Vertex("n1", "v_Shop", "SHOP")], [Edge("e0", "e_Go", "n0", "n1")], "n0")
-    >>> b = Model("B", [Vertex("n2", "v_Shop", "SHOP")], [Edge("e1", "e_Buy", "n2", "n2")])
-    >>> for each in joined([a, b], "shop", "shop.json").cefsm.component("A").transitions():
-    ...     print(f"{each.id}: {each.source} -> {each.target}")
-    e_Go: A/v_Home -> A/v_Shop
-    e_Buy: B/v_Shop -> B/v_Shop
-    SHOP: A/v_Shop to B/v_Shop: A/v_Shop -> B/v_Shop
-    SHOP: B/v_Shop to A/v_Shop: B/v_Shop -> A/v_Shop
-    """
-    joiner = _Joiner(origin, list(losses))
-    walks = _grouped([joiner.unblocked(model) for model in models], _shared_states)
+    """Return models as one Cefsm."""
+    joiner = _Joiner(origin, Losses(losses))
+    kept = [joiner.unblocked(model) for model in models]
+    walks = [[kept[at] for at in group] for group in grouped([_shared_states(model) for model in kept])]
     components, named = [], Names()
-    for group in _grouped(walks, _shared_variables):
-        component = named.identifier(part_names(group[0][0].name)[0])
-        components.append(joiner.component(component, group))
+    for group in grouped([_shared_variables(walk) for walk in walks]):
+        component = named.identifier(part_names(walks[group[0]][0].name)[0])
+        components.append(joiner.component(component, [walks[at] for at in group]))
     return accepted(Cefsm(name, tuple(components), source=origin), joiner.losses)
-
-
-def _grouped(items: Iterable[_T], keys: Callable[[_T], Iterable[str]]) -> list[list[_T]]:
-    """Return the items in groups: those that have a key in common, directly or by others, are in one."""
-    groups: list[list[_T]] = []
-    having: dict[str, int] = {}
-    for item in items:
-        own = list(keys(item))
-        met = sorted({having[key] for key in own if key in having})
-        at = met[0] if met else len(groups)
-        if not met:
-            groups.append([])
-        for other in met[1:]:
-            groups[at] += groups[other]
-            groups[other] = []
-            having.update({key: at for key, group in having.items() if group == other})
-        groups[at].append(item)
-        having.update(dict.fromkeys(own, at))
-    return [group for group in groups if group]
 
 
 def _shared_states(model: Model) -> set[str]:
@@ -92,13 +54,11 @@ def _shared_variables(walk: Sequence[Model]) -> set[str]:
 
 
 class _Joiner:
-    def __init__(self, origin: str, losses: list[Loss]) -> None:
+    def __init__(self, origin: str, losses: Losses) -> None:
         self.origin, self.losses = origin, losses
+        self.lose = losses.add
         self.ids = Names()
         self.jumps = 0
-
-    def lose(self, where: str, line: int, what: str) -> None:
-        self.losses.append(Loss(where, line, what))
 
     def unblocked(self, model: Model) -> Model:
         """Return the model without what is blocked, and note what of it has no place in ours."""
@@ -144,7 +104,7 @@ class _Walker:
     """One token on its models: the states, what leads from one to the other, and where it starts."""
 
     def __init__(self, joiner: _Joiner, models: Sequence[Model]) -> None:
-        self.joiner, self.models = joiner, models
+        self.joiner, self.models, self.lose = joiner, models, joiner.lose
         self.named = Names()
         self.fresh: list[str] = []
         self.drafts: list[Draft] = []
@@ -160,7 +120,7 @@ class _Walker:
             ids = self.edges(at, model)
             if model.predefined:
                 said = ", ".join(ids.get(each, each) for each in model.predefined)
-                joiner.lose(f"model {model.name!r}", model.line, f"its predefined path is not kept: {said}")
+                self.lose(f"model {model.name!r}", model.line, f"its predefined path is not kept: {said}")
         if not self.initial:
             self.guess()
         self.jump()
@@ -174,7 +134,7 @@ class _Walker:
         self.vertices[at][vertex.id] = vertex
         state = self.states[at, vertex.id] = self.named.label(wanted)
         if state != wanted:
-            self.joiner.lose(f"vertex {name!r}", vertex.line, f"its state is called {state!r}")
+            self.lose(f"vertex {name!r}", vertex.line, f"its state is called {state!r}")
 
     def start(self, at: int, model: Model) -> None:
         """Find where the token starts, if it does in this model and has no start yet."""
@@ -186,13 +146,11 @@ class _Walker:
             opening = []
         if not (opening or marked or at_vertex):
             if model.start and not any(model.start in [e.id for e in other.edges] for other in self.models):
-                self.joiner.lose(
-                    f"model {model.name!r}", model.line, f"no element has its startElementId {model.start!r}"
-                )
+                self.lose(f"model {model.name!r}", model.line, f"no element has its startElementId {model.start!r}")
             return
         if self.initial:
             what = f"the walk starts in model {self.first.name!r}; this model is entered through shared states only"
-            self.joiner.lose(f"model {model.name!r}", model.line, what)
+            self.lose(f"model {model.name!r}", model.line, what)
             self.pass_over(opening)
             return
         self.first = model
@@ -216,7 +174,7 @@ class _Walker:
         for edge in opening:
             if not edge.source:
                 what = "it has no source, and the walk starts elsewhere; it is left out"
-                self.joiner.lose(f"edge {edge.name or edge.id!r}", edge.line, what)
+                self.lose(f"edge {edge.name or edge.id!r}", edge.line, what)
 
     def edges(self, at: int, model: Model) -> dict[str, str]:
         """Add a draft for each edge that has a source; return the id of the draft by that of the edge."""
@@ -232,9 +190,9 @@ class _Walker:
         name = edge.name or f"{source} to {target}"
         id = self.joiner.ids.label(name)
         if edge.name and id != edge.name:
-            self.joiner.lose(f"edge {name!r}", edge.line, f"its transition is called {id!r}")
+            self.lose(f"edge {name!r}", edge.line, f"its transition is called {id!r}")
         if edge.dependency:
-            self.joiner.lose(f"edge {name!r}", edge.line, f"its dependency {edge.dependency} is not kept")
+            self.lose(f"edge {name!r}", edge.line, f"its dependency {edge.dependency} is not kept")
         actions = (*edge.actions, *self.vertices[at][edge.target].actions)
         self.drafts.append(Draft(id, source, target, model.name, edge.guard, actions, weight, edge.line))
         return id
@@ -254,7 +212,7 @@ class _Walker:
         vertex = next((each for each in model.vertices if each.id not in entered), model.vertices[0])
         self.initial = self.states[0, vertex.id]
         what = f"nothing says where the walk starts; it starts in {self.initial!r}"
-        self.joiner.lose(f"model {model.name!r}", model.line, what)
+        self.lose(f"model {model.name!r}", model.line, what)
 
     def jump(self) -> None:
         """Add the jumps between vertices of different models that share a state."""
@@ -267,7 +225,7 @@ class _Walker:
             if len({at for at, _ in found}) == 1:
                 what = f"no other model of this file has its shared state {shared!r}; it is not kept"
                 for _, vertex in found:
-                    self.joiner.lose(f"vertex {vertex.name!r}", vertex.line, what)
+                    self.lose(f"vertex {vertex.name!r}", vertex.line, what)
             self.joiner.jumps += len(found) ** 2
             if self.joiner.jumps > MAX_JUMPS:
                 rule = f"shared states have at most {MAX_JUMPS} jumps, but {shared!r} makes them {self.joiner.jumps}"
@@ -278,9 +236,8 @@ class _Walker:
                         source, target = self.states[at, vertex.id], self.states[to, entered.id]
                         id = self.joiner.ids.label(f"{shared}: {source} to {target}")
                         model = self.models[to]
-                        self.drafts.append(
-                            Draft(id, source, target, model.name, "", entered.actions, line=entered.line)
-                        )
+                        draft = Draft(id, source, target, model.name, actions=entered.actions, line=entered.line)
+                        self.drafts.append(draft)
 
 
 def _weights(edges: Sequence[Edge]) -> dict[int, float]:

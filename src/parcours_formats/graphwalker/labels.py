@@ -10,9 +10,8 @@ from __future__ import annotations
 
 import html
 import re
+from dataclasses import dataclass
 from decimal import Decimal
-
-from parcours_formats.graphwalker.models import Edge, Vertex
 
 _COMMENT = re.compile(r"/\*|(?:(?<=\s)|\A)//")
 # The closing quote may be missing, so that a text full of quotes is walked over once.
@@ -52,19 +51,10 @@ def as_edge(label: str, id: str, source: str, target: str, line: int = 0) -> Edg
         text, seen = f"{text[:start]} {text[end + 1 :]}", f"{seen[:start]} {seen[end + 1 :]}"
         slash = seen.find("/")
     name, actions = (text[:slash], text[slash + 1 :]) if slash >= 0 else (text, "")
-    return Edge(
-        id,
-        " ".join(name.split()),
-        source,
-        target,
-        guard.strip(),
-        (actions.strip(),) if actions.strip() else (),
-        _listed(parts),
-        _number(parts.get("WEIGHT", "")),
-        round(_number(parts.get("DEPENDENCY", ""))),
-        "BLOCKED" in parts,
-        line,
-    )
+    name, guard, actions = " ".join(name.split()), guard.strip(), actions.strip()
+    weight, dependency = (_number(parts.get(key, "")) for key in ("WEIGHT", "DEPENDENCY"))
+    said = (guard, (actions,) if actions else (), _listed(parts), weight, round(dependency), "BLOCKED" in parts)
+    return Edge(id, name, source, target, *said, line)
 
 
 def vertex_label(vertex: Vertex, initial: tuple[str, ...] = ()) -> str:
@@ -137,7 +127,7 @@ def _parts(label: str) -> tuple[str, dict[str, str]]:
 
 
 def _uncommented(label: str) -> str:
-    """Return the label without comments; one that does not end is none."""
+    """Return the label without comments; one that does not end is not a comment."""
     seen, kept, at = _masked(label), list[str](), 0
     while (match := _COMMENT.search(seen, at)) is not None:
         end = seen.find("*/" if match[0] == "/*" else "\n", match.end())
@@ -165,3 +155,48 @@ def _number(text: str) -> float:
     match = re.match(r"[0-9]{0,12}\.?[0-9]{0,30}", text, re.ASCII)
     digits = match.group() if match else ""
     return float(digits) if digits.strip(".") else 0.0
+
+
+@dataclass(slots=True)
+class Vertex:
+    """A vertex; those that share a state in several models are places where the walk may change the model."""
+
+    id: str
+    name: str
+    shared: str = ""
+    actions: tuple[str, ...] = ()
+    requirements: tuple[str, ...] = ()
+    blocked: bool = False
+    line: int = 0
+
+
+@dataclass(slots=True)
+class Edge:
+    """An edge; one without source is where a walk starts. `weight` is its share of probability, 0 if not said."""
+
+    id: str
+    name: str
+    source: str
+    target: str
+    guard: str = ""
+    actions: tuple[str, ...] = ()
+    requirements: tuple[str, ...] = ()
+    weight: float = 0.0
+    dependency: int = 0
+    blocked: bool = False
+    line: int = 0
+
+
+@dataclass(slots=True)
+class Model:
+    """One graph: `start` is the id of the vertex or edge where a walk starts, if it is said."""
+
+    name: str
+    vertices: list[Vertex]
+    edges: list[Edge]
+    start: str = ""
+    actions: tuple[str, ...] = ()
+    requirements: tuple[str, ...] = ()
+    generator: str = ""
+    predefined: tuple[str, ...] = ()
+    line: int = 0

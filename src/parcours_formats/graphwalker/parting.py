@@ -1,4 +1,4 @@
-"""A Cefsm to GraphWalker's models: one for each machine, with guards and actions in JavaScript."""
+"""Takes a Cefsm apart into GraphWalker's models: one for each machine, with guards and actions in JavaScript."""
 
 from __future__ import annotations
 
@@ -7,30 +7,21 @@ from collections.abc import Iterator, Mapping
 from itertools import count
 
 from parcours.model.conversion import Loss
-from parcours.model.expression import Apply, Assignment, Binary, Expression, Literal, Name, names
+from parcours.model.expression import Binary, Expression, Literal, Name
 from parcours.model.expression.syntax import walk
 from parcours.model.structure import BASE_TYPES, CLOCK, Cefsm, Component, Machine, Transition
-from parcours_formats.graphwalker.models import Edge, Model, Vertex
-from parcours_formats.guard_languages.javascript import javascript
-from parcours_formats.guard_languages.values import literal, replaced
+from parcours_formats.graphwalker.labels import Edge, Model, Vertex
+from parcours_formats.guard_languages.javascript import WORDS, Speaker, javascript
+from parcours_formats.guard_languages.values import literal
 from parcours_formats.losses import unsaid
 from parcours_formats.naming import Names, joint_name
 
 GENERATOR = "random(edge_coverage(100))"
-"""How GraphWalker is told to walk; every model of its needs a generator."""
+"""How GraphWalker shall walk: each of its models needs a generator."""
 
 _HOLDS = frozenset(("actions", "guards", "ids", "states", "variables", "weights"))
 _SAYABLE = re.compile(r"[A-Za-z0-9_$.]+")
 _OWN_WORDS = frozenset(("start", "blocked", "shared", "init", "reqtag", "weight", "dependency"))
-_JAVASCRIPT = frozenset(
-    re.findall(
-        r"\w+",
-        """arguments await break case catch class const continue debugger default delete do else enum eval export
-        extends finally for function global if implements import in instanceof interface let new null package private
-        protected public return static super switch this throw try typeof undefined var void while with yield Math
-        NaN Infinity false true""",
-    )
-)
 _ESCAPED = "\n\t\r\\'"
 
 
@@ -38,46 +29,22 @@ def parted(cefsm: Cefsm) -> tuple[list[Model], tuple[Loss, ...]]:
     """Return the machines of a model as GraphWalker's models, and what these do not hold.
 
     Variables of a component with one machine are those of the model; of one with several, they stand in `global`.
-
-    Args:
-        cefsm: a model without errors.
-
-    Example:
-    >>> from parcours.model import parse_model
-    >>> [door], losses = parted(parse_model('''
-    ... parcours: model/1
-    ... name: door
-    ... components:
-    ...   Door:
-    ...     variables: {n: {type: int, initial: 0, range: [0, 3]}}
-    ...     machines:
-    ...       Door:
-    ...         initial: open
-    ...         transitions: {shut: {from: open, to: open, guard: n < 3, action: n := n + 1}}
-    ... '''))
-    >>> door.actions, door.edges[0].guard, door.edges[0].actions
-    (('n = 0;',), 'n < 3', ('n = n + 1;',))
-    >>> print(*losses)
-    line 6: variable 'Door.n': its range 0 to 3 is not written
     """
     parter = _Parter(cefsm)
     models = [parter.model(component, machine) for component in cefsm.components for machine in component.machines]
     return models, (*unsaid(cefsm, _HOLDS), *parter.losses)
 
 
-class _Parter:
+class _Parter(Speaker):
     def __init__(self, cefsm: Cefsm) -> None:
-        self.losses: list[Loss] = []
-        self.shared, self.edges = Names(_JAVASCRIPT), Names()
+        super().__init__()
+        self.shared, self.edges = Names(WORDS), Names()
         self.numbers = {"n": count(), "e": count()}
         self.spoken = {component.name: self.variables(component) for component in cefsm.components}
 
-    def lose(self, where: str, line: int, what: str) -> None:
-        self.losses.append(Loss(where, line, what))
-
     def variables(self, component: Component) -> dict[str, Expression]:
         """Return how each variable of the component is called; those that are not said are missing."""
-        own = self.shared if len(component.machines) > 1 else Names(_JAVASCRIPT)
+        own = self.shared if len(component.machines) > 1 else Names(WORDS)
         prefix = "global." if len(component.machines) > 1 else ""
         spoken: dict[str, Expression] = {}
         for variable in component.variables:
@@ -123,8 +90,11 @@ class _Parter:
     def edge(self, component: Component, transition: Transition, at: Mapping[str, str]) -> Edge:
         where = f"transition {transition.id!r}"
         name = self.renamed(where, transition.line, transition.id, self.edges)
-        guard = " && ".join(self.conditions(component, transition))
-        actions = tuple(self.actions(component, transition))
+        parts = [(part, javascript(part)) for part in self.conditions(component, transition)]
+        ors = (isinstance(part, Binary) and part.operator == "||" for part, _ in parts)
+        guard = " && ".join(f"({text})" if is_or else text for is_or, (_, text) in zip(ors, parts, strict=True))
+        assigned = self.assignments(component, transition, "the")
+        actions = tuple(f"{target} = {javascript(value)};" for target, value in assigned)
         source, target = at[transition.source], at[transition.target]
         return Edge(f"e{next(self.numbers['e'])}", name, source, target, guard, actions, line=transition.line)
 
@@ -143,39 +113,10 @@ class _Parter:
             if name is not None and variable.role == "local":
                 yield f"{name} = {javascript(literal(variable.initial))};"
 
-    def conditions(self, component: Component, transition: Transition) -> Iterator[str]:
-        spoken = self.spoken[component.name]
-        for part in _conjuncts(transition.guard) if transition.guard is not None else ():
-            if _is_said(part, spoken):
-                text = javascript(replaced(part, spoken))
-                yield f"({text})" if isinstance(part, Binary) and part.operator == "||" else text
-            else:
-                what = f'the condition "{part}" is not written; the transition is free of it'
-                self.lose(f"transition {transition.id!r}", transition.line, what)
-
-    def actions(self, component: Component, transition: Transition) -> Iterator[str]:
-        spoken = self.spoken[component.name]
-        for action in transition.actions:
-            if isinstance(action, Assignment) and action.target in spoken and _is_said(action.value, spoken):
-                yield f"{spoken[action.target]} = {javascript(replaced(action.value, spoken))};"
-            else:
-                self.lose(f"transition {transition.id!r}", transition.line, f'the action "{action}" is not written')
-
-
-def _conjuncts(node: Expression) -> Iterator[Expression]:
-    if isinstance(node, Binary) and node.operator == "&&":
-        yield from _conjuncts(node.left)
-        yield from _conjuncts(node.right)
-    else:
-        yield node
-
-
-def _is_said(node: Expression, spoken: Mapping[str, Expression]) -> bool:
-    if not names(node) <= spoken.keys():
-        return False
-    return all(
-        _is_plain(part.value) for part in walk(node) if isinstance(part, Literal) and isinstance(part.value, str)
-    ) and not any(isinstance(part, Apply) and part.function == "size" for part in walk(node))
+    def is_said(self, node: Expression, spoken: Mapping[str, Expression]) -> bool:
+        """Return whether an expression has a counterpart that labels hold."""
+        texts = (part.value for part in walk(node) if isinstance(part, Literal) and isinstance(part.value, str))
+        return super().is_said(node, spoken) and all(map(_is_plain, texts))
 
 
 def _is_plain(text: str) -> bool:

@@ -1,22 +1,8 @@
-"""Guards and actions in JavaScript or UPPAAL's C-like language to our syntax trees, or a refusal by name."""
+"""Translates guards and actions in JavaScript or UPPAAL's C to our language, or refuses them by name."""
 
-from parcours_formats.guard_languages.refusing import refusal, sized
-from parcours_formats.guard_languages.texts import Branch, actions, branches, condition, guard, performed, variables
-from parcours_formats.guard_languages.tokens import Language, Tokens
-from parcours_formats.guard_languages.translation import Scope, Translation
+from parcours_formats.guard_languages.foreign_texts import Branch, branches, condition, guard, performed, variables
+from parcours_formats.guard_languages.foreign_tokens import Tokens
+from parcours_formats.guard_languages.translation import Scope, Translation, refusal, sized
 
-__all__ = [
-    "Branch",
-    "Language",
-    "Scope",
-    "Tokens",
-    "Translation",
-    "actions",
-    "branches",
-    "condition",
-    "guard",
-    "performed",
-    "refusal",
-    "sized",
-    "variables",
-]
+__all__ = ["Branch", "Scope", "Tokens", "Translation", "branches", "condition", "guard", "performed"]
+__all__ += ["refusal", "sized", "variables"]

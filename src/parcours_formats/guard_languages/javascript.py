@@ -1,20 +1,23 @@
-"""Expressions of our language to JavaScript with the same value; texts and remainders are what differs."""
+"""Writes expressions of our language in JavaScript; texts and remainders are what differs."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Set
+from collections.abc import Iterator, Mapping, Set
 
-from parcours.model.expression import Apply, Binary, Expression, Literal, Name, Unary
-from parcours_formats.guard_languages.kinds import is_natural
+from parcours.model.expression import Apply, Assignment, Binary, Expression, Literal, Name, Unary, names
+from parcours.model.expression.syntax import walk
+from parcours.model.structure import Component, Transition
+from parcours_formats.guard_languages.values import conjuncts, is_natural, replaced
+from parcours_formats.losses import Losses
 
 WORDS = frozenset(
     re.findall(
         r"\w+",
-        """arguments await break case catch class const continue debugger default delete do else enum eval export
-        extends false finally for function global if implements import in instanceof interface let new null package
-        private protected public return static super switch this throw true try typeof undefined var void while with
-        yield Math NaN Infinity In _event _name _sessionid _ioprocessors _x""",
+        """arguments await break case catch class const continue debugger default delete do else enum eval
+        export extends false finally for function global if implements import in instanceof
+        interface let new null package private protected public return static super switch this
+        throw true try typeof undefined var void while with yield Math NaN Infinity""",
     )
 )
 """Names that mean something there and cannot be given."""
@@ -25,11 +28,6 @@ _SIGNS = {"\n": "\\n", "\t": "\\t", "\r": "\\r", "\\": "\\\\", "'": "\\'"}
 def javascript(node: Expression, naturals: Set[str] = frozenset()) -> str:
     """Return the text of an expression in JavaScript.
 
-    Args:
-        node: an expression without `size`, which asks for lists.
-        naturals: variables that are never negative.
-
-    Example:
     >>> from parcours.model.expression import parse_expression
     >>> javascript(parse_expression("n % 2 == 0 && mode != 'it\\\\'s' && floor(n / 2) < 3"), {"n"})
     "n % 2 == 0 && mode != 'it\\\\'s' && Math.floor(n / 2) < 3"
@@ -70,3 +68,40 @@ def _sign(sign: str) -> str:
         if sign.isprintable() and ord(sign) < 0x10000
         else "".join(f"\\u{unit:04x}" for unit in memoryview(sign.encode("utf-16-le", "surrogatepass")).cast("H"))
     )
+
+
+class Speaker:
+    """What writers of JavaScript share: guards and actions in their words, and losses where they have none."""
+
+    def __init__(self) -> None:
+        self.losses = Losses()
+        self.lose = self.losses.add
+        self.spoken: dict[str, dict[str, Expression]] = {}
+        """What each variable of each component is called; variables that are not written are missing."""
+
+    def is_said(self, node: Expression, spoken: Mapping[str, Expression]) -> bool:
+        """Return whether an expression has a counterpart: its variables are written, and it asks for no lists."""
+        is_sized = any(isinstance(each, Apply) and each.function == "size" for each in walk(node))
+        return names(node) <= spoken.keys() and not is_sized
+
+    def conditions(self, component: Component, transition: Transition) -> Iterator[Expression]:
+        """Yield the parts of a guard that have a counterpart."""
+        spoken = self.spoken[component.name]
+        for part in conjuncts(transition.guard) if transition.guard is not None else ():
+            if self.is_said(part, spoken):
+                yield replaced(part, spoken)
+            else:
+                what = f'the condition "{part}" is not written; the transition is free of it'
+                self.lose(f"transition {transition.id!r}", transition.line, what)
+
+    def assignments(
+        self, component: Component, transition: Transition, action_of: str
+    ) -> Iterator[tuple[Expression, Expression]]:
+        """Yield target and value of each assignment that has a counterpart."""
+        spoken = self.spoken[component.name]
+        for action in transition.actions:
+            if isinstance(action, Assignment) and action.target in spoken and self.is_said(action.value, spoken):
+                yield spoken[action.target], replaced(action.value, spoken)
+            else:
+                what = f'{action_of} action "{action}" is not written'
+                self.lose(f"transition {transition.id!r}", transition.line, what)

@@ -1,4 +1,4 @@
-"""Foreign syntax trees to our expressions: operators, kinds and choices here, names by a scope."""
+"""Translates foreign syntax trees to our expressions; a scope says what their names mean."""
 
 from __future__ import annotations
 
@@ -7,34 +7,24 @@ from dataclasses import dataclass, field
 
 from parcours.errors import BadModel
 from parcours.model.expression import Apply, Binary, Expression, Literal, Name, Unary
+from parcours.model.expression.parsing import MAX_DEPTH, MAX_LENGTH
 from parcours.model.nodes import is_identifier
-from parcours_formats.guard_languages.kinds import is_natural, kind_of
-from parcours_formats.guard_languages.refusing import construct_of, refusal
-from parcours_formats.guard_languages.tokens import Language
-from parcours_formats.guard_languages.tree import (
-    Applied,
-    Choice,
-    Constant,
-    Identifier,
-    Index,
-    Infix,
-    Member,
-    Prefix,
-    Quantified,
-    Record,
-    Series,
-    Tree,
-)
+from parcours_formats.guard_languages import foreign_syntax as syntax
+from parcours_formats.guard_languages.foreign_tokens import Language
 from parcours_formats.guard_languages.values import (
+    FALSE,
     MAX_CASES,
     TRUE,
     Cases,
     always,
     conjunction,
+    depth,
     disjunction,
     folded,
     holds,
+    is_natural,
     joined,
+    kind_of,
     literal,
     negation,
 )
@@ -42,13 +32,10 @@ from parcours_formats.guard_languages.values import (
 FUNCTIONS = {
     "javascript": {f"Math.{name}": name for name in ("abs", "floor", "hypot", "max", "min", "sqrt")},
     "uppaal": {
-        "abs": "abs",
         "fabs": "abs",
-        "floor": "floor",
         "fmax": "max",
         "fmin": "min",
-        "sqrt": "sqrt",
-        "hypot": "hypot",
+        **{name: name for name in ("abs", "floor", "hypot", "sqrt")},
     },
 }
 """The functions of each language that ours has too."""
@@ -56,13 +43,7 @@ FUNCTIONS = {
 
 @dataclass
 class Scope:
-    """What the names of a foreign text mean. Readers with arrays, records or parameters override the methods.
-
-    Args:
-        language: whose operators.
-        kinds: the type of each known variable: bool, int, real, text; others are taken as they are used.
-        naturals: variables that are never negative.
-    """
+    """What the names of a foreign text mean. Readers with arrays, records or parameters override the methods."""
 
     language: Language
     kinds: Mapping[str, str] = field(default_factory=dict)
@@ -71,17 +52,17 @@ class Scope:
     def spend(self, count: int, where: str) -> None:
         """Count cases that are written out. Readers that expand ranges bound their sum."""
 
-    def read(self, tree: Identifier | Index | Member, where: str) -> Cases:
+    def read(self, tree: syntax.Identifier | syntax.Index | syntax.Member, where: str) -> Cases:
         """Return what a place of the foreign model holds."""
         return always(self.target(tree, where)[0][1])
 
-    def target(self, tree: Tree, where: str) -> list[tuple[Expression, Name]]:
+    def target(self, tree: syntax.Tree, where: str) -> list[tuple[Expression, Name]]:
         """Return the variables that an assignment to a place may change, each with the condition for it."""
-        if isinstance(tree, Identifier) and is_identifier(tree.name):
+        if isinstance(tree, syntax.Identifier) and is_identifier(tree.name):
             return [(TRUE, Name(tree.name))]
         raise refusal(where, construct_of(tree))
 
-    def applied(self, tree: Applied, where: str) -> Cases:
+    def applied(self, tree: syntax.Applied, where: str) -> Cases:
         """Return the value of a function."""
         own = FUNCTIONS[self.language].get(tree.function)
         if own is None:
@@ -89,43 +70,37 @@ class Scope:
         arguments = [Translation(self, where).number(each) for each in tree.arguments]
         return joined(where, lambda *values: folded(Apply(own, values)), *arguments)
 
-    def quantified(self, tree: Quantified, where: str) -> Cases:
+    def quantified(self, tree: syntax.Quantified, where: str) -> Cases:
         """Return the value of forall, exists or sum."""
         raise refusal(where, f"{tree.quantifier!r} over a range")
 
 
 class Translation:
-    """Translates trees of one text.
-
-    Args:
-        scope: what names mean.
-        where: what the text belongs to, for messages.
-    """
+    """Translates trees of one text."""
 
     def __init__(self, scope: Scope, where: str) -> None:
         self.scope, self.where = scope, where
-        self._known: dict[int, tuple[Tree, Cases]] = {}
+        self._known: dict[int, tuple[syntax.Tree, Cases]] = {}
 
-    def truth(self, tree: Tree) -> Expression:
+    def truth(self, tree: syntax.Tree) -> Expression:
         """Return the condition that a tree stands for; a number stands for `!= 0`."""
         match tree:
-            case Infix("&&", left, right):
+            case syntax.Infix("&&", left, right):
                 return conjunction((self.truth(left), self.truth(right)))
-            case Infix("||", left, right):
+            case syntax.Infix("||", left, right):
                 return disjunction((self.truth(left), self.truth(right)))
-            case Infix("imply", left, right):
+            case syntax.Infix("imply", left, right):
                 return disjunction((negation(self.truth(left)), self.truth(right)))
-            case Prefix("!", operand):
+            case syntax.Prefix("!", operand):
                 return negation(self.truth(operand))
-            case Choice(condition, yes, no):
+            case syntax.Choice(condition, yes, no):
                 choice = self.truth(condition)
-                return disjunction(
-                    (conjunction((choice, self.truth(yes))), conjunction((negation(choice), self.truth(no))))
-                )
+                taken = conjunction((choice, self.truth(yes)))
+                return disjunction((taken, conjunction((negation(choice), self.truth(no)))))
             case _:
                 return holds([(case, self._true(value)) for case, value in self.value(tree)])
 
-    def number(self, tree: Tree) -> Cases:
+    def number(self, tree: syntax.Tree) -> Cases:
         """Return the number that a tree stands for; a truth value is 1 or 0."""
         found: Cases = []
         for case, value in self.value(tree):
@@ -133,47 +108,47 @@ class Translation:
                 found.append((case, value))
                 continue
             for condition, number in ((value, 1), (negation(value), 0)):
-                if (both := conjunction((case, condition))) != Literal(False):
+                if (both := conjunction((case, condition))) != FALSE:
                     found.append((both, Literal(number)))
         return found
 
-    def of_kind(self, tree: Tree, kind: str) -> Cases:
+    def of_kind(self, tree: syntax.Tree, kind: str) -> Cases:
         """Return what a tree stands for as a value of a variable of that kind."""
         if kind == "bool":
             return always(self.truth(tree))
         return self.number(tree) if kind in ("int", "real", "clock") else self.value(tree)
 
-    def value(self, tree: Tree) -> Cases:
+    def value(self, tree: syntax.Tree) -> Cases:
         """Return what a tree stands for, of whatever kind."""
         # Operators ask for their operands as values and as numbers: each is translated once.
         if id(tree) not in self._known:
             self._known[id(tree)] = tree, self._value(tree)
         return self._known[id(tree)][1]
 
-    def _value(self, tree: Tree) -> Cases:
+    def _value(self, tree: syntax.Tree) -> Cases:
         match tree:
-            case Constant(constant):
+            case syntax.Constant(constant):
                 return always(literal(constant))
-            case Identifier() | Index() | Member():
+            case syntax.Identifier() | syntax.Index() | syntax.Member():
                 return self.scope.read(tree, self.where)
-            case Prefix("-", operand):
+            case syntax.Prefix("-", operand):
                 return joined(self.where, lambda value: folded(Unary("-", value)), self.number(operand))
-            case Infix("==" | "!=" | "<" | "<=" | ">" | ">=" as operator, left, right):
+            case syntax.Infix("==" | "!=" | "<" | "<=" | ">" | ">=" as operator, left, right):
                 return always(self._comparison(operator, left, right))
-            case Infix("+" | "-" | "*" | "/" | "%" | "<?" | ">?" as operator, left, right):
+            case syntax.Infix("+" | "-" | "*" | "/" | "%" | "<?" | ">?" as operator, left, right):
                 return self._arithmetic(operator, left, right)
-            case Choice(condition, yes, no):
+            case syntax.Choice(condition, yes, no):
                 choice = self.truth(condition)
                 found = [(conjunction((choice, case)), value) for case, value in self.value(yes)]
                 found += [(conjunction((negation(choice), case)), value) for case, value in self.value(no)]
-                return [(case, value) for case, value in found if case != Literal(False)]
-            case Applied():
+                return [(case, value) for case, value in found if case != FALSE]
+            case syntax.Applied():
                 return self.scope.applied(tree, self.where)
-            case Record() | Series():
+            case syntax.Record() | syntax.Series():
                 raise refusal(self.where, construct_of(tree))
-            case Quantified():
+            case syntax.Quantified():
                 return self.scope.quantified(tree, self.where)
-            case Infix(operator, left, _) if self.scope.language == "javascript":
+            case syntax.Infix(operator, left, _) if self.scope.language == "javascript":
                 kinds = {kind_of(value, self.scope.kinds) for _, value in self.value(left)}
                 if kinds & {"int", "real", "text"}:
                     raise refusal(self.where, f"{operator} on values that are not true or false")
@@ -185,7 +160,7 @@ class Translation:
             return folded(Binary("!=", value, Literal(0)))
         return folded(Binary("!=", value, Literal(""))) if kind == "text" else value
 
-    def _comparison(self, operator: str, left: Tree, right: Tree) -> Expression:
+    def _comparison(self, operator: str, left: syntax.Tree, right: syntax.Tree) -> Expression:
         kinds = self.scope.kinds
         sides = [self.value(left), self.value(right)]
         among = {kind_of(value, kinds) == "bool" for side in sides for _, value in side}
@@ -193,7 +168,12 @@ class Translation:
             known = {kind_of(value, kinds) for side in sides for _, value in side}
             if known & {"int", "real"} or operator not in ("==", "!="):
                 sides = [self.number(left), self.number(right)]
-        if operator in ("==", "!=") and isinstance(left, Infix) and left.operator == "%" and right == Constant(0):
+        if (
+            operator in ("==", "!=")
+            and isinstance(left, syntax.Infix)
+            and left.operator == "%"
+            and right == syntax.Constant(0)
+        ):
             # Languages differ in the sign of a remainder, not in whether there is one.
             sides[0] = joined(self.where, _binary("%"), self.number(left.left), self.number(left.right))
         return holds(joined(self.where, _binary(operator), *sides))
@@ -206,7 +186,7 @@ class Translation:
                 raise refusal(self.where, "+ on what is now a text, now a number")
             for first, left in self._spelled(a):
                 for second, right in self._spelled(b):
-                    if (both := conjunction((case, first, second))) != Literal(False):
+                    if (both := conjunction((case, first, second))) != FALSE:
                         found.append((both, Literal(left + right)))
         if len(found) > MAX_CASES:
             rule = f"a translated value has at most {MAX_CASES} cases, but this one has {len(found)}"
@@ -225,7 +205,7 @@ class Translation:
         remedy = "write the texts it can become as a choice: x == 1 ? 'a1' : 'a2'"
         return BadModel(self.where, rule, remedy, slug="foreign-construct")
 
-    def _arithmetic(self, operator: str, left: Tree, right: Tree) -> Cases:
+    def _arithmetic(self, operator: str, left: syntax.Tree, right: syntax.Tree) -> Cases:
         if operator == "+":
             sides = self.value(left), self.value(right)
             if any(kind_of(value, self.scope.kinds) == "text" for side in sides for _, value in side):
@@ -271,12 +251,12 @@ class Translation:
         return is_natural(node, self.scope.naturals)
 
 
-def is_truth(tree: Tree) -> bool:
+def is_truth(tree: syntax.Tree) -> bool:
     """Return whether the tree shows that a condition is true or false in JavaScript, not merely as good as that."""
     match tree:
-        case Constant() | Prefix("!", _) | Infix("==" | "!=" | "<" | "<=" | ">" | ">=", _, _):
+        case syntax.Constant() | syntax.Prefix("!", _) | syntax.Infix("==" | "!=" | "<" | "<=" | ">" | ">=", _, _):
             return True
-        case Choice(_, yes, no):
+        case syntax.Choice(_, yes, no):
             return is_truth(yes) and is_truth(no)
         case _:
             return False
@@ -308,8 +288,42 @@ def _binary(operator: str) -> Callable[..., Expression]:
 def _by_sign(node: Expression, positive: Expression, negative: Expression) -> Cases:
     condition = folded(Binary(">=", node, Literal(0)))
     found = [(condition, positive), (negation(condition), negative)]
-    return [(case, value) for case, value in found if case != Literal(False)]
+    return [(case, value) for case, value in found if case != FALSE]
 
 
 def _pairs(cases: Cases) -> list[tuple[Expression, tuple[Expression, Expression]]]:
     return [(case, (pair.arguments[0], pair.arguments[1])) for case, pair in cases if isinstance(pair, Apply)]
+
+
+def sized(node: Expression, where: str) -> Expression:
+    """Return the expression if it is no longer than our own parser allows, so that it can be written and read."""
+    if depth(node) >= MAX_DEPTH or len(str(node)) > MAX_LENGTH:
+        size = f"{MAX_LENGTH} characters and {MAX_DEPTH} levels"
+        rule = f"a translated expression has at most {size}, but this one has more"
+        raise BadModel(where, rule, "split it", slug="expression-size")
+    return node
+
+
+def refusal(where: str, what: str) -> BadModel:
+    """Return the refusal of something that our language cannot say."""
+    rule = f"only arithmetic, comparisons, assignments and choices are translated, but here is {what}"
+    return BadModel(where, rule, "write it with these", slug="foreign-construct")
+
+
+def construct_of(tree: syntax.Tree) -> str:
+    """Return what a place is that our language does not know, in words."""
+    match tree:
+        case syntax.Identifier(name):
+            return f"the name {name!r}"
+        case syntax.Member(_, name):
+            return f"a field {name!r} of an object"
+        case syntax.Index():
+            return "an element of a list"
+        case syntax.Applied(function, _):
+            return f"a call of the function {function!r}"
+        case syntax.Record():
+            return "an object"
+        case syntax.Series():
+            return "a list"
+        case _:
+            return "an assignment to a value"

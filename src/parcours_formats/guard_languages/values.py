@@ -6,13 +6,15 @@ needs one of these is a list of cases: conditions of which exactly one holds, ea
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Set
 from dataclasses import replace
 from itertools import product
+from math import prod
 from typing import TypeAlias
 
 from parcours.errors import BadModel
 from parcours.model.expression import Apply, Binary, Expression, Field, Literal, Name, Unary, evaluate
+from parcours.model.structure import Component
 
 TRUE, FALSE = Literal(True), Literal(False)
 
@@ -31,14 +33,8 @@ def always(value: Expression) -> Cases:
 
 
 def joined(where: str, make: Callable[..., Expression], *operands: Cases) -> Cases:
-    """Return the cases of an operation whose operands have cases.
-
-    Raises:
-        BadModel: there would be more than MAX_CASES.
-    """
-    count = 1
-    for operand in operands:
-        count *= len(operand)
+    """Return the cases of an operation whose operands have cases."""
+    count = prod(map(len, operands))
     if count > MAX_CASES:
         rule = f"a translated value has at most {MAX_CASES} cases, but this one has {count}"
         raise BadModel(where, rule, "split the expression", slug="expression-size")
@@ -200,3 +196,83 @@ def replaced(node: Expression, values: Mapping[str, Expression]) -> Expression:
             return folded(replace(node, arguments=tuple(replaced(each, values) for each in arguments)))
         case _:
             return node
+
+
+KINDS = {bool: "bool", int: "int", float: "real", str: "text"}
+"""The type of each kind of constant."""
+
+
+def kind_of(node: Expression, kinds: Mapping[str, str]) -> str:
+    """Return bool, int, real or text as far as the expression tells, else an empty text.
+
+    >>> kind_of(Binary("/", Name("n"), Literal(2)), {"n": "int"}), kind_of(Name("m"), {})
+    ('real', '')
+    """
+    match node:
+        case Literal(value):
+            return KINDS[type(value)]
+        case Name(id):
+            return kinds.get(id, "")
+        case Unary("!", _) | Binary("&&" | "||" | "==" | "!=" | "<" | "<=" | ">" | ">=", _, _):
+            return "bool"
+        case Unary(_, operand):
+            return kind_of(operand, kinds)
+        case Binary("/", _, _) | Apply("sqrt" | "hypot", _):
+            return "real"
+        case Apply("floor" | "size", _):
+            return "int"
+        case Binary(_, left, right):
+            return _wider(kind_of(left, kinds), kind_of(right, kinds))
+        case Apply(_, arguments):
+            kind = "int"
+            for argument in arguments:
+                kind = _wider(kind, kind_of(argument, kinds))
+            return kind
+        case _:
+            return ""
+
+
+def _wider(one: str, other: str) -> str:
+    return "real" if "real" in (one, other) else "int" if one == other == "int" else ""
+
+
+def is_natural(node: Expression, naturals: Set[str]) -> bool:
+    """Return whether the expression shows that its value is never negative; `naturals` are such variables.
+
+    >>> is_natural(Binary("+", Name("n"), Literal(1)), {"n"}), is_natural(Name("m"), {"n"})
+    (True, False)
+    """
+    match node:
+        case Literal(value):
+            return isinstance(value, int | float)
+        case Name(id):
+            return id in naturals
+        case Binary("+" | "*" | "/" | "%", left, right):
+            return is_natural(left, naturals) and is_natural(right, naturals)
+        case Apply("abs" | "sqrt" | "hypot", _):
+            return True
+        case Apply("floor" | "min" | "max", arguments):
+            return all(is_natural(each, naturals) for each in arguments)
+        case _:
+            return False
+
+
+def depth(node: Expression) -> int:
+    """Return how many nodes the longest way down a tree has."""
+    match node:
+        case Field(of, _):
+            return 1 + depth(of)
+        case Unary(_, operand):
+            return 1 + depth(operand)
+        case Binary(_, left, right):
+            return 1 + max(depth(left), depth(right))
+        case Apply(_, arguments):
+            return 1 + max((depth(argument) for argument in arguments), default=0)
+        case _:
+            return 1
+
+
+def naturals_of(component: Component) -> set[str]:
+    """Return the variables of a component that are never negative, as their ranges say."""
+    ranges = {each.name: each.domain for each in component.variables if isinstance(each.domain, range)}
+    return {name for name, domain in ranges.items() if domain and domain[0] >= 0}

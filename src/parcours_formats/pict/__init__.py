@@ -1,8 +1,8 @@
-"""PICT models (Microsoft's pairwise tool) to input models and back, each with a report of what is lost."""
+"""Reads and writes models of PICT, Microsoft's pairwise tool, with a report of what is lost."""
 
 from parcours.data.formats import DataFormat
 from parcours_formats.pict.pict_reader import parse_pict, read_pict
-from parcours_formats.pict.writing import write_pict
+from parcours_formats.pict.pict_writer import write_pict
 
 __all__ = ["FORMATS", "parse_pict", "read", "read_pict", "write", "write_pict"]
 

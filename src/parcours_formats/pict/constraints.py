@@ -1,4 +1,4 @@
-"""The constraints of a PICT model become conditions in our expression language.
+"""Translates the constraints of a PICT model to conditions of our expression language.
 
     constraint := IF predicate THEN predicate [ELSE predicate] ;  |  predicate ;
     predicate  := conjunction (OR conjunction)*          conjunction := clause (AND clause)*
@@ -25,7 +25,8 @@ from parcours.data.inputs import constraint_of
 from parcours.data.schema import MAX_COLUMNS
 from parcours.errors import BadDomain, one_of
 from parcours.model.expression import Binary, Expression, Literal, Name, Unary
-from parcours_formats.pict.tokens import Token, tokens_of
+from parcours_formats.naming import Names
+from parcours_formats.token_stream import TokenStream
 
 MAX_TERMS = 100_000
 """Most comparisons that the constraints of a file become."""
@@ -56,64 +57,64 @@ class Parameter:
 def constraints_in(
     text: str, first_line: int, origin: str, parameters: Mapping[str, Parameter]
 ) -> Iterator[Constraint]:
-    """Yield the constraints of the last part of a PICT model.
-
-    Args:
-        text: that part, comments left empty.
-        first_line: its line in the file.
-        origin: the file's name, for messages.
-        parameters: by their names there, folded.
-
-    Raises:
-        BadDomain: it is not in PICT's language, names something unknown, or becomes too much.
-    """
+    """Yield the constraints of the last part of a PICT model."""
     parser = _Parser(text, first_line, origin, parameters)
     domains = [parameter.domain for parameter in parameters.values()]
-    names: set[str] = set()
-    while parser.token.kind != "end":
-        line = parser.token.line
+    names, count = Names(), 0
+    while parser.kind != "end":
+        line = parser.line
         rule = parser.constraint()
-        name, number = f"line_{line}", 1
-        while name in names:
-            number += 1
-            name = f"line_{line}_{number}"
-        names.add(name)
-        if len(names) > MAX_COLUMNS:
+        count += 1
+        if count > MAX_COLUMNS:
             parser.fail(f"a model has at most {MAX_COLUMNS} constraints, but this one has more", slug="columns")
-        yield constraint_of(name, rule, domains)
+        yield constraint_of(names.label(f"line_{line}"), rule, domains)
 
 
-class _Parser:
+class _Parser(TokenStream):
+    pattern = re.compile(
+        r"""(?P<blank>\s+)
+          | (?P<parameter>\[[^\[\]\n]{1,200}\])
+          | (?P<text>"(?:[^"\\\n]|\\.)*")
+          | (?P<number>[-+]?(?:[0-9]{1,19}(?:\.[0-9]{0,19})?|\.[0-9]{1,19})(?:[eE][-+]?[0-9]{1,3})?)
+          | (?P<relation><>|<=|>=|=|<|>)
+          | (?P<sign>[A-Za-z]{1,20}|[(){},;])""",
+        re.VERBOSE,
+    )
+    slug = "pict-syntax"
+
     def __init__(self, text: str, first_line: int, origin: str, parameters: Mapping[str, Parameter]) -> None:
-        self.origin, self.parameters = origin, parameters
-        self.tokens = list(tokens_of(text, first_line, origin))
-        self.position = self.depth = self.n_terms = 0
+        self.parameters, self.depth, self.n_terms = parameters, 0, 0
+        super().__init__(text, origin, first_line)
+        while self.kind != "end":  # a sign that starts no token is the first thing to say
+            self.advance()
+        super().__init__(text, origin, first_line)
 
-    @property
-    def token(self) -> Token:
-        return self.tokens[self.position]
+    def advance(self) -> None:
+        super().advance()
+        if self.kind == "strange":
+            self.fail(f"a constraint cannot go on with {self.text[self.at]!r}")
 
     def constraint(self) -> Expression:
-        if not self.accepts("IF"):
+        if not self.accept("IF"):
             rule = self.predicate()
         else:
             if_ = self.predicate()
             self.expect("THEN")
             rule = Binary("||", Unary("!", if_), self.predicate())
-            if self.accepts("ELSE"):
+            if self.accept("ELSE"):
                 rule = Binary("&&", rule, Binary("||", if_, self.predicate()))
         self.expect(";")
         return rule
 
     def predicate(self) -> Expression:
         parts = [self.conjunction()]
-        while self.accepts("OR"):
+        while self.accept("OR"):
             parts.append(self.conjunction())
         return _joined("||", parts)
 
     def conjunction(self) -> Expression:
         parts = [self.clause()]
-        while self.accepts("AND"):
+        while self.accept("AND"):
             parts.append(self.clause())
         return _joined("&&", parts)
 
@@ -121,13 +122,12 @@ class _Parser:
         self.depth += 1
         if self.depth > MAX_DEPTH:
             self.fail(f"brackets and NOT nest at most {MAX_DEPTH} deep, but here deeper", slug="expression-size")
-        if self.accepts("NOT"):
+        if self.accept("NOT"):
             found: Expression = Unary("!", self.clause())
-        elif self.accepts("("):
+        elif self.accept("("):
             found = self.predicate()
             self.expect(")")
-        elif self.token.text.casefold() in ("isnegative", "ispositive"):
-            wants_negative = self.next().text.casefold() == "isnegative"
+        elif (wants_negative := self.accept("IsNegative")) or self.accept("IsPositive"):
             self.expect("(")
             parameter = self.parameter()
             self.expect(")")
@@ -140,33 +140,29 @@ class _Parser:
 
     def term(self) -> Expression:
         left = self.parameter()
-        is_negated = self.accepts("NOT")
-        if self.accepts("IN"):
+        is_negated = self.accept("NOT")
+        if self.accept("IN"):
             values = self.values()
             found = self.among(left, lambda word: any(_equal(left, word, value) for value in values))
-        elif self.accepts("LIKE"):
-            if self.token.kind != "text" or left.is_number:
-                self.fail(
-                    f"LIKE compares texts, but this is {left.title!r} and {self.token.text[:40]}", slug="pict-type"
-                )
-            pattern = _pattern(_unquoted(self.next().text))
+        elif self.accept("LIKE"):
+            if self.kind != "text" or left.is_number:
+                self.fail(f"LIKE compares texts, but this is {left.title!r} and {self.shown(40)}", slug="pict-type")
+            pattern = _pattern(str(self.value()))
             found = self.among(left, lambda word: bool(pattern.fullmatch(word.casefold())))
-        elif self.token.kind == "relation" and not is_negated:
-            sign, holds = _RELATIONS[self.next().text]
+        elif self.kind == "relation" and not is_negated:
+            sign, holds = _RELATIONS[self.token]
+            self.advance()
             found = self.related(left, sign, holds)
         else:
-            self.fail(
-                f"a relation, IN or LIKE must stand here, but this is {self.token.text[:40]!r}", slug="pict-syntax"
-            )
+            self.fail(f"a relation, IN or LIKE must stand here, but this is {self.shown(40)!r}")
         return Unary("!", found) if is_negated else found
 
     def related(self, left: Parameter, sign: str, holds: Callable[[Any, Any], bool]) -> Expression:
-        if self.token.kind == "parameter":
+        if self.kind == "parameter":
             right = self.parameter()
             if left.is_number != right.is_number:
-                self.fail(
-                    f"only like parameters compare, but {left.title!r} and {right.title!r} do not", slug="pict-type"
-                )
+                rule = f"only like parameters compare, but {left.title!r} and {right.title!r} do not"
+                self.fail(rule, slug="pict-type")
             if left.is_number:
                 return self.counted(1, Binary(sign, Name(left.domain.name), Name(right.domain.name)))
             pairs = list(product(left.domain.values, right.domain.values))
@@ -197,49 +193,47 @@ class _Parser:
         return found
 
     def parameter(self) -> Parameter:
-        token = self.next()
-        title = token.text[1:-1].strip()
-        found = self.parameters.get(title.casefold()) if token.kind == "parameter" else None
+        if self.kind == "end":
+            self.fail("a constraint must end with ';', but the file ends")
+        title = self.token[1:-1].strip()
+        found = self.parameters.get(title.casefold()) if self.kind == "parameter" else None
         if found is None:
+            rule = f"a parameter in square brackets must stand here, but this is {self.shown(60)!r}"
             known = [each.title for each in self.parameters.values()][:20]
-            self.position -= 1
-            self.fail(f"a parameter in square brackets must stand here, but this is {token.text[:60]!r}",
-                      one_of(title[:60], known), slug="unknown-name")  # fmt: skip
+            self.fail(rule, one_of(title[:60], known), slug="unknown-name")
+        self.advance()
         return found
 
     def values(self) -> list[str | float]:
         self.expect("{")
         found = [self.value()]
-        while self.accepts(","):
+        while self.accept(","):
             found.append(self.value())
         self.expect("}")
         return found
 
     def value(self) -> str | float:
-        token = self.token
-        if token.kind not in ("text", "number"):
-            self.fail(f'a value must be a "text" or a number, but this is {token.text[:40]!r}', slug="pict-syntax")
-        self.position += 1
-        return float(token.text) if token.kind == "number" else _unquoted(token.text)
+        kind, text = self.kind, self.token
+        if kind not in ("text", "number"):
+            self.fail(f'a value must be a "text" or a number, but this is {self.shown(40)!r}')
+        self.advance()
+        return float(text) if kind == "number" else re.sub(r"\\(.)", r"\1", text[1:-1])
 
-    def next(self) -> Token:
-        token = self.token
-        if token.kind == "end":
-            self.fail("a constraint must end with ';', but the file ends", slug="pict-syntax")
-        self.position += 1
-        return token
+    def shown(self, most: int) -> str:
+        return "the end" if self.kind == "end" else self.token[:most]
 
-    def accepts(self, text: str) -> bool:
-        found = self.token.kind in ("word", "sign") and self.token.text.casefold() == text.casefold()
-        self.position += found
+    def accept(self, sign: str) -> bool:
+        found = self.kind == "sign" and self.token.casefold() == sign.casefold()
+        if found:
+            self.advance()
         return found
 
-    def expect(self, text: str) -> None:
-        if not self.accepts(text):
-            self.fail(f"{text!r} must stand here, but this is {self.token.text[:40]!r}", slug="pict-syntax")
+    def expect(self, sign: str) -> None:
+        if not self.accept(sign):
+            self.fail(f"{sign!r} must stand here, but this is {self.shown(40)!r}")
 
-    def fail(self, rule: str, remedy: str = "", *, slug: str) -> NoReturn:
-        raise BadDomain(f"{self.origin}:{self.token.line}", rule, remedy, slug=slug)
+    def fail(self, rule: str, remedy: str = "", slug: str = "") -> NoReturn:
+        raise BadDomain(f"{self.origin}:{self.line}", rule, remedy, slug=slug or self.slug)
 
 
 def _joined(sign: str, parts: Sequence[Expression]) -> Expression:
@@ -273,7 +267,3 @@ def _pattern(pattern: str) -> re.Pattern[str]:
     """Return PICT's wildcards, * and ? only, as a regular expression; runs of * are one, so that matching is fast."""
     plain = re.sub(r"\*+", "*", pattern.casefold()).replace("[", "[[]")
     return re.compile(fnmatch.translate(plain))
-
-
-def _unquoted(text: str) -> str:
-    return re.sub(r"\\(.)", r"\1", text[1:-1])

@@ -1,4 +1,4 @@
-"""The text of a PICT model becomes an input model: parameters, sub-models, constraints (PICT's own user's guide).
+"""Reads a PICT model as an input model: parameters, sub-models, constraints (after PICT's user guide).
 
     PLATFORM: x86, arm64 (5), ~mips        ~ marks values of negative tests; weights in brackets are not kept
     BITS, 32, 64                           the same with a comma; where the line has a colon, that one counts
@@ -24,8 +24,10 @@ from parcours.data.formats import DataReading
 from parcours.data.inputs import Group, InputModel
 from parcours.data.schema import MAX_COLUMNS, MAX_STRENGTH
 from parcours.errors import BadDomain, BadModel, one_of
-from parcours.model.conversion import Loss, text_of
+from parcours.model.conversion import text_of
 from parcours.model.nodes import brief, is_identifier, is_label
+from parcours_formats.losses import Losses
+from parcours_formats.naming import Names
 from parcours_formats.pict.constraints import Parameter, constraints_in
 
 MAX_BYTES = 1_000_000
@@ -80,7 +82,7 @@ class _Reader:
         self.origin = origin
         self.parameters: dict[str, Parameter] = {}  # by folded PICT name
         self.groups: list[Group] = []
-        self.losses: list[Loss] = []
+        self.losses, self.names = Losses(), Names(("pi",))
         self.line = 0
         self.n_values = 0
 
@@ -112,7 +114,7 @@ class _Reader:
         title = title.strip()
         if order := _ORDER.fullmatch(title):
             title = order[1].strip()
-            self.losses.append(Loss(f"parameter {title[:60]!r}", self.line, f"its own order {order[2]} is not kept"))
+            self.losses.add(f"parameter {title[:60]!r}", self.line, f"its own order {order[2]} is not kept")
         if not title or not listed.strip():
             rule = f"a parameter must be written NAME: value, value or NAME, value, value, but this is {brief(line)}"
             self.fail(rule, slug="pict-syntax")
@@ -121,9 +123,8 @@ class _Reader:
         if len(self.parameters) >= MAX_COLUMNS:
             self.fail(f"a model has at most {MAX_COLUMNS} parameters, but this one has more", slug="columns")
         if title.startswith("$"):
-            self.losses.append(
-                Loss(f"parameter {title[:60]!r}", self.line, "a result parameter is combined like any other here")
-            )
+            what = "a result parameter is combined like any other here"
+            self.losses.add(f"parameter {title[:60]!r}", self.line, what)
         valid, invalid = self.values(title, listed)
         name = self.name(title)
         words = valid + invalid
@@ -162,10 +163,10 @@ class _Reader:
         word = item[1:].strip() if is_negative else item
         if _WEIGHT.search(word):
             word = _WEIGHT.sub("", word).strip()
-            self.losses.append(Loss(where, self.line, f"the weight of {word!r} is not kept"))
+            self.losses.add(where, self.line, f"the weight of {word!r} is not kept")
         word, *others = [part.strip() for part in word.split("|")]
         if others:
-            self.losses.append(Loss(where, self.line, f"of the aliases of {word!r} only that one is kept"))
+            self.losses.add(where, self.line, f"of the aliases of {word!r} only that one is kept")
         if not is_label(word):
             self.fail(f"a value must be 1 to 200 printable characters, but one is {brief(word)}", slug="name")
         return word, is_negative
@@ -174,24 +175,17 @@ class _Reader:
         """Return the values of a parameter that another one takes over, and whether each is for negative tests."""
         found = self.parameters.get(title.casefold())
         if found is None:
-            self.fail(
-                f"<{title[:60]}> must name a parameter above it, but names none",
-                one_of(title[:60], [each.title for each in self.parameters.values()][:20]),
-                slug="unknown-name",
-            )
+            known = one_of(title[:60], [each.title for each in self.parameters.values()][:20])
+            self.fail(f"<{title[:60]}> must name a parameter above it, but names none", known, slug="unknown-name")
         return [(label, place >= len(found.domain.blocks)) for place, label in enumerate(found.domain.labels)]
 
     def name(self, title: str) -> str:
         """Return a name that rules can say, different from all others."""
         name = title if is_identifier(title) else re.sub(r"[^A-Za-z0-9_]+", "_", title).strip("_")[:60]
         name = name if is_identifier(name) else f"p_{name}"
-        taken = {parameter.domain.name for parameter in self.parameters.values()}
-        unique, number = name, 1
-        while unique in taken or unique == "pi":
-            number += 1
-            unique = f"{name}_{number}"
+        unique = self.names.label(name)
         if unique != title:
-            self.losses.append(Loss(f"parameter {title[:60]!r}", self.line, f"it is called {unique} here"))
+            self.losses.add(f"parameter {title[:60]!r}", self.line, f"it is called {unique} here")
         return unique
 
     def group(self, line: str) -> None:
@@ -208,7 +202,7 @@ class _Reader:
             most = min(len(names), MAX_STRENGTH)
             self.fail(f"the order of this sub-model must be 1 to {most}, but is {strength}", slug="group")
         if len(names) > 1:
-            self.losses.append(Loss(f"sub-model of {len(names)} parameters", self.line, CROSSED))
+            self.losses.add(f"sub-model of {len(names)} parameters", self.line, CROSSED)
         self.groups.append(Group(names, strength))
 
     def fail(self, rule: str, remedy: str = "", *, slug: str) -> NoReturn:

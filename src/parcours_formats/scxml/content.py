@@ -1,28 +1,17 @@
-"""Executable content of SCXML to what it does: branches of assignments and events sent."""
+"""Works out what executable content of SCXML does: branches of assignments and sent events."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Set
+from collections.abc import Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass, field, replace
+from typing import TypeAlias
 
 from parcours.errors import BadModel
-from parcours.model.conversion import Loss
 from parcours.model.expression import Expression, Name
 from parcours_formats.guard_languages import Branch, Scope, Tokens, Translation, performed, refusal, sized
-from parcours_formats.guard_languages.texts import MAX_ACTIONS
-from parcours_formats.guard_languages.tree import (
-    Applied,
-    Constant,
-    Identifier,
-    Index,
-    Member,
-    Statement,
-    Tree,
-)
-from parcours_formats.guard_languages.tree import (
-    Set as Assign,
-)
+from parcours_formats.guard_languages import foreign_syntax as syntax
+from parcours_formats.guard_languages.foreign_texts import MAX_ACTIONS
 from parcours_formats.guard_languages.values import (
     FALSE,
     MAX_CASES,
@@ -33,11 +22,16 @@ from parcours_formats.guard_languages.values import (
     literal,
     negation,
 )
-from parcours_formats.scxml.parts import ChartParser, Whole, part_at, refused, spread
+from parcours_formats.losses import Losses
+from parcours_formats.scxml.datamodel import ChartParser, Whole, parsed, part_at, refused, spread
 from parcours_formats.xml_lines import Element
 
 _DELAY = re.compile(r"([0-9]{0,9}\.?[0-9]{1,9})(s|ms)?")
 _IGNORED = {"log": "log is left out", "cancel": "cancel is left out: what was sent arrives"}
+
+
+Option: TypeAlias = tuple[str, str, Sequence[Element]]
+"""A condition, where it stands, and what is done if it holds."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,15 +57,7 @@ class Outcome:
 
 @dataclass
 class DataScope(Scope):
-    """The data of a document, where some states are active and an event has arrived.
-
-    Args:
-        missing: data that cannot be translated, with the reason.
-        wholes: objects and lists, by name.
-        parts: the variables that these consist of, whose names the document does not know.
-        active: ids of the active states, for `In(id)`.
-        event: name of the event, for `_event.name`; empty if there is none.
-    """
+    """The data of a document, where some states are active and an event has arrived."""
 
     missing: Mapping[str, BadModel] = field(default_factory=dict)
     wholes: Mapping[str, Whole] = field(default_factory=dict)
@@ -79,11 +65,11 @@ class DataScope(Scope):
     active: Set[str] = frozenset()
     event: str = ""
 
-    def read(self, tree: Identifier | Index | Member, where: str) -> Cases:
+    def read(self, tree: syntax.Identifier | syntax.Index | syntax.Member, where: str) -> Cases:
         """Return what a place holds."""
-        if tree == Member(Identifier("_event"), "name"):
+        if tree == syntax.Member(syntax.Identifier("_event"), "name"):
             return always(literal(self.event))
-        if tree == Identifier("_name"):
+        if tree == syntax.Identifier("_name"):
             return always(literal(""))
         self._demand(tree, where)
         match part_at(tree, self.wholes, where):
@@ -95,42 +81,37 @@ class DataScope(Scope):
                 raise refused(where, f"{name!r} as a whole", "use its parts")
         return super().read(tree, where)
 
-    def target(self, tree: Tree, where: str) -> list[tuple[Expression, Name]]:
+    def target(self, tree: syntax.Tree, where: str) -> list[tuple[Expression, Name]]:
         """Return the variable that an assignment to a place changes."""
         self._demand(tree, where)
         if isinstance(variable := part_at(tree, self.wholes, where), str):
             return [(TRUE, Name(variable))]
-        if isinstance(tree, Identifier) and (tree.name not in self.kinds or tree.name in self.parts):
+        if isinstance(tree, syntax.Identifier) and (tree.name not in self.kinds or tree.name in self.parts):
             rule = f"a location must be data of the document, but {tree.name!r} is not"
             raise BadModel(where, rule, "declare it in <datamodel>", slug="unknown-name")
         return super().target(tree, where)
 
-    def _demand(self, tree: Tree, where: str) -> None:
+    def _demand(self, tree: syntax.Tree, where: str) -> None:
         """Raise the reason why the data that a place belongs to could not be translated, if so."""
-        while isinstance(tree, Member | Index):
+        while isinstance(tree, syntax.Member | syntax.Index):
             tree = tree.of
-        if isinstance(tree, Identifier) and tree.name in self.missing:
+        if isinstance(tree, syntax.Identifier) and tree.name in self.missing:
             error = self.missing[tree.name]
             raise BadModel(where, f"{tree.name!r} cannot be used: {error.rule}", error.remedy, slug=error.slug)
 
-    def applied(self, tree: Applied, where: str) -> Cases:
+    def applied(self, tree: syntax.Applied, where: str) -> Cases:
         """Return the value of a function; `In(id)` is known in every configuration."""
-        if tree.function == "In" and len(tree.arguments) == 1 and isinstance(tree.arguments[0], Constant):
+        if tree.function == "In" and len(tree.arguments) == 1 and isinstance(tree.arguments[0], syntax.Constant):
             return always(literal(tree.arguments[0].value in self.active))
         return super().applied(tree, where)
 
 
 class Content:
-    """Runs the executable content of one document symbolically; `losses` grows.
+    """Runs the executable content of one document symbolically; `losses` grows."""
 
-    Args:
-        origin: the file's name, for messages.
-        losses: to which is added what is left out.
-    """
-
-    def __init__(self, origin: str, losses: list[Loss]) -> None:
+    def __init__(self, origin: str, losses: Losses) -> None:
         self.origin, self.losses = origin, losses
-        self._trees: dict[str, Tree] = {}
+        self._trees: dict[str, syntax.Tree] = {}
 
     def where(self, element: Element) -> str:
         """Return the place of an element for messages."""
@@ -140,21 +121,14 @@ class Content:
         """Return a condition."""
         return sized(Translation(scope, where).truth(self.tree(text, where)), where) if text else TRUE
 
-    def tree(self, text: str, where: str) -> Tree:
+    def tree(self, text: str, where: str) -> syntax.Tree:
         """Return the syntax tree of an expression; each text is parsed once."""
         if text not in self._trees:
-            tokens = Tokens(text, "javascript", where)
-            self._trees[text] = ChartParser(tokens).condition()
-            if tokens.token.kind != "end":
-                tokens.fail("an operator or the end")
+            self._trees[text] = parsed(text, where)
         return self._trees[text]
 
     def run(self, elements: Iterable[Element], scope: Scope, before: Iterable[Outcome] = (Outcome(),)) -> list[Outcome]:
-        """Return what elements do, one after the other, behind what was done before.
-
-        Raises:
-            BadModel: an element cannot be translated, or there are too many branches.
-        """
+        """Return what elements do, one after the other, behind what was done before."""
         now = list(before)
         for element in elements:
             if element.tag in ("raise", "send", "script", "if", "foreach", "assign", *_IGNORED):
@@ -166,22 +140,20 @@ class Content:
                 raise BadModel(self.where(element), rule, "split it", slug="expression-size")
         return now
 
-    def under(
-        self, condition: str, elements: Iterable[Element], scope: Scope, where: str, before: Iterable[Outcome]
-    ) -> list[Outcome]:
-        """Return what elements do behind what was done before, if a condition holds then."""
-        elements, found = tuple(elements), list[Outcome]()
-        for outcome in before:
+    def chosen(self, options: Iterable[Option], scope: Scope, outcome: Outcome) -> list[Outcome]:
+        """Return what the first option whose condition holds does behind what was done before, or none of them."""
+        found, rest = list[Outcome](), outcome.branch.guard
+        for condition, where, block in options:
             choice = outcome.branch.before(self.condition(condition, scope, where), where)
-            for holds, block in ((choice, elements), (negation(choice), ())):
-                guard = conjunction((outcome.branch.guard, holds))
-                if guard != FALSE:
-                    found += self.run(block, scope, [outcome.under(guard)])
-        return found
+            guard = sized(conjunction((rest, choice)), where)
+            if guard != FALSE:
+                found += self.run(block, scope, [outcome.under(guard)])
+            rest = sized(conjunction((rest, negation(choice))), where)
+        return found if rest == FALSE else [*found, outcome.under(rest)]
 
     def lose(self, element: Element, what: str) -> None:
         """Note that something is left out."""
-        self.losses.append(Loss(f"<{element.tag}>", element.line, what))
+        self.losses.add(f"<{element.tag}>", element.line, what)
 
     def _after(self, element: Element, scope: Scope, outcome: Outcome) -> list[Outcome]:
         where = self.where(element)
@@ -189,14 +161,14 @@ class Content:
             case "assign":
                 place = self.tree(element.get("location"), where)
                 value = self.tree(element.get("expr") or element.text.strip(), where)
-                return self._performed([Assign(place, value)], scope, where, outcome)
+                return self._performed([syntax.Set(place, value)], scope, where, outcome)
             case "script":
                 if element.get("src"):
                     raise refusal(where, "a script in another file")
                 statements = ChartParser(Tokens(element.text, "javascript", where)).statements()
                 return self._performed(statements, scope, where, outcome)
             case "if":
-                return self._chosen(element, scope, outcome)
+                return self.chosen(self._options(element), scope, outcome)
             case "raise" | "send":
                 if len(outcome.sent) >= MAX_ACTIONS:
                     rule = f"content sends at most {MAX_ACTIONS} events, but this sends more"
@@ -207,36 +179,27 @@ class Content:
         self.lose(element, _IGNORED[element.tag])
         return [outcome]
 
-    def _performed(self, statements: Iterable[Statement], scope: Scope, where: str, outcome: Outcome) -> list[Outcome]:
+    def _performed(
+        self, statements: Iterable[syntax.Statement], scope: Scope, where: str, outcome: Outcome
+    ) -> list[Outcome]:
         if isinstance(scope, DataScope):
             statements = tuple(spread(tuple(statements), scope.wholes, where))
         return [replace(outcome, branch=each) for each in performed(statements, scope, where, outcome.branch)]
 
-    def _chosen(self, element: Element, scope: Scope, outcome: Outcome) -> list[Outcome]:
-        found: list[Outcome] = []
-        rest, condition = outcome.branch.guard, element.get("cond")
-        block: list[Element] = []
-        head = element
-        for child in [*element.children, None]:
-            if child is not None and child.tag not in ("else", "elseif"):
-                block.append(child)
-                continue
-            choice = outcome.branch.before(self.condition(condition, scope, self.where(head)), self.where(head))
-            guard = sized(conjunction((rest, choice)), self.where(head))
-            if guard != FALSE:
-                found += self.run(block, scope, [outcome.under(guard)])
-            rest = sized(conjunction((rest, negation(choice))), self.where(head))
-            if child is not None:
-                head, condition, block = child, child.get("cond") if child.tag == "elseif" else "", []
-            elif rest != FALSE:
-                found.append(outcome.under(rest))
-        return found
+    def _options(self, element: Element) -> Iterable[Option]:
+        options: list[tuple[str, str, list[Element]]] = [(element.get("cond"), self.where(element), [])]
+        for child in element.children:
+            if child.tag in ("else", "elseif"):
+                options.append((child.get("cond") if child.tag == "elseif" else "", self.where(child), []))
+            else:
+                options[-1][2].append(child)
+        return options
 
     def _sent(self, element: Element, where: str) -> Sent:
         event = element.get("event")
         if not event and element.get("eventexpr"):
             tree = self.tree(element.get("eventexpr"), where)
-            if not (isinstance(tree, Constant) and isinstance(tree.value, str)):
+            if not (isinstance(tree, syntax.Constant) and isinstance(tree.value, str)):
                 raise refusal(where, "an event whose name is computed")
             event = tree.value
         if element.children or element.get("namelist"):

@@ -1,31 +1,18 @@
-"""The data of an SCXML document to variables with initial values, as far as our language has such values."""
+"""Turns the data of an SCXML document, objects and lists among them, into variables with initial values."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, fields
+from typing import TypeAlias
 
 from parcours.errors import BadModel
-from parcours.model.conversion import Loss
 from parcours.model.expression import Expression, Literal
 from parcours_formats.guard_languages import Scope, Tokens, Translation, refusal
-from parcours_formats.guard_languages.kinds import kind_of
-from parcours_formats.guard_languages.tree import (
-    Choice,
-    Constant,
-    Identifier,
-    Infix,
-    Member,
-    Prefix,
-    Record,
-    Series,
-    Set,
-    Statement,
-    Tree,
-    When,
-)
-from parcours_formats.guard_languages.values import is_constant
+from parcours_formats.guard_languages import foreign_syntax as syntax
+from parcours_formats.guard_languages.values import is_constant, kind_of
+from parcours_formats.losses import Losses
 from parcours_formats.naming import Names
-from parcours_formats.scxml.parts import ChartParser, Part, Whole, part_at, refused
 from parcours_formats.xml_lines import Element
 
 MAX_DATA = 2_000
@@ -36,21 +23,7 @@ _STARTS: dict[str, bool | int | float | str] = {"bool": False, "int": 0, "real":
 
 
 class DataModel:
-    """What data a document declares.
-
-    Args:
-        root: the `scxml` element.
-        origin: the file's name, for messages.
-
-    Attributes:
-        initial: the initial values, by name.
-        lines: of the declarations, by name.
-        kinds: bool, int, real or text, by name.
-        wholes: objects and lists, by name; their parts are among the variables.
-        parts: the names of these variables, which the document does not know.
-        missing: data that cannot be translated, with the reason.
-        losses: data that start otherwise here, or are left out.
-    """
+    """What data a document declares."""
 
     def __init__(self, root: Element, origin: str) -> None:
         self.origin = origin
@@ -60,13 +33,13 @@ class DataModel:
         self.wholes: dict[str, Whole] = {}
         self.parts: set[str] = set()
         self.missing: dict[str, BadModel] = {}
-        self.losses: list[Loss] = []
+        self.losses = Losses()
         self._assigned = list(_assigned(root))
         declared = [element for element in root.walk() if element.tag == "data"]
         if len(declared) > MAX_DATA:
             rule = f"a document declares at most {MAX_DATA} data, but this one has {len(declared)}"
             raise BadModel(f"{origin}:{declared[0].line}", rule, "split the document", slug="expansion-size")
-        scripted = [each.place.name for each in self._assigned if isinstance(each.place, Identifier)]
+        scripted = [each.place.name for each in self._assigned if isinstance(each.place, syntax.Identifier)]
         self._names = Names([*(element.get("id") for element in declared), *scripted])
         for element in declared:
             self._declare(element.get("id"), element)
@@ -84,9 +57,9 @@ class DataModel:
                 kind = self._guessed(name)
                 self._start(name, Literal(_STARTS[kind]))
                 rule = f'has no value at first; here it starts as "{Literal(_STARTS[kind])}"'
-                self.losses.append(Loss(f"data {name!r}", element.line, rule))
+                self.losses.add(f"data {name!r}", element.line, rule)
             else:
-                self._begin(name, _parsed(text, where), where)
+                self._begin(name, parsed(text, where), where)
         except BadModel as error:
             self.missing[name] = error
 
@@ -94,22 +67,22 @@ class DataModel:
         # A script of the document itself runs once, before the first configuration.
         where = f"{self.origin}:{script.line}: <script>"
         if script.get("src"):
-            self.losses.append(Loss("<script>", script.line, "a script in another file is left out"))
+            self.losses.add("<script>", script.line, "a script in another file is left out")
             return
         for statement in ChartParser(Tokens(script.text, "javascript", where)).statements():
-            if not isinstance(statement, Set):
+            if not isinstance(statement, syntax.Set):
                 raise refusal(where, "a choice in a script of the document")
             if isinstance(part := part_at(statement.place, self.wholes, where), str):
                 self._start(part, self._constant(statement.value, where))
-            elif not isinstance(statement.place, Identifier):
+            elif not isinstance(statement.place, syntax.Identifier):
                 raise refusal(where, "an assignment to a part of what is not declared in a script of the document")
             else:
                 self.lines.setdefault(statement.place.name, script.line)
                 self._begin(statement.place.name, statement.value, where)
 
-    def _begin(self, name: str, tree: Tree, where: str) -> None:
+    def _begin(self, name: str, tree: syntax.Tree, where: str) -> None:
         """Let data start with a value; an object or a list becomes variables."""
-        is_whole = isinstance(tree, Record | Series)
+        is_whole = isinstance(tree, syntax.Record | syntax.Series)
         if name in self.wholes or (is_whole and name in self.initial):
             raise refused(where, f"a second initial value of {name!r}", "keep one")
         if not is_whole:
@@ -125,29 +98,29 @@ class DataModel:
             self._start(part, value)
         shown = ", ".join(list(values)[:9]) + (", ..." if len(values) > 9 else "")
         rule = f"its parts are variables here: {shown}" if values else "it is empty, and is no variable here"
-        self.losses.append(Loss(f"data {name!r}", self.lines[name], rule))
+        self.losses.add(f"data {name!r}", self.lines[name], rule)
 
-    def _part(self, name: str, variable: str, tree: Tree, where: str, values: dict[str, Expression]) -> Part:
-        if not isinstance(tree, Record | Series):
+    def _part(self, name: str, variable: str, tree: syntax.Tree, where: str, values: dict[str, Expression]) -> Part:
+        if not isinstance(tree, syntax.Record | syntax.Series):
             given = self._names.identifier(variable)
             values[given] = self._constant(tree, where)
             return given
         if len(self.initial) + len(values) > MAX_DATA:
             raise refused(where, f"more than {MAX_DATA} parts", "split the document")
-        if isinstance(tree, Record):
+        if isinstance(tree, syntax.Record):
             fields = {key: (f"{name}.{key}", value) for key, value in tree.fields}
         else:
             fields = {str(at): (f"{name}[{at}]", value) for at, value in enumerate(tree.items)}
-        parts = {
-            key: self._part(inner, f"{variable}_{key}", value, where, values) for key, (inner, value) in fields.items()
-        }
-        return Whole(name, parts, isinstance(tree, Series))
+        whole = Whole(name, {}, isinstance(tree, syntax.Series))
+        for key, (inner, value) in fields.items():
+            whole.parts[key] = self._part(inner, f"{variable}_{key}", value, where, values)
+        return whole
 
     def _start(self, name: str, value: Expression) -> None:
         self.initial[name] = value
         self.kinds[name] = kind_of(value, {})
 
-    def _constant(self, tree: Tree, where: str) -> Expression:
+    def _constant(self, tree: syntax.Tree, where: str) -> Expression:
         cases = Translation(_Initial(self.initial, self.wholes), where).value(tree)
         if len(cases) != 1 or not is_constant(cases[0][1]):
             raise refusal(where, "an initial value that is not constant")
@@ -155,7 +128,7 @@ class DataModel:
 
     def _guessed(self, name: str) -> str:
         for statement in self._assigned:
-            if statement.place == Identifier(name) and (kind := _kind(statement.value, self.kinds)):
+            if statement.place == syntax.Identifier(name) and (kind := _kind(statement.value, self.kinds)):
                 return kind
         raise refusal(f"{self.origin}:{self.lines[name]}", f"{name!r} without a value")
 
@@ -167,36 +140,37 @@ class _Initial(Scope):
         super().__init__("javascript")
         self._values, self._wholes = values, wholes
 
-    def read(self, tree: Tree, where: str) -> list[tuple[Expression, Expression]]:
+    def read(self, tree: syntax.Tree, where: str) -> list[tuple[Expression, Expression]]:
         """Return the value of a name, or of a part."""
         part = part_at(tree, self._wholes, where)
         if isinstance(part, int | str):
             return [(Literal(True), self._values[part] if isinstance(part, str) else Literal(part))]
-        if isinstance(tree, Identifier) and tree.name in self._values:
+        if isinstance(tree, syntax.Identifier) and tree.name in self._values:
             return [(Literal(True), self._values[tree.name])]
         return super().read(tree, where)  # type: ignore[arg-type]
 
 
-def _assigned(root: Element) -> Iterable[Set]:
+def _assigned(root: Element) -> Iterable[syntax.Set]:
     for element in root.walk():
         try:
             if element.tag == "assign":
-                yield Set(_parsed(element.get("location"), ""), _parsed(element.get("expr") or element.text, ""))
+                yield syntax.Set(parsed(element.get("location"), ""), parsed(element.get("expr") or element.text, ""))
             elif element.tag == "script":
                 yield from _sets(ChartParser(Tokens(element.text, "javascript", "")).statements())
         except BadModel:
             continue  # complained about where it is used
 
 
-def _sets(statements: Iterable[Statement]) -> Iterable[Set]:
+def _sets(statements: Iterable[syntax.Statement]) -> Iterable[syntax.Set]:
     for statement in statements:
-        if isinstance(statement, When):
+        if isinstance(statement, syntax.When):
             yield from _sets((*statement.yes, *statement.no))
-        elif isinstance(statement, Set):
+        elif isinstance(statement, syntax.Set):
             yield statement
 
 
-def _parsed(text: str, where: str) -> Tree:
+def parsed(text: str, where: str) -> syntax.Tree:
+    """Return the syntax tree of an expression."""
     tokens = Tokens(text, "javascript", where)
     tree = ChartParser(tokens).condition()
     if tokens.token.kind != "end":
@@ -204,24 +178,215 @@ def _parsed(text: str, where: str) -> Tree:
     return tree
 
 
-def _kind(tree: Tree, kinds: dict[str, str]) -> str:
+def _kind(tree: syntax.Tree, kinds: dict[str, str]) -> str:
     match tree:
-        case Member(Identifier("_event"), "name"):
+        case syntax.Member(syntax.Identifier("_event"), "name"):
             return "text"
-        case Constant(value):
+        case syntax.Constant(value):
             return kind_of(Literal(value), {})
-        case Identifier(name):
+        case syntax.Identifier(name):
             return kinds.get(name, "")
-        case Prefix("!", _) | Infix("&&" | "||" | "==" | "!=" | "<" | "<=" | ">" | ">=", _, _):
+        case syntax.Prefix("!", _) | syntax.Infix("&&" | "||" | "==" | "!=" | "<" | "<=" | ">" | ">=", _, _):
             return "bool"
-        case Prefix(_, operand):
+        case syntax.Prefix(_, operand):
             return _kind(operand, kinds)
-        case Infix("/", _, _):
+        case syntax.Infix("/", _, _):
             return "real"
-        case Infix(operator, left, right):
+        case syntax.Infix(operator, left, right):
             among = _kind(left, kinds), _kind(right, kinds)
             return "text" if operator == "+" and "text" in among else "real" if "real" in among else "int"
-        case Choice(_, yes, _):
+        case syntax.Choice(_, yes, _):
             return _kind(yes, kinds)
         case _:
             return ""
+
+
+MAX_PARTS = 1_000
+"""Most fields of one object, and most elements of one list."""
+
+_RESIZING = ("copyWithin", "fill", "pop", "push", "reverse", "shift", "sort", "splice", "unshift")
+
+
+@dataclass(frozen=True, slots=True)
+class Whole:
+    """An object or a list: its name in the document, and its parts by field name, or by place from '0'."""
+
+    name: str
+    parts: dict[str, Part]
+    is_list: bool
+
+
+Part: TypeAlias = str | Whole
+
+
+class ChartParser(syntax.Parser):
+    """Reads JavaScript with objects and lists written out.
+
+    >>> from parcours_formats.guard_languages import Tokens
+    >>> ChartParser(Tokens("{a: 1, 'b': [x, 2]}", "javascript", "here")).condition().fields[0]
+    ('a', Constant(value=1))
+    """
+
+    def operand(self) -> syntax.Tree:
+        """Return an operand; it may be an object or a list."""
+        if self.tokens.accept("{"):
+            return self._record()
+        if self.tokens.accept("["):
+            return self._series()
+        return super().operand()
+
+    def called(self, call: syntax.Applied) -> tuple[syntax.Statement, ...]:
+        """Refuse a call for its effect."""
+        list_, _, method = call.function.rpartition(".")
+        if list_ and method in _RESIZING:
+            remedy = "give it all its elements at first, and assign to them one by one"
+            self.tokens.refuse(f"{method!r}, which changes the list {list_!r} as a whole,", remedy)
+        return super().called(call)
+
+    def _record(self) -> syntax.Record:
+        tokens, fields = self.tokens, dict[str, syntax.Tree]()
+        while not self._ends("}", len(fields)):
+            token = tokens.token
+            if token.kind not in ("name", "text", "int"):
+                tokens.fail("a field name")
+            key = token.text if token.kind == "name" else str(tokens.value(token))
+            tokens.position += 1
+            if not tokens.accept(":"):
+                tokens.refuse(f"the field {key!r} without a value", f"write {key}: value")
+            if key in fields or key == "__proto__":
+                tokens.refuse(f"the field {key!r}, twice or special", "write each field once")
+            fields[key] = self.condition()
+        return syntax.Record(tuple(fields.items()))
+
+    def _series(self) -> syntax.Series:
+        items: list[syntax.Tree] = []
+        while not self._ends("]", len(items)):
+            items.append(self.condition())
+        return syntax.Series(tuple(items))
+
+    def _ends(self, closing: str, count: int) -> bool:
+        """Take the closing sign if it is next, or the comma before the next part."""
+        tokens = self.tokens
+        if count > MAX_PARTS:
+            tokens.refuse(f"an object or a list of more than {MAX_PARTS} parts", "split it")
+        if tokens.accept(closing):
+            return True
+        if count:
+            tokens.expect(",")
+            return tokens.accept(closing)
+        return False
+
+
+def refused(where: str, what: str, remedy: str) -> BadModel:
+    """Return the refusal of something that an object or a list is, and variables for its parts are not."""
+    rule = f"an object or a list is read as variables, one for each part of a fixed shape, but here is {what}"
+    return BadModel(where, rule, remedy, slug="foreign-construct")
+
+
+def part_at(tree: syntax.Tree, wholes: Mapping[str, Whole], where: str) -> Part | int | None:
+    """Return what a place means: a variable, a whole, or the length of a list.
+
+    >>> x = Whole("x", {"a": "x_a", "b": Whole("x.b", {"0": "x_b_0"}, True)}, False)
+    >>> at_b = syntax.Member(syntax.Identifier("x"), "b")
+    >>> [part_at(of, {"x": x}, "") for of in (syntax.Index(at_b, syntax.Constant(0)), syntax.Member(at_b, "length"))]
+    ['x_b_0', 1]
+    """
+    match tree:
+        case syntax.Identifier(name):
+            return wholes.get(name)
+        case syntax.Member(of, key):
+            whole = part_at(of, wholes, where)
+        case syntax.Index(of, syntax.Constant(int() | str() as constant)) if not isinstance(constant, bool):
+            whole, key = part_at(of, wholes, where), str(constant)
+        case syntax.Index(of, _):
+            whole, key = part_at(of, wholes, where), ""
+            if isinstance(whole, Whole):
+                remedy = f"write a choice: i == 0 ? {whole.name}[0] : ..., or the number"
+                raise refused(where, f"an index of {whole.name!r} that is no constant name or number", remedy)
+        case _:
+            return None
+    if whole is None:
+        return None
+    if not isinstance(whole, Whole):
+        raise refused(where, f"the part {key!r} of a single value", "use the value itself")
+    if whole.is_list and key == "length":
+        return len(whole.parts)
+    if key not in whole.parts:
+        known = ", ".join(list(whole.parts)[:20]) or "none"
+        raise refused(where, f"the part {key!r} of {whole.name!r}, whose parts are {known}", "declare it in <data>")
+    return whole.parts[key]
+
+
+def spread(
+    statements: tuple[syntax.Statement, ...], wholes: Mapping[str, Whole], where: str
+) -> Iterator[syntax.Statement]:
+    """Yield statements in which each assignment of an object or a list is one to each of its parts."""
+    for statement in statements:
+        match statement:
+            case syntax.When(condition, yes, no):
+                yield syntax.When(condition, tuple(spread(yes, wholes, where)), tuple(spread(no, wholes, where)))
+            case syntax.Set(place, value):
+                if isinstance(value, syntax.Choice) and isinstance(part_at(place, wholes, where), Whole):
+                    inner = ((syntax.Set(place, value.yes),), (syntax.Set(place, value.no),))
+                    yield syntax.When(value.condition, *(tuple(spread(each, wholes, where)) for each in inner))
+                    continue
+                yield from _by_parts(place, value, wholes, where)
+            case _:
+                yield statement
+
+
+def _by_parts(
+    place: syntax.Tree, value: syntax.Tree, wholes: Mapping[str, Whole], where: str
+) -> Iterator[syntax.Statement]:
+    part = part_at(place, wholes, where)
+    if isinstance(part, int):
+        raise refused(where, "an assignment to the length of a list", "give it all its elements at first")
+    if not isinstance(part, Whole):
+        if isinstance(value, syntax.Record | syntax.Series):
+            what = "one assigned to a place that starts as a single value"
+            raise refused(where, what, "let <data> start with that shape")
+        yield syntax.Set(place, value)
+        return
+    # All values are those before the assignment, so a part goes before another only if that does not read it.
+    left = [(part_at(each.place, wholes, where), each, _read(each.value, wholes, where))
+            for each in _leaves(place, part, value, where)]  # fmt: skip
+    while left:
+        free = [at for at, (name, _, _) in enumerate(left)
+                if not any(name in read for other, (_, _, read) in enumerate(left) if other != at)]  # fmt: skip
+        if not free:
+            raise refused(where, f"parts of {part.name!r} that exchange their values", "keep one in another variable")
+        yield left.pop(free[0])[1]
+
+
+def _leaves(place: syntax.Tree, whole: Whole, value: syntax.Tree, where: str) -> Iterator[syntax.Set]:
+    match value:
+        case syntax.Record(fields) if not whole.is_list:
+            given = dict(fields)
+        case syntax.Series(items) if whole.is_list:
+            given = {str(at): item for at, item in enumerate(items)}
+        case _:
+            remedy = "assign part by part: a copy of an object or a list shares its parts with the original there"
+            kind = "a list" if whole.is_list else "an object"
+            raise refused(where, f"{whole.name!r} assigned what is not written out as {kind}", remedy)
+    if given.keys() != whole.parts.keys():
+        has, wants = (", ".join(list(keys)[:20]) or "none" for keys in (given, whole.parts))
+        what = f"{whole.name!r} assigned the parts {has}, though it starts with {wants}"
+        raise refused(where, what, "let <data> start with all parts")
+    for key, part in whole.parts.items():
+        inner = syntax.Index(place, syntax.Constant(int(key) if whole.is_list else key))
+        if isinstance(part, Whole):
+            yield from _leaves(inner, part, given[key], where)
+        elif isinstance(given[key], syntax.Record | syntax.Series):
+            raise refused(where, f"one as the part {key!r} of {whole.name!r}, a single value", "let <data> start so")
+        else:
+            yield syntax.Set(inner, given[key])
+
+
+def _read(tree: syntax.Tree, wholes: Mapping[str, Whole], where: str) -> set[str]:
+    """Return the variables of parts that a value reads."""
+    if isinstance(tree, syntax.Member | syntax.Index):
+        part = part_at(tree, wholes, where)
+        return {part} if isinstance(part, str) else set()
+    inner = [getattr(tree, each.name) for each in fields(tree)]
+    inner += tree.arguments if isinstance(tree, syntax.Applied) else ()
+    return set().union(*(_read(each, wholes, where) for each in inner if isinstance(each, syntax.Tree)))

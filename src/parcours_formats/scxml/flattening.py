@@ -1,4 +1,4 @@
-"""A chart to the transitions between its configurations: hierarchy, orthogonal regions and histories resolved.
+"""Flattens a chart: hierarchy, orthogonal regions and histories become transitions between configurations.
 
 Each configuration that can be reached becomes a state, and each set of transitions that SCXML would take together
 becomes one transition, with the content of exits, transitions and entries in the order of the standard. Inner
@@ -10,13 +10,13 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
+from math import prod
 
 from parcours.errors import BadModel
 from parcours.model.expression import Expression
 from parcours_formats.guard_languages import sized
 from parcours_formats.guard_languages.values import FALSE, MAX_CASES, TRUE, conjunction, negation
-from parcours_formats.scxml.chart import Arc, Node
-from parcours_formats.scxml.configuring import Configuration, arrived, start, take, without_conflicts
+from parcours_formats.scxml.chart import Arc, Configuration, Node, arrived, in_order, start, take, without_conflicts
 from parcours_formats.scxml.content import Content, DataScope, Outcome
 
 MAX_CONFIGURATIONS = 1_000
@@ -57,15 +57,7 @@ class Flat:
 
 
 class Flattening:
-    """Flattens one chart, or one region of it.
-
-    Args:
-        root: the document, or a region.
-        events: the names of all events, for descriptors with wildcards.
-        content: runs what transitions do.
-        scope: the data.
-        origin: the file's name, for messages.
-    """
+    """Flattens one chart, or one region of it."""
 
     def __init__(self, root: Node, events: Sequence[str], content: Content, scope: DataScope, origin: str) -> None:
         self.root, self.content, self.scope, self.origin = root, content, scope, origin
@@ -79,11 +71,7 @@ class Flattening:
         self._ended: set[Arc] = set()
 
     def flat(self) -> Flat:
-        """Return the machine.
-
-        Raises:
-            BadModel: a text cannot be translated, or there are too many configurations or transitions.
-        """
+        """Return the machine."""
         first, beginning = start(self.root)
         steps: list[Step] = []
         seen = {first: first.name}
@@ -116,19 +104,17 @@ class Flattening:
     def ended(self, here: Configuration, after: Configuration, outcomes: list[Outcome]) -> list[Outcome]:
         """Return outcomes with what transitions without target do when the states they wait for come to their end."""
         over = {f"done.state.{node.id}" for node in after.active if arrived(after, node) and not arrived(here, node)}
-        for arc in (arc for node in sorted(after.active, key=_order) for arc in node.arcs if not arc.targets):
+        for arc in (arc for node in sorted(after.active, key=in_order) for arc in node.arcs if not arc.targets):
             if any(plain(each) in over for each in arc.events):
                 self._ended.add(arc)
-                scope = self.within(after, "")
-                where = f"{self.origin}:{arc.line}: cond"
-                outcomes = self.content.under(arc.condition, arc.content, scope, where, outcomes)
+                scope, option = self.within(after, ""), (arc.condition, f"{self.origin}:{arc.line}: cond", arc.content)
+                outcomes = [each for outcome in outcomes for each in self.content.chosen([option], scope, outcome)]
         return outcomes
 
     def is_over(self, here: Configuration) -> bool:
         """Return whether a top state of the document is final: nothing happens any more."""
-        return any(
-            node.kind == "final" and node.parent is self.root and self.root.kind == "scxml" for node in here.active
-        )
+        tops = self.root.inner() if self.root.kind == "scxml" else []
+        return any(node.kind == "final" and node in here.active for node in tops)
 
     def choices(self, here: Configuration) -> Iterator[tuple[str, Expression, tuple[Arc, ...]]]:
         """Yield event, guard and transitions of each way on; spontaneous ones go before events."""
@@ -160,9 +146,7 @@ class Flattening:
                         rest = sized(conjunction((rest, negation(holds))), f"{self.origin}:{arc.line}: cond")
             if own:
                 options.append([*own, (rest, None)] if rest != FALSE else own)
-        count = 1
-        for own in options:
-            count *= len(own)
+        count = prod(map(len, options))
         if count > MAX_CASES:
             self.fail(f"an event has at most {MAX_CASES} effects in a configuration, but {event!r} has {count}")
         found: dict[tuple[Arc, ...], list[Expression]] = {}
@@ -171,9 +155,7 @@ class Flattening:
             arcs = tuple(without_conflicts(dict.fromkeys(arc for _, arc in chosen if arc is not None), here))
             if arcs and guard != FALSE:
                 found.setdefault(arcs, []).append(guard)
-        for arcs, guards in found.items():
-            for guard in guards:
-                yield guard, arcs
+        yield from ((guard, arcs) for arcs, guards in found.items() for guard in guards)
 
     def answering(self, node: Node) -> dict[str, list[Arc]]:
         """Return the transitions of a state by the events they wait for, in the order of the document."""
@@ -190,9 +172,8 @@ class Flattening:
 
     def spontaneous(self, node: Node, here: Configuration) -> Iterator[Arc]:
         """Yield the transitions that wait for nothing, or for the end of states that have come to it."""
-        ended = {each for one in here.active if arrived(here, one) for each in beginnings(f"done.state.{one.id}")} - {
-            ""
-        }
+        over = [f"done.state.{one.id}" for one in here.active if arrived(here, one)]
+        ended = {each for event in over for each in beginnings(event) if each}
         for arc in node.arcs:
             if not arc.events or (arc.targets and any(plain(each) in ended for each in arc.events)):
                 yield arc
@@ -226,7 +207,3 @@ def beginnings(event: str) -> Iterator[str]:
         yield event
         event = event.rpartition(".")[0]
     yield ""
-
-
-def _order(node: Node) -> int:
-    return node.order

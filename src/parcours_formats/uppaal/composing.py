@@ -1,4 +1,4 @@
-"""Processes and their steps to a Cefsm: what shares variables becomes one component, what meets gets a channel.
+"""Composes processes to a Cefsm: those that share variables become one component, those that meet get a channel.
 
 Two processes that both use a variable which one of them changes stand side by side as machines of one component;
 others are components of their own. A channel with several senders or receivers becomes one for each pair of
@@ -8,28 +8,32 @@ components, and the steps on it are there once for each partner.
 from __future__ import annotations
 
 from collections import ChainMap, Counter
-from collections.abc import Iterator, Mapping, Set
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping, Sequence, Set
+from dataclasses import dataclass
 from typing import cast
 
-from parcours.model.conversion import Loss
+from parcours.errors import BadModel
 from parcours.model.expression import Assignment, Expression, Name, names
 from parcours.model.schema import MAX_RANGE
 from parcours.model.structure import (
     CLOCK,
+    ENVIRONMENT,
+    Channel,
     Component,
     Machine,
+    MessageClass,
     Receive,
     Send,
     Transition,
     Variable,
 )
+from parcours_formats.grouping import grouped
 from parcours_formats.guard_languages.values import TRUE, literal, replaced
+from parcours_formats.losses import Losses
 from parcours_formats.naming import Names
-from parcours_formats.uppaal.instantiation import Process
-from parcours_formats.uppaal.linking import Linking
-from parcours_formats.uppaal.steps import Step
-from parcours_formats.uppaal.symbols import Cell, Cells
+from parcours_formats.uppaal.processes import Process
+from parcours_formats.uppaal.steps import MAX_STEPS, Step
+from parcours_formats.uppaal.symbols import Cell, Cells, Link
 
 
 @dataclass
@@ -42,28 +46,16 @@ class Part:
     group: int = 0
 
 
-@dataclass
 class Composing:
     """Makes components and channels of the parts of one system; `losses` grows."""
 
-    parts: list[Part]
-    cells: Cells
-    losses: list[Loss] = field(default_factory=list)
-    tester: Set[tuple[str, str]] = frozenset()
-    origin: str = ""
-
-    def __post_init__(self) -> None:
-        self._read = [self._reads(part) for part in self.parts]
-        self._written = [{action.target for step in part.steps for action in step.actions} for part in self.parts]
+    def __init__(
+        self, parts: list[Part], cells: Cells, losses: Losses, tester: Set[tuple[str, str]], origin: str
+    ) -> None:
+        self.parts, self.cells, self.losses = parts, cells, losses
         self._group()
         self._name()
-        self.links = Linking(
-            [(part.process.name, part.group, part.steps) for part in self.parts],
-            self.component_names,
-            self.tester,
-            self.origin,
-        )
-        self.losses += self.links.losses
+        self.links = Linking(parts, self.component_names, losses, tester, origin)
 
     def components(self) -> tuple[Component, ...]:
         """Return the components, in the order of their first processes."""
@@ -74,50 +66,29 @@ class Composing:
             found.append(Component(name, machines, variables, line=members[0].process.template.line))
         return tuple(found)
 
-    def _reads(self, part: Part) -> set[str]:
-        found: set[str] = set()
-        for step in part.steps:
-            found |= names(step.guard)
-            for action in step.actions:
-                found |= names(action.value)
-        for _, condition in part.invariants:
-            found |= names(condition)
-        return found
-
     def _group(self) -> None:
-        # Whoever uses a variable that somebody changes joins the first who did.
-        changed = set().union(*self._written)
-        first: dict[str, int] = {}
-        leader = list(range(len(self.parts)))
-
-        def lead(at: int) -> int:
-            while leader[at] != at:
-                leader[at] = leader[leader[at]]
-                at = leader[at]
-            return at
-
-        for at, (read, written) in enumerate(zip(self._read, self._written, strict=True)):
-            for id in sorted(read | written):
-                if id in changed or self.cells.kinds[id] == CLOCK:
-                    one, other = sorted((lead(first.setdefault(id, at)), lead(at)))
-                    leader[other] = one
-        order = {leader_at: group for group, leader_at in enumerate(dict.fromkeys(map(lead, range(len(self.parts)))))}
-        self.members: list[list[Part]] = [[] for _ in order]
-        for at, part in enumerate(self.parts):
-            part.group = order[lead(at)]
-            self.members[part.group].append(part)
+        # A process that uses a variable which somebody changes joins all that use it.
+        written = [{action.target for step in part.steps for action in step.actions} for part in self.parts]
+        changed = set().union(*written)
+        used = [_read(part) | own for part, own in zip(self.parts, written, strict=True)]
+        shared = [[id for id in ids if id in changed or self.cells.kinds[id] == CLOCK] for ids in used]
+        self.members: list[list[Part]] = []
+        for group, indices in enumerate(grouped(shared)):
+            self.members.append([self.parts[at] for at in indices])
+            for part in self.members[-1]:
+                part.group = group
         users: dict[str, set[int]] = {}
-        for part, read, written in zip(self.parts, self._read, self._written, strict=True):
-            for id in read | written:
+        for part, ids in zip(self.parts, used, strict=True):
+            for id in ids:
                 users.setdefault(id, set()).add(part.group)
         self.constants: dict[str, Expression] = {}
         for id, cell in self.cells.cells.items():
             if cell.is_global and id not in users:
-                self.losses.append(Loss(f"variable {id!r}", cell.line, "no process uses it; it is left out"))
+                self.losses.add(f"variable {id!r}", cell.line, "no process uses it; it is left out")
             elif len(users.get(id, ())) > 1:
                 self.constants[id] = literal(cell.initial)
                 rule = "several components read it, but none changes it; its value stands in its place"
-                self.losses.append(Loss(f"variable {id!r}", cell.line, rule))
+                self.losses.add(f"variable {id!r}", cell.line, rule)
         self.users = users
 
     def _name(self) -> None:
@@ -126,17 +97,15 @@ class Composing:
         self.renamed: list[dict[str, Name]] = []
         for group, kept in zip(self.members, self._kept(), strict=True):
             members = [part.process.name for part in group]
-            self.component_names.append(
-                components.identifier("_".join(members) if len(members) < 4 else f"{members[0]}_and_others")
-            )
+            joint = "_".join(members) if len(members) < 4 else f"{members[0]}_and_others"
+            self.component_names.append(components.identifier(joint))
             labels, variables = Names(), Names()
             for name in members:
                 self.machine_names[name] = labels.label(name)
             # A local variable has its own name where that tells it from all others of the component.
-            plain = Counter(_plain(id) for id in kept)
-            self.renamed.append(
-                {id: Name(variables.identifier(_plain(id) if plain[_plain(id)] == 1 else id)) for id in kept}
-            )
+            plain = Counter(map(_plain, kept))
+            wanted = {id: _plain(id) if plain[_plain(id)] == 1 else id for id in kept}
+            self.renamed.append({id: Name(variables.identifier(name)) for id, name in wanted.items()})
 
     def _kept(self) -> list[list[str]]:
         """Return the ids of the variables of each component: those local to its processes, and those it uses."""
@@ -159,7 +128,7 @@ class Composing:
                 domain = range(cell.low, cell.high + 1)
             else:
                 rule = f"its range has more than {MAX_RANGE} values and is left out"
-                self.losses.append(Loss(f"variable {cell.id!r}", cell.line, rule))
+                self.losses.add(f"variable {cell.id!r}", cell.line, rule)
         return Variable(name, cell.kind, cell.initial, domain=domain, line=cell.line)
 
     def _machine(self, part: Part, values: dict[str, Name]) -> Machine:
@@ -169,22 +138,11 @@ class Composing:
         transitions = []
         for step in part.steps:
             guard = replaced(step.guard, meaning)
+            holds, duration = None if guard == TRUE else guard, (0.0, 0.0) if step.source in urgent else None
             actions = tuple(Assignment(values[each.target].id, replaced(each.value, meaning)) for each in step.actions)
             for id, event, sends in self._ends(part, step):
-                transitions.append(
-                    Transition(
-                        id,
-                        step.source,
-                        step.target,
-                        event,
-                        None if guard == TRUE else guard,
-                        actions,
-                        sends,
-                        (0.0, 0.0) if step.source in urgent else None,
-                        step.weight,
-                        step.line,
-                    )
-                )
+                ends = (id, step.source, step.target, event)
+                transitions.append(Transition(*ends, holds, actions, sends, duration, step.weight, step.line))
         locations = template.locations
         return Machine(
             self.machine_names[part.process.name],
@@ -202,11 +160,115 @@ class Composing:
         partners = self.links.partners.get((part.process.name, step.link.id, step.sign), [])
         for name, partner in partners:
             id = step.id if len(partners) == 1 else f"{step.id} with {partner}"
-            if step.sign == "!":
-                yield id, None, (Send(name),)
-            else:
-                yield id, Receive(name), ()
+            yield (id, None, (Send(name),)) if step.sign == "!" else (id, Receive(name), ())
+
+
+def _read(part: Part) -> set[str]:
+    said = [condition for _, condition in part.invariants]
+    said += [each for step in part.steps for each in (step.guard, *(action.value for action in step.actions))]
+    return set().union(*map(names, said))
 
 
 def _plain(id: str) -> str:
     return id.rpartition(".")[2]
+
+
+SIGNAL = "Signal"
+"""The message class of every channel: UPPAAL's carry nothing."""
+
+_Side = dict[str, tuple[int, list[Step]]]
+
+
+class Linking:
+    """The channels of one system."""
+
+    def __init__(
+        self,
+        parts: Sequence[Part],
+        components: Sequence[str],
+        losses: Losses,
+        tester: Set[tuple[str, str]],
+        origin: str,
+    ) -> None:
+        self.components, self.losses, self.tester, self.origin, self._steps = components, losses, tester, origin, 0
+        self.partners: dict[tuple[str, str, str], list[tuple[str, str]]] = {}
+        self._names, self._made = Names(), list[Channel]()
+        ends: dict[str, tuple[Link, dict[str, _Side]]] = {}
+        for part in parts:
+            for step in part.steps:
+                if step.link is not None:
+                    _, sides = ends.setdefault(step.link.id, (step.link, {"!": {}, "?": {}}))
+                    sides[step.sign].setdefault(part.process.name, (part.group, []))[1].append(step)
+        for link, sides in sorted(ends.values(), key=lambda end: end[0].line):
+            self._join(link, sides["!"], sides["?"])
+            self._limits(link, sides["!"], sides["?"])
+        self.channels = tuple(self._made)
+        self.messages = (MessageClass(SIGNAL, ()),) if self._made else ()
+
+    def _join(self, link: Link, senders: _Side, receivers: _Side) -> None:
+        self._bounded(link, senders, receivers)
+        pairs = {
+            (one, other): (mine, theirs)
+            for one, mine in _by_component(senders).items()
+            for other, theirs in _by_component(receivers).items()
+            if mine != theirs or len(mine) > 1
+        }
+        for side, sign, other_sign in ((senders, "!", "?"), (receivers, "?", "!")):
+            if not pairs or (link.id, other_sign) in self.tester:
+                for group in dict.fromkeys(group for group, _ in side.values()):
+                    ends = (self.components[group], ENVIRONMENT)
+                    name = self._channel(link, ends if sign == "!" else ends[::-1], alone=len(side) == 1)
+                    for process in (process for process, (owner, _) in side.items() if owner == group):
+                        self.partners.setdefault((process, link.id, sign), []).append((name, ENVIRONMENT))
+        for (one, other), (mine, theirs) in pairs.items():
+            between = (self.components[one], self.components[other])
+            name = self._channel(link, between, alone=len(pairs) == 1)
+            for processes, others, sign, partner in ((mine, theirs, "!", between[1]), (theirs, mine, "?", between[0])):
+                for process in processes:
+                    if others != [process]:  # nobody meets itself
+                        self.partners.setdefault((process, link.id, sign), []).append((name, partner))
+
+    def _bounded(self, link: Link, senders: _Side, receivers: _Side) -> None:
+        # Each step on the channel is there once for each component on the other side.
+        for side, others in ((senders, receivers), (receivers, senders)):
+            partners = len({group for group, _ in others.values()})
+            self._steps += max(partners, 1) * sum(len(steps) for _, steps in side.values())
+        if self._steps > MAX_STEPS:
+            ends = f"{len(senders)} processes that send with {len(receivers)} that receive"
+            rule = (
+                f"steps that meet are written out once for each partner, at most {MAX_STEPS} in all, "
+                f"but channel {link.id!r} joins {ends}"
+            )
+            remedy = "instantiate fewer processes: a few on each side behave like many"
+            raise BadModel(f"{self.origin}:{link.line}", rule, remedy, slug="expansion-size")
+
+    def _channel(self, link: Link, between: tuple[str, str], *, alone: bool) -> str:
+        name = self._names.identifier(link.id if alone else f"{link.id}_{between[0]}_{between[1]}")
+        self._made.append(Channel(name, *between, SIGNAL, capacity=0, line=link.line))
+        return name
+
+    def _limits(self, link: Link, senders: _Side, receivers: _Side) -> None:
+        where = f"channel {link.id!r}"
+        met = any(sender != receiver for sender in senders for receiver in receivers)
+        if link.is_broadcast and (met or not senders):
+            rule = "a broadcast meets all that are ready and waits for none; here it meets one, and waits for it"
+            self.losses.add(where, link.line, rule)
+        if link.is_urgent:
+            self.losses.add(where, link.line, "is urgent; here time may pass before it is taken")
+        meets_tester = any((link.id, sign) in self.tester for sign in "!?")
+        if not met and not meets_tester and not (link.is_broadcast and senders):
+            other = "no other process" if senders and receivers else "no process"
+            rule = f"{other} {'receives' if senders else 'sends'} on it, so that it blocks; here the environment does"
+            self.losses.add(where, link.line, rule)
+        sent = {action.target for _, steps in senders.values() for step in steps for action in step.actions}
+        read = {id for _, steps in receivers.values() for step in steps for id in names(step.guard)}
+        if both := sorted(sent & read):
+            rule = f"a receiver's guard reads {', '.join(both)} before the sender's update; here it reads after it"
+            self.losses.add(where, link.line, rule)
+
+
+def _by_component(side: _Side) -> dict[int, list[str]]:
+    found: dict[int, list[str]] = {}
+    for process, (group, _) in side.items():
+        found.setdefault(group, []).append(process)
+    return found

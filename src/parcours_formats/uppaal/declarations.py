@@ -1,4 +1,4 @@
-"""UPPAAL's declarations to a list of what they declare; nothing is looked up or worked out here.
+"""Parses UPPAAL's declarations and functions; nothing is looked up or worked out here.
 
 The grammar is that of UPPAAL 4 and 5 (docs.uppaal.org/language-reference), with the old forms `const N 3;` and
 `:=`. Bodies of functions are kept as tokens.
@@ -6,19 +6,11 @@ The grammar is that of UPPAAL 4 and 5 (docs.uppaal.org/language-reference), with
 
 from __future__ import annotations
 
-from parcours_formats.guard_languages.parsing import Parser
-from parcours_formats.guard_languages.tokens import Tokens
-from parcours_formats.guard_languages.tree import Tree
-from parcours_formats.uppaal.declared import (
-    Aside,
-    Declaration,
-    Declared,
-    Initial,
-    Instance,
-    Routine,
-    System,
-    TypeTree,
-)
+from dataclasses import dataclass
+from typing import TypeAlias
+
+from parcours_formats.guard_languages import foreign_syntax as syntax
+from parcours_formats.guard_languages.foreign_tokens import Tokens
 
 _PREFIXES = ("const", "meta", "urgent", "broadcast", "hybrid")
 _SKIPPED = ("progress", "gantt", "query", "state", "priority")
@@ -28,15 +20,6 @@ _REFUSED = ("before_update", "after_update", "import", "dynamic", "process")
 def parse_declarations(text: str, origin: str, line: int) -> list[Declaration]:
     """Return what a text declares, in order.
 
-    Args:
-        text: of a `declaration` or `system` element.
-        origin: the file's name, for messages.
-        line: where the text starts.
-
-    Raises:
-        BadModel: the text is not well formed, or declares what cannot be translated.
-
-    Example:
     >>> [n, go] = parse_declarations("const int N = 6;\\nurgent chan go[N];", "gate.xml", 4)
     >>> n.name, n.initial, go.line, sorted(go.type.prefixes), go.lengths
     ('N', Constant(value=6), 5, ['urgent'], (Identifier(name='N'),))
@@ -52,23 +35,13 @@ def parse_parameters(text: str, origin: str, line: int) -> tuple[Declared, ...]:
 def parse_selections(text: str, origin: str, line: int) -> tuple[Declared, ...]:
     """Return the names of a `select` label with their types, e.g. `e : id_t, i : int[0,3]`."""
     reader = DeclarationReader(Tokens(text, "uppaal", origin, line))
-    tokens, found = reader.tokens, list[Declared]()
-    while tokens.token.kind != "end":
-        if found:
-            tokens.expect(",")
-        name = tokens.name("a name")
-        tokens.expect(":")
-        found.append(Declared(name, reader.type(), line))
-    return tuple(found)
+    return tuple(reader.tokens.listed(lambda: Declared(reader.bound_name(), reader.type(), line)))
 
 
-class DeclarationReader:
+class DeclarationReader(syntax.Parser):
     """Reads declarations from tokens."""
 
-    def __init__(self, tokens: Tokens) -> None:
-        self.tokens = tokens
-        self.parser = Parser(tokens)
-        self.nesting = 0
+    structs = 0
 
     def all(self) -> list[Declaration]:
         """Return the declarations up to the end."""
@@ -109,7 +82,7 @@ class DeclarationReader:
             if tokens.accept("=") or tokens.accept(":="):
                 initial = self._initial()
             elif "const" in type_.prefixes and tokens.token.kind in ("int", "real"):
-                initial = self.parser.condition()
+                initial = self.condition()
             found.append(Declared(name, type_, line, lengths, initial, is_reference))
             if not tokens.accept(","):
                 tokens.expect(";")
@@ -132,43 +105,42 @@ class DeclarationReader:
         base = tokens.name("a type")
         if base == "struct":
             tokens.expect("{")
-            self.nesting += 1
-            if self.nesting > 10:
+            self.structs += 1
+            if self.structs > 10:
                 tokens.too_deep()
             fields: list[Declared] = []
             while not tokens.accept("}"):
                 fields += self.plain()
-            self.nesting -= 1
+            self.structs -= 1
             return TypeTree(base, marks, fields=tuple(fields))
         if base in ("int", "scalar") and tokens.accept("["):
-            low = self.parser.condition()
-            high = self.parser.condition() if tokens.accept(",") else None
+            low = self.condition()
+            high = self.condition() if tokens.accept(",") else None
             tokens.expect("]")
             return TypeTree(base, marks, low, high)
         return TypeTree(base, marks)
 
-    def _lengths(self) -> tuple[Tree | TypeTree, ...]:
-        tokens, found = self.tokens, list[Tree | TypeTree]()
+    def _lengths(self) -> tuple[syntax.Tree | TypeTree, ...]:
+        tokens, found = self.tokens, list[syntax.Tree | TypeTree]()
         while tokens.accept("["):
             is_type = tokens.token.text in ("int", "scalar") and tokens.ahead(1).text == "["
-            found.append(self.type() if is_type else self.parser.condition())
+            found.append(self.type() if is_type else self.condition())
             tokens.expect("]")
         return tuple(found)
 
     def _initial(self, depth: int = 0) -> Initial:
         tokens = self.tokens
         if not tokens.accept("{"):
-            return self.parser.condition()
+            return self.condition()
         if depth > 10:
             tokens.too_deep()
-        found: list[Initial] = []
-        while not tokens.accept("}"):
-            if found:
-                tokens.expect(",")
+
+        def part() -> Initial:
             if tokens.ahead(1).text == ":" and tokens.token.kind == "name":
                 tokens.position += 2
-            found.append(self._initial(depth + 1))
-        return tuple(found)
+            return self._initial(depth + 1)
+
+        return tuple(tokens.listed(part, "}"))
 
     def _routine(self, name: str, result: TypeTree, line: int) -> Routine:
         parameters = self.parameters(")")
@@ -180,16 +152,19 @@ class DeclarationReader:
 
     def parameters(self, closing: str = "") -> tuple[Declared, ...]:
         """Return parameters up to a closing sign, or the end."""
-        tokens, found = self.tokens, list[Declared]()
-        while not (tokens.accept(closing) if closing else tokens.token.kind == "end"):
-            if found:
-                tokens.expect(",")
-            type_ = self.type()
-            is_reference = tokens.accept("&")
-            line = tokens.line_at(tokens.token.at)
-            name = tokens.name("a name")
-            found.append(Declared(name, type_, line, self._lengths(), None, is_reference))
-        return tuple(found)
+        return tuple(self.tokens.listed(self._parameter, closing))
+
+    def _parameter(self) -> Declared:
+        tokens, type_ = self.tokens, self.type()
+        is_reference = tokens.accept("&")
+        line = tokens.line_at(tokens.token.at)
+        return Declared(tokens.name("a name"), type_, line, self._lengths(), None, is_reference)
+
+    def bound_name(self) -> str:
+        """Return the name in `name : type`."""
+        name = self.tokens.name("a name")
+        self.tokens.expect(":")
+        return name
 
     def _instance(self, line: int) -> Instance:
         tokens = self.tokens
@@ -199,13 +174,9 @@ class DeclarationReader:
             tokens.expect("=")
         template = tokens.name("a template")
         tokens.expect("(")
-        arguments: list[Tree] = []
-        while not tokens.accept(")"):
-            if arguments:
-                tokens.expect(",")
-            arguments.append(self.parser.condition())
+        arguments = tuple(tokens.listed(self.condition, ")"))
         tokens.expect(";")
-        return Instance(name, parameters, template, tuple(arguments), line)
+        return Instance(name, parameters, template, arguments, line)
 
     def _system(self, line: int) -> System:
         tokens = self.tokens
@@ -228,3 +199,186 @@ class DeclarationReader:
             if depth <= 0 and text in ("}", ";"):
                 return
         tokens.fail("'}'")
+
+
+@dataclass(frozen=True, slots=True)
+class TypeTree:
+    """A type as written: int, bool, clock, chan, double, struct or the name of another, with its bounds or fields."""
+
+    base: str
+    prefixes: frozenset[str] = frozenset()
+    low: syntax.Tree | None = None
+    high: syntax.Tree | None = None
+    fields: tuple[Declared, ...] = ()
+
+
+Initial: TypeAlias = "syntax.Tree | tuple[Initial, ...]"
+
+
+@dataclass(frozen=True, slots=True)
+class Declared:
+    """A variable, constant, channel, clock, parameter or (`is_type`) the name of a type."""
+
+    name: str
+    type: TypeTree
+    line: int
+    lengths: tuple[syntax.Tree | TypeTree, ...] = ()
+    initial: Initial | None = None
+    is_reference: bool = False
+    is_type: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Routine:
+    """A function: the position of its body among the tokens of its text."""
+
+    name: str
+    result: TypeTree
+    parameters: tuple[Declared, ...]
+    tokens: Tokens
+    body: int
+    line: int
+
+
+@dataclass(frozen=True, slots=True)
+class Instance:
+    """`name(parameters) = template(arguments);`."""
+
+    name: str
+    parameters: tuple[Declared, ...]
+    template: str
+    arguments: tuple[syntax.Tree, ...]
+    line: int
+
+
+@dataclass(frozen=True, slots=True)
+class System:
+    """`system A, B < C;`; `is_ranked` tells that processes have priorities."""
+
+    names: tuple[str, ...]
+    is_ranked: bool
+    line: int
+
+
+@dataclass(frozen=True, slots=True)
+class Aside:
+    """Something that has no counterpart and does not matter to what can happen, by its name."""
+
+    what: str
+    line: int
+
+
+Declaration: TypeAlias = Declared | Routine | Instance | System | Aside
+
+
+_TYPES = ("int", "bool", "const", "double", "struct")
+
+
+@dataclass(frozen=True, slots=True)
+class Perform(syntax.Other):
+    """A function called for its effect."""
+
+    call: syntax.Applied
+
+
+@dataclass(frozen=True, slots=True)
+class Loop(syntax.Other):
+    """`while (condition) body`; a `for` is one behind its first statement."""
+
+    condition: syntax.Tree
+    body: tuple[syntax.Statement, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Each(syntax.Other):
+    """`for (name : range) body`."""
+
+    name: str
+    type: TypeTree
+    body: tuple[syntax.Statement, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Return(syntax.Other):
+    """`return value;`."""
+
+    value: syntax.Tree | None
+
+
+@dataclass(frozen=True, slots=True)
+class Local(syntax.Other):
+    """A variable of a function, declared."""
+
+    declared: Declared
+
+
+class BodyParser(syntax.Parser):
+    """Reads statements of UPPAAL's C.
+
+    >>> [loop] = BodyParser(Tokens("for (i = 0; i < 3; i++) a[n++] = i;", "uppaal", "here")).statements()[1:]
+    >>> len(loop.body), loop.body[1] == loop.body[2]
+    (3, False)
+    """
+
+    def __init__(self, tokens: Tokens) -> None:
+        super().__init__(tokens)
+        self.trailing: list[syntax.Statement] = []
+
+    def operand(self) -> syntax.Tree:
+        """Return an operand; `x++` is x, and the increment follows the statement."""
+        found = super().operand()
+        if step := self._step():
+            self.trailing.append(syntax.Set(found, syntax.Infix(step, found, syntax.Constant(1))))
+        return found
+
+    def called(self, call: syntax.Applied) -> tuple[syntax.Statement, ...]:
+        """Return the statement of a call."""
+        return (Perform(call),)
+
+    def statement(self) -> tuple[syntax.Statement, ...]:
+        """Return the statement that starts here, with what follows it."""
+        kept, self.trailing = self.trailing, []
+        found = self._statement()
+        found, self.trailing = (*found, *self.trailing), kept
+        return found
+
+    def _statement(self) -> tuple[syntax.Statement, ...]:
+        tokens = self.tokens
+        if tokens.accept(";"):
+            return ()
+        if tokens.accept_word("return"):
+            return (Return(None if tokens.token.text == ";" else self.condition()),)
+        if tokens.accept_word("while"):
+            condition = self._braced()
+            return (Loop(condition, self.inner()),)
+        if tokens.accept_word("for"):
+            return self._for()
+        if tokens.token.text in _TYPES or (tokens.token.kind == tokens.ahead(1).kind == "name"):
+            declared = DeclarationReader(tokens).plain()
+            tokens.position -= 1  # the semicolon ends the statement
+            return tuple(map(Local, declared))
+        return super().statement()
+
+    def _braced(self) -> syntax.Tree:
+        self.tokens.expect("(")
+        condition = self.condition()
+        self.tokens.expect(")")
+        if self.trailing:
+            self.tokens.refuse("an increment inside a condition")
+        return condition
+
+    def _for(self) -> tuple[syntax.Statement, ...]:
+        tokens = self.tokens
+        tokens.expect("(")
+        if tokens.ahead(1).text == ":":
+            reader = DeclarationReader(tokens)
+            name, type_ = reader.bound_name(), reader.type()
+            tokens.expect(")")
+            return (Each(name, type_, self.inner()),)
+        first = () if tokens.token.text == ";" else self._statement()
+        tokens.expect(";")
+        condition = syntax.Constant(True) if tokens.token.text == ";" else self.condition()
+        tokens.expect(";")
+        following = () if tokens.token.text == ")" else super().statement()
+        tokens.expect(")")
+        return (*first, Loop(condition, (*self.inner(), *following)))

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections import ChainMap
 from collections.abc import Iterable
-from typing import Self
+from dataclasses import replace
+from typing import Self, TypeVar
 
 from parcours.errors import BadModel
 from parcours.model.expression import Binary, Expression, Literal, Name, Unary
 from parcours_formats.guard_languages import Scope, Translation, refusal
-from parcours_formats.guard_languages.tree import Identifier, Index, Member, Quantified, Tree
+from parcours_formats.guard_languages.foreign_syntax import Identifier, Index, Member, Quantified, Tree
 from parcours_formats.guard_languages.values import (
     FALSE,
     MAX_CASES,
@@ -21,37 +23,20 @@ from parcours_formats.guard_languages.values import (
     joined,
     literal,
 )
-from parcours_formats.uppaal.declared import Declared, Initial, Routine, TypeTree
-from parcours_formats.uppaal.symbols import (
-    KINDS,
-    MAX_CELLS,
-    Cell,
-    Cells,
-    Given,
-    Held,
-    Link,
-    Record,
-    Row,
-    Shape,
-    Symbol,
-)
+from parcours_formats.uppaal.declarations import Declared, Initial, Routine, TypeTree
+from parcours_formats.uppaal.symbols import KINDS, MAX_CELLS, Cell, Cells, Given, Held, Link, Record, Row, Shape, Symbol
 
+_S = TypeVar("_S", Cell, Link)
 _PLAIN = {"int": "int", "bool": "bool", "clock": "clock", "chan": "chan", "double": "real", "void": "void"}
 
 
 class Environment(Scope):
-    """The names of one scope, then those of the scopes around it.
-
-    Args:
-        cells: the variables of the whole system.
-        prefix: stands before the ids of what is declared here; empty for what is global.
-        around: the scope around this one.
-    """
+    """The names of one scope, then those of the scopes around it."""
 
     def __init__(self, cells: Cells, prefix: str = "", around: Environment | None = None) -> None:
         super().__init__("uppaal", cells.kinds, cells.naturals)
         self.cells, self.prefix, self.around = cells, prefix, around
-        self.names: dict[str, Symbol] = {}
+        self.names: ChainMap[str, Symbol] = around.names.new_child() if around is not None else ChainMap()
 
     def inner(self, prefix: str = "") -> Self:
         """Return a scope inside this one."""
@@ -59,21 +44,16 @@ class Environment(Scope):
 
     def find(self, name: str, where: str) -> Symbol:
         """Return what a name means. Raises BadModel if nothing."""
-        here: Environment | None = self
-        while here is not None:
-            if name in here.names:
-                return here.names[name]
-            here = here.around
-        raise BadModel(where, f"a name must be declared, but {name!r} is not", "declare it", slug="unknown-name")
-
-    def knows(self, name: str) -> bool:
-        """Return whether a name means something here."""
-        return name in self.names or (self.around is not None and self.around.knows(name))
+        try:
+            return self.names[name]
+        except KeyError:
+            rule = f"a name must be declared, but {name!r} is not"
+            raise BadModel(where, rule, "declare it", slug="unknown-name") from None
 
     def home(self, symbol: Symbol) -> Environment:
         """Return the scope in which a symbol was declared."""
         here = self
-        while here.around is not None and not any(each is symbol for each in here.names.values()):
+        while here.around is not None and not any(each is symbol for each in here.names.maps[0].values()):
             here = here.around
         return here
 
@@ -110,6 +90,13 @@ class Environment(Scope):
                 return self._elements(self.locate(of, where), Translation(self, where).number(index), where)
             case _:
                 raise refusal(where, "a value where a variable or channel must stand")
+
+    def place(self, argument: Tree, where: str) -> Symbol:
+        """Return the only symbol that an argument stands for."""
+        places = self.locate(argument, where)
+        if len(places) != 1:
+            raise refusal(where, "an index that varies in an argument")
+        return places[0][1]
 
     def _elements(
         self, places: list[tuple[Expression, Symbol]], indices: Cases, where: str
@@ -158,19 +145,17 @@ class Environment(Scope):
 
     def target(self, tree: Tree, where: str) -> list[tuple[Expression, Name]]:
         """Return the variables that an assignment may change, each with its condition."""
-        found = []
-        for case, symbol in self.locate(tree, where):
-            if not isinstance(symbol, Cell):
-                raise refusal(where, f"an assignment to {KINDS[type(symbol)]}")
-            found.append((case, Name(symbol.id)))
-        return found
+        return [(case, Name(cell.id)) for case, cell in self._among(tree, Cell, "an assignment to", where)]
 
     def links(self, tree: Tree, where: str) -> list[tuple[Expression, Link]]:
         """Return the channels that a synchronisation may mean, each with its condition."""
+        return self._among(tree, Link, "a synchronisation on", where)
+
+    def _among(self, tree: Tree, kind: type[_S], use: str, where: str) -> list[tuple[Expression, _S]]:
         found = []
         for case, symbol in self.locate(tree, where):
-            if not isinstance(symbol, Link):
-                raise refusal(where, f"a synchronisation on {KINDS[type(symbol)]}")
+            if not isinstance(symbol, kind):
+                raise refusal(where, f"{use} {KINDS[type(symbol)]}")
             found.append((case, symbol))
         return found
 
@@ -225,8 +210,7 @@ class Environment(Scope):
         named = self.find(type_.base, where)
         if not isinstance(named, Shape):
             raise refusal(where, f"{KINDS[type(named)]} {type_.base!r} as a type")
-        prefixes = named.prefixes | type_.prefixes
-        return Shape(named.kind, named.low, named.high, prefixes, named.fields, own + named.lengths)
+        return replace(named, prefixes=named.prefixes | type_.prefixes, lengths=own + named.lengths)
 
     def _length(self, length: Tree | TypeTree, where: str) -> int:
         if isinstance(length, Identifier) and isinstance(self.find(length.name, where), Shape):

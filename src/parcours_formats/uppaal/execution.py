@@ -1,4 +1,4 @@
-"""Statements of UPPAAL's C followed along every way their choices can fall, loops as often as conditions can hold.
+"""Follows statements of UPPAAL's C, with loops and calls, along every way their choices can fall.
 
 Nothing runs: what is assigned stays an expression of the values before, and a way whose conditions exclude each other
 ends there. What does not come to an end in bounds is refused.
@@ -10,11 +10,12 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 from parcours.errors import BadModel
-from parcours.model.expression import Expression
-from parcours_formats.guard_languages import Branch, Translation, performed, refusal
-from parcours_formats.guard_languages.tree import Applied, Set, Statement, When
+from parcours.model.expression import Assignment, Expression, names
+from parcours_formats.guard_languages import Branch, Tokens, Translation, performed, refusal, sized
+from parcours_formats.guard_languages.foreign_syntax import Applied, Set, Statement, When
 from parcours_formats.guard_languages.values import (
     MAX_CASES,
+    TRUE,
     Cases,
     always,
     is_constant,
@@ -22,8 +23,7 @@ from parcours_formats.guard_languages.values import (
     negation,
     replaced,
 )
-from parcours_formats.uppaal.bodies import BodyParser, Each, Local, Loop, Perform, Return
-from parcours_formats.uppaal.declared import Declared, Routine
+from parcours_formats.uppaal.declarations import BodyParser, Declared, Each, Local, Loop, Perform, Return, Routine
 from parcours_formats.uppaal.environment import Environment
 from parcours_formats.uppaal.symbols import Cell
 
@@ -44,12 +44,7 @@ class Running:
 
 
 class Execution:
-    """Follows statements along every way.
-
-    Args:
-        scope: the names they see.
-        where: file and line of the call, for messages.
-    """
+    """Follows statements along every way."""
 
     def __init__(self, scope: Environment, where: str) -> None:
         self.scope, self.where = scope, where
@@ -61,9 +56,8 @@ class Execution:
             if isinstance(statement, Local):
                 now = self.declared(statement.declared, now)
             else:
-                now = [
-                    after for each in now for after in ([each] if each.has_returned else self.after(statement, each))
-                ]
+                ends = ([each] if each.has_returned else self.after(statement, each) for each in now)
+                now = [after for end in ends for after in end]
             self.bounded(now)
         return now
 
@@ -175,19 +169,15 @@ class Execution:
         if self.scope.cells.depth >= MAX_NESTED:
             raise refusal(self.where, f"calls more than {MAX_NESTED} deep")
         if len(call.arguments) != len(routine.parameters):
-            rule = (
-                f"{call.function!r} has {len(routine.parameters)} parameters, but gets {len(call.arguments)} arguments"
-            )
+            count, given = len(routine.parameters), len(call.arguments)
+            rule = f"{call.function!r} has {count} parameters, but gets {given} arguments"
             raise BadModel(self.where, rule, slug="arity")
         inner = self.scope.home(routine).inner()
         now = [here]
         for parameter, argument in zip(routine.parameters, call.arguments, strict=True):
             shape = inner.shape(parameter.type, self.where, parameter.lengths)
             if parameter.is_reference or shape.lengths or shape.kind == "struct":
-                places = self.scope.locate(argument, self.where)
-                if len(places) != 1:
-                    raise refusal(self.where, "an index that varies in an argument")
-                inner.names[parameter.name] = places[0][1]
+                inner.names[parameter.name] = self.scope.place(argument, self.where)
             else:
                 made, cells = self.scope.cells.make_local(parameter.name, shape, parameter.line, self.where)
                 inner.names[parameter.name] = made
@@ -204,3 +194,54 @@ class Execution:
 def is_local(id: str) -> bool:
     """Return whether a variable belongs to one call of a function."""
     return "'" in id
+
+
+def updates(text: str, environment: Environment, origin: str, line: int) -> list[Branch]:
+    """Return what an update label does, one branch for each way its choices can fall."""
+    where = f"{origin}:{line}"
+    statements = BodyParser(Tokens(text, "uppaal", origin, line)).statements()
+    found = Execution(environment, where).run(statements, [Running(Branch(TRUE, ()))])
+    environment.cells.known = {}
+    return [Branch(sized(each.branch.guard, where), without_locals(each.branch.actions, where)) for each in found]
+
+
+def value_of(call: Applied, environment: Environment, routine: Routine, where: str) -> Cases:
+    """Return the value of a call, in terms of the variables before it."""
+    found: Cases = []
+    kept = environment.cells.known
+    for each in Execution(environment, where).called(call, routine, Running(Branch(TRUE, ()))):
+        if any(not is_local(action.target) for action in each.branch.actions):
+            raise refusal(where, f"the function {call.function!r}, which changes variables, inside a value")
+        if each.value is None:
+            raise refusal(where, f"the value of {call.function!r}, which returns none")
+        found.append((each.branch.guard, replaced(each.value, each.branch.held(where))))
+    environment.cells.known = kept
+    return found
+
+
+def without_locals(actions: Iterable[Assignment], where: str) -> tuple[Assignment, ...]:
+    """Return assignments with the variables of functions replaced by what they hold."""
+    held: dict[str, Expression] = {}
+    stale: set[str] = set()
+    kept = []
+    for action in actions:
+        if used := sorted(stale & names(action.value)):
+            raise refusal(where, f"the local variable {used[0].partition(chr(39))[0]!r}, read after its source changed")
+        value = replaced(action.value, held)
+        if is_local(action.target):
+            held[action.target] = value
+            stale.discard(action.target)
+        else:
+            kept.append(Assignment(action.target, sized(value, where)))
+            stale |= {local for local, known in held.items() if action.target in names(known)}
+    return tuple(kept)
+
+
+class CallingEnvironment(Environment):
+    """The names of one scope, functions among them."""
+
+    def applied(self, tree: Applied, where: str) -> Cases:
+        """Return the value of a call: of a function of the file, or of the language."""
+        if isinstance(routine := self.names.get(tree.function), Routine):
+            return value_of(tree, self, routine, where)
+        return super().applied(tree, where)

@@ -1,4 +1,4 @@
-"""A process to its steps: texts at edges translated, selections and varying channels written out."""
+"""Works out the steps of a process: texts are translated, selections and varying channels written out."""
 
 from __future__ import annotations
 
@@ -10,16 +10,14 @@ from math import prod
 from parcours.errors import BadModel
 from parcours.model.expression import Assignment, Expression
 from parcours_formats.guard_languages import Branch, Tokens, Translation, sized
-from parcours_formats.guard_languages.parsing import Parser
-from parcours_formats.guard_languages.tree import Constant, Tree
+from parcours_formats.guard_languages.foreign_syntax import Constant, Parser, Tree
 from parcours_formats.guard_languages.values import FALSE, TRUE, conjunction
 from parcours_formats.naming import Names
 from parcours_formats.uppaal.declarations import parse_selections
 from parcours_formats.uppaal.environment import Environment
-from parcours_formats.uppaal.instantiation import Process
-from parcours_formats.uppaal.routines import updates as updates_of
+from parcours_formats.uppaal.execution import updates as updates_of
+from parcours_formats.uppaal.processes import Edge, Label, Process
 from parcours_formats.uppaal.symbols import Link
-from parcours_formats.uppaal.templates import Edge, Label
 
 MAX_STEPS = 200_000
 """Most steps of all processes together."""
@@ -41,21 +39,13 @@ class Step:
 
 
 class Steps:
-    """Writes out the steps of the processes of one file.
-
-    Args:
-        origin: the file's name, for messages.
-    """
+    """Writes out the steps of the processes of one file."""
 
     def __init__(self, origin: str) -> None:
         self.origin, self.count, self.ids = origin, 0, Names()
 
     def of(self, process: Process) -> Iterator[Step]:
-        """Yield the steps of a process.
-
-        Raises:
-            BadModel: a text cannot be translated, or there are more than MAX_STEPS steps.
-        """
+        """Yield the steps of a process."""
         locations, ways = process.template.locations, process.template.ways()
         self._bounded(len(ways), process.template.line)
         for way in ways:
@@ -79,12 +69,11 @@ class Steps:
             raise BadModel(self._where(line), rule, "make its ranges smaller", slug="expansion-size")
 
     def _selected(self, around: Environment, way: tuple[Edge, ...]) -> Iterator[tuple[Environment, str]]:
-        selections = [
-            each for label in _labels(way, "select") for each in parse_selections(label.text, *self._at(label))
-        ]
+        labels = _labels(way, "select")
+        selections = [each for label in labels for each in parse_selections(label.text, *self._at(label))]
         where = self._where(way[0].line)
         ranges = [around.shape(each.type, where).values(where) for each in selections]
-        # Texts are translated anew for each selection, and for each process.
+        # Texts are translated again for each selection, and for each process.
         size = sum(len(label.text) for edge in way for label in edge.labels.values())
         selected = prod(len(tuple(each)) for each in ranges)
         around.cells.spend(where, selected * (size // 400 + bool(selections)))

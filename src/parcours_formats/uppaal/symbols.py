@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 from parcours.errors import BadModel
 from parcours.model.expression import Expression
 from parcours_formats.guard_languages.values import TRUE, literal
-from parcours_formats.uppaal.declared import Routine
+from parcours_formats.uppaal.declarations import Routine
 
 MAX_CELLS = 200_000
 """Most variables, channels and constants of a system, each element of an array counted."""
@@ -46,9 +46,8 @@ class Shape:
             rule = "only a bounded type can be written out, but this one is not bounded"
             raise BadModel(where, rule, "write int[lowest, highest]", slug="expansion-size")
         if self.high - self.low >= MAX_CHOICES:
-            rule = (
-                f"a range is written out for at most {MAX_CHOICES} values, but this one has {self.high - self.low + 1}"
-            )
+            count = self.high - self.low + 1
+            rule = f"a range is written out for at most {MAX_CHOICES} values, but this one has {count}"
             raise BadModel(where, rule, "make the range smaller", slug="expansion-size")
         return range(self.low, self.high + 1)
 
@@ -115,15 +114,7 @@ Given: TypeAlias = "bool | int | float | tuple[Given, ...] | None"
 
 
 class Cells:
-    """All variables of one system, counted, with what translations ask for.
-
-    Attributes:
-        cells: by id.
-        kinds: by id.
-        naturals: ids of variables that are never negative.
-        known: the values of variables of functions, by id, where the way that is followed says them.
-        depth: how many calls the way is inside.
-    """
+    """All variables of one system, counted, with what translations ask for."""
 
     def __init__(self) -> None:
         self.kinds: dict[str, str] = {}
@@ -145,29 +136,14 @@ class Cells:
             raise BadModel(where, rule, "make its ranges smaller", slug="expansion-size")
 
     def make(self, id: str, shape: Shape, given: Given, line: int, where: str, *, is_global: bool) -> Symbol:
-        """Return what a declaration makes.
-
-        Args:
-            id: unique in the system; elements and fields add theirs behind it.
-            shape: its type.
-            given: its initial value.
-            line: of the declaration.
-            where: file and line, for messages.
-            is_global: whether every process sees it.
-
-        Raises:
-            BadModel: the initial value has another shape, or the system has more than MAX_CELLS elements.
-        """
+        """Return what a declaration makes."""
         parts: list[tuple[str, Shape]] = []
         if shape.lengths:
-            inner = Shape(shape.kind, shape.low, shape.high, shape.prefixes, shape.fields, shape.lengths[1:])
+            inner = replace(shape, lengths=shape.lengths[1:])
             self._count(shape.lengths[0], where)
             parts = [(str(at), inner) for at in range(shape.lengths[0])]
         elif shape.kind == "struct":
-            parts = [
-                (name, Shape(each.kind, each.low, each.high, each.prefixes | shape.prefixes, each.fields, each.lengths))
-                for name, each in shape.fields
-            ]
+            parts = [(name, replace(each, prefixes=each.prefixes | shape.prefixes)) for name, each in shape.fields]
         if shape.lengths or shape.kind == "struct":
             if given is not None and not (isinstance(given, tuple) and len(given) == len(parts)):
                 rule = f"{id!r} must have {len(parts)} initial values, but has others"

@@ -1,0 +1,179 @@
+"""Translates texts of guards and actions to expressions and branches of assignments, or refuses them by name.
+
+Arithmetic, comparisons, assignments, choices and the functions both languages share are translated exactly;
+where a value depends on a choice, a guard becomes a disjunction and an action becomes several branches. What
+could call, loop or reach outside is refused.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+from parcours.errors import BadModel
+from parcours.model.expression import Assignment, Expression, Literal, Unary
+from parcours.model.structure import Variable
+from parcours_formats.guard_languages.foreign_syntax import Parser, Set, Statement, When
+from parcours_formats.guard_languages.foreign_tokens import Language, Tokens
+from parcours_formats.guard_languages.translation import Scope, Translation, refusal, sized
+from parcours_formats.guard_languages.values import (
+    FALSE,
+    KINDS,
+    MAX_CASES,
+    TRUE,
+    conjunction,
+    kind_of,
+    negation,
+    replaced,
+)
+
+MAX_ACTIONS = 1_000
+"""Most assignments of one branch."""
+
+
+@dataclass(frozen=True, slots=True)
+class Branch:
+    """What statements do when `guard` holds beforehand: assignments in order."""
+
+    guard: Expression
+    actions: tuple[Assignment, ...]
+
+    def before(self, condition: Expression, where: str) -> Expression:
+        """Return a condition on the values afterwards in terms of the values before."""
+        if condition in (TRUE, FALSE):
+            return condition
+        return replaced(condition, self.held(where))
+
+    def under(self, condition: Expression, where: str) -> Branch | None:
+        """Return the branch on which a condition on the values afterwards holds too; None if it cannot."""
+        guard = conjunction((self.guard, self.before(condition, where)))
+        return None if guard == FALSE else Branch(sized(guard, where), self.actions)
+
+    def held(self, where: str) -> dict[str, Expression]:
+        """Return what each assigned variable holds afterwards, in terms of the values before."""
+        values: dict[str, Expression] = {}
+        for action in self.actions:
+            values[action.target] = sized(replaced(action.value, values), where)
+        return values
+
+    def then(self, target: str, value: Expression, where: str) -> Branch:
+        """Return the branch with one more assignment. Raises BadModel beyond MAX_ACTIONS."""
+        if len(self.actions) >= MAX_ACTIONS:
+            rule = f"an action is translated to at most {MAX_ACTIONS} assignments, but this one has more"
+            raise BadModel(where, rule, "split the action", slug="expression-size")
+        return Branch(self.guard, (*self.actions, Assignment(target, value)))
+
+
+def guard(text: str, language: Language, where: str, kinds: Mapping[str, str] | None = None) -> Expression:
+    """Return a condition as an expression of our language.
+
+    Args:
+        text: the condition, e.g. `x === 1 && !done`.
+        language: `javascript` or `uppaal`.
+        where: file, line and element it belongs to, for messages.
+        kinds: the type (bool, int, real, text) of the variables that are known; a number stands for `x != 0`.
+
+    Raises:
+        BadModel: the text is no condition (foreign-syntax), or says what our language cannot (foreign-construct).
+
+    Example:
+    >>> str(guard("x === 1 && (done ? y : 2) > 1", "javascript", "guard of 'e1'"))
+    'x == 1 && (done && y > 1 || !done)'
+    """
+    return condition(text, Scope(language, kinds or {}), where)
+
+
+def condition(text: str, scope: Scope, where: str) -> Expression:
+    """Return a condition whose names a scope knows, as `guard`."""
+    tokens = Tokens(text, scope.language, where)
+    parser = Parser(tokens)
+    tree = parser.condition()
+    tokens.accept(";")
+    if tokens.token.kind != "end":
+        tokens.fail("an operator or the end")
+    return sized(Translation(scope, where).truth(tree), where)
+
+
+def branches(text: str, scope: Scope, where: str) -> tuple[Branch, ...]:
+    """Return what statements do, one branch for each way their choices can fall; exactly one guard holds.
+
+    Raises:
+        BadModel: as for `guard`.
+
+    Example:
+    >>> for branch in branches("x = 1; if (y > x) { y = y - x } else y = 0", Scope("javascript"), "actions"):
+    ...     print(branch.guard, *branch.actions)
+    y > 1 x := 1 y := y - x
+    y <= 1 x := 1 y := 0
+    """
+    found = performed(Parser(Tokens(text, scope.language, where)).statements(), scope, where)
+    for branch in found:
+        sized(branch.guard, where)
+        for action in branch.actions:
+            sized(action.value, where)
+    return found
+
+
+def performed(
+    statements: Iterable[Statement], scope: Scope, where: str, before: Branch | None = None
+) -> tuple[Branch, ...]:
+    """Return the branches of statements that are parsed already, as `branches`, behind those of another branch."""
+    now = [before or Branch(TRUE, ())]
+    for statement in statements:
+        now = [after for before in now for after in _after(before, statement, scope, where)]
+        if len(now) > MAX_CASES:
+            rule = f"translated statements have at most {MAX_CASES} branches, but these have more"
+            raise BadModel(where, rule, "split the action", slug="expression-size")
+    return tuple(now)
+
+
+def _after(before: Branch, statement: Statement, scope: Scope, where: str) -> Iterable[Branch]:
+    translation = Translation(scope, where)
+    if isinstance(statement, Set):
+        for case, place in scope.target(statement.place, where):
+            values = translation.of_kind(statement.value, scope.kinds.get(place.id, ""))
+            scope.spend(len(values), where)
+            for condition, value in values:
+                if (after := before.under(conjunction((case, condition)), where)) is not None:
+                    yield after.then(place.id, value, where)
+        return
+    if not isinstance(statement, When):
+        raise refusal(where, "a loop or a call")
+    holding = translation.truth(statement.condition)
+    for choice, body in ((holding, statement.yes), (negation(holding), statement.no)):
+        if (start := before.under(choice, where)) is not None:
+            now = [start]
+            for inner in body:
+                now = [after for each in now for after in _after(each, inner, scope, where)]
+            yield from now
+
+
+def variables(initial: Iterable[Assignment], later: Iterable[Assignment], where: str) -> tuple[Variable, ...]:
+    """Return the variables that initial assignments of constants declare.
+
+    >>> [start], [later] = (branches(text, Scope("javascript"), "") for text in ("n = 0; on = false; v = 1", "v /= 2"))
+    >>> [(each.name, each.type, each.initial) for each in variables(start.actions, later.actions, "m")]
+    [('n', 'int', 0), ('on', 'bool', False), ('v', 'real', 1.0)]
+    """
+    values: dict[str, object] = {}
+    for action in initial:
+        known = {name: Literal(value) for name, value in values.items() if isinstance(value, bool | int | float | str)}
+        value = replaced(action.value, known)
+        sign = -1 if isinstance(value, Unary) else 1
+        constant = value.operand if isinstance(value, Unary) else value
+        if not isinstance(constant, Literal):
+            rule = f'an initial value is a constant, but {action.target!r} starts as "{action.value}"'
+            raise BadModel(where, rule, "write the constant", slug="foreign-construct")
+        values[action.target] = constant.value if isinstance(constant.value, bool | str) else sign * constant.value
+    kinds = {name: KINDS[type(value)] for name, value in values.items()}
+    later = [action for action in later if kinds.get(action.target) == "int"]
+    changed = True
+    while changed:
+        changed = False
+        for action in later:
+            if kinds[action.target] == "int" and kind_of(action.value, kinds) == "real":
+                kinds[action.target], changed = "real", True
+    return tuple(
+        Variable(name, kinds[name], float(value) if kinds[name] == "real" and isinstance(value, int) else value)
+        for name, value in values.items()
+    )
