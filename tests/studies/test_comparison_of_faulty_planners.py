@@ -11,6 +11,7 @@ import pytest
 
 from parcours.report.terminal import to_text
 from parcours_navigation.cases.family import SystemCases
+from parcours_navigation.comparison.analysis import analyse
 from parcours_navigation.comparison.deciding import decision_times
 from parcours_navigation.comparison.measuring import Reproducing
 from parcours_navigation.comparison.running import run_comparison
@@ -101,7 +102,7 @@ def test_a_comparison_goes_on_without_the_times_of_a_planner_that_dies_there(
     assert not dies.facts["error"].any() and dies.decisions is None
     assert stands.decisions is not None and stands.decisions.n > 100
     assert "could not be timed: there it died: its process ended with exit code 7" in " ".join(
-        to_text(decision_table(results)).split()
+        to_text(decision_table(analyse(results))).split()
     )
 
 

@@ -1,4 +1,4 @@
-"""Cases run again with their tracks -> what published benchmark code computes of them, as a campaign of its own.
+"""Runs cases again for what published benchmark code computes of their tracks, as a campaign of its own.
 
 What is measured correctly is measured while a case runs; the defects of published code are only of interest beside it.
 """
@@ -48,32 +48,23 @@ class Reproducing:
     def __call__(self, first: int, count: int) -> NDArray[np.void]:
         """Return what is computed of cases first .. first + count - 1, array of REPRODUCED of shape (count,)."""
         rows = np.zeros(count, REPRODUCED)
-        names = list(PUBLISHED.names or ())
         skipped = self.failed | {case.number for case in self.lost}
-        cases = self.study.cases
         for row, number in zip(rows, range(first, first + count), strict=True):
+            found = None if number in skipped else self._measured(number)
             row["number"] = number
-            for name in names:
-                row[name] = np.nan
-            if number in skipped:
-                continue
-            facts, track, places = self.study.track(number)
-            if facts[0]["error"]:
-                continue
-            radii = np.full(places.shape[1], cases.obstacle_radius)
-            found = measures_as_published(
-                track, places, radii, robot_radius=cases.robot_radius, goal=GOAL, until=int(facts[0]["t_end"])
-            )
-            for name in names:
-                row[name] = found[name]
+            for name in PUBLISHED.names or ():
+                row[name] = np.nan if found is None else found[name]
         return rows
+
+    def _measured(self, number: int) -> np.void | None:
+        facts, track, places = self.study.track(number)
+        if facts[0]["error"]:
+            return None
+        cases = self.study.cases
+        radii, until = np.full(places.shape[1], cases.obstacle_radius), int(facts[0]["t_end"])
+        return measures_as_published(track, places, radii, robot_radius=cases.robot_radius, goal=GOAL, until=until)
 
     def campaign(self, campaign: Campaign, n_cases: int) -> Campaign:
         """Return the campaign that runs the first cases of a campaign again."""
-        return replace(
-            campaign,
-            study=f"{campaign.study}/as-published",
-            n_cases=n_cases,
-            dtype=REPRODUCED,
-            shard_size=64,
-        )
+        name = f"{campaign.study}/as-published"
+        return replace(campaign, study=name, n_cases=n_cases, dtype=REPRODUCED, shard_size=64)

@@ -1,4 +1,4 @@
-"""Planners' names -> their campaigns on the same cases, in one folder, resumable -> the results of the comparison."""
+"""Runs the campaigns of several planners on the same cases, in one folder, resumably: the results of a comparison."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from parcours_navigation.study.distribution import oracle, survived
 from parcours_navigation.study.study import NavigationStudy, study_of
 
 Progress = Callable[[str, int, int], None]
-"""Told (what, done, in all)."""
+"""Called with (what, done, in all)."""
 
 
 class Interrupted(Exception):
@@ -56,10 +56,9 @@ def run_comparison(
         workers: processes.
         protocol: which family of cases.
         command_delay: from a planner's answer to the robot [s]; a planner with a loop of its own keeps its durations.
-        measured: how many of the first cases are run again, to be measured as published benchmark code does; 0 for
-            none.
-        timed: on how many of the first cases without a planner's error its decisions are timed; 0 for none.
-        progress: told how far each part is.
+        measured: how many of the first cases are run again, to be measured as published benchmark code does.
+        timed: on how many of the first cases without a planner's error its decisions are timed.
+        progress: called as each part goes on.
 
     Raises:
         BadRequest: a name is unknown or given twice, or a number is out of range.
@@ -127,11 +126,9 @@ def _entries(names: Sequence[str], cases: SystemCases, command_delay: float) -> 
     """Return the study of each name, refusing names that cannot stand side by side."""
     taken: dict[str, str] = {}
     for name in names:
-        other = taken.setdefault(folder_name(name).lower(), name)
-        if name in list(taken.values()) and other == name and list(names).count(name) == 1:
-            continue
-        rule = f"each planner is named once, but {name!r} and {other!r} would be kept in the same folder"
-        raise BadRequest("compare", rule, "name other planners", slug="compare-twice")
+        if (other := taken.setdefault(folder_name(name).lower(), name)) != name or list(names).count(name) > 1:
+            rule = f"each planner is named once, but {name!r} and {other!r} would be kept in the same folder"
+            raise BadRequest("compare", rule, "name other planners", slug="compare-twice")
     if not names:
         raise BadRequest("compare", "at least one planner is needed, but none given", slug="compare-none")
     given = Scenario(time_limit=TIME_LIMIT, watched_on=WATCHED_ON, command_delay=command_delay)
