@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from parcours.errors import BadRequest
-from parcours.verdict.statistics import Rate, compare_pairs, wilson
+from parcours.verdict.statistics import Rate, wilson
 from parcours_navigation.comparison.benchmarking import Score, benchmark_scores
 from parcours_navigation.comparison.pairing import (
     RateDifference,
@@ -91,7 +91,7 @@ class PairTest:
 
     Attributes:
         first, second: their names.
-        question: "reached", "contact" or "time".
+        question: what was compared.
         found: the difference and its p-value.
         p_value: uncorrected.
         p_holm: corrected for all tests of the family it was made in.
@@ -101,25 +101,6 @@ class PairTest:
     second: str
     question: str
     found: RateDifference | TimeDifference
-    p_value: float
-    p_holm: float
-
-
-@dataclass(frozen=True, slots=True)
-class RuleTest:
-    """One paired test of the table of the paper's results: of a rule, or of a quantity.
-
-    Attributes:
-        what: the rule, or "clearances" or "times".
-        second: the planner that is tested against the first.
-        more, fewer: cases that say yes for this planner only, and for the first only; None for a quantity.
-        p_value, p_holm: uncorrected, and corrected for the whole table.
-    """
-
-    what: str
-    second: str
-    more: int | None
-    fewer: int | None
     p_value: float
     p_holm: float
 
@@ -153,7 +134,7 @@ class Analysis:
     beats: Floats
     tests: tuple[PairTest, ...]
     every_test: tuple[PairTest, ...]
-    rule_tests: tuple[RuleTest, ...]
+    rule_tests: tuple[PairTest, ...]
     scores: tuple[Score, ...]
     caution: str
 
@@ -175,7 +156,7 @@ def analyse(results: Results) -> Analysis:
         tuple(_standing(results, contender, shared) for contender in every),
         None if can is None else int(can.sum()), None if cannot is None else int(cannot.sum()),
         int(shared.sum()), vectors, np.array([[float((a & ~b).mean()) for b in flags] for a in flags]),
-        pair_tests(every), pair_tests(every, against_first=False), _rule_tests(results), benchmark_scores(results),
+        pair_tests(every), pair_tests(every, against_first=False), _rule_tests(every), benchmark_scores(results),
         DIFFERENT_ANSWERS if len({c.answers for c in every}) > 1 else "",
     )  # fmt: skip
 
@@ -229,35 +210,32 @@ def pair_tests(contenders: Sequence[Contender], *, against_first: bool = True) -
             lengths = f"{len(contenders[0].facts)} and {len(other.facts)}"
             rule = f"both must have run the same cases, but have {lengths} of other numbers"
             raise BadRequest(f"compare {contenders[0].name} and {other.name}", rule, slug="pairs-shape")
+    pairs = itertools.combinations(contenders, 2)
+    chosen = [(a, b) for a, b in pairs if a is contenders[0]] if against_first else list(pairs)
+    return _family(chosen, TESTED, {"time": time_to_goal})
+
+
+def _rule_tests(contenders: Sequence[Contender]) -> tuple[PairTest, ...]:
+    """Return the tests of the paper's results and of two quantities, each planner against the first."""
+    pairs = [(contenders[0], other) for other in contenders[1:]]
+    return _family(pairs, RULES, {"clearances": lambda f: finite(f["min_clearance"]), "times": time_to_goal})
+
+
+def _family(
+    pairs: Sequence[tuple[Contender, Contender]], rates: Mapping[str, Callable[[Facts], Flags]],
+    quantities: Mapping[str, Callable[[Facts], Floats]],
+) -> tuple[PairTest, ...]:  # fmt: skip
+    """Return a test of every rate and quantity for every pair, corrected by Holm over all of them."""
     raw: list[tuple[str, str, str, RateDifference | TimeDifference, float]] = []
-    for first, second in itertools.combinations(contenders, 2):
-        if against_first and first is not contenders[0]:
-            continue
-        for question, ask in TESTED.items():
-            rates = rate_difference(ask(first.facts), ask(second.facts))
-            raw.append((first.name, second.name, question, rates, rates.pairs.p_value))
-        times = time_difference(time_to_goal(first.facts), time_to_goal(second.facts))
-        raw.append((first.name, second.name, "time", times, times.p_value))
+    for first, second in pairs:
+        for question, ask in rates.items():
+            found = rate_difference(ask(first.facts), ask(second.facts))
+            raw.append((first.name, second.name, question, found, found.pairs.p_value))
+        for question, of in quantities.items():
+            gap = time_difference(of(first.facts), of(second.facts))
+            raw.append((first.name, second.name, question, gap, gap.p_value))
     corrected = holm([p_value for *_, p_value in raw])
     return tuple(PairTest(*row, p_holm) for row, p_holm in zip(raw, corrected, strict=True))
-
-
-def _rule_tests(results: Results) -> tuple[RuleTest, ...]:
-    """Return the tests of the paper's results and of two quantities, corrected by Holm over all of them."""
-    first, *others = results.contenders
-    raw: list[tuple[str, str, int | None, int | None, float]] = []
-    for words, ask in RULES.items():
-        for other in others:
-            pairs = compare_pairs(ask(first.facts), ask(other.facts))
-            raw.append((words, other.name, pairs.second_only, pairs.first_only, pairs.p_value))
-    quantities: dict[str, Callable[[Facts], Floats]] = {
-        "clearances": lambda f: finite(f["min_clearance"]),
-        "times": time_to_goal,
-    }
-    for what, of in quantities.items():
-        raw += [(what, o.name, None, None, time_difference(of(first.facts), of(o.facts)).p_value) for o in others]
-    corrected = holm([p_value for *_, p_value in raw])
-    return tuple(RuleTest(*row, p_holm) for row, p_holm in zip(raw, corrected, strict=True))
 
 
 def finite(values: Floats) -> Floats:

@@ -9,7 +9,7 @@ import numpy as np
 from parcours.report.pieces import Cell, Column, Marked, Table
 from parcours.report.terminal import to_markdown
 from parcours.verdict.statistics import Rate, quantiles
-from parcours_navigation.comparison.analysis import Analysis, PairTest, RuleTest, finite
+from parcours_navigation.comparison.analysis import Analysis, PairTest, finite
 from parcours_navigation.comparison.benchmarking import Score
 from parcours_navigation.comparison.pairing import RateDifference
 from parcours_navigation.comparison.results import QUESTIONS, RULES, STUCK, Floats
@@ -210,8 +210,10 @@ def _tested(found: Analysis, what: str) -> list[Cell]:
     """Return cases more and fewer, and p, of each planner against the first."""
     cells: list[Cell] = []
     for test in found.rule_tests:
-        if test.what == what:
-            cells += [test.more, test.fewer, _p_cell(test.p_value, test)]
+        if test.question == what:
+            pairs = test.found.pairs if isinstance(test.found, RateDifference) else None
+            counts = (pairs.second_only, pairs.first_only) if pairs else (None, None)
+            cells += [*counts, _p_cell(test.p_value, test)]
     return cells
 
 
@@ -299,7 +301,7 @@ def p_text(p_value: float) -> str:
     return "<0.0001" if p_value < 0.0001 else f"{p_value:.4f}"
 
 
-def _p_cell(p_value: float, test: PairTest | RuleTest) -> Cell:
+def _p_cell(p_value: float, test: PairTest) -> Cell:
     """Return a p-value, marked where Holm's correction leaves it below 0.05."""
     return Marked(p_text(p_value), "neutral") if test.p_holm < 0.05 else p_text(p_value)
 

@@ -1,4 +1,4 @@
-"""A planner's name -> the planner: those that ship with Parcours by name, anybody's by module or file."""
+"""Finds planners by name: those that ship with Parcours or are added by packages, and any by module or file."""
 
 from __future__ import annotations
 

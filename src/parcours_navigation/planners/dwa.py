@@ -1,4 +1,4 @@
-"""DWA: an observation into the best of the speeds that can be reached soon and from which the robot can still brake.
+"""DWA: the best of the speeds that can be reached soon and from which the robot can still brake.
 
 Candidates (v, w) on a grid over the dynamic window are driven as arcs; those that leave no room for braking are
 dropped, the others weighed by heading, clearance and velocity (Fox, Burgard, Thrun, The dynamic window approach to
@@ -26,17 +26,13 @@ def drive_arc(
 ) -> tuple[float, float, float]:
     """Return (contact, closing, gap) of an arc: when it touches, when the robot runs into something, the least gap.
 
-    The times [s] are the begins of the steps in which it happens, infinite if it does not. The robot runs into an
-    obstacle that it touches while it moves towards it. With that the arc ends.
+    The times [s] are those of the starts of the steps in which it happens, infinite if it does not. The robot runs into
+    an obstacle that it touches while it moves towards it. With that the arc ends.
 
     Args:
         robot: as in `Observation.robot`, shape (5,).
-        v: speed [m/s].
-        w: yaw rate [rad/s].
-        places: where the obstacles will be [m], shape (n_instants, >= n, 2).
-        reaches: sums of the radii [m], shape (>= n,).
-        n: how many obstacles count.
-        step: time between two instants [s].
+        v, w: speed and yaw rate of the arc [m/s, rad/s].
+        places, reaches, n, step: as in `extrapolate`.
         comfort: gaps above this are not told apart [m].
     """
     x, y = robot[0], robot[1]
@@ -68,13 +64,9 @@ def drive_arc(
 
 @kernel
 def is_admissible(v: float, closing: float, deceleration: float, reaction: float) -> bool:
-    """Return whether a robot that drives at v [m/s] can stand before it would run into something.
+    """Return whether a robot at v [m/s] stands before it would run into something in `closing` [s].
 
-    Args:
-        v: speed [m/s]; a robot that stands is always admissible.
-        closing: when it would run into something if it went on [s].
-        deceleration: how hard it brakes [m/s2].
-        reaction: time until it brakes [s].
+    It brakes at `deceleration` [m/s2] after `reaction` [s]; a robot that stands is always admissible.
     """
     return v <= 0.0 or closing > reaction + v / deceleration
 
@@ -101,18 +93,11 @@ def best_speeds(
 
     Args:
         robot: as in `Observation.robot`, shape (5,).
-        goal_x: where to go [m].
-        goal_y: its other part [m].
+        goal_x, goal_y: where to go [m].
         speed: how fast to go there at most [m/s].
         limits: speed, yaw rate, acceleration, yaw acceleration [m/s, rad/s, m/s2, rad/s2], shape (4,).
-        places: where the obstacles will be [m], shape (n_instants, >= n, 2).
-        reaches: sums of the radii [m], shape (>= n,).
-        n: how many obstacles count.
-        step: time between two instants [s].
-        interval: speeds that can be reached within this time are in the window [s].
-        reaction: time until the robot brakes [s].
-        n_v: number of speeds in the window, besides 0.
-        n_w: number of yaw rates in the window.
+        places, reaches, n, step: as in `extrapolate`.
+        interval, reaction, n_v, n_w: as in `Dwa`.
         weights: of heading, clearance, velocity and gap, shape (4,).
         comfort: gaps above this are as good as any [m].
     """

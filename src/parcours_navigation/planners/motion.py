@@ -1,4 +1,4 @@
-"""Discs that move at constant (v, w) -> where they will be, and their least gap in continuous time."""
+"""Where discs that move at constant (v, w) will be, and their least gap in continuous time; parameters of planners."""
 
 from __future__ import annotations
 

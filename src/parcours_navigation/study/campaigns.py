@@ -74,7 +74,7 @@ class NavigationResults:
         study = NavigationStudy(self.label, self.cases, self.scenario)
         if study.digest != self.source:
             rule = "its source must be what it was when the campaign ran, but was changed"
-            raise BadResults(f"planner {self.label!r}", rule, "run the campaign anew", slug="planner-changed")
+            raise BadResults(f"planner {self.label!r}", rule, "run the campaign again", slug="planner-changed")
         return study
 
     def replay(self, number: int) -> Replay:
@@ -121,7 +121,7 @@ def load_results(folder: Path) -> NavigationResults:
         raise BadResults(str(folder), rule, slug="results-study")
     if campaign.dtype.names != FACTS.names:
         rule = "results must have the fields that this version keeps, but have others"
-        raise BadResults(str(folder), rule, "run the campaign anew", slug="results-study")
+        raise BadResults(str(folder), rule, "run the campaign again", slug="results-study")
     try:
         given = dict(campaign.parameters)
         setting = dict(cast("dict[str, object]", given["scenario"]))
@@ -133,7 +133,7 @@ def load_results(folder: Path) -> NavigationResults:
         source = str(given["planner_source"])
     except (KeyError, TypeError, ValueError, BadRequest) as error:
         rule = f"the manifest must hold the study's parameters, but: {error}"
-        raise BadResults(str(folder), rule, "run the campaign anew", slug="results-parameters") from error
+        raise BadResults(str(folder), rule, "run the campaign again", slug="results-parameters") from error
     return NavigationResults(campaign.schedule, cases, scenario, source, facts_of(store, folder), campaign.n_cases)
 
 

@@ -14,13 +14,7 @@ from parcours_navigation.outcomes import VERDICT_OF, Outcome, explain, outcomes
 
 
 def judge_system(study: CaseStudy, cases: SystemCases, case: Case, command: str) -> Judged:
-    """Execute a case and judge it.
-
-    Args:
-        study: runs it.
-        cases: the family that it must be of.
-        case: as a suite holds it; of any study that runs these cases.
-        command: runs the campaign, without numbers of cases and folder.
+    """Execute a case of any study that runs these cases, and judge it; `command` runs the campaign.
 
     Raises:
         BadSuite: there is no such case, or its number and seed give other values.

@@ -138,10 +138,11 @@ class NavigationStudy:
         gap = np.hypot(obstacles["x0"] - x, obstacles["y0"] - y) - reach
         if len(numbers) and gap.min() < 0.0:
             k = int(np.argmin(gap.min(axis=1)))
-            rule = (
-                f"the robot must start clear of obstacles, but at ({x:g}, {y:g}) m it is {-gap[k].min():.3f} m inside"
+            inside = f"at ({x:g}, {y:g}) m it is {-gap[k].min():.3f} m inside"
+            rule, remedy = (
+                f"the robot must start clear of obstacles, but {inside}",
+                "give another start, or smaller radii",
             )
-            remedy = "give another start, or smaller radii"
             raise BadRequest(self.cases.id(int(numbers[k])), rule, remedy, slug="start-occupied")
         return obstacles.view(np.float64).reshape(len(numbers), -1)
 
@@ -159,10 +160,8 @@ class NavigationStudy:
                 stands where the robot starts.
         """
         if not isinstance(self.planner, str):
-            rule = "in a campaign it must be a name under which worker processes find it"
-            raise BadRequest(
-                f"planner {self.label!r}", rule, "name it module:name or file.py:name", slug="planner-name"
-            )
+            rule, remedy = "in a campaign it must be a name that worker processes find", "module:name or file.py:name"
+            raise BadRequest(f"planner {self.label!r}", rule, remedy, slug="planner-name")
         self._obstacles(np.arange(min(n_cases, _CHECKED)))
         return Campaign(
             study="navigation",
