@@ -37,9 +37,14 @@ class Drive:
 
 
 def drive(
-    subject: Subject, task: Task, start: Sequence[float], standing: Sequence[tuple[float, float]] = (), *,
-    seconds: float, beyond_goal: float = 0.0,
-) -> Drive:  # fmt: skip
+    subject: Subject,
+    task: Task,
+    start: Sequence[float],
+    standing: Sequence[tuple[float, float]] = (),
+    *,
+    seconds: float,
+    beyond_goal: float = 0.0,
+) -> Drive:
     """Return how a new planner drives from `start`, among obstacles of 0.1 m that stand.
 
     Args:

@@ -152,13 +152,22 @@ def analyse(results: Results) -> Analysis:
     can, cannot = results.solvable, results.unsolvable
     vectors = {name: results.vectors.count(name) for name in sorted(set(results.vectors))}
     return Analysis(
-        results.protocol, results.seed, results.n_cases, results.command_delay,
+        results.protocol,
+        results.seed,
+        results.n_cases,
+        results.command_delay,
         tuple(_standing(results, contender, shared) for contender in every),
-        None if can is None else int(can.sum()), None if cannot is None else int(cannot.sum()),
-        int(shared.sum()), vectors, np.array([[float((a & ~b).mean()) for b in flags] for a in flags]),
-        pair_tests(every), pair_tests(every, against_first=False), _rule_tests(every), benchmark_scores(results),
+        None if can is None else int(can.sum()),
+        None if cannot is None else int(cannot.sum()),
+        int(shared.sum()),
+        vectors,
+        np.array([[float((a & ~b).mean()) for b in flags] for a in flags]),
+        pair_tests(every),
+        pair_tests(every, against_first=False),
+        _rule_tests(every),
+        benchmark_scores(results),
         DIFFERENT_ANSWERS if len({c.answers for c in every}) > 1 else "",
-    )  # fmt: skip
+    )
 
 
 def _rate(yes: Flags, among: Flags | None = None) -> Rate:
@@ -222,9 +231,10 @@ def _rule_tests(contenders: Sequence[Contender]) -> tuple[PairTest, ...]:
 
 
 def _family(
-    pairs: Sequence[tuple[Contender, Contender]], rates: Mapping[str, Callable[[Facts], Flags]],
+    pairs: Sequence[tuple[Contender, Contender]],
+    rates: Mapping[str, Callable[[Facts], Flags]],
     quantities: Mapping[str, Callable[[Facts], Floats]],
-) -> tuple[PairTest, ...]:  # fmt: skip
+) -> tuple[PairTest, ...]:
     """Return a test of every rate and quantity for every pair, corrected by Holm over all of them."""
     raw: list[tuple[str, str, str, RateDifference | TimeDifference, float]] = []
     for first, second in pairs:

@@ -71,21 +71,36 @@ def _quantiles(values: Floats) -> dict[str, float | int]:
 
 def _test(test: PairTest) -> dict[str, object]:
     found = test.found
-    head = {"first": test.first, "second": test.second, "question": test.question, "p": test.p_value,
-            "p_holm": test.p_holm}  # fmt: skip
+    head = {
+        "first": test.first,
+        "second": test.second,
+        "question": test.question,
+        "p": test.p_value,
+        "p_holm": test.p_holm,
+    }
     if isinstance(found, RateDifference):
         pairs = found.pairs
         return {
-            **head, "test": "McNemar, exact, two-sided",
-            "both": pairs.both, "first_only": pairs.first_only, "second_only": pairs.second_only,
-            "neither": pairs.neither, "difference": found.difference, "low": found.low, "high": found.high,
+            **head,
+            "test": "McNemar, exact, two-sided",
+            "both": pairs.both,
+            "first_only": pairs.first_only,
+            "second_only": pairs.second_only,
+            "neither": pairs.neither,
+            "difference": found.difference,
+            "low": found.low,
+            "high": found.high,
             "odds_ratio": found.odds_ratio,
-        }  # fmt: skip
+        }
     return {
-        **head, "test": "Wilcoxon signed-rank, Pratt's zeros, two-sided",
-        "n": found.n, "median_difference_s": found.median, "low_s": found.low, "high_s": found.high,
+        **head,
+        "test": "Wilcoxon signed-rank, Pratt's zeros, two-sided",
+        "n": found.n,
+        "median_difference_s": found.median,
+        "low_s": found.low,
+        "high_s": found.high,
         "rank_biserial": found.rank_biserial,
-    }  # fmt: skip
+    }
 
 
 def _plain(value: object) -> object:

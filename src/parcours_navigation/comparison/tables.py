@@ -86,9 +86,8 @@ def question_table(found: Analysis) -> Table:
 def time_table(found: Analysis) -> Table:
     """Return time to the goal in quartiles, over a planner's own cases and over those that all reach."""
     rows: list[tuple[Cell, ...]] = [
-        (one.name, *quantiles(one.times, _QUARTERS), *quantiles(one.shared_times, _QUARTERS))
-        for one in found.standings
-    ]  # fmt: skip
+        (one.name, *quantiles(one.times, _QUARTERS), *quantiles(one.shared_times, _QUARTERS)) for one in found.standings
+    ]
     groups = ("own cases", f"the {found.n_shared} cases that all reach")
     heads = [Column(q, ".2f", group=group, unit="s") for group in groups for q in ("q25", "median", "q75")]
     return Table(
@@ -105,7 +104,7 @@ def clearance_table(found: Analysis) -> Table:
     rows: list[tuple[Cell, ...]] = [
         (one.name, *quantiles(one.clearances[np.isfinite(one.clearances)], (0.05, *_QUARTERS)))
         for one in found.standings
-    ]  # fmt: skip
+    ]
     heads = [Column(q, ".3f", unit="m") for q in ("5 %", "q25", "median", "q75")]
     note = "Negative: overlap, whoever closed the gap."
     return Table("Least clearance in a case", (Column("planner", code=True), *heads), tuple(rows), note)
@@ -235,10 +234,15 @@ def tests_table(found: Analysis) -> Table:
     """Return the tests of each planner against the first: who beats whom, by how much, and how sure that is."""
     what = {"reached": "goal reached", "contact": "contact by the moving robot", "time": "time to goal"}
     rows: list[tuple[Cell, ...]] = [
-        (f"{test.second} against {test.first}", what[test.question], *_found(test), p_text(test.p_value),
-         _p_cell(test.p_holm, test))
+        (
+            f"{test.second} against {test.first}",
+            what[test.question],
+            *_found(test),
+            p_text(test.p_value),
+            _p_cell(test.p_holm, test),
+        )
         for test in found.tests
-    ]  # fmt: skip
+    ]
     return Table(
         f"Tests on the same cases against {found.names[0]}",
         (

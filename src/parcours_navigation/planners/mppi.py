@@ -179,21 +179,18 @@ def average(samples: Floats, costs: Floats, temperature: float, plan: Floats) ->
 @kernel
 def score(
     robot: Floats,
-    goal_x: float,
-    goal_y: float,
+    goal: tuple[float, float],
     limits: Floats,
-    places: Floats,
-    reaches: Floats,
-    n: int,
-    step: float,
+    world: tuple[Floats, Floats, int, float],
     weights: Floats,
     comfort: float,
     samples: Floats,
     costs: Floats,
 ) -> None:
-    """Add the cost of each future to the cost of its control; arguments as in `roll_out`, for n_samples futures."""
+    """Add the cost of each future to the cost of its control; `world` is places, reaches, n and step of `roll_out`."""
+    places, reaches, n, step = world
     for k in range(samples.shape[0]):
-        cost = roll_out(robot, samples[k], goal_x, goal_y, limits, places, reaches, n, step, weights, comfort)
+        cost = roll_out(robot, samples[k], goal[0], goal[1], limits, places, reaches, n, step, weights, comfort)
         costs[k] = cost + weights[CONTROL] * costs[k]
 
 
@@ -221,7 +218,7 @@ class Mppi:
         halt_margin: ... or come this near to it [m].
 
     Raises:
-        BadRequest: a parameter is no number or out of its range.
+        BadRequest: a parameter is not a number or out of its range.
     """
 
     def __init__(
@@ -298,20 +295,8 @@ class Mppi:
         radius, top = task.robot_radius + self._margin, task.limits.speed
         n = extrapolate(robot, obstacles, top, radius, self._comfort, self._step, self._places, self._reaches)
         sample(self._plan, top, self._spread, self._fresh, self._stream, self._pool, self._samples, self._costs)
-        score(
-            robot,
-            task.goal[0],
-            task.goal[1],
-            self._limits,
-            self._places,
-            self._reaches,
-            n,
-            self._step,
-            self._weights,
-            self._comfort,
-            self._samples,
-            self._costs,
-        )
+        world = self._places, self._reaches, n, self._step
+        score(robot, task.goal, self._limits, world, self._weights, self._comfort, self._samples, self._costs)
         average(self._samples, self._costs, self._temperature, self._plan)
         v, w = min(float(self._plan[0, 0]), speed), float(self._plan[0, 1])
         radius = task.robot_radius + self._halt_margin

@@ -251,7 +251,7 @@ class Orca:
         halt_margin: ... or come this near to it [m].
 
     Raises:
-        BadRequest: a parameter is no number or out of its range.
+        BadRequest: a parameter is not a number or out of its range.
     """
 
     def __init__(

@@ -48,13 +48,13 @@ class Ended:
         """Return all of it as JSON values; without signals, no result of the paper's that needs them."""
         ended = {o.name.lower(): self.outcomes[int(o)] for o in Outcome}
         measures = {name: asdict(one) for name, one in self.measures.items()}
-        first = {"protocol": self.protocol, "seed": self.seed, "cases": self.n, "planned": self.planned,
-                 "reached": self.paper["reached"]}  # fmt: skip
+        cases = {"protocol": self.protocol, "seed": self.seed, "cases": self.n, "planned": self.planned}
+        first = cases | {"reached": self.paper["reached"]}
         if not self.signals:
             errors = {reason: count for reason, count, _ in self.errors}
             return {"planner": self.label, **first, "outcomes": ended, "measures": measures, "errors": errors}
-        paper = {"feasible": self.paper["feasible"], "imminent_collision": self.paper["halted_once"],
-                 "stuck": self.paper["stuck"]}  # fmt: skip
+        words = {"feasible": "feasible", "imminent_collision": "halted_once", "stuck": "stuck"}
+        paper = {name: self.paper[field] for name, field in words.items()}
         return {"schedule": self.label, **first, **paper, "outcomes": ended, "measures": measures}
 
 
@@ -70,13 +70,18 @@ def _analysed(campaign: Campaign) -> Ended:
     earliest[:ASKED] = oracle(campaign.cases, facts["number"][:ASKED])["earliest_outer"]
     survival = survived(campaign.cases, facts["number"])
     return Ended(
-        campaign.label, campaign.cases.protocol, campaign.cases.seed, len(facts), campaign.planned, campaign.signals,
+        campaign.label,
+        campaign.cases.protocol,
+        campaign.cases.seed,
+        len(facts),
+        campaign.planned,
+        campaign.signals,
         Counter(outcomes(facts).tolist()),
         {name: int(getattr(flags, name).sum()) for name in ("reached", "feasible", "halted_once", "stuck")},
         {share: int(yes.sum()) for share, yes in shares(facts).items()},
         summarised(measured(facts, facts["measures"], earliest=earliest, survival=survival)),
         _errors(facts),
-    )  # fmt: skip
+    )
 
 
 def _errors(facts: NDArray[np.void]) -> tuple[tuple[str, int, int], ...]:

@@ -100,12 +100,21 @@ class NavigationResults:
             )  # fmt: skip
         scenario = self.scenario
         return Replay(
-            title=f"{name}, {self.label}", subtitle=f"{name}: {explain(facts[0])}", times=track["time"] * 1e-9,
-            x=track["x"], y=track["y"], heading=track["heading"], halted=track["halted"] == 1,
-            obstacle_x=places[:, :, 0], obstacle_y=places[:, :, 1], robot_radius=self.cases.robot_radius,
-            obstacle_radii=(self.cases.obstacle_radius,) * places.shape[1], arena=(scenario.arena, scenario.arena),
-            goal=scenario.goal, goal_tolerance=scenario.goal_tolerance,
-        )  # fmt: skip
+            title=f"{name}, {self.label}",
+            subtitle=f"{name}: {explain(facts[0])}",
+            times=track["time"] * 1e-9,
+            x=track["x"],
+            y=track["y"],
+            heading=track["heading"],
+            halted=track["halted"] == 1,
+            obstacle_x=places[:, :, 0],
+            obstacle_y=places[:, :, 1],
+            robot_radius=self.cases.robot_radius,
+            obstacle_radii=(self.cases.obstacle_radius,) * places.shape[1],
+            arena=(scenario.arena, scenario.arena),
+            goal=scenario.goal,
+            goal_tolerance=scenario.goal_tolerance,
+        )
 
 
 def load_results(folder: Path) -> NavigationResults:

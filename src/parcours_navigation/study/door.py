@@ -54,13 +54,16 @@ class Navigation:
         """The planner, the cases, and the scenario."""
         plain = Scenario()
         given = dict(self.defaults)
+        times = [
+            Parameter(name, "real", getattr(plain, name), doc, "s", low=low, high=high)
+            for name, (doc, low, high) in _TIMES.items()
+        ]
         listed = (
             Parameter("planner", "text", self.planner, f"{', '.join(names())}, module:Name or file.py:Name"),
             *CASES,
-            *(Parameter(name, "real", getattr(plain, name), doc, "s", low=low, high=high)
-              for name, (doc, low, high) in _TIMES.items()),
+            *times,
             workers_parameter(),
-        )  # fmt: skip
+        )
         return tuple(dataclasses.replace(one, default=one.read(given.get(one.name, one.default))) for one in listed)
 
     def study(self, settings: Settings, seed: int) -> CaseStudy:

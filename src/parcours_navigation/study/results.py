@@ -30,8 +30,14 @@ _RATES = {
     "errors": Outcome.ERROR,
 }
 _LESS_IS_WORSE = {
-    "min_clearance", "mean_clearance", "least_time_to_collision", "spl", "sct", "survivability", "stop_distance"
-}  # fmt: skip
+    "min_clearance",
+    "mean_clearance",
+    "least_time_to_collision",
+    "spl",
+    "sct",
+    "survivability",
+    "stop_distance",
+}
 
 
 class CampaignResults:
