@@ -6,21 +6,8 @@ from parcours import __version__
 from parcours.report.pieces import Figure, Finding, Findings, Page, Piece, Section, Text, Tone
 from parcours.report.rates import intervals, shares
 from parcours.report.standings import arrivals, dominance
+from parcours_navigation.comparison import tables
 from parcours_navigation.comparison.analysis import Analysis
-from parcours_navigation.comparison.tables import (
-    benchmark_tables,
-    clearance_table,
-    decision_table,
-    error_table,
-    measure_table,
-    outcome_table,
-    paper_table,
-    question_table,
-    score_table,
-    tests_table,
-    time_table,
-    vector_table,
-)
 from parcours_navigation.outcomes import Outcome
 
 SLICES: dict[str, tuple[tuple[Outcome, ...], Tone]] = {
@@ -58,21 +45,21 @@ def compare_page(found: Analysis) -> Page:
         ("parcours", __version__),
     )
     caution = (Text(f"**Unequal machines.** {found.caution}"),) if found.caution else ()
-    ended = (_stacked(found), outcome_table(found), question_table(found))
+    ended = (_stacked(found), tables.outcome_table(found), tables.question_table(found))
     sections = [
         Section("What to take home", "", (_findings(found), Text(_READING), *caution), "findings"),
         Section("How the cases ended", "", ended, "outcomes"),
-        Section("The paper's results", "", (paper_table(found),), "paper"),
+        Section("The paper's results", "", (tables.paper_table(found),), "paper"),
         Section("Who beats whom", "", _rivalry(found), "tests"),
         Section("Times and clearances", "", _times(found), "times"),
-        Section("The way driven", "", (measure_table(found),), "measures"),
-        Section("Start vectors", "", (vector_table(found),), "vectors"),
+        Section("The way driven", "", (tables.measure_table(found),), "measures"),
+        Section("Start vectors", "", (tables.vector_table(found),), "vectors"),
     ]
-    if scored := benchmark_tables(found):
+    if scored := tables.benchmark_tables(found):
         sections.append(Section("Scores of published benchmarks", _BENCHMARK_LEAD, scored, "benchmarks"))
-    if (errors := error_table(found)) is not None:
+    if (errors := tables.error_table(found)) is not None:
         sections.append(Section("Errors", "What planners did that ended a case.", (errors,), "errors"))
-    sections.append(Section("Time to decide", "", (decision_table(found),), "decisions"))
+    sections.append(Section("Time to decide", "", (tables.decision_table(found),), "decisions"))
     return Page("Planners on the same cases", ", ".join(found.names), facts, tuple(sections))
 
 
@@ -103,7 +90,7 @@ def _rivalry(found: Analysis) -> tuple[Piece, ...]:
         return (chart,)
     note = "Row over column, share of all cases. Both tiles of a pair large: the two are good at different cases."
     tiles = dominance("Reached the goal where the other did not", found.names, found.beats, note)
-    return chart, tiles, tests_table(found)
+    return chart, tiles, tables.tests_table(found)
 
 
 def _times(found: Analysis) -> tuple[Piece, ...]:
@@ -119,4 +106,4 @@ def _times(found: Analysis) -> tuple[Piece, ...]:
         "least gap to an obstacle before the end [m]",
         "Negative: overlap, whoever closed the gap.",
     )
-    return time_table(found), times, clearance_table(found), gaps, score_table(found)
+    return tables.time_table(found), times, tables.clearance_table(found), gaps, tables.score_table(found)
