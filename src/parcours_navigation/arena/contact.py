@@ -43,6 +43,7 @@ def contact_share(x0: float, y0: float, x1: float, y1: float, reach: float) -> f
     >>> contact_share(2.0, 0.0, 0.0, 0.0, 0.5)
     0.75
     """
+    # |p0 + share * (p1 - p0)| = reach, a quadratic a s^2 + 2 b s + c = 0; the smaller root is where the gap closes.
     c = x0 * x0 + y0 * y0 - reach * reach
     if c <= 0.0:
         return 0.0

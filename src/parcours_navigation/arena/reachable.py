@@ -78,6 +78,10 @@ def inflated(obstacle: Record, lattice: Record, k: int) -> float:
     In the step the relative motion is a chord of length c, but for `stray`; if both its ends are farther than
     sqrt(r^2 + (c/2)^2) from the origin, all of it is farther than r.
     """
+    #   a ------- m ------- b    the chord a b of length c, seen from the obstacle o:
+    #     \       |       /      with |ao| and |bo| at least sqrt(r^2 + (c/2)^2), its nearest point m,
+    #        \    | r  /         at worst in the middle, is no nearer than r
+    #             o
     way, strayed = stray(obstacle, nanoseconds(k * lattice.step), nanoseconds((k + 1) * lattice.step))
     half = 0.5 * (way + lattice.v_max * lattice.step)
     r = lattice.robot_radius + obstacle.radius + blur(obstacle) + strayed

@@ -45,6 +45,7 @@ def drive(robot: Record, dt: float) -> None:
     w = _towards(w0, min(max(robot.command_w, -robot.w_max), robot.w_max), robot.alpha_max * dt)
     mean_v, mean_w = 0.5 * (v0 + v), 0.5 * (w0 + w)
     if mean_v != 0.0:
+        # The chord of the tick's arc points along the heading half-way through the turn.
         s, c = sin_cos(robot.heading + 0.5 * mean_w * dt)
         robot.x += mean_v * dt * c
         robot.y += mean_v * dt * s

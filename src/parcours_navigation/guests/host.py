@@ -204,6 +204,7 @@ class Host:
         observe, memory, robot, obstacles, task = (
             self._plugin.observe, self._memory, self._robot, self._obstacles, view.task
         )  # fmt: skip
+        # Every observation of a campaign passes here: locals instead of attributes, the usual answer read in place.
         v, w, points = self._orders
         pid, process_id = self._pid, os.getpid
         for time, until in steps:
