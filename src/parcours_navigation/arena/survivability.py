@@ -62,9 +62,6 @@ def time_to_hit(obstacle: Record, robot_radius: float, x: float, y: float) -> fl
 
     0 if it does so from the first, inf if it never does. Exact but for rounding: a time off by what the obstacle needs
     for less than 1e-6 m.
-
-    0 if it does so from the first, inf if it never does. Exact but for rounding: a time off by what the obstacle needs
-    for less than 1e-6 m.
     """
     reach = robot_radius + obstacle.radius
     dx, dy = x - obstacle.x0, y - obstacle.y0

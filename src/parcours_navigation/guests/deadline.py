@@ -29,8 +29,6 @@ class Deadline:
 
     The words are those of `parcours.run.heartbeat`; `call_timeout` is the shortest limit to come [s]. Does nothing in
     threads other than the main one, where signals do not arrive.
-
-    Does nothing in threads other than the main one, where signals do not arrive.
     """
 
     def __init__(self, words: NDArray[np.float64], call_timeout: float) -> None:

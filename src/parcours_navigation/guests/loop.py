@@ -150,9 +150,7 @@ def _is_far(world: Record) -> bool:
 def hold(memory: Floats, until: int, v: float, w: float) -> int:
     """Command speeds [m/s, rad/s], advance the world to `until` [ns] or to its goal, and fill the observation.
 
-
-    Returns:
-        GO_ON, or ARRIVED if the goal was just reached, or NOT_FINITE if a speed is no finite number.
+    Return GO_ON, or ARRIVED if the goal was just reached, or NOT_FINITE if a speed is not a finite number.
     """
     if not (np.isfinite(v) and np.isfinite(w)):
         return NOT_FINITE

@@ -50,8 +50,6 @@ def reference(points: Floats, time: float) -> tuple[float, float, float, float, 
     Its points are those of `protocol.Trajectory`; before the first time it stands on the first pose, after the last on
     the last.
 
-    Before its first time it stands on its first pose, after its last on its last.
-
     >>> x, y, heading, v, w = reference(np.array([[0.0, 1.0, 0.0, 0.0], [2.0, 2.0, 0.0, 1.0]]), 1.0)
     >>> x, y, heading, w
     (1.5, 0.0, 0.5, 0.5)

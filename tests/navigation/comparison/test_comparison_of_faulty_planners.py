@@ -13,8 +13,7 @@ from parcours.report.terminal import to_text
 from parcours_navigation.cases.family import SystemCases
 from parcours_navigation.comparison.analysis import analyse
 from parcours_navigation.comparison.deciding import decision_times
-from parcours_navigation.comparison.measuring import Reproducing
-from parcours_navigation.comparison.running import run_comparison
+from parcours_navigation.comparison.running import Reproducing, run_comparison
 from parcours_navigation.comparison.tables import decision_table
 from parcours_navigation.guests.planner_facts import PlannerFault
 from parcours_navigation.guests.scenario import Scenario
