@@ -58,7 +58,7 @@ def test_an_explanation_holds_the_case_the_reason_the_facts_and_a_replay() -> No
 
 
 def test_cases_of_the_published_protocol_are_known_by_their_ids() -> None:
-    [case] = SystemCases(3, "published").suite(1)
+    [case] = SystemCases(3, "published", study="ramp_system").suite(1)
     assert "--protocol published" in judge_case(case).replay
 
 
