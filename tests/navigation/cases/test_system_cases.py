@@ -98,10 +98,10 @@ def test_another_seed_draws_other_values_and_the_same_seed_the_same() -> None:
 
 
 def test_ids_are_stable_and_no_two_cases_share_one() -> None:
-    cases = SystemCases(0)
+    cases = SystemCases(0, study="ramp_system")
     assert cases.id(0) == "ramp_system/together-tp11.tp21.tp31-0.0.0/0"
     assert cases.id(904) == "ramp_system/together-tp11.tp21.tp31-0.1.2/100"
-    assert SystemCases(99).id(904) == cases.id(904)
+    assert SystemCases(99, study="ramp_system").id(904) == cases.id(904)
     for protocol in PROTOCOLS:
         ids = [SystemCases(0, protocol).id(k) for k in range(905)]
         assert len(set(ids)) == 905
