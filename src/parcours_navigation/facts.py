@@ -1,4 +1,4 @@
-"""What a judge needs to know of one navigation run: plain facts, measured by the world or by whoever ran the case.
+"""The facts of one navigation case that a judge needs, as the world or the host of the planner has measured them.
 
 One record a case. Times are nanoseconds from the start of the case; NEVER stands for what did not happen.
 """
@@ -33,10 +33,7 @@ FACTS = np.dtype(
         ("t_shared_contact", "i8"),  # ... that both closed [ns]
         ("n_robot_contacts", "i8"),
         ("n_shared_contacts", "i8"),
-        (
-            "n_obstacle_contacts",
-            "i8",
-        ),  # contacts that the obstacle closed alone, or that found the robot at rest
+        ("n_obstacle_contacts", "i8"),  # contacts that the obstacle closed alone, or that found the robot at rest
         ("min_clearance", "f8"),  # least gap to any obstacle before the end [m]; negative is overlap
         ("t_min_clearance", "i8"),  # [ns]
         ("travelled", "f8"),  # length of the robot's way [m]

@@ -1,4 +1,4 @@
-"""Facts of a navigation case -> the paper's four results by the published rule, and a sound verdict beside them.
+"""What became of a case: the paper's four results by the published rule, and a sound verdict beside them.
 
 The published rule (section VI-B, and the harness behind it) looks at flags at the end of the test. The sound rule asks
 the world: was the goal ever reached, who closed the gap at a contact, did a halted robot ever move again.
@@ -42,11 +42,7 @@ class Published:
 
 
 def published(facts: Facts) -> Published:
-    """Return the paper's results by the published rule.
-
-    Args:
-        facts: array of FACTS, shape (n_cases,).
-    """
+    """Return the paper's results by the published rule; `facts` is an array of FACTS, shape (n_cases,)."""
     feasible = facts["feasible"] == 1
     return Published(
         reached=facts["to_goal"] < GOAL_TOLERANCE,
@@ -117,9 +113,6 @@ VERDICT_OF = {
 def outcomes(facts: Facts) -> NDArray[np.int64]:
     """Return the sound Outcome of each case as an integer, shape (n_cases,).
 
-    Args:
-        facts: array of FACTS, shape (n_cases,).
-
     >>> from parcours_navigation.facts import FACTS
     >>> facts = np.zeros(2, FACTS)
     >>> facts["t_goal"], facts["t_goal_after"], facts["halted"] = [9, NEVER], NEVER, [0, 1]
@@ -146,11 +139,7 @@ def true_time_left(facts: Facts) -> NDArray[np.float64]:
 
 
 def explain(record: np.void) -> str:
-    """Return one sentence on why a case got its outcome.
-
-    Args:
-        record: FACTS of one case.
-    """
+    """Return one sentence on why a case, a record of FACTS, got its outcome."""
     outcome = Outcome(int(outcomes(np.array([record]))[0]))
     seconds = {
         name: record[name] * 1e-9 for name in ("t_end", "t_goal", "t_goal_after", "t_last_moving", "halted_time")

@@ -1,4 +1,4 @@
-"""Two discs that move from one instant to the next -> least distance, moment of contact, and who closed the gap.
+"""Two discs that move for one tick: their least distance, the moment of contact, and who closed the gap.
 
 Between two ticks both centres are taken to move on straight lines, so contact cannot slip between samples. At 0.01 s
 the true arcs stray from their chords by at most v*w*dt^2/8 = 1e-5 m; in the one tick in which an obstacle sets out or
@@ -43,6 +43,7 @@ def contact_share(x0: float, y0: float, x1: float, y1: float, reach: float) -> f
     >>> contact_share(2.0, 0.0, 0.0, 0.0, 0.5)
     0.75
     """
+    # |p0 + share * (p1 - p0)| = reach, a quadratic a s^2 + 2 b s + c = 0; the smaller root is where the gap closes.
     c = x0 * x0 + y0 * y0 - reach * reach
     if c <= 0.0:
         return 0.0
@@ -60,15 +61,9 @@ def contact_share(x0: float, y0: float, x1: float, y1: float, reach: float) -> f
 def who_closed(
     gap_x: float, gap_y: float, robot_vx: float, robot_vy: float, obstacle_vx: float, obstacle_vy: float
 ) -> int:
-    """Return who closed the gap: whose velocity [m/s] had a part along the line to the other at the contact.
+    """Return who closed the gap (x, y) [m] from robot to obstacle: whose velocity [m/s] had a part along it.
 
-    Args:
-        gap_x: x of the vector from robot to obstacle [m].
-        gap_y: y of that vector [m].
-        robot_vx: the robot's velocity; a robot slower than AT_REST closes nothing.
-        robot_vy: the robot's velocity.
-        obstacle_vx: the obstacle's velocity.
-        obstacle_vy: the obstacle's velocity.
+    A robot slower than AT_REST closes nothing.
 
     >>> who_closed(1.0, 0.0, 0.2, 0.0, -0.3, 0.0) == BOTH_CLOSED
     True

@@ -1,4 +1,4 @@
-"""A task -> a lattice in space and time, and sets of its points as bits: grow them by a step, take discs out.
+"""A lattice over the world, and sets of its points as bits: grow them by a step in time, take discs out.
 
 A set is an array of 64-bit words, one bit a point: shape (WORDS + 2, ROWS + 2 * EDGE), point (column, row) being bit
 column % 64 of word [1 + column // 64, EDGE + row]. The frame of zeros round it lets a step look at all neighbours
@@ -76,16 +76,9 @@ def lay_points(
     robot_radius: float,
     margin: float = 0.5,
 ) -> Record:
-    """Return the LATTICE over the square around start and goal.
+    """Return the LATTICE over the square around start and goal [m]; the start becomes a lattice point.
 
-    Args:
-        start: the robot's centre at time 0 [m]; it becomes a lattice point.
-        goal: [m].
-        tolerance: nearer to the goal than this counts as reached [m].
-        limit: time allowed [s].
-        v_max: top speed [m/s].
-        robot_radius: [m].
-        margin: of the square beyond start and goal [m].
+    The square reaches beyond both by `margin` [m]; the other arguments are those of `solvability.solve`.
 
     >>> lattice = lay_points((0.0, 0.0), (2.0, 2.0), 0.2, 21.0, 0.25, 0.125)
     >>> round(float(lattice.spacing), 4), round(float(lattice.step), 3), int(lattice.n_steps)
@@ -182,9 +175,7 @@ def _widen(bits: Record, h1: Record, h3: Record, h4: Record, h5: Record) -> None
 def grow_inner(bits: Record, wide: Record) -> None:
     """Replace the set by all points within REACH spacings of it: each was reached at v_max or less.
 
-    Args:
-        bits: the set.
-        wide: working memory, four sets with empty frames, shape (4, WORDS + 2, ROWS + 2 * EDGE).
+    `wide` is working memory: four sets with empty frames, shape (4, WORDS + 2, ROWS + 2 * EDGE).
     """
     _widen(bits, wide[0], wide[1], wide[2], wide[3])
     for w in range(1, WORDS + 1):

@@ -1,4 +1,4 @@
-"""World -> what is sensed of it, and what the FACTS of a case say of it in the end, whoever drove the robot."""
+"""What is sensed of the world, and what the FACTS of a case say of it in the end."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A lattice and obstacles whose motion is known -> how early a disc may, and certainly can, reach the goal.
+"""How early a disc may, and certainly can, reach the goal among obstacles whose motion is known.
 
 The inner set holds only points that are certainly reached without contact; each robot's shadow (a lattice point within
 SHADOW spacings of it) stays in the outer set for as long as it has met nothing. docs/solvability.md has the proofs.
@@ -46,16 +46,7 @@ def leg_is_free(
 ) -> bool:
     """Return whether a disc that is in (x, y) [m] at t0 [ns] and moves at (vx, vy) [m/s] until t1 meets nothing.
 
-    Args:
-        obstacles: array of OBSTACLE, shape (n,).
-        robot_radius: [m].
-        x: [m].
-        y: [m].
-        vx: [m/s].
-        vy: [m/s].
-        t0: [ns].
-        t1: [ns].
-        step: the leg is looked at in pieces of at most this [ns]; each piece is charged for all it may hide.
+    The leg is looked at in pieces of at most `step` [ns]; each piece is charged for all it may hide.
     """
     for i in range(len(obstacles)):
         obstacle = obstacles[i]
@@ -87,6 +78,10 @@ def inflated(obstacle: Record, lattice: Record, k: int) -> float:
     In the step the relative motion is a chord of length c, but for `stray`; if both its ends are farther than
     sqrt(r^2 + (c/2)^2) from the origin, all of it is farther than r.
     """
+    #   a ------- m ------- b    the chord a b of length c, seen from the obstacle o:
+    #     \       |       /      with |ao| and |bo| at least sqrt(r^2 + (c/2)^2), its nearest point m,
+    #        \    | r  /         at worst in the middle, is no nearer than r
+    #             o
     way, strayed = stray(obstacle, nanoseconds(k * lattice.step), nanoseconds((k + 1) * lattice.step))
     half = 0.5 * (way + lattice.v_max * lattice.step)
     r = lattice.robot_radius + obstacle.radius + blur(obstacle) + strayed

@@ -1,4 +1,4 @@
-"""The robot's body: commanded speeds -> motion of a unicycle within its speed and acceleration limits.
+"""The robot's body: a unicycle that follows commanded speeds within its speed and acceleration limits.
 
 Speeds ramp towards the command at the limiting acceleration. Over one tick the body follows a chord: at 0.01 s,
 0.25 m/s, pi/2 rad/s, 1 m/s2 and 2/3 pi rad/s2 it strays by less than 3e-8 m at constant speeds and 2.1e-7 m while they
@@ -45,6 +45,7 @@ def drive(robot: Record, dt: float) -> None:
     w = _towards(w0, min(max(robot.command_w, -robot.w_max), robot.w_max), robot.alpha_max * dt)
     mean_v, mean_w = 0.5 * (v0 + v), 0.5 * (w0 + w)
     if mean_v != 0.0:
+        # The chord of the tick's arc points along the heading half-way through the turn.
         s, c = sin_cos(robot.heading + 0.5 * mean_w * dt)
         robot.x += mean_v * dt * c
         robot.y += mean_v * dt * s

@@ -1,4 +1,4 @@
-"""A case that a disc can solve -> commands with which a unicycle does solve it in the simulated world, as a proof.
+"""Proves that a case can be solved: commands with which a unicycle does solve it in the simulated world.
 
 A way is traced back through the inner set, pulled straight where nothing is in the way, and followed by a simple
 controller that sees where the way goes on. Only what the world then measured counts: the goal reached within the

@@ -1,9 +1,9 @@
-"""Obstacles whose motion is known -> could any robot of this size and speed have reached the goal without contact?
+"""Could any robot of this size and speed have reached the goal without contact?
 
 Two sets of places are grown through space and time, over a lattice (`arena.lattice`). The inner one holds only points
 that a disc of top speed v_max certainly reaches without contact; the outer one misses none. Where they disagree the
 answer is UNDECIDED. The disc may move in any direction at once, so UNSOLVABLE holds for every robot of that size and
-speed; that a unicycle could do it too is shown case by case by `arena.witness`. docs/solvability.md has the errors.
+speed; that a unicycle could do it too is shown case by case by `arena.solution`. docs/solvability.md has the errors.
 """
 
 from __future__ import annotations
@@ -66,9 +66,8 @@ def solve(
     given = {"tolerance": tolerance, "limit": limit, "v_max": v_max, "robot_radius": robot_radius, "margin": margin}
     for name, value in given.items():
         if not 0.0 < value < 1e6:
-            raise BadRequest(
-                f"solvability, {name}", f"it must be above 0 and below 1e6, but is {value}", slug="solvability-range"
-            )
+            rule = f"it must be above 0 and below 1e6, but is {value}"
+            raise BadRequest(f"solvability, {name}", rule, slug="solvability-range")
     lattice = lay_lattice(lay_points(start, goal, tolerance, limit, v_max, robot_radius, margin))
     found = np.zeros(len(obstacles), SOLVABILITY)
     _solve_all(obstacles, lattice.record, lattice.near, lattice.edge, lattice.caps, found)

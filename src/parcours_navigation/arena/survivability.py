@@ -1,4 +1,4 @@
-"""Obstacles whose motion is known -> how long a robot that only stands somewhere would survive: how hard a case is.
+"""How hard a case is: how long a robot that only stands somewhere would survive among its obstacles.
 
 After Shi, Chen, Serra Gomez, Wu and Alonso-Mora, Evaluating Dynamic Environment Difficulty for Obstacle Avoidance
 Benchmarking, 2024 (arXiv 2404.14848): a virtual robot at rest is put on sampled places, and the time until a moving
@@ -28,12 +28,7 @@ _FLAT = 1e-9
 
 
 def survivability(
-    obstacles: Record,
-    *,
-    robot_radius: float = 0.125,
-    arena: float = 2.0,
-    limit: float = 21.0,
-    places: int = 16,
+    obstacles: Record, *, robot_radius: float = 0.125, arena: float = 2.0, limit: float = 21.0, places: int = 16
 ) -> NDArray[np.void]:
     """Return how long standing robots survive in each case, array of SURVIVABILITY, shape (n,).
 
@@ -53,9 +48,8 @@ def survivability(
     """
     for name, value in {"robot_radius": robot_radius, "arena": arena, "limit": limit, "places": places}.items():
         if not 0.0 < value < 1e6:
-            raise BadRequest(
-                f"survivability, {name}", f"it must be above 0 and below 1e6, but is {value}", slug="solvability-range"
-            )
+            rule = f"it must be above 0 and below 1e6, but is {value}"
+            raise BadRequest(f"survivability, {name}", rule, slug="solvability-range")
     middles = (np.arange(places) + 0.5) * (arena / places)
     found = np.zeros(len(obstacles), SURVIVABILITY)
     _survive_all(obstacles, middles, robot_radius, limit, found)
@@ -68,12 +62,6 @@ def time_to_hit(obstacle: Record, robot_radius: float, x: float, y: float) -> fl
 
     0 if it does so from the first, inf if it never does. Exact but for rounding: a time off by what the obstacle needs
     for less than 1e-6 m.
-
-    Args:
-        obstacle: of dtype OBSTACLE.
-        robot_radius: [m].
-        x: [m].
-        y: [m].
     """
     reach = robot_radius + obstacle.radius
     dx, dy = x - obstacle.x0, y - obstacle.y0

@@ -94,12 +94,7 @@ def _meet(world: Record, obstacle: Record, x0: float, y0: float, x1: float, y1: 
     s, c = sin_cos(robot.heading)
     so, co = sin_cos(obstacle.heading)
     closer = who_closed(
-        x0 + share * (x1 - x0),
-        y0 + share * (y1 - y0),
-        robot.v * c,
-        robot.v * s,
-        obstacle.v * co,
-        obstacle.v * so,
+        x0 + share * (x1 - x0), y0 + share * (y1 - y0), robot.v * c, robot.v * s, obstacle.v * co, obstacle.v * so
     )
     if world.t_contact == NEVER:
         world.t_contact = when

@@ -1,4 +1,4 @@
-"""Case numbers -> system cases: a start vector of the obstacles, blocks by Each Choice, values by seed, start times.
+"""Numbered system cases: a start vector of the obstacles, blocks by Each Choice, values by seed, start times.
 
 Case k belongs to abstract case k mod 9 and is its row k div 9; any case is built from (seed, number) alone. The start
 vector says in which order the obstacles set out: 0 with the one before, 1 while it moves, 2 after it has stopped. The
@@ -93,8 +93,7 @@ class SystemCases:
         seed: the campaign's seed.
         protocol: "table-vii" (the paper's domains, all nine start vectors) or "published" (the authors' generator and
             delays, five start vectors).
-        robot_radius: [m].
-        obstacle_radius: [m].
+        robot_radius, obstacle_radius: [m].
         study: the name with which their ids begin.
     """
 
@@ -109,11 +108,8 @@ class SystemCases:
         for name in ("robot_radius", "obstacle_radius"):
             radius = getattr(self, name)
             if not 0.0 < radius <= 0.5:
-                raise BadRequest(
-                    f"system cases, {name}",
-                    f"it must be above 0 and at most 0.5 m, but is {radius} m",
-                    slug="radius-range",
-                )
+                rule = f"it must be above 0 and at most 0.5 m, but is {radius} m"
+                raise BadRequest(f"system cases, {name}", rule, slug="radius-range")
 
     @property
     def inputs(self) -> InputModel:

@@ -23,7 +23,7 @@ class CaseStudy(Protocol):
 
     @property
     def answers(self) -> str:
-        """In words how long the planner's work takes in the simulated world; empty if it answers when it is told to."""
+        """In words how long the planner's work takes in the simulated world; empty: as the scenario says."""
 
     @property
     def heartbeat_words(self) -> int:

@@ -1,1 +1,1 @@
-"""The battery: a planner, put into small situations, becomes findings: what is wrong, what to do."""
+"""The battery for authors of planners: puts a planner into small situations, and says what is wrong and what to do."""

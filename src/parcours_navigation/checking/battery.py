@@ -1,4 +1,4 @@
-"""All checks of a planner, as data, and their run: a name -> its findings, gravest first."""
+"""All checks of a planner, as data, and their run: findings, gravest first."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ import signal
 import threading
 from collections.abc import Callable, Generator, Iterator, Sequence
 from dataclasses import dataclass, replace
-from types import FrameType
 
 from parcours.errors import require_known
 from parcours.report.pieces import Cell, Column, Table
 from parcours_navigation.checking import conduct, form, geometry, memory
 from parcours_navigation.checking.finding import Finding, Level, OutOfPatience, error, warning
-from parcours_navigation.checking.subject import Malformed, Subject
+from parcours_navigation.checking.subject import Subject
+from parcours_navigation.guests.answers import BadAnswer
 
 Check = Callable[[Subject], Iterator[Finding]]
 
@@ -47,8 +47,6 @@ CHECKS: dict[str, Check] = GATES | {
     )
 }
 """All checks by name, in the order in which they are made."""
-
-_RANK = {Level.ERROR: 0, Level.WARNING: 1, Level.NOTE: 2}
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +84,7 @@ def run_battery(
         subject: the planner.
         names: of the checks, in CHECKS; all if None.
         patience: how long one check may take [s]; only on a main thread can a check be given up.
-        progress: told (name of the next check, checks made, in all).
+        progress: called with (name of the next check, checks made, in all).
 
     Raises:
         BadRequest: a check is unknown.
@@ -104,8 +102,8 @@ def run_battery(
         if name in GATES and any(finding.level is Level.ERROR for finding in found):
             break
     progress("done", len(made), len(wanted))
-    unique = {(f.slug, f.level): f for f in reversed(findings)}  # one fault breaks several checks: the first tells it
-    ordered = sorted((f for f in findings if unique[f.slug, f.level] is f), key=lambda f: _RANK[f.level])
+    unique = {(f.slug, f.level): f for f in reversed(findings)}  # one fault breaks several checks: the first reports it
+    ordered = sorted((f for f in findings if unique[f.slug, f.level] is f), key=lambda f: list(Level).index(f.level))
     return Report(subject.name, tuple(ordered), tuple(made), tuple(name for name in wanted if name not in made))
 
 
@@ -117,17 +115,14 @@ def _made(check: Check, subject: Subject, patience: float) -> list[Finding]:
         with _limited(patience), contextlib.redirect_stdout(sink), contextlib.redirect_stderr(sink):
             findings.extend(check(subject))
     except OutOfPatience:
-        findings.append(
-            warning(
-                "unfinished", f"given up after {patience:g} s", "make decisions faster, or look for an endless loop"
-            )
-        )
-    except Malformed as wrong:
+        remedy = "make decisions faster, or look for an endless loop"
+        findings.append(warning("unfinished", f"given up after {patience:g} s", remedy))
+    except BadAnswer as wrong:
         findings.append(form.malformed(wrong, "while it drove"))
     except KeyboardInterrupt:
         raise
     except BaseException as raised:  # also SystemExit
-        findings.append(error("planner-raises", form.told(raised), "make it answer, whatever it sees"))
+        findings.append(error("planner-raises", form.where_raised(raised), "make it answer, whatever it sees"))
     return findings
 
 
@@ -138,7 +133,7 @@ def _limited(seconds: float) -> Generator[None, None, None]:
         yield
         return
 
-    def give_up(number: int, frame: FrameType | None) -> None:
+    def give_up(*_: object) -> None:
         raise OutOfPatience
 
     before = signal.signal(signal.SIGALRM, give_up)
@@ -150,10 +145,10 @@ def _limited(seconds: float) -> Generator[None, None, None]:
         signal.signal(signal.SIGALRM, before)
 
 
-def told_in_lines(report: Report) -> str:
+def report_lines(report: Report) -> str:
     """Return the findings as text: two lines each, then a summary.
 
-    >>> print(told_in_lines(Report("mine", (error("turns-away", "turned right", "flip a sign"),), ("a",), ("b",))))
+    >>> print(report_lines(Report("mine", (error("turns-away", "turned right", "flip a sign"),), ("a",), ("b",))))
     error: turned right [turns-away]
         flip a sign
     mine: 1 error, 0 warnings, 0 notes; 1 check made, not made since an earlier one failed: b

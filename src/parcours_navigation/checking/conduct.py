@@ -1,4 +1,4 @@
-"""How a planner conducts itself: in odd scenes, in time, on an open way, at the goal, before an obstacle."""
+"""Checks how a planner conducts itself: in odd scenes, in time, on an open way, at the goal, before an obstacle."""
 
 from __future__ import annotations
 
@@ -8,12 +8,13 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from parcours_navigation.checking.closed_loop_run import drive
+from parcours_navigation.checking.driving import drive
 from parcours_navigation.checking.finding import Finding, OutOfPatience, error, note, warning
-from parcours_navigation.checking.form import malformed, told
+from parcours_navigation.checking.form import malformed, where_raised
 from parcours_navigation.checking.scenes import PERIOD, crowd, observation, standard_task
-from parcours_navigation.checking.subject import Malformed, Slot, Subject
-from parcours_navigation.protocol import Observation, Task
+from parcours_navigation.checking.subject import Slot, Subject
+from parcours_navigation.guests.answers import BadAnswer
+from parcours_navigation.protocol import Floats, Observation, Task
 
 COUNTS = (1, 3, 10, 50)
 """Numbers of obstacles that decisions are timed with."""
@@ -48,21 +49,21 @@ def survives_odd_scenes(subject: Subject) -> Iterator[Finding]:
     """No scene makes it raise or answer what is not finite."""
     task = standard_task()
     raised: dict[str, list[str]] = {}
-    ill: dict[str, tuple[Malformed, list[str]]] = {}
+    ill: dict[bool, tuple[BadAnswer, list[str]]] = {}
     for name, steps in odd_scenes(task).items():
         try:
             slot = subject.slot(task)
             for seen in steps:
                 slot.speeds(seen)
-        except Malformed as wrong:
-            ill.setdefault(wrong.slug, (wrong, []))[1].append(name)
+        except BadAnswer as wrong:
+            ill.setdefault(wrong.finite, (wrong, []))[1].append(name)
         except (KeyboardInterrupt, OutOfPatience):
             raise
         except BaseException as problem:  # also SystemExit
-            raised.setdefault(told(problem), []).append(name)
+            raised.setdefault(where_raised(problem), []).append(name)
     for what, names in raised.items():
         yield error(
-            "scene-raises", f"{'; '.join(names)}: {what}", "handle these scenes: a case may begin or pass there"
+            "scene-raises", f"{'; '.join(names)}: {what}", "handle these scenes: a case may start or pass there"
         )
     for fault, names in ill.values():
         yield malformed(fault, f"with {'; '.join(names)}")
@@ -85,15 +86,10 @@ def decides_in_time(subject: Subject) -> Iterator[Finding]:
         yield note("decision-time", seen)
 
 
-def decision_times(slot: Slot, task: Task, count: int, n: int = 40, patience: float = 5.0) -> np.ndarray:
-    """Return the wall times of decisions among so many obstacles [s], shape (n,), fewer where patience ends first.
+def decision_times(slot: Slot, task: Task, count: int, n: int = 40, patience: float = 5.0) -> Floats:
+    """Return the wall times of n decisions among `count` obstacles [s], fewer where patience [s] ends first.
 
-    Args:
-        slot: reset to the task already.
-        task: the task.
-        count: number of obstacles.
-        n: decisions after a first one that does not count: it may compile.
-        patience: no further decision begins after this time [s].
+    A first decision does not count: it may compile.
     """
     taken = []
     begun = time.perf_counter()
@@ -115,30 +111,22 @@ def reaches_a_free_goal(subject: Subject) -> Iterator[Finding]:
     drove = drive(subject, task, (0.0, 0.0, math.pi / 4.0), seconds=30.0, beyond_goal=3.0)
     way = math.hypot(*task.goal)
     if drove.travelled < 0.05:
-        yield error(
-            "never-moves",
-            f"{drove.travelled:.3f} m in 30 s of an empty world, {way:.1f} m from the goal",
-            "command a speed above zero: does it wait for obstacles, or take the start for the goal?",
-        )
+        seen = f"{drove.travelled:.3f} m in 30 s of an empty world, {way:.1f} m from the goal"
+        remedy = "command a speed above zero: does it wait for obstacles, or take the start for the goal?"
+        yield error("never-moves", seen, remedy)
         return
     if math.isnan(drove.t_goal):
         gap = float(np.hypot(*(drove.states[:, :2] - task.goal).T).min())
-        yield error(
-            "goal-missed",
-            f"a free goal was not reached in 30 s: {drove.travelled:.1f} m driven, nearest {gap:.2f} m",
-            f"the straight way of {way:.1f} m takes {way / task.limits.speed:.0f} s at top speed",
-        )
+        seen = f"a free goal was not reached in 30 s: {drove.travelled:.1f} m driven, nearest {gap:.2f} m"
+        remedy = f"the straight way of {way:.1f} m takes {way / task.limits.speed:.0f} s at top speed"
+        yield error("goal-missed", seen, remedy)
         return
     after = drove.states[drove.times > drove.t_goal + 2.0]
-    still = len(after) == 0 or float(np.abs(after[:, 3]).max()) < 0.02
-    if not still:
+    speed = float(np.abs(after[:, 3]).max(initial=0.0))
+    if speed >= 0.02:
         gone = float(np.hypot(*(after[:, :2] - task.goal).T).max())
-        speed = float(np.abs(after[:, 3]).max())
-        yield warning(
-            "drives-on",
-            f"2 s after the goal was reached it still drives at {speed:.2f} m/s, up to {gone:.2f} m from the goal",
-            "command (0, 0) within task.goal_tolerance of task.goal",
-        )
+        seen = f"2 s after the goal was reached it still drives at {speed:.2f} m/s, up to {gone:.2f} m from the goal"
+        yield warning("drives-on", seen, "command (0, 0) within task.goal_tolerance of task.goal")
     slow = drove.t_goal / ((way - task.goal_tolerance) / task.limits.speed)
     if slow > 1.5:
         yield note("slow", f"the free goal took {drove.t_goal:.1f} s, {slow:.1f} times as long as at top speed")
@@ -152,18 +140,15 @@ def passes_a_standing_obstacle(subject: Subject) -> Iterator[Finding]:
     for where, place in scenes.items():
         drove = drive(subject, task, (0.0, 0.0, math.pi / 4.0), (place,), seconds=40.0)
         if drove.touched:
-            yield error(
-                "runs-into",
-                f"it drove into an obstacle that stands {where}, 1.4 m from the start",
+            remedy = (
                 "rows of observation.obstacles are x, y, heading, speed, yaw rate, radius; centres must stay "
-                "task.robot_radius + radius apart",
+                "task.robot_radius + radius apart"
             )
+            yield error("runs-into", f"it drove into an obstacle that stands {where}, 1.4 m from the start", remedy)
             return
         if math.isnan(drove.t_goal):
             held.append(where)
     if held:
-        yield warning(
-            "held-up",
-            f"one standing obstacle ({'; '.join(held)}) kept it from the goal for 40 s",
-            "fine for a planner that only avoids; a case with obstacles on the way will end unreached",
-        )
+        seen = f"one standing obstacle ({'; '.join(held)}) kept it from the goal for 40 s"
+        remedy = "fine for a planner that only avoids; a case with obstacles on the way will end unreached"
+        yield warning("held-up", seen, remedy)

@@ -11,7 +11,7 @@ class OutOfPatience(BaseException):
 
 
 class Level(StrEnum):
-    """How grave a finding is."""
+    """How grave a finding is, gravest first."""
 
     ERROR = "error"
     """The planner breaks the protocol, or cannot do its task."""

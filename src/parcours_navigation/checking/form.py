@@ -1,4 +1,4 @@
-"""Does a planner keep the protocol's form: it can be made, is called rightly, answers in form, in silence."""
+"""Checks whether a planner keeps the protocol's form: it can be made, is called rightly, answers in form, silently."""
 
 from __future__ import annotations
 
@@ -6,14 +6,15 @@ import contextlib
 import inspect
 import io
 import multiprocessing
+import traceback
 from collections.abc import Iterator
 from multiprocessing.connection import Connection
 
 from parcours.errors import BadRequest
 from parcours_navigation.checking.finding import Finding, OutOfPatience, error, note, warning
 from parcours_navigation.checking.scenes import copied, script, standard_task
-from parcours_navigation.checking.subject import Malformed, Speeds, Subject, replayed, require_form
-from parcours_navigation.protocol import Observation
+from parcours_navigation.checking.subject import Speeds, Subject, replayed
+from parcours_navigation.guests.answers import BadAnswer, read_answer
 
 _PATIENCE = 60.0
 """How long a process of its own may take to answer a script [s]."""
@@ -25,13 +26,12 @@ def is_a_planner(subject: Subject) -> Iterator[Finding]:
     try:
         planner = subject.make()
     except BadRequest as refused:
-        slug = "planner-shape" if refused.slug == "planner-form" else "planner-raises"
-        yield error(slug, refused.rule, remedy)
+        yield error("planner-shape" if refused.slug == "planner-form" else "planner-raises", refused.rule, remedy)
         return
     except (KeyboardInterrupt, OutOfPatience):
         raise
     except BaseException as raised:  # also SystemExit
-        yield error("planner-raises", f"making it raised {told(raised)}", remedy)
+        yield error("planner-raises", f"making it raised {where_raised(raised)}", remedy)
         return
     observe, reset = getattr(planner, "observe", None), getattr(planner, "reset", None)
     if callable(observe):
@@ -52,11 +52,8 @@ def _takes_one(function: object, what: str, argument: str) -> Iterator[Finding]:
     try:
         inspect.signature(function).bind(None)  # type: ignore[arg-type]
     except TypeError as refused:
-        yield error(
-            "planner-shape",
-            f"{what} cannot be called with the {argument} alone: {refused}",
-            f"make it take one argument, the {argument}",
-        )
+        seen = f"{what} cannot be called with the {argument} alone: {refused}"
+        yield error("planner-shape", seen, f"make it take one argument, the {argument}")
     except ValueError:
         return  # compiled functions may have no signature: the next check calls it
 
@@ -65,32 +62,30 @@ def answers_in_form(subject: Subject) -> Iterator[Finding]:
     """It answers pairs of finite numbers, trajectories or None, and not always None."""
     task = standard_task()
     slot = subject.slot(task)
-    answers = []
+    silent = []
     for seen in script(task):
         answer = slot.answer(seen)
+        silent.append(answer is None)
         try:
-            require_form(answer)
-        except Malformed as wrong:
+            if answer is not None:
+                read_answer(answer)
+        except BadAnswer as wrong:
             yield malformed(wrong, f"at {seen.time:.1f} s of a winding way past three obstacles")
             return
-        answers.append(answer)
-    if all(answer is None for answer in answers):
-        yield error(
-            "never-answers",
-            f"None to each of {len(answers)} observations, so nothing was ever commanded",
-            "return a Command; None only leaves the last one standing",
-        )
-    elif answers[0] is None:
+    if all(silent):
+        seen_none = f"None to each of {len(silent)} observations, so nothing was ever commanded"
+        yield error("never-answers", seen_none, "return a Command; None only leaves the last one standing")
+    elif silent[0]:
         yield note("answers-late", "None to the first observation: the robot keeps its initial speeds until it answers")
 
 
-def malformed(wrong: Malformed, where: str) -> Finding:
+def malformed(wrong: BadAnswer, where: str) -> Finding:
     """Return the finding that an answer is not in form, and where that was."""
-    remedy = {
-        "answer-finite": "look for divisions by zero and roots of negative numbers there",
-        "answer-type": "return a pair of numbers (v, w), a Trajectory of points (n, 4), or None",
-    }
-    return error(wrong.slug, f"{wrong.seen}, {where}", remedy[wrong.slug])
+    if wrong.finite:
+        remedy = "return a pair of numbers (v, w), a Trajectory of points (n, 4), or None"
+        return error("answer-type", f"{wrong}, {where}", remedy)
+    remedy = "look for divisions by zero and roots of negative numbers there"
+    return error("answer-finite", f"{wrong}, {where}", remedy)
 
 
 def same_in_own_process(subject: Subject) -> Iterator[Finding]:
@@ -108,38 +103,29 @@ def same_in_own_process(subject: Subject) -> Iterator[Finding]:
         there: list[Speeds] | str | None = ours.recv() if ours.poll(_PATIENCE) else None
     except (EOFError, OSError):
         process.join()
-        yield error(
-            "process-dies",
-            f"a process of its own died with exit code {process.exitcode} before it had answered",
-            "look for crashes of compiled code, and for calls of sys.exit",
-        )
+        seen = f"a process of its own died with exit code {process.exitcode} before it had answered"
+        yield error("process-dies", seen, "look for crashes of compiled code, and for calls of sys.exit")
         return
     finally:
         process.kill()
         process.join()
         ours.close()
     if there is None:
-        yield error(
-            "process-hangs",
-            f"no answers within {_PATIENCE:.0f} s",
-            "look for waiting and endless loops in reset and observe",
-        )
+        remedy = "look for waiting and endless loops in reset and observe"
+        yield error("process-hangs", f"no answers within {_PATIENCE:.0f} s", remedy)
         return
     try:
         here = replayed(subject, task, script(task))  # what it raises here too is not for want of a caller
-    except Malformed:
-        return  # told by the next check
+    except BadAnswer:
+        return  # the next check says so
     if isinstance(there, str):
-        yield error(
-            "planner-raises", f"in a process of its own: {there}", "make it importable and independent of its caller"
-        )
+        remedy = "make it importable and independent of its caller"
+        yield error("planner-raises", f"in a process of its own: {there}", remedy)
     elif there != here:
         first = next(k for k, pair in enumerate(zip(here, there, strict=True)) if pair[0] != pair[1])
-        yield error(
-            "process-differs",
-            f"observation {first}: {_pair(here[first])} here, {_pair(there[first])} in a fresh process",
-            "draw random numbers from task.seed only; do not iterate over sets or use hash() of texts",
-        )
+        seen = f"observation {first}: {_pair(here[first])} here, {_pair(there[first])} in a fresh process"
+        remedy = "draw random numbers from task.seed only; do not iterate over sets or use hash() of texts"
+        yield error("process-differs", seen, remedy)
 
 
 def _answer_script(line: Connection, name: str) -> None:
@@ -152,42 +138,28 @@ def _answer_script(line: Connection, name: str) -> None:
             task = standard_task()
             answers = replayed(load_subject(name), task, script(task))
     except BaseException as raised:  # also SystemExit, which would end the process without a word
-        answers = told(raised)
+        answers = where_raised(raised)
     line.send(answers)
 
 
 def is_quiet(subject: Subject) -> Iterator[Finding]:
     """It prints nothing."""
     task = standard_task()
-    out, err = io.StringIO(), io.StringIO()
-    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+    out = io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(out):
         replayed(subject, task, [copied(seen) for seen in script(task)])
-    text = (out.getvalue() + err.getvalue()).strip()
+    text = out.getvalue().strip()
     if text:
-        first = text.splitlines()[0][:60]
-        yield warning(
-            "prints",
-            f"{len(text)} characters in 30 observations, beginning {first!r}",
-            "use logging: a campaign of 10 000 cases would print millions of lines",
-        )
+        seen = f"{len(text)} characters in 30 observations, starting with {text.splitlines()[0][:60]!r}"
+        yield warning("prints", seen, "use logging: a campaign of 10 000 cases would print millions of lines")
 
 
-def changes_observation(before: Observation, after: Observation) -> str:
-    """Return which array differs, or ""."""
-    for name in ("robot", "obstacles"):
-        if getattr(before, name).tobytes() != getattr(after, name).tobytes():
-            return name
-    return ""
-
-
-def told(raised: BaseException) -> str:
+def where_raised(raised: BaseException) -> str:
     """Return an exception with the place that raised it, in one line.
 
-    >>> told(ValueError("no way"))
+    >>> where_raised(ValueError("no way"))
     'ValueError: no way'
     """
-    import traceback
-
     frames = traceback.extract_tb(raised.__traceback__)
     place = f" (in {frames[-1].name}, {frames[-1].filename.rpartition('/')[2]}:{frames[-1].lineno})" if frames else ""
     return f"{type(raised).__name__}: {raised}{place}".replace("\n", " ")

@@ -1,4 +1,4 @@
-"""Does a planner see the world as it is: left is left, angles are radians, lengths metres, and no place is special."""
+"""Checks whether a planner sees the world as it is: left is left, angles are radians, and no place is special."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from parcours_navigation.checking.closed_loop_run import drive
+from parcours_navigation.checking.driving import drive
 from parcours_navigation.checking.finding import Finding, error, note, warning
 from parcours_navigation.checking.scenes import LIMITS, mirrored, moved, script, standard_task
-from parcours_navigation.checking.subject import Speeds, Subject, replayed
+from parcours_navigation.checking.subject import Subject, replayed
 from parcours_navigation.protocol import Observation
 
 _FAR = 0.05
@@ -25,26 +25,19 @@ def turns_towards_the_goal(subject: Subject) -> Iterator[Finding]:
             aim = heading + side * math.pi / 2.0
             goal = (1.0 + 1.2 * math.cos(aim), 1.0 + 1.2 * math.sin(aim))
             drove = drive(subject, standard_task(goal), (1.0, 1.0, heading), seconds=2.5)
-            turn = _turned(drove.states[:, 2])
+            headings = np.unwrap(drove.states[:, 2])
+            turn = float(headings[-1] - headings[0])
             if turn * side < -0.2:
                 wrong.append(f"goal {name} of heading {heading:g} rad: turned {abs(turn):.1f} rad the other way")
+    if not wrong:
+        return
+    seen = f"in {len(wrong)} of 6 empty worlds; {wrong[0]}"
     if len(wrong) >= 3:
-        yield error(
-            "turns-away",
-            f"in {len(wrong)} of 6 empty worlds; {wrong[0]}",
-            "yaw rates and headings run counter-clockwise from x, in radians; y points left of x",
-        )
-    elif wrong:
-        yield warning(
-            "turns-away",
-            f"in {len(wrong)} of 6 empty worlds; {wrong[0]}",
-            "wrap differences of headings into [-pi, pi): at some headings the long way round is taken",
-        )
-
-
-def _turned(headings: np.ndarray) -> float:
-    unwrapped = np.unwrap(headings)
-    return float(unwrapped[-1] - unwrapped[0])
+        remedy = "yaw rates and headings run counter-clockwise from x, in radians; y points left of x"
+        yield error("turns-away", seen, remedy)
+    else:
+        remedy = "wrap differences of headings into [-pi, pi): at some headings the long way round is taken"
+        yield warning("turns-away", seen, remedy)
 
 
 def commands_in_units(subject: Subject) -> Iterator[Finding]:
@@ -69,27 +62,20 @@ def commands_in_units(subject: Subject) -> Iterator[Finding]:
             guess = f"are these {known[0]}? " if known else ""
             yield error("units", seen, f"{guess}commands are in {unit}")
         elif over.mean() > 0.25:
-            yield warning(
-                "beyond-limits",
-                seen,
-                "keep to task.limits: the world clips what is beyond, so the robot drives another curve than meant",
-            )
+            remedy = "keep to task.limits: the world clips what is beyond, so the robot drives another curve than meant"
+            yield warning("beyond-limits", seen, remedy)
         else:
             yield note("beyond-limits", seen, "the world clips them")
-    yield from _jumps(np.array(replayed(subject, task, script(task))), task.period)
-
-
-def _jumps(answers: np.ndarray, period: float) -> Iterator[Finding]:
-    """Say how often commands change faster than the robot can."""
-    reach = np.array([LIMITS.acceleration, LIMITS.yaw_acceleration]) * period
-    jumps = (np.abs(np.diff(answers, axis=0)) > 1.01 * reach).any(axis=1)
+    reach = np.array([LIMITS.acceleration, LIMITS.yaw_acceleration]) * task.period
+    again = np.array(replayed(subject, task, script(task)))
+    jumps = (np.abs(np.diff(again, axis=0)) > 1.01 * reach).any(axis=1)
     if jumps.mean() > 0.2:
-        yield note(
-            "jumps",
-            f"{jumps.mean():.0%} of successive answers differ by more than the robot can change in {period:g} s "
-            f"({reach[0]:.2g} m/s, {reach[1]:.2g} rad/s)",
-            "the world follows as fast as it can; plan with task.limits to know where the robot will really be",
+        seen = (
+            f"{jumps.mean():.0%} of successive answers differ by more than the robot can change in {task.period:g} s "
+            f"({reach[0]:.2g} m/s, {reach[1]:.2g} rad/s)"
         )
+        remedy = "the world follows as fast as it can; plan with task.limits to know where the robot will really be"
+        yield note("jumps", seen, remedy)
 
 
 def no_place_is_special(subject: Subject) -> Iterator[Finding]:
@@ -102,11 +88,8 @@ def no_place_is_special(subject: Subject) -> Iterator[Finding]:
         share, worst = _deviates(subject, lambda seen, a=angle, s=shift: moved(seen, a, s, (1.0, 1.0)), 1.0)  # type: ignore[misc]
         seen = f"a world {words} changes {share:.0%} of the answers, at most by {worst:.0%} of the limits"
         if share > 0.5:
-            yield error(
-                "frame",
-                seen,
-                "headings are radians from x, positions metres in one frame: use differences to the robot's own",
-            )
+            remedy = "headings are radians from x, positions metres in one frame: use differences to the robot's own"
+            yield error("frame", seen, remedy)
             return
         if share > 0.1:
             yield warning("frame", seen, "is anything tied to the axes, to the origin, or to the border of the arena?")
@@ -118,9 +101,8 @@ def left_is_as_good_as_right(subject: Subject) -> Iterator[Finding]:
     share, worst = _deviates(subject, mirrored, -1.0)
     seen = f"a mirrored world changes {share:.0%} of the answers, at most by {worst:.0%} of the limits"
     if share > 0.5:
-        yield warning(
-            "handed", seen, "fine if it samples at random or keeps to one side on purpose; else look for a sign"
-        )
+        remedy = "fine if it samples at random or keeps to one side on purpose; else look for a sign"
+        yield warning("handed", seen, remedy)
     elif share > 0.1:
         yield note("handed", seen, "random samples and ties explain this; a wrong sign would change more")
 
@@ -130,13 +112,8 @@ def _deviates(subject: Subject, change: Callable[[Observation], Observation], si
     task = standard_task()
     steps = script(task)
     changed = [change(seen) for seen in steps]
-    plain = _scaled(replayed(subject, task, steps))
-    other = _scaled(replayed(subject, changed[0].task, changed)) * np.array([1.0, sign])
+    scale = np.array([LIMITS.speed, LIMITS.yaw_rate])
+    plain = np.array(replayed(subject, task, steps)) / scale
+    other = np.array(replayed(subject, changed[0].task, changed)) / scale * np.array([1.0, sign])
     gaps = np.abs(plain - other).max(axis=1)
     return float((gaps > _FAR).mean()), float(gaps.max())
-
-
-def _scaled(answers: list[Speeds]) -> np.ndarray:
-    """Return answers as shares of the limits."""
-    scaled: np.ndarray = np.array(answers) / np.array([LIMITS.speed, LIMITS.yaw_rate])
-    return scaled

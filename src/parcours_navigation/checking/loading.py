@@ -1,10 +1,9 @@
-"""A planner's name -> the subject of a check; names are found as campaigns find them."""
+"""Finds the planner that is to be checked by its name, as campaigns find it."""
 
 from __future__ import annotations
 
 import importlib
 import sys
-from collections.abc import Callable
 from typing import NoReturn
 
 from parcours.errors import BadRequest
@@ -12,17 +11,17 @@ from parcours_navigation.checking.subject import Subject
 from parcours_navigation.guests.planners import SHIPPED, load_planner, source_digest
 
 _ITS_OWN_FAULT = ("planner-raised", "planner-form")
-"""Complaints of the loader that the battery tells as findings."""
+"""Complaints of the loader that the battery reports as findings."""
 
 
 def load_subject(name: str) -> Subject:
-    """Return the subject of a check. Its module or file is read once, the planner made anew each time.
+    """Return the subject of a check. Its module or file is read once, the planner made again each time.
 
     Args:
         name: a shipped planner's name, "package.module:Name", or "path/to/file.py:Name".
 
     Raises:
-        BadRequest: the name leads nowhere, or is RAMP's, which has no `observe`.
+        BadRequest: the name leads nowhere, or the planner has no `observe`.
 
     >>> load_subject("stand-still").make() is load_subject("stand-still").make()
     False
@@ -38,12 +37,7 @@ def load_subject(name: str) -> Subject:
     found: object = kept if kept is not None else importlib.import_module(where)
     for part in dotted.split("."):
         found = getattr(found, part)
-    return Subject(name, _maker(found))
-
-
-def _maker(found: object) -> Callable[[], object]:
-    """Return a function that makes the planner anew where that is possible."""
-    return found if isinstance(found, type) else lambda: found
+    return Subject(name, found if isinstance(found, type) else lambda: found)
 
 
 def _raise(complaint: BadRequest) -> NoReturn:

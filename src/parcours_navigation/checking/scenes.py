@@ -1,4 +1,4 @@
-"""Situations to show a planner: a standard task, observations along a recorded way, and the same moved or mirrored."""
+"""Situations to show a planner: a standard task, observations along a winding way, the same moved or mirrored."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from parcours_navigation.protocol import HEADING, YAW_RATE, Observation, Task, X
 _SCENARIO = Scenario()
 
 LIMITS = _SCENARIO.limits
-"""What the robot can do in campaigns, unless told otherwise."""
+"""What the robot can do in campaigns, by default."""
 
 PERIOD = _SCENARIO.period
 """Time between two observations there [s]."""
@@ -28,14 +28,7 @@ def standard_task(goal: tuple[float, float] = (2.0, 2.0), *, seed: int = 7, peri
 
 
 def observation(task: Task, robot: Sequence[float], obstacles: Sequence[Row] = (), time: float = 0.0) -> Observation:
-    """Return an observation in arrays of its own.
-
-    Args:
-        task: the task it belongs to.
-        robot: x, y, heading and, if it moves, speed and yaw rate [m, m, rad, m/s, rad/s].
-        obstacles: x, y, heading, speed, yaw rate, radius of each; radius 0.1 m if left out [m, m, rad, m/s, rad/s, m].
-        time: [s].
-    """
+    """Return an observation at a time [s] in arrays of its own; what a row leaves out is 0, the radius 0.1 m."""
     state = np.zeros(5)
     state[: len(robot)] = robot
     rows = np.zeros((len(obstacles), 6))
@@ -105,11 +98,7 @@ def mirrored(seen: Observation) -> Observation:
 
 
 def crowd(n: int) -> tuple[Row, ...]:
-    """Return n obstacles on rings around the middle of the arena, every second one moving, none on the origin.
-
-    Args:
-        n: how many, any number from 0.
-    """
+    """Return n >= 0 obstacles on rings round the middle of the arena, every second one moving, none on the origin."""
     rows = []
     for k in range(n):
         angle, ring = 2.399963 * k, 0.35 + 0.02 * k  # the golden angle: no two in one direction

@@ -20,21 +20,21 @@ from parcours.cli.options import as_json, print_json, seed, workers
     type=click.FloatRange(0.0, 10.0),
     default=0.0,
     show_default=True,
-    help="From an answer to the robot [s], in steps of 0.01 s. RAMP keeps its published durations.",
+    help="From an answer to the robot [s], in steps of 0.01 s. Planners with durations of work of their own keep them.",
 )
 @click.option(
     "--measured",
     type=click.IntRange(0),
     default=200,
     show_default=True,
-    help="So many of the first cases are run again, to be scored as the code of published benchmarks does.",
+    help="How many of the first cases are run again, to be scored as the code of published benchmarks does.",
 )
 @click.option(
     "--timed",
     type=click.IntRange(0),
     default=3,
     show_default=True,
-    help="On so many of the first cases decisions are timed.",
+    help="On how many of the first cases decisions are timed.",
 )
 @seed
 @workers
@@ -55,11 +55,10 @@ def command(
     """Run PLANNERS on the same cases, and test each against the first; or compare folders of runs that are there.
 
     Folders are of one study: their cases are paired by their ids, rates are tested on the pairs, and the cases that
-    flipped are named. A planner is ramp-guarded, ramp-original, another shipped name, package.module:Name, or
-    path/to/file.py:Name.
-    RAMP runs with its published durations of work; the others answer at once unless --command-delay is given.
+    flipped are named. A planner is a known name, package.module:Name, or path/to/file.py:Name. Planners that come with
+    published durations of work keep them; the others answer at once unless --command-delay is given.
 
-    Example: parcours compare ramp-guarded orca dwa mppi --cases 10000 --html out/compare.html
+    Example: parcours compare orca dwa mppi --cases 10000 --html out/compare.html
 
     Example: parcours compare out/lift-before out/lift-now
     """
@@ -73,10 +72,11 @@ def command(
     from parcours.report.page import to_html
     from parcours.report.terminal import print_page
     from parcours.report.writing import write_text
+    from parcours_navigation.comparison.analysis import analyse
     from parcours_navigation.comparison.document import comparison_document
     from parcours_navigation.comparison.page import compare_page
-    from parcours_navigation.comparison.paper_rule import to_markdown_page
     from parcours_navigation.comparison.running import Interrupted, run_comparison
+    from parcours_navigation.comparison.tables import to_markdown_page
 
     if markdown and as_json:
         raise BadRequest(
@@ -92,13 +92,14 @@ def command(
     except Interrupted as stopped:
         click.echo(str(stopped), err=True)
         raise click.exceptions.Exit(130) from None
-    page = compare_page(results)
+    found = analyse(results)
+    page = compare_page(found)
     if html is not None:
         write_text(html, to_html(page))
         click.echo(f"wrote {html}", err=True)
     if as_json:
-        print_json(comparison_document(results))
+        print_json(comparison_document(found))
     elif markdown:
-        click.echo(to_markdown_page(results))
+        click.echo(to_markdown_page(found))
     else:
         print_page(page)

@@ -38,7 +38,7 @@ def check(planner: str, only: tuple[str, ...], listed: bool, patience: float, as
 
     from parcours.cli.progress import progress, say_if_cold
     from parcours.report.terminal import print_table
-    from parcours_navigation.checking.battery import CHECKS, checks_table, told_in_lines
+    from parcours_navigation.checking.battery import CHECKS, checks_table, report_lines
     from parcours_navigation.checking.isolation import check_apart
 
     if listed:
@@ -51,10 +51,7 @@ def check(planner: str, only: tuple[str, ...], listed: bool, patience: float, as
     say_if_cold()
     with progress() as show:
         report = check_apart(
-            planner,
-            only or None,
-            patience=patience,
-            progress=lambda name, done, total: show("checks", done, total),
+            planner, only or None, patience=patience, progress=lambda name, done, total: show("checks", done, total)
         )
     if as_json:
         print_json(
@@ -67,6 +64,6 @@ def check(planner: str, only: tuple[str, ...], listed: bool, patience: float, as
             }
         )
     else:
-        click.echo(told_in_lines(report))
+        click.echo(report_lines(report))
     if not report.passed:
         raise click.exceptions.Exit(1)

@@ -1,1 +1,1 @@
-"""The comparison: planners run on the same cases become outcomes side by side, paired tests, one page, one document."""
+"""Planners compared on the same cases: results, one analysis of them, and its page, tables and document."""

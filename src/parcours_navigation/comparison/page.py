@@ -1,4 +1,4 @@
-"""Results of a comparison -> one page: what to take home, outcomes, tests, times, start vectors, errors."""
+"""The page of a comparison: what to take home, outcomes, tests, times, start vectors, errors."""
 
 from __future__ import annotations
 
@@ -6,36 +6,21 @@ from parcours import __version__
 from parcours.report.pieces import Figure, Finding, Findings, Page, Piece, Section, Text, Tone
 from parcours.report.rates import intervals, shares
 from parcours.report.standings import arrivals, dominance
-from parcours.verdict.statistics import wilson
-from parcours_navigation.comparison.benchmarking import BENCHMARK_LEAD, benchmark_tables
-from parcours_navigation.comparison.paper_rule import paper_table
-from parcours_navigation.comparison.results import PairTest, Results, contact, pair_tests
-from parcours_navigation.comparison.rivalry import tests_table
-from parcours_navigation.comparison.tables import (
-    beats,
-    clearance_table,
-    decision_table,
-    error_table,
-    measure_table,
-    outcome_table,
-    question_table,
-    score_table,
-    speaks_of_answers,
-    time_table,
-    vector_table,
-)
+from parcours_navigation.comparison import tables
+from parcours_navigation.comparison.analysis import Analysis
 from parcours_navigation.outcomes import Outcome
-from parcours_navigation.study.distribution import reached, time_to_goal
 
-SLICES: dict[str, tuple[tuple[str, ...], Tone]] = {
-    "goal reached in time": (("REACHED",), "good"),
-    "goal reached later": (("UNDER_WAY",), "fair"),
-    "obstacle rests on goal": (("BLOCKED",), "neutral"),
-    "never arrived": (("STUCK", "ASTRAY"), "poor"),
-    "touched while moving": (("COLLIDED",), "bad"),
-    "planner's error": (("ERROR",), "worst"),
+SLICES: dict[str, tuple[tuple[Outcome, ...], Tone]] = {
+    "goal reached in time": ((Outcome.REACHED,), "good"),
+    "goal reached later": ((Outcome.UNDER_WAY,), "fair"),
+    "obstacle rests on goal": ((Outcome.BLOCKED,), "neutral"),
+    "never arrived": ((Outcome.STUCK, Outcome.ASTRAY), "poor"),
+    "touched while moving": ((Outcome.COLLIDED,), "bad"),
+    "planner's error": ((Outcome.ERROR,), "worst"),
 }
 """Slices of the stacked bars -> the outcomes in them, and their tone."""
+
+_REACHED, _TOUCHED = "goal reached in time, nothing touched", "contact that the moving robot closed"
 
 _READING = """\
 All planners ran **the same cases**: the same obstacles set out at the same times. So they are compared case by case, \
@@ -44,107 +29,81 @@ and only cases in which two planners differ say anything about which is better.
 A small p-value says that a difference is not chance; the interval says how large it is. With many cases a difference \
 too small to matter has a small p-value too. Holm's correction is made over all tests of the table together."""
 
+_BENCHMARK_LEAD = (
+    "What published benchmarks would say of the same runs. Their code has defects, so a score stands here corrected "
+    "and, under the name of its mode, as the code computes it."
+)
 
-def compare_page(results: Results) -> Page:
+
+def compare_page(found: Analysis) -> Page:
     """Return the page of a comparison."""
-    tests = pair_tests(results.contenders)
     facts = (
-        ("cases", str(results.n_cases)),
-        ("seed", str(results.seed)),
-        ("protocol", results.protocol),
-        ("command delay", f"{results.command_delay:g} s"),
+        ("cases", str(found.n_cases)),
+        ("seed", str(found.seed)),
+        ("protocol", found.protocol),
+        ("command delay", f"{found.command_delay:g} s"),
         ("parcours", __version__),
     )
+    caution = (Text(f"**Unequal machines.** {found.caution}"),) if found.caution else ()
+    ended = (_stacked(found), tables.outcome_table(found), tables.question_table(found))
     sections = [
-        Section("What to take home", "", (_findings(results), Text(_READING), *_caution(results)), "findings"),
-        Section(
-            "How the cases ended", "", (_stacked(results), outcome_table(results), question_table(results)), "outcomes"
-        ),
-        Section("The paper's results", "", (paper_table(results),), "paper"),
-        Section("Who beats whom", "", _rivalry(results, tests), "tests"),
-        Section("Times and clearances", "", _times(results), "times"),
-        Section("The way driven", "", (measure_table(results),), "measures"),
-        Section("Start vectors", "", (vector_table(results),), "vectors"),
+        Section("What to take home", "", (_findings(found), Text(_READING), *caution), "findings"),
+        Section("How the cases ended", "", ended, "outcomes"),
+        Section("The paper's results", "", (tables.paper_table(found),), "paper"),
+        Section("Who beats whom", "", _rivalry(found), "tests"),
+        Section("Times and clearances", "", _times(found), "times"),
+        Section("The way driven", "", (tables.measure_table(found),), "measures"),
+        Section("Start vectors", "", (tables.vector_table(found),), "vectors"),
     ]
-    if (scored := benchmark_tables(results)) is not None:
-        sections.append(Section("Scores of published benchmarks", BENCHMARK_LEAD, scored, "benchmarks"))
-    if (errors := error_table(results)) is not None:
+    if scored := tables.benchmark_tables(found):
+        sections.append(Section("Scores of published benchmarks", _BENCHMARK_LEAD, scored, "benchmarks"))
+    if (errors := tables.error_table(found)) is not None:
         sections.append(Section("Errors", "What planners did that ended a case.", (errors,), "errors"))
-    sections.append(Section("Time to decide", "", (decision_table(results),), "decisions"))
-    names = ", ".join(c.name for c in results.contenders)
-    return Page("Planners on the same cases", names, facts, tuple(sections))
+    sections.append(Section("Time to decide", "", (tables.decision_table(found),), "decisions"))
+    return Page("Planners on the same cases", ", ".join(found.names), facts, tuple(sections))
 
 
-def _caution(results: Results) -> tuple[Piece, ...]:
-    words = speaks_of_answers(results)
-    return (Text(f"**Unequal machines.** {words}"),) if words else ()
-
-
-def _findings(results: Results) -> Findings:
+def _findings(found: Analysis) -> Findings:
     items = []
-    for contender in results.contenders:
-        rate = wilson(int(reached(contender.facts).sum()), results.n_cases)
-        touched = int(contact(contender.facts).sum())
+    for one in found.standings:
+        rate, touched = one.questions[_REACHED], one.questions[_TOUCHED].count
         note = f"95 %: {100 * rate.low:.1f} to {100 * rate.high:.1f}; touched while moving: {touched}"
-        items.append(Finding(f"{100 * rate.share:.1f} %", f"{contender.name}: goal reached in time", note))
+        items.append(Finding(f"{100 * rate.share:.1f} %", f"{one.name}: goal reached in time", note))
     return Findings(tuple(items))
 
 
-def _stacked(results: Results) -> Figure:
-    known = {outcome.name: int(outcome) for outcome in Outcome}
-    series = {}
-    for contender in results.contenders:
-        codes = contender.outcomes
-        series[contender.name] = [
-            float(sum((codes == known[name]).sum() for name in members if name in known))
-            for members, _ in SLICES.values()
-        ]
+def _stacked(found: Analysis) -> Figure:
+    series = {
+        one.name: [float(sum(one.outcomes[o].count for o in members)) for members, _ in SLICES.values()]
+        for one in found.standings
+    }
     return shares("How the cases ended", list(SLICES), series, [tone for _, tone in SLICES.values()])
 
 
-def _rivalry(results: Results, tests: tuple[PairTest, ...]) -> tuple[Piece, ...]:
-    names = [c.name for c in results.contenders]
+def _rivalry(found: Analysis) -> tuple[Piece, ...]:
     rates = {
-        words: [wilson(int(ask(c.facts).sum()), results.n_cases) for c in results.contenders]
-        for words, ask in (("goal reached in time", reached), ("touched while moving", contact))
+        "goal reached in time": [one.questions[_REACHED] for one in found.standings],
+        "touched while moving": [one.questions[_TOUCHED] for one in found.standings],
     }
-    pieces: list[Piece] = [intervals("Rates with Wilson 95 % intervals", names, rates, "share of cases")]
-    if len(names) > 1:
-        pieces.append(
-            dominance(
-                "Reached the goal where the other did not",
-                names,
-                beats(results),
-                "Row over column, share of all cases. Both tiles of a pair large: the two are good at different cases.",
-            )
-        )
-        pieces.append(tests_table(results, tests))
-    return tuple(pieces)
+    chart = intervals("Rates with Wilson 95 % intervals", found.names, rates, "share of cases")
+    if len(found.names) == 1:
+        return (chart,)
+    note = "Row over column, share of all cases. Both tiles of a pair large: the two are good at different cases."
+    tiles = dominance("Reached the goal where the other did not", found.names, found.beats, note)
+    return chart, tiles, tables.tests_table(found)
 
 
-def _times(results: Results) -> tuple[Piece, ...]:
-    return (
-        time_table(results),
-        _arrivals(results),
-        clearance_table(results),
-        _clearance(results),
-        score_table(results),
-    )
-
-
-def _arrivals(results: Results) -> Figure:
-    return arrivals(
+def _times(found: Analysis) -> tuple[Piece, ...]:
+    times = arrivals(
         "Time to the goal",
-        {c.name: time_to_goal(c.facts) for c in results.contenders},
+        {one.name: one.times for one in found.standings},
         "time since the case began [s]",
         "Share of all cases: a line ends at the share that is reached in time.",
     )
-
-
-def _clearance(results: Results) -> Figure:
-    return arrivals(
+    gaps = arrivals(
         "Least clearance in a case",
-        {c.name: c.facts["min_clearance"] for c in results.contenders},
+        {one.name: one.clearances for one in found.standings},
         "least gap to an obstacle before the end [m]",
         "Negative: overlap, whoever closed the gap.",
     )
+    return tables.time_table(found), times, tables.clearance_table(found), gaps, tables.score_table(found)

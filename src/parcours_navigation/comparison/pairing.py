@@ -1,4 +1,4 @@
-"""Two planners' results on the same cases -> how they differ: a paired test, its effect size, and Holm's correction.
+"""How two planners differ on the same cases: paired tests, their effect sizes, and Holm's correction.
 
 Yes or no is compared by McNemar's exact test on the cases that disagree, with Newcombe's interval for the difference of
 paired rates (R. G. Newcombe, Statist. Med. 17, 1998, method 10); times by Wilcoxon's signed-rank test on the cases
@@ -120,12 +120,8 @@ def time_difference(first: ArrayLike, second: ArrayLike) -> TimeDifference:
     """
     a, b = np.asarray(first, dtype=np.float64), np.asarray(second, dtype=np.float64)
     if a.shape != b.shape or a.ndim != 1:
-        raise BadRequest(
-            "paired times",
-            f"both must have one value a case, but their shapes are {a.shape} and {b.shape}",
-            "compare the same cases in the same order",
-            slug="pairs-shape",
-        )
+        rule = f"both must have one value a case, but their shapes are {a.shape} and {b.shape}"
+        raise BadRequest("paired times", rule, "compare the same cases in the same order", slug="pairs-shape")
     gaps = np.sort((a - b)[~np.isnan(a - b)])
     if not gaps.size:
         return TimeDifference(0, math.nan, -math.inf, math.inf, 0.0, 1.0)

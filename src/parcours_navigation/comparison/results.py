@@ -1,28 +1,19 @@
-"""Facts of several planners on the same cases -> the questions asked of each, and every paired test between two."""
+"""What a comparison has found out: the facts of several planners on the same cases, and what is known of the cases."""
 
 from __future__ import annotations
 
-import itertools
 import re
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from parcours.errors import BadRequest
 from parcours_navigation.arena.solvability import SOLVABLE, UNSOLVABLE
-from parcours_navigation.comparison.pairing import (
-    RateDifference,
-    TimeDifference,
-    holm,
-    rate_difference,
-    time_difference,
-)
 from parcours_navigation.facts import NEVER
-from parcours_navigation.outcomes import outcomes
-from parcours_navigation.study.distribution import measured, reached, sct_of, spl_of, time_to_goal
+from parcours_navigation.outcomes import Outcome, outcomes, published
+from parcours_navigation.study.distribution import measured, reached, sct_of
 
 Facts = NDArray[np.void]
 Flags = NDArray[np.bool_]
@@ -119,57 +110,20 @@ QUESTIONS: dict[str, Callable[[Facts], Flags]] = {
 TESTED: dict[str, Callable[[Facts], Flags]] = {"reached": reached, "contact": contact}
 """The questions that are tested between two planners."""
 
+STUCK = "stuck in imminent collision"
 
-@dataclass(frozen=True, slots=True)
-class PairTest:
-    """One test between two planners.
-
-    Attributes:
-        first, second: their names.
-        question: "reached", "contact" or "time".
-        found: the difference and its p-value.
-        p_value: uncorrected.
-        p_holm: corrected for all tests of the family it was made in.
-    """
-
-    first: str
-    second: str
-    question: str
-    found: RateDifference | TimeDifference
-    p_value: float
-    p_holm: float
-
-
-def pair_tests(contenders: Sequence[Contender], *, against_first: bool = True) -> tuple[PairTest, ...]:
-    """Return the tests of one family, corrected by Holm over the whole of it.
-
-    Args:
-        contenders: on the same cases in the same order.
-        against_first: compare each with the first only; otherwise each with each.
-
-    Raises:
-        BadRequest: the cases differ.
-    """
-    for other in contenders[1:]:
-        if not np.array_equal(contenders[0].facts["number"], other.facts["number"]):
-            raise BadRequest(
-                f"compare {contenders[0].name} and {other.name}",
-                f"both must have run the same cases, but have {len(contenders[0].facts)} and {len(other.facts)} of "
-                "other numbers",
-                slug="pairs-shape",
-            )
-    pairs = list(itertools.combinations(contenders, 2))
-    if against_first:
-        pairs = [(first, second) for first, second in pairs if first is contenders[0]]
-    raw: list[tuple[str, str, str, RateDifference | TimeDifference, float]] = []
-    for first, second in pairs:
-        for question, ask in TESTED.items():
-            rates = rate_difference(ask(first.facts), ask(second.facts))
-            raw.append((first.name, second.name, question, rates, rates.pairs.p_value))
-        times = time_difference(time_to_goal(first.facts), time_to_goal(second.facts))
-        raw.append((first.name, second.name, "time", times, times.p_value))
-    corrected = holm([p_value for *_, p_value in raw])
-    return tuple(PairTest(*row, p_holm) for row, p_holm in zip(raw, corrected, strict=True))
+RULES: dict[str, Callable[[Facts], Flags]] = {
+    "goal reached": lambda f: published(f).reached,
+    "under way on a feasible trajectory": lambda f: published(f).feasible & ~published(f).reached,
+    "under way on an infeasible trajectory": lambda f: ~published(f).feasible & ~published(f).reached,
+    "imminent collision at any time": lambda f: published(f).halted_once,
+    "paused, then moved again": lambda f: published(f).halted_once & ~published(f).stuck,
+    STUCK: lambda f: published(f).stuck,
+    "halted, and stood for ever": lambda f: np.asarray(outcomes(f) == int(Outcome.STUCK)),
+    "contact that the moving robot closed": contact,
+    "contact that the obstacle closed alone": struck,
+}
+"""What the table of the paper's results asks: first those results by their own rule, then what the world says."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -213,15 +167,6 @@ class Results:
         """Return what was measured on a planner's cases, by the names of `distribution.SHOWN`."""
         return measured(contender.facts, contender.measures, earliest=self.earliest, survival=self.survival)
 
-
-def weighted_by_way(contender: Contender) -> Floats:
-    """Return SPL of each case: success times the shortest conceivable way over the way driven, shape (n_cases,)."""
-    return spl_of(contender.facts)
-
-
-def weighted_by_time(results: Results, contender: Contender) -> Floats | None:
-    """Return SCT of each case: success times the earliest conceivable arrival over the time taken, shape (n_cases,).
-
-    NaN where nobody could have arrived; None if no oracle was asked.
-    """
-    return None if results.earliest is None else sct_of(contender.facts, results.earliest)
+    def sct(self, contender: Contender) -> Floats | None:
+        """Return SCT of each case, NaN where nobody could have arrived, shape (n_cases,); None without an oracle."""
+        return None if self.earliest is None else sct_of(contender.facts, self.earliest)

@@ -1,31 +1,34 @@
-"""Planners' names -> their campaigns on the same cases, in one folder, resumable -> the results of the comparison."""
+"""Runs the campaigns of several planners on the same cases, in one folder, resumably: the results of a comparison."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from parcours.errors import BadRequest
 from parcours.run.campaign import Simulate, run_campaign
+from parcours.run.heartbeat import LostCase
 from parcours.run.store import Campaign, create
 from parcours_navigation.cases.family import TIME_LIMIT, WATCHED_ON, Protocol, SystemCases
 from parcours_navigation.cases.running import CaseStudy
 from parcours_navigation.comparison.deciding import decision_times
-from parcours_navigation.comparison.measuring import Reproducing
 from parcours_navigation.comparison.results import AT_ONCE, Contender, Results
 from parcours_navigation.facts import FACTS
 from parcours_navigation.guests.planners import own_loop
 from parcours_navigation.guests.scenario import Scenario
+from parcours_navigation.measures.one_case import measures_as_published
 from parcours_navigation.measures.table import PUBLISHED
-from parcours_navigation.study.distribution import oracle, survived
+from parcours_navigation.study.distribution import GOAL, oracle, survived
 from parcours_navigation.study.study import NavigationStudy, study_of
 
 Progress = Callable[[str, int, int], None]
-"""Told (what, done, in all)."""
+"""Called with (what, done, in all)."""
 
 
 class Interrupted(Exception):
@@ -56,10 +59,9 @@ def run_comparison(
         workers: processes.
         protocol: which family of cases.
         command_delay: from a planner's answer to the robot [s]; a planner with a loop of its own keeps its durations.
-        measured: how many of the first cases are run again, to be measured as published benchmark code does; 0 for
-            none.
-        timed: on how many of the first cases without a planner's error its decisions are timed; 0 for none.
-        progress: told how far each part is.
+        measured: how many of the first cases are run again, to be measured as published benchmark code does.
+        timed: on how many of the first cases without a planner's error its decisions are timed.
+        progress: called as each part goes on.
 
     Raises:
         BadRequest: a name is unknown or given twice, or a number is out of range.
@@ -127,11 +129,9 @@ def _entries(names: Sequence[str], cases: SystemCases, command_delay: float) -> 
     """Return the study of each name, refusing names that cannot stand side by side."""
     taken: dict[str, str] = {}
     for name in names:
-        other = taken.setdefault(folder_name(name).lower(), name)
-        if name in list(taken.values()) and other == name and list(names).count(name) == 1:
-            continue
-        rule = f"each planner is named once, but {name!r} and {other!r} would be kept in the same folder"
-        raise BadRequest("compare", rule, "name other planners", slug="compare-twice")
+        if (other := taken.setdefault(folder_name(name).lower(), name)) != name or list(names).count(name) > 1:
+            rule = f"each planner is named once, but {name!r} and {other!r} would be kept in the same folder"
+            raise BadRequest("compare", rule, "name other planners", slug="compare-twice")
     if not names:
         raise BadRequest("compare", "at least one planner is needed, but none given", slug="compare-none")
     given = Scenario(time_limit=TIME_LIMIT, watched_on=WATCHED_ON, command_delay=command_delay)
@@ -161,3 +161,57 @@ def _reasons(facts: NDArray[np.void]) -> tuple[str, ...]:
     if "reason" not in (facts.dtype.names or ()):
         return ()
     return tuple(bytes(reason).decode("utf-8", "replace") for reason in facts["reason"][facts["error"] != 0])
+
+
+REPRODUCED = np.dtype([("number", "i8"), *PUBLISHED.descr])
+"""What published code computes of one case; all NaN where the planner's own error ended it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Reproducing:
+    """A study's cases run again, as published code measures them; callable as a campaign's `simulate`.
+
+    What is measured correctly is measured while a case runs: the defects of published code only matter beside it.
+
+    Args:
+        study: whose cases.
+        failed: cases that are not to be run, because the planner's own error ended them.
+        lost: cases that are not to be run, because the planner hangs there or takes its process down.
+    """
+
+    study: CaseStudy
+    failed: frozenset[int] = frozenset()
+    lost: tuple[LostCase, ...] = ()
+
+    @property
+    def heartbeat_words(self) -> int:
+        """How many words a worker shares with its parent."""
+        return self.study.heartbeat_words
+
+    def without(self, lost: tuple[LostCase, ...]) -> Self:
+        """Return the same, which does not run the lost cases."""
+        return replace(self, lost=lost)
+
+    def __call__(self, first: int, count: int) -> NDArray[np.void]:
+        """Return what is computed of cases first .. first + count - 1, array of REPRODUCED of shape (count,)."""
+        rows = np.zeros(count, REPRODUCED)
+        skipped = self.failed | {case.number for case in self.lost}
+        for row, number in zip(rows, range(first, first + count), strict=True):
+            found = None if number in skipped else self._measured(number)
+            row["number"] = number
+            for name in PUBLISHED.names or ():
+                row[name] = np.nan if found is None else found[name]
+        return rows
+
+    def _measured(self, number: int) -> np.void | None:
+        facts, track, places = self.study.track(number)
+        if facts[0]["error"]:
+            return None
+        cases = self.study.cases
+        radii, until = np.full(places.shape[1], cases.obstacle_radius), int(facts[0]["t_end"])
+        return measures_as_published(track, places, radii, robot_radius=cases.robot_radius, goal=GOAL, until=until)
+
+    def campaign(self, campaign: Campaign, n_cases: int) -> Campaign:
+        """Return the campaign that runs the first cases of a campaign again."""
+        name = f"{campaign.study}/as-published"
+        return replace(campaign, study=name, n_cases=n_cases, dtype=REPRODUCED, shard_size=64)

@@ -1,4 +1,4 @@
-"""Results of a comparison -> its tables, the same on the terminal and on the page."""
+"""The tables of a comparison, the same on the terminal, on the page and in Markdown."""
 
 from __future__ import annotations
 
@@ -7,81 +7,88 @@ import math
 import numpy as np
 
 from parcours.report.pieces import Cell, Column, Marked, Table
-from parcours.verdict.statistics import Rate, quantiles, wilson
-from parcours_navigation.comparison.results import (
-    QUESTIONS,
-    Results,
-    weighted_by_time,
-    weighted_by_way,
-)
+from parcours.report.terminal import to_markdown
+from parcours.verdict.statistics import Rate, quantiles
+from parcours_navigation.comparison.analysis import Analysis, PairTest, finite
+from parcours_navigation.comparison.benchmarking import Score
+from parcours_navigation.comparison.pairing import RateDifference
+from parcours_navigation.comparison.results import QUESTIONS, RULES, STUCK, Floats
 from parcours_navigation.outcomes import VERDICT_OF, Outcome
-from parcours_navigation.study.distribution import distribution_table, reached, time_to_goal
+from parcours_navigation.study.distribution import distribution_table
+from parcours_navigation.study.outcome_tables import OUTCOME_WORDS
 
-OUTCOME_WORDS = {
-    "COLLIDED": "the moving robot touched an obstacle",
-    "REACHED": "goal reached in time",
-    "UNDER_WAY": "goal reached later",
-    "BLOCKED": "an obstacle rests on the goal",
-    "STUCK": "halted, and stood for ever",
-    "ASTRAY": "never arrived, without a halt",
-    "ERROR": "the planner's own error",
-}
-"""Outcomes, by name, as a reader of tables meets them."""
+_QUARTERS = (0.25, 0.5, 0.75)
 
-DIFFERENT_ANSWERS = (
-    "RAMP runs with the durations of work that were published with it; the others answer at once, which no real "
-    "machine does, unless a command delay is given. So a difference to RAMP is one of planner and machine together."
+_PAPER_NOTE = (
+    "The first six by the paper's rule, which reads flags at the end of the test; a stuck robot also counts by "
+    "where it is: at the goal, or under way. They say nothing of planners that do not signal imminent collision. "
+    "Halted and stood for ever: by the sound rule, never moved again until 40 s later. A contact that "
+    "the obstacle closed alone found the robot at rest or moving away. Wilson 95 % intervals. More, fewer: cases "
+    "that say yes for this planner only, and for the first only; p: McNemar's exact test on those, for quantities "
+    "Wilcoxon's signed-rank test on the cases that have both; uncorrected, marked where Holm's correction over "
+    "this table leaves them below 0.05. Quantities: median and, in brackets, 5 % and 95 % points."
 )
-"""What must be said wherever RAMP stands beside planners that answer at once."""
+
+HEADLINE = (
+    ("spl", "corrected", "SPL"),
+    ("spl", "corrected", "SCT"),
+    ("barn", "present", "score"),
+    ("barn", "2022", "score"),
+    ("barn", "dynabarn-2022", "score"),
+    ("mrpb", "corrected", "safety"),
+    ("mrpb", "mrpb-2021", "safety"),
+    ("mrpb", "corrected", "smoothness"),
+    ("arena", "corrected", "goal reached"),
+    ("arena", "arena-evaluation", "goal reached"),
+    ("arena", "corrected", "jerk"),
+    ("arena", "arena-evaluation", "jerk"),
+    ("hunavsim", "corrected", "completed"),
+    ("hunavsim", "hunav-evaluator", "completed"),
+    ("hunavsim", "corrected", "collisions"),
+    ("hunavsim", "hunav-evaluator", "collisions"),
+    ("socnavbench", "corrected", "path irregularity"),
+    ("socnavbench", "socnavbench-code", "path irregularity"),
+    ("bench-mr", "corrected", "least clearance"),
+    ("bench-mr", "corrected", "clearing"),
+)
+"""Benchmark, mode and score of the short table; the whole is folded on the page, and in the JSON."""
 
 
-def outcome_table(results: Results) -> Table:
+def outcome_table(found: Analysis) -> Table:
     """Return how the cases ended: each case has one outcome, so a column adds up to 100 %."""
-    rows: list[tuple[Cell, ...]] = []
-    for outcome in Outcome:
-        counts = [int((c.outcomes == int(outcome)).sum()) for c in results.contenders]
-        rows.append(
-            (
-                OUTCOME_WORDS.get(outcome.name, outcome.name.lower()),
-                str(VERDICT_OF[outcome]),
-                *(interval(wilson(count, results.n_cases)) for count in counts),
-            )
-        )
-    rows.append(("answers", "", *(c.answers for c in results.contenders)))
-    return Table(
-        "Outcomes: one a case",
-        (Column("outcome"), Column("verdict"), *_names(results)),
-        tuple(rows),
-        f"{results.n_cases} cases, the same for all; Wilson 95 % intervals. {speaks_of_answers(results)}".strip(),
-    )
+    words = OUTCOME_WORDS | {Outcome.ERROR: "the planner itself failed"}
+    rows: list[tuple[Cell, ...]] = [
+        (words[o], str(VERDICT_OF[o]), *(interval(one.outcomes[o]) for one in found.standings)) for o in Outcome
+    ]
+    rows.append(("answers", "", *(one.answers for one in found.standings)))
+    note = f"{found.n_cases} cases, the same for all; Wilson 95 % intervals. {found.caution}".strip()
+    return Table("Outcomes: one a case", (Column("outcome"), Column("verdict"), *_names(found)), tuple(rows), note)
 
 
-def question_table(results: Results) -> Table:
+def question_table(found: Analysis) -> Table:
     """Return how many cases say yes to each question; a case may say yes to several."""
-    rows: list[tuple[Cell, ...]] = []
-    for words, ask in QUESTIONS.items():
-        counts = [int(ask(c.facts).sum()) for c in results.contenders]
-        rows.append((words, *(interval(wilson(count, results.n_cases)) for count in counts)))
-    if (can := results.solvable) is not None:
-        cells = [interval(wilson(int((reached(c.facts) & can).sum()), int(can.sum()))) for c in results.contenders]
-        rows.append((f"of the {int(can.sum())} cases that are solvable: goal reached", *cells))
+    rows: list[tuple[Cell, ...]] = [
+        (words, *(interval(one.questions[words]) for one in found.standings)) for words in QUESTIONS
+    ]
+    of_solvable = [one.reached_of_solvable for one in found.standings]
+    if found.solvable is not None:
+        words = f"of the {found.solvable} cases that are solvable: goal reached"
+        rows.append((words, *(interval(rate) for rate in of_solvable if rate is not None)))
     return Table(
         "Questions: yes in how many cases",
-        (Column("question"), *_names(results)),
+        (Column("question"), *_names(found)),
         tuple(rows),
         "Wilson 95 % intervals. Obstacles do not avoid the robot, so some contacts that an obstacle closes nobody "
         "can prevent.",
     )
 
 
-def time_table(results: Results) -> Table:
+def time_table(found: Analysis) -> Table:
     """Return time to the goal in quartiles, over a planner's own cases and over those that all reach."""
-    both = np.all([reached(c.facts) for c in results.contenders], axis=0)
-    rows: list[tuple[Cell, ...]] = []
-    for contender in results.contenders:
-        times = time_to_goal(contender.facts)
-        rows.append((contender.name, *quantiles(times, _QUARTERS), *quantiles(times[both], _QUARTERS)))
-    groups = ("own cases", f"the {int(both.sum())} cases that all reach")
+    rows: list[tuple[Cell, ...]] = [
+        (one.name, *quantiles(one.times, _QUARTERS), *quantiles(one.shared_times, _QUARTERS)) for one in found.standings
+    ]
+    groups = ("own cases", f"the {found.n_shared} cases that all reach")
     heads = [Column(q, ".2f", group=group, unit="s") for group in groups for q in ("q25", "median", "q75")]
     return Table(
         "Time to the goal",
@@ -92,117 +99,246 @@ def time_table(results: Results) -> Table:
     )
 
 
-_QUARTERS = (0.25, 0.5, 0.75)
-
-
-def clearance_table(results: Results) -> Table:
+def clearance_table(found: Analysis) -> Table:
     """Return quantiles of the least clearance of a case."""
-    rows: list[tuple[Cell, ...]] = []
-    for contender in results.contenders:
-        gaps = contender.facts["min_clearance"]
-        rows.append((contender.name, *quantiles(gaps[np.isfinite(gaps)], (0.05, *_QUARTERS))))
+    rows: list[tuple[Cell, ...]] = [
+        (one.name, *quantiles(one.clearances[np.isfinite(one.clearances)], (0.05, *_QUARTERS)))
+        for one in found.standings
+    ]
     heads = [Column(q, ".3f", unit="m") for q in ("5 %", "q25", "median", "q75")]
-    return Table(
-        "Least clearance in a case",
-        (Column("planner", code=True), *heads),
-        tuple(rows),
-        "Negative: overlap, whoever closed the gap.",
-    )
+    note = "Negative: overlap, whoever closed the gap."
+    return Table("Least clearance in a case", (Column("planner", code=True), *heads), tuple(rows), note)
 
 
-def score_table(results: Results) -> Table:
+def score_table(found: Analysis) -> Table:
     """Return SPL and SCT, means over all cases."""
-    rows: list[tuple[Cell, ...]] = [("SPL", *(float(weighted_by_way(c).mean()) for c in results.contenders))]
-    times = [weighted_by_time(results, c) for c in results.contenders]
-    known = [values for values in times if values is not None]
-    if known:
-        rows.append(("SCT", *(float(np.nanmean(values)) if np.isfinite(values).any() else None for values in known)))
+    rows: list[tuple[Cell, ...]] = [("SPL", *(one.spl for one in found.standings))]
+    if found.solvable is not None:
+        rows.append(("SCT", *(one.sct for one in found.standings)))
     return Table(
         "Success weighted by length and by time",
-        (Column("score"), *(Column(c.name, ".3f", code=True) for c in results.contenders)),
+        (Column("score"), *(Column(name, ".3f", code=True) for name in found.names)),
         tuple(rows),
         "1 would be: always there, on the shortest way, as early as possible. Shortest is the straight line, earliest "
         "what a disc of the same speed that knows the future and turns at once could do; so both are on the low side.",
     )
 
 
-def vector_table(results: Results) -> Table:
-    """Return the share of goals reached and of contacts for each start vector."""
-    rows: list[tuple[Cell, ...]] = []
-    vectors = np.asarray(results.vectors)
-    for vector in sorted(set(results.vectors)):
-        here = vectors == vector
-        rates = [wilson(int(reached(c.facts)[here].sum()), int(here.sum())) for c in results.contenders]
-        rows.append((vector, int(here.sum()), *(interval(rate) for rate in rates)))
+def vector_table(found: Analysis) -> Table:
+    """Return the share of goals reached for each start vector."""
+    rows: list[tuple[Cell, ...]] = [
+        (vector, n, *(interval(one.reached_by_vector[vector]) for one in found.standings))
+        for vector, n in found.vectors.items()
+    ]
     return Table(
         "Goal reached in time, by start vector of the obstacles",
-        (Column("start vector", code=True), Column("cases", ",d"), *_names(results)),
+        (Column("start vector", code=True), Column("cases", ",d"), *_names(found)),
         tuple(rows),
         "Numbers that are equal: the obstacles set out together; larger by 1: while the one before moves; larger by 2: "
         "after it has stopped.",
     )
 
 
-def error_table(results: Results) -> Table | None:
+def error_table(found: Analysis) -> Table | None:
     """Return why planners failed in themselves, commonest first, three reasons each; None if none did."""
     rows: list[tuple[Cell, ...]] = []
-    for contender in results.contenders:
-        found = contender.errors()
-        total = sum(count for _, count in found)
-        rows += [(contender.name, Marked(count, "bad"), reason) for reason, count in found[:3]]
-        if (rest := total - sum(count for _, count in found[:3])) > 0:
-            rows.append((contender.name, Marked(rest, "bad"), "other reasons"))
+    for one in found.standings:
+        rows += [(one.name, Marked(count, "bad"), reason) for reason, count in one.errors[:3]]
+        if rest := sum(count for _, count in one.errors[3:]):
+            rows.append((one.name, Marked(rest, "bad"), "other reasons"))
     if not rows:
         return None
-    return Table(
-        "Errors of planners",
-        (Column("planner", code=True), Column("cases", ",d"), Column("what it did")),
-        tuple(rows),
-        "Such cases count as not reached: they are never left out.",
-    )
+    heads = (Column("planner", code=True), Column("cases", ",d"), Column("what it did"))
+    return Table("Errors of planners", heads, tuple(rows), "Such cases count as not reached: they are never left out.")
 
 
-def decision_table(results: Results) -> Table:
+def decision_table(found: Analysis) -> Table:
     """Return how long planners took to decide."""
     rows: list[tuple[Cell, ...]] = []
-    for c in results.contenders:
-        taken = c.decisions
-        rows.append((c.name, *((taken.n, taken.median, taken.p99, taken.largest) if taken else (None,) * 4)))
+    for one in found.standings:
+        taken = one.decisions
+        rows.append((one.name, *((taken.n, taken.median, taken.p99, taken.largest) if taken else (None,) * 4)))
     heads = [Column(q, ",.0f", unit="us") for q in ("median", "p99", "largest")]
-    untimed = "".join(f" {c.name}: {c.untimed}." for c in results.contenders if c.untimed)
+    untimed = "".join(f" {one.name}: {one.untimed}." for one in found.standings if one.untimed)
     return Table(
         "Wall time of one decision",
         (Column("planner", code=True), Column("decisions", ",d"), *heads),
         tuple(rows),
         "Measured apart from the comparison, case after case in one process of this machine: wall time differs from "
-        "run to run, so it is no part of the results. RAMP's compiled loop has no call to measure: its published "
-        f"durations are simulated instead.{untimed}",
+        "run to run, so it is no part of the results. A planner that runs in a compiled loop of its own has no call to "
+        f"measure: its published durations are simulated instead.{untimed}",
     )
 
 
-def measure_table(results: Results) -> Table:
+def measure_table(found: Analysis) -> Table:
     """Return what was measured along the robots' ways, over all cases."""
-    return distribution_table(
-        "Measures over all cases",
-        {c.name: results.measured(c) for c in results.contenders},
-        "Measures of planners that reach more cases are of more, and harder, cases: compare rates first.",
+    note = "Measures of planners that reach more cases are of more, and harder, cases: compare rates first."
+    return distribution_table("Measures over all cases", {one.name: one.measures for one in found.standings}, note)
+
+
+def paper_table(found: Analysis) -> Table:
+    """Return a row a question or quantity, a column a planner, and what the others differ from the first by.
+
+    A repair is judged by this table: the same cases, every rate with its interval, every difference tested.
+    """
+    others = found.names[1:]
+    rows: list[tuple[Cell, ...]] = [
+        (words, *(interval(one.rules[words]) for one in found.standings), *_tested(found, words)) for words in RULES
+    ]
+    note = _PAPER_NOTE
+    if found.solvable is not None and found.unsolvable is not None:
+        brackets = [tuple(interval(rate) for rate in one.stuck_of_solvable or ()) for one in found.standings]
+        cells = [sure if sure == likely else f"{sure} to {likely}" for sure, likely in brackets]
+        rows.append((f"{STUCK}, of the solvable cases", *cells, *(None for _ in range(3 * len(others)))))
+        undecided = found.n_cases - found.solvable - found.unsolvable
+        note = (
+            f"Of {found.n_cases} cases {found.solvable} are solvable by a disc that knows the future, "
+            f"{found.unsolvable} by nobody, and {undecided} are undecided (docs/solvability.md). {note}"
+        )
+    for words, what in (("least clearance [m]", "clearances"), ("time to goal [s]", "times")):
+        spreads = (_spread(finite(getattr(one, what))) for one in found.standings)
+        rows.append((words, *spreads, *_tested(found, what)))
+    heads = [Column("result"), *_names(found)]
+    for other in others:
+        heads += [*(Column(word, ",d", group=other) for word in ("more", "fewer")), Column("p", group=other)]
+    title = f"The paper's results, contacts and times of {found.n_cases} cases"
+    return Table(title, tuple(heads), tuple(rows), note)
+
+
+def _tested(found: Analysis, what: str) -> list[Cell]:
+    """Return cases more and fewer, and p, of each planner against the first."""
+    cells: list[Cell] = []
+    for test in found.rule_tests:
+        if test.question == what:
+            pairs = test.found.pairs if isinstance(test.found, RateDifference) else None
+            counts = (pairs.second_only, pairs.first_only) if pairs else (None, None)
+            cells += [*counts, _p_cell(test.p_value, test)]
+    return cells
+
+
+def _spread(values: Floats) -> Cell:
+    if np.isnan(values).all():
+        return None
+    middle, low, high = quantiles(values, (0.5, 0.05, 0.95))
+    return f"{middle:.3f}{_UNBROKEN}[{low:.3f},{_UNBROKEN}{high:.3f}]"
+
+
+def to_markdown_page(found: Analysis) -> str:
+    """Return the paper's results, the outcomes and the measures in Markdown, ready for a document."""
+    tables = (paper_table(found), outcome_table(found), measure_table(found))
+    made = f"Seed {found.seed}, protocol {found.protocol}, {found.n_cases} cases, the same for all."
+    return "\n\n".join([made, *(f"**{t.title}**\n\n{to_markdown(t)}\n\n{t.note}" for t in tables)])
+
+
+def tests_table(found: Analysis) -> Table:
+    """Return the tests of each planner against the first: who beats whom, by how much, and how sure that is."""
+    what = {"reached": "goal reached", "contact": "contact by the moving robot", "time": "time to goal"}
+    rows: list[tuple[Cell, ...]] = [
+        (
+            f"{test.second} against {test.first}",
+            what[test.question],
+            *_found(test),
+            p_text(test.p_value),
+            _p_cell(test.p_holm, test),
+        )
+        for test in found.tests
+    ]
+    return Table(
+        f"Tests on the same cases against {found.names[0]}",
+        (
+            Column("pair"), Column("what", code=False), Column("cases"), Column("only it"), Column("only the first"),
+            Column("difference"), Column("effect"), Column("p"), Column("p (Holm)"),
+        ),
+        tuple(rows),
+        "Reached and contact: McNemar's exact test on the cases that only one of the two has; difference of the rates "
+        "with Newcombe's 95 % interval; effect: odds ratio of those cases. Time: cases that both reach, Wilcoxon's "
+        "signed-rank test (zeros by Pratt), median difference with its 95 % interval, effect: rank-biserial "
+        f"correlation. Differences are the planner's minus the first's. Holm corrects for all {len(found.tests)} tests "
+        "here; marked where below 0.05.",
+    )  # fmt: skip
+
+
+def _found(test: PairTest) -> tuple[Cell, ...]:
+    """Return cases, discordant counts, difference and effect, seen from the second planner."""
+    found = test.found
+    if isinstance(found, RateDifference):
+        pairs = found.pairs
+        if math.isnan(found.difference):
+            return pairs.n, None, None, None, None
+        words = f"{_signed(-found.difference, '.1%')} [{_signed(-found.high, '.1%')}, {_signed(-found.low, '.1%')}]"
+        return pairs.n, pairs.second_only, pairs.first_only, words, _ratio(pairs.second_only, pairs.first_only)
+    if not found.n:
+        return 0, None, None, None, None
+    words = f"{_signed(-found.median, '.2f')} s [{_signed(-found.high, '.2f')}, {_signed(-found.low, '.2f')}]"
+    return found.n, None, None, words, _signed(-found.rank_biserial, ".2f")
+
+
+def _ratio(more: int, fewer: int) -> str | None:
+    """Return the odds ratio of two discordant counts.
+
+    >>> _ratio(3, 6), _ratio(3, 0), _ratio(0, 0)
+    ('0.50', '∞', None)
+    """
+    if not fewer:
+        return "∞" if more else None
+    return f"{more / fewer:.2f}"
+
+
+def _signed(value: float, form: str) -> str:
+    """Return a number with its sign; nothing that rounds to zero is called negative.
+
+    >>> _signed(-0.0001, ".2f"), _signed(-0.25, ".1%")
+    ('+0.00', '−25.0%')
+    """
+    text = format(value, f"+{form}")
+    if not any(digit in text for digit in "123456789") and math.isfinite(value):
+        text = text.replace("-", "+")
+    return text.replace("-", "\N{MINUS SIGN}")
+
+
+def p_text(p_value: float) -> str:
+    """Return a p-value as readers expect it.
+
+    >>> p_text(0.0123), p_text(1e-9), p_text(1.0)
+    ('0.0123', '<0.0001', '1.0000')
+    """
+    return "<0.0001" if p_value < 0.0001 else f"{p_value:.4f}"
+
+
+def _p_cell(p_value: float, test: PairTest) -> Cell:
+    """Return a p-value, marked where Holm's correction leaves it below 0.05."""
+    return Marked(p_text(p_value), "neutral") if test.p_holm < 0.05 else p_text(p_value)
+
+
+def benchmark_tables(found: Analysis) -> tuple[Table, ...]:
+    """Return the short table of scores and the whole one, folded; none if the cases were not measured."""
+    if not found.scores:
+        return ()
+    short = tuple(s for key in HEADLINE for s in found.scores if (s.benchmark, s.mode, s.score) == key)
+    note = (
+        "Means over the cases for which a score is defined. BARN's optimal time is the straight line at top speed. "
+        "SPL and SCT here count only goals reached without any contact, also of an obstacle that ran into the robot. "
+        "What each mode does, defects included: docs/metrics.md."
     )
+    whole = _benchmark_table(found, "All scores of all modes", found.scores, "", folded=True)
+    return _benchmark_table(found, "Scores", short, note), whole
 
 
-def beats(results: Results) -> np.ndarray:
-    """Return in what share of cases the one of the row reaches the goal and the one of the column does not."""
-    flags = [reached(c.facts) for c in results.contenders]
-    return np.array([[float((a & ~b).mean()) for b in flags] for a in flags])
-
-
-def speaks_of_answers(results: Results) -> str:
-    """Return the caution on unequal machines, empty where all answer alike."""
-    return DIFFERENT_ANSWERS if len({c.answers for c in results.contenders}) > 1 else ""
+def _benchmark_table(
+    found: Analysis, title: str, scores: tuple[Score, ...], note: str, *, folded: bool = False
+) -> Table:
+    rows: list[tuple[Cell, ...]] = [(s.benchmark, s.mode, s.score, s.unit, s.cases, *s.means) for s in scores]
+    heads = (
+        Column("benchmark"), Column("mode", code=True), Column("score"), Column("unit"), Column("cases", ",d"),
+        *(Column(name, ".3g") for name in found.names),
+    )  # fmt: skip
+    return Table(title, heads, tuple(rows), note, folded=folded)
 
 
 def interval(rate: Rate) -> str:
     """Return a rate with its interval in percent, in one unbroken word; with more decimals from 10 000 cases on.
 
+    >>> from parcours.verdict.statistics import wilson
     >>> interval(wilson(70, 905)).replace("\\xa0", " ")
     '7.7 % [6.2, 9.7]'
     >>> interval(wilson(8, 10_000)).replace("\\xa0", " ")
@@ -220,5 +356,5 @@ def interval(rate: Rate) -> str:
 _UNBROKEN = "\N{NO-BREAK SPACE}"
 
 
-def _names(results: Results) -> tuple[Column, ...]:
-    return tuple(Column(c.name) for c in results.contenders)
+def _names(found: Analysis) -> tuple[Column, ...]:
+    return tuple(Column(name) for name in found.names)

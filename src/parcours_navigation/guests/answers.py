@@ -1,4 +1,4 @@
-"""What a planner answered -> two finite speeds or a trajectory's points, or a sentence on what is wrong with it."""
+"""Reads what a planner answered: two finite speeds, or a trajectory's points; says what is wrong with anything else."""
 
 from __future__ import annotations
 
@@ -18,7 +18,11 @@ _LEGAL = "an answer is a pair (v, w), a Command, a Trajectory or None"
 
 
 class BadAnswer(Exception):
-    """The planner's answer is no command and no trajectory; the message says what it was."""
+    """The planner's answer is neither a command nor a trajectory, or not finite; the message says what it was."""
+
+    def __init__(self, what: str, *, finite: bool = True) -> None:
+        super().__init__(what)
+        self.finite = finite
 
 
 def read_answer(answer: object) -> tuple[float, float, Floats | None]:
@@ -28,7 +32,7 @@ def read_answer(answer: object) -> tuple[float, float, Floats | None]:
         answer: anything but None. A list or an array of two numbers is taken for a pair.
 
     Raises:
-        BadAnswer: it is none of what `Answer` allows, or a number in it is not finite.
+        BadAnswer: it is not what `Answer` allows, or a number in it is not finite.
 
     >>> read_answer(np.array([0.2, 0.0]))
     (0.2, 0.0, None)
@@ -53,14 +57,11 @@ def read_answer(answer: object) -> tuple[float, float, Floats | None]:
     try:
         v, w = float(v), float(w)
     except (OverflowError, ValueError, TypeError) as error:
-        raise BadAnswer(f"returned {_shown(answer)}, but speeds are finite numbers") from error
+        raise BadAnswer(f"returned {_shown(answer)}, but speeds are finite numbers", finite=False) from error
     if not (math.isfinite(v) and math.isfinite(w)):
-        raise BadAnswer(f"returned {_pair(answer, v, w)}, but speeds are finite numbers")
+        shown = f"{'Command' if isinstance(answer, Command) else ''}({v}, {w})"
+        raise BadAnswer(f"returned {shown}, but speeds are finite numbers", finite=False)
     return v, w, None
-
-
-def _pair(answer: object, v: float, w: float) -> str:
-    return f"{'Command' if isinstance(answer, Command) else ''}({v}, {w})"
 
 
 def _is_number(value: object) -> bool:
@@ -83,7 +84,7 @@ def _points(given: object) -> Floats:
         for i, row in enumerate(points.tolist()):
             if not all(abs(value) <= FARTHEST for value in row):
                 rule = f"no number may exceed {FARTHEST:g}"
-                raise BadAnswer(f"returned a Trajectory whose point {i} is {_shown(tuple(row))}: {rule}")
+                raise BadAnswer(f"returned a Trajectory whose point {i} is {_shown(tuple(row))}: {rule}", finite=False)
         raise BadAnswer(f"returned a Trajectory whose times do not increase by at least {SHORTEST_STEP:g} s")
     return points
 

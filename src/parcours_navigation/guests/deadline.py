@@ -1,4 +1,4 @@
-"""A call that takes too long -> an exception inside it, where the interpreter can be interrupted at all.
+"""Interrupts a call that takes too long, where the interpreter can be interrupted at all.
 
 Compiled code that never returns to the interpreter is beyond this: there the parent process ends the worker
 (`parcours.run.heartbeat`).
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from parcours.run.heartbeat import CASE, LIMIT, NO_CASE, TIME
 
 FIRST_CASE = 6.0
-"""In the first case of a process a call may take so many times longer: imports, and compilation."""
+"""In the first case of a process a call may take this many times longer: imports, and compilation."""
 
 
 class Hung(BaseException):
@@ -27,11 +27,8 @@ class Hung(BaseException):
 class Deadline:
     """While entered, looks at the clock words of a case from time to time, and raises Hung when they stand still.
 
-    Does nothing in threads other than the main one, where signals do not arrive.
-
-    Args:
-        words: of the case: its number, its time and the limit, see `parcours.run.heartbeat`.
-        call_timeout: the shortest limit to come [s].
+    The words are those of `parcours.run.heartbeat`; `call_timeout` is the shortest limit to come [s]. Does nothing in
+    threads other than the main one, where signals do not arrive.
     """
 
     def __init__(self, words: NDArray[np.float64], call_timeout: float) -> None:

@@ -1,6 +1,6 @@
-"""A planner, asked once a period -> the world's motion under its answers, and the facts of the case.
+"""Runs cases with a planner that is asked once a period: its answers become motion, and facts.
 
-All that the planner does wrong costs the case it does it in: an exception, an answer that is none, a call that never
+All that the planner does wrong costs the case it does it in: an exception, an answer that is not one, a call that never
 ends. What it is shown are copies; what it does with them changes nothing but its own next observation.
 """
 
@@ -116,13 +116,9 @@ class Host:
         self._measure(np.zeros(1, FACTS))
 
     def run(self, numbers: Sequence[int], cases: Floats, seed: int, facts: NDArray[np.void]) -> None:
-        """Run cases and fill their facts.
+        """Run cases and fill their facts, array of FACTS of zeros, shape (n_cases,).
 
-        Args:
-            numbers: of the cases.
-            cases: the obstacles' OBSTACLE records as float64 words, shape (n_cases, words).
-            seed: of the campaign.
-            facts: array of FACTS, zeros, shape (n_cases,).
+        `cases` holds the OBSTACLE records of each case as float64 words, shape (n_cases, words), `seed` the campaign's.
         """
         most_track = _most_track(self._scenario)
         self._pid = os.getpid()
@@ -208,6 +204,7 @@ class Host:
         observe, memory, robot, obstacles, task = (
             self._plugin.observe, self._memory, self._robot, self._obstacles, view.task
         )  # fmt: skip
+        # Every observation of a campaign passes here: locals instead of attributes, the usual answer read in place.
         v, w, points = self._orders
         pid, process_id = self._pid, os.getpid
         for time, until in steps:

@@ -1,5 +1,6 @@
-"""Commands and trajectories -> the world's motion between two observations, compiled, with the case's whole state in
-one array of float64: passing one plain array costs a tenth of passing records.
+"""Moves the world between two observations, compiled, with a case's whole state in one array of float64.
+
+Passing one plain array costs a tenth of passing records.
 
 The array begins with three words that a supervising process may read (`parcours.run.heartbeat`); the rest is the
 world, the observation, the obstacles and the track, each viewed with its own layout.
@@ -100,16 +101,10 @@ def _mark(memory: Floats, host: Record, world: Record, obstacles: Record) -> Non
 
 @kernel
 def begin_case(memory: Floats, number: int, limit: float, case: Floats, setting: Floats, most_track: int) -> None:
-    """Put a case at its beginning.
+    """Put case `number` at its beginning; a call of the planner may take `limit` [s].
 
-    Args:
-        memory: of `memory_size` words.
-        number: of the case.
-        limit: longest call allowed [s].
-        case: the obstacles' OBSTACLE records as float64 words, shape (n_obstacles * words,).
-        setting: start x, y, heading, speed; goal x, y, tolerance; top speed, yaw rate, acceleration, yaw
-            acceleration; radius of the robot; all SI, shape (12,).
-        most_track: entries of the track to keep.
+    `case` holds the OBSTACLE records as float64 words; `setting` start x, y, heading, speed, goal x, y, tolerance, top
+    speed, yaw rate, acceleration, yaw acceleration and radius of the robot, all SI; `most_track` entries are kept.
     """
     memory[CASE], memory[TIME], memory[LIMIT] = float(number), 0.0, limit
     host = memory[_HOST:_WORLD].view(HOST)[0]
@@ -153,16 +148,9 @@ def _is_far(world: Record) -> bool:
 
 @kernel
 def hold(memory: Floats, until: int, v: float, w: float) -> int:
-    """Command the speeds, advance the world to `until` [ns] or to its goal, and fill the observation.
+    """Command speeds [m/s, rad/s], advance the world to `until` [ns] or to its goal, and fill the observation.
 
-    Args:
-        memory: of a case that was begun.
-        until: a multiple of the tick [ns].
-        v: forward speed [m/s].
-        w: yaw rate [rad/s].
-
-    Returns:
-        GO_ON, or ARRIVED if the goal was just reached, or NOT_FINITE if a speed is no finite number.
+    Return GO_ON, or ARRIVED if the goal was just reached, or NOT_FINITE if a speed is not a finite number.
     """
     if not (np.isfinite(v) and np.isfinite(w)):
         return NOT_FINITE
@@ -185,7 +173,7 @@ def hold(memory: Floats, until: int, v: float, w: float) -> int:
 
 @kernel
 def follow(memory: Floats, until: int, points: Floats) -> int:
-    """Do as `hold`, but command the robot anew at every tick so that it follows a trajectory's points, shape (n, 4)."""
+    """Do as `hold`, but command the robot at every tick so that it follows the points of a trajectory, shape (n, 4)."""
     host = memory[_HOST:_WORLD].view(HOST)[0]
     world = memory[_WORLD:_ROBOT].view(WORLD)[0]
     obstacles = _obstacles(memory, host.n)

@@ -50,14 +50,7 @@ def reason_bytes(reason: str) -> bytes:
 
 
 def lost(number: int, fault: PlannerFault, reason: str, time: int) -> NDArray[np.void]:
-    """Return the facts of a case of which nothing is known but when and why it was lost, shape (1,).
-
-    Args:
-        number: of the case.
-        fault: what happened.
-        reason: in words.
-        time: of the last observation in the case [ns].
-    """
+    """Return the facts of a case of which nothing is known but when [ns] and why it was lost, shape (1,)."""
     facts = np.zeros(1, FACTS)
     for name in BASE.names or ():
         if name.startswith("t_"):

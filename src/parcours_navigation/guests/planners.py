@@ -1,4 +1,4 @@
-"""A planner's name -> the planner: those that ship with Parcours by name, anybody's by module or file."""
+"""Finds planners by name: those that ship with Parcours or are added by packages, and any by module or file."""
 
 from __future__ import annotations
 
@@ -136,17 +136,13 @@ def load_planner(planner: PlannerLike) -> Plugin:
     return _ready(name, planner)
 
 
-def _place_of(planner: str) -> str:
-    """Return module:Name of a planner that is known by a short name; the planner itself if it is not."""
-    if planner in SHIPPED or planner not in names():
-        return SHIPPED.get(planner, planner)
-    (entry,) = entry_points(group=GROUP, name=planner)
-    return entry.value
-
-
 def _parts(planner: str) -> tuple[str, str]:
     """Return the module or file of a name, and what to look for in it."""
-    where, colon, attribute = _place_of(planner).rpartition(":")
+    place = SHIPPED.get(planner, planner)
+    if planner in names() and planner not in SHIPPED:
+        (entry,) = entry_points(group=GROUP, name=planner)
+        place = entry.value
+    where, colon, attribute = place.rpartition(":")
     if own_loop(planner) is not None:
         rule = "it runs in a loop of its own, and has no observe"
         raise BadRequest(f"planner {planner!r}", rule, "parcours run and compare know how", slug="planner-own-loop")
@@ -232,29 +228,28 @@ def _ready(name: str, found: object) -> Plugin:
     if inspect.isclass(found):
         made = found
         found = _guarded(name, "its constructor, which is given nothing,", lambda: made())
-    observe = getattr(found, "observe", None)
     reset = getattr(found, "reset", None)
+    observe = getattr(found, "observe", None)
     if observe is None and callable(found):
         observe = found
-    for method, what in ((observe, "observe(observation)"), (reset, "reset(task)")):
-        if method is None and what.startswith("reset"):
-            continue
-        if not callable(method):
-            rule = f"must be a function of an observation, or have {what}, but is a {type(found).__name__} without"
-            raise BadRequest(f"planner {name!r}", rule, "see docs/planners.md", slug="planner-form")
-        _require_one_argument(name, method, what)
+    _require_one_argument(name, found, observe, "observe(observation)")
+    if reset is not None:
+        _require_one_argument(name, found, reset, "reset(task)")
     return Plugin(name, cast(Observe, observe), cast("Callable[[Task], object] | None", reset), file)
 
 
-def _require_one_argument(name: str, method: Callable[..., object], what: str) -> None:
-    """Raise BadRequest unless the function can be called with one argument."""
-    try:
-        inspect.signature(method).bind(None)
-    except TypeError as error:
-        rule = f"{what} must take exactly one argument, but: {error}"
-        raise BadRequest(f"planner {name!r}", rule, "see docs/planners.md", slug="planner-form") from error
-    except ValueError:
-        return  # compiled code without a signature: the first call will tell
+def _require_one_argument(name: str, found: object, method: object, what: str) -> None:
+    """Raise BadRequest unless the method can be called with one argument."""
+    rule = f"must be a function of an observation, or have {what}, but is a {type(found).__name__} without"
+    if callable(method):
+        try:
+            inspect.signature(method).bind(None)
+            return
+        except ValueError:
+            return  # compiled code without a signature: the first call will tell
+        except TypeError as error:
+            rule = f"{what} must take exactly one argument, but: {error}"
+    raise BadRequest(f"planner {name!r}", rule, "see docs/planners.md", slug="planner-form")
 
 
 def is_ctrl_c(error: BaseException) -> bool:

@@ -17,7 +17,7 @@ _LIMITS = Limits(speed=0.25, yaw_rate=PI / 2.0, acceleration=1.0, yaw_accelerati
 
 @dataclass(frozen=True, slots=True)
 class Scenario:
-    """Where the robot starts and is to go, what it can do, and how the planner is asked. The defaults are RAMP's.
+    """Where the robot starts and is to go, what it can do, and how the planner is asked. The defaults are the paper's.
 
     Args:
         start: x, y, heading of the robot [m, m, rad].

@@ -1,4 +1,4 @@
-"""A trajectory of poses and the robot's pose -> the speeds that bring the robot onto it in time.
+"""The speeds that bring a robot onto a trajectory of poses in time.
 
 The feedback law is that of Kanayama, Kimura, Miyazaki and Noguchi, "A stable tracking control method for an autonomous
 mobile robot" (ICRA 1990, eq. 7), with the gains of its section 6, on poses interpolated linearly.
@@ -45,13 +45,10 @@ def is_trajectory(points: Floats) -> bool:
 
 @kernel
 def reference(points: Floats, time: float) -> tuple[float, float, float, float, float]:
-    """Return where the trajectory is at a time [s]: x, y, heading, speed, yaw rate [m, m, rad, m/s, rad/s].
+    """Return where a trajectory is at a time [s]: x, y, heading, speed, yaw rate [m, m, rad, m/s, rad/s].
 
-    Before its first time it stands on its first pose, after its last on its last.
-
-    Args:
-        points: one row each: time, x, y, heading [s, m, m, rad], times increasing, shape (n, 4).
-        time: [s].
+    Its points are those of `protocol.Trajectory`; before the first time it stands on the first pose, after the last on
+    the last.
 
     >>> x, y, heading, v, w = reference(np.array([[0.0, 1.0, 0.0, 0.0], [2.0, 2.0, 0.0, 1.0]]), 1.0)
     >>> x, y, heading, w

@@ -1,4 +1,4 @@
-"""Facts and measures of many runs -> the scores of published benchmarks, corrected, or as their code computes them.
+"""The scores of published benchmarks over many runs, corrected, or as their code computes them.
 
 A new benchmark is one function and one entry of BENCHMARKS.
 """

@@ -1,4 +1,4 @@
-"""The robot's and the obstacles' positions -> gaps, time within them, time to collision.
+"""Measures of closeness to obstacles: gaps, time within them, time to collision.
 
 The gap to the closest obstacle is taken to change linearly from one entry to the next.
 """

@@ -1,4 +1,4 @@
-"""One run's track and where its obstacles were -> its MEASURES, compiled, without allocation.
+"""Takes all MEASURES of one run, compiled, without allocation.
 
 What each field means is said in `table`. An interval of no duration, two entries of the same time, counts for positions
 only.
@@ -31,9 +31,7 @@ def measure(
         track: array of TRACK (or of a dtype with its fields), shape (n,), times not decreasing.
         places: centres of the obstacles at the same entries [m], shape (n, n_obstacles, 2).
         radii: of the obstacles [m], shape (n_obstacles,).
-        robot_radius: [m].
-        goal_x: [m].
-        goal_y: [m].
+        robot_radius, goal_x, goal_y: [m].
         goal_tolerance: distance to the goal that counts as reached [m].
         t_goal: when the world saw the goal reached [ns], since a track may end a moment before; NEVER: take it from the
             track.

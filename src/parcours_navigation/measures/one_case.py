@@ -1,4 +1,4 @@
-"""The track of one case, checked -> its record of measures."""
+"""The measures of one case, from its track, which is checked first."""
 
 from __future__ import annotations
 
@@ -61,18 +61,8 @@ def measures_of(
     track, spots, sizes = _checked(track, places, radii, until)
     out = np.zeros((), MEASURES)
     x, y = goal
-    measure(
-        track,
-        spots,
-        sizes,
-        float(robot_radius),
-        float(x),
-        float(y),
-        float(goal_tolerance),
-        int(t_goal),
-        float(safe_distance),
-        out[()],
-    )
+    radius, reach, safe = float(robot_radius), float(goal_tolerance), float(safe_distance)
+    measure(track, spots, sizes, radius, float(x), float(y), reach, int(t_goal), safe, out[()])
     return cast(np.void, out[()])
 
 
@@ -88,14 +78,7 @@ def measures_as_published(
 ) -> np.void:
     """Return what published benchmark code computes of one run, a record of PUBLISHED.
 
-    Args:
-        track: array of TRACK, shape (n,), times not decreasing.
-        places: centres of the obstacles at the same entries [m], shape (n, n_obstacles, 2).
-        radii: of the obstacles [m], shape (n_obstacles,).
-        robot_radius: [m].
-        goal: (x, y) [m].
-        safe_distance: gap below which MRPB calls a sample unsafe [m].
-        until: only entries up to this time count [ns]; all if None.
+    The arguments are those of `measures_of`.
 
     Raises:
         BadRequest: the shapes do not fit, or times decrease.
@@ -122,21 +105,14 @@ def _checked(
     """Return track, places and radii up to `until`, or raise BadRequest if they do not fit together."""
     spots, sizes = np.asarray(places, dtype=np.float64), np.asarray(radii, dtype=np.float64)
     if sizes.ndim != 1 or spots.shape != (len(track), len(sizes), 2):
-        raise BadRequest(
-            "obstacle places",
-            f"shape must be (entries, obstacles, 2) = ({len(track)}, {sizes.size}, 2), but it is {spots.shape}",
-            "give one place for each entry of the track and each radius",
-            slug="places-shape",
-        )
+        rule = f"shape must be (entries, obstacles, 2) = ({len(track)}, {sizes.size}, 2), but it is {spots.shape}"
+        remedy = "give one place for each entry of the track and each radius"
+        raise BadRequest("obstacle places", rule, remedy, slug="places-shape")
     times = track["time"]
     steps = np.flatnonzero(times[1:] < times[:-1])
     if steps.size:
         i = int(steps[0])
-        raise BadRequest(
-            "track",
-            f"times must not decrease, but {times[i + 1]} ns follows {times[i]} ns",
-            "sort the entries",
-            slug="track-order",
-        )
+        rule = f"times must not decrease, but {times[i + 1]} ns follows {times[i]} ns"
+        raise BadRequest("track", rule, "sort the entries", slug="track-order")
     n = len(track) if until is None else int(np.searchsorted(times, until, side="right"))
     return track[:n], np.ascontiguousarray(spots[:n]), np.ascontiguousarray(sizes)

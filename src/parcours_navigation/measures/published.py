@@ -1,4 +1,4 @@
-"""One run's track and where its obstacles were -> what published benchmark code computes of it, defects included.
+"""What published benchmark code computes of one run, defects included.
 
 Written from what the code of MRPB, Arena, HuNavSim and SocNavBench does, read in their repositories; none of it is
 theirs. All of it depends on how often the track is sampled.
@@ -25,18 +25,7 @@ def measure_as_published(
     safe_distance: float,
     out: Record,
 ) -> None:
-    """Fill `out` with what published code makes of one run.
-
-    Args:
-        track: array of TRACK, shape (n,), times increasing.
-        places: centres of the obstacles at the same entries [m], shape (n, n_obstacles, 2).
-        radii: of the obstacles [m], shape (n_obstacles,).
-        robot_radius: [m].
-        goal_x: [m].
-        goal_y: [m].
-        safe_distance: gap below which MRPB calls a sample unsafe [m].
-        out: record of PUBLISHED, filled; means over no samples are NaN.
-    """
+    """Fill `out`, a record of PUBLISHED, as `one_case.measures_as_published` says; means over no samples are NaN."""
     _mrpb(track, places, radii, robot_radius, safe_distance, out)
     _arena(track, places, radii, robot_radius, out)
     _hunavsim_people(track, places, radii, robot_radius, out)

@@ -1,4 +1,4 @@
-"""Facts and measures of many runs -> columns of scores; SPL and SCT.
+"""Columns of scores over many runs, and two of the scores: SPL and SCT.
 
 SPL: Anderson et al., On Evaluation of Embodied Navigation Agents, 2018. SCT: Yokoyama, Ha and Batra, Success Weighted
 by Completion Time, IROS 2021.
@@ -51,11 +51,8 @@ class Runs:
         for name in ("measures", "published", "shortest", "fastest", "planning_time"):
             array = getattr(self, name)
             if array is not None and array.shape != self.facts.shape:
-                raise BadRequest(
-                    "runs",
-                    f"{name} must have one entry a run, shape {self.facts.shape}, but its shape is {array.shape}",
-                    slug="runs-shape",
-                )
+                rule = f"{name} must have one entry a run, shape {self.facts.shape}, but its shape is {array.shape}"
+                raise BadRequest("runs", rule, slug="runs-shape")
 
     @property
     def arrived(self) -> NDArray[np.bool_]:
@@ -78,19 +75,11 @@ class Runs:
         return np.where(self.arrived, self.facts["t_goal"] * 1e-9, np.nan)
 
     def needed(self, name: str) -> NDArray[np.void]:
-        """Return the optional array `name`.
-
-        Raises:
-            BadRequest: it was not given.
-        """
+        """Return the optional array `name`. Raises BadRequest if it was not given."""
         array: NDArray[np.void] | None = getattr(self, name)
         if array is None:
-            raise BadRequest(
-                "runs",
-                f"this score needs {name}, but none was given",
-                f"give Runs(..., {name}=...)",
-                slug="runs-missing",
-            )
+            rule = f"this score needs {name}, but none was given"
+            raise BadRequest("runs", rule, f"give Runs(..., {name}=...)", slug="runs-missing")
         return array
 
 
@@ -179,9 +168,5 @@ def require_positive(where: str, values: Values) -> None:
     """Raise BadRequest if a best length or time is 0 or less; NaN passes, as unknown."""
     if np.any(values <= 0.0):
         worst = float(np.nanmin(values))
-        raise BadRequest(
-            where,
-            f"the best length or time must be positive, but {worst:g} given",
-            "leave such cases out, or give NaN",
-            slug="best-not-positive",
-        )
+        rule = f"the best length or time must be positive, but {worst:g} given"
+        raise BadRequest(where, rule, "leave such cases out, or give NaN", slug="best-not-positive")

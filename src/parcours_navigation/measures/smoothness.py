@@ -1,4 +1,4 @@
-"""The robot's speeds and flags -> rest, accelerations, jerks, halts.
+"""Measures of the robot's drive: rest, accelerations, jerks, halts.
 
 Speeds change linearly from one entry to the next, flags are held.
 """

@@ -1,4 +1,4 @@
-"""The robot's positions and headings -> path length, times of setting out and arriving, turning, curvature.
+"""Measures of the robot's way: path length, times of setting out and arriving, turning, curvature.
 
 Between two entries the robot moves on the chord.
 """

@@ -1,4 +1,4 @@
-"""An observation into the plainest commands, by which other planners are measured: stand still, or drive straight."""
+"""The plainest planners, by which others are measured: stand still, or drive straight."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""DWA: an observation into the best of the speeds that can be reached soon and from which the robot can still brake.
+"""DWA: the best of the speeds that can be reached soon and from which the robot can still brake.
 
 Candidates (v, w) on a grid over the dynamic window are driven as arcs; those that leave no room for braking are
 dropped, the others weighed by heading, clearance and velocity (Fox, Burgard, Thrun, The dynamic window approach to
@@ -26,17 +26,13 @@ def drive_arc(
 ) -> tuple[float, float, float]:
     """Return (contact, closing, gap) of an arc: when it touches, when the robot runs into something, the least gap.
 
-    The times [s] are the begins of the steps in which it happens, infinite if it does not. The robot runs into an
-    obstacle that it touches while it moves towards it. With that the arc ends.
+    The times [s] are those of the starts of the steps in which it happens, infinite if it does not. The robot runs into
+    an obstacle that it touches while it moves towards it. With that the arc ends.
 
     Args:
         robot: as in `Observation.robot`, shape (5,).
-        v: speed [m/s].
-        w: yaw rate [rad/s].
-        places: where the obstacles will be [m], shape (n_instants, >= n, 2).
-        reaches: sums of the radii [m], shape (>= n,).
-        n: how many obstacles count.
-        step: time between two instants [s].
+        v, w: speed and yaw rate of the arc [m/s, rad/s].
+        places, reaches, n, step: as in `extrapolate`.
         comfort: gaps above this are not told apart [m].
     """
     x, y = robot[0], robot[1]
@@ -68,32 +64,25 @@ def drive_arc(
 
 @kernel
 def is_admissible(v: float, closing: float, deceleration: float, reaction: float) -> bool:
-    """Return whether a robot that drives at v [m/s] can stand before it would run into something.
+    """Return whether a robot at v [m/s] stands before it would run into something in `closing` [s].
 
-    Args:
-        v: speed [m/s]; a robot that stands is always admissible.
-        closing: when it would run into something if it went on [s].
-        deceleration: how hard it brakes [m/s2].
-        reaction: time until it brakes [s].
+    It brakes at `deceleration` [m/s2] after `reaction` [s]; a robot that stands is always admissible.
     """
     return v <= 0.0 or closing > reaction + v / deceleration
+
+
+World = tuple[Floats, Floats, int, float]
+"""Where the obstacles will be: places, reaches, n and step, as in `extrapolate`."""
 
 
 @kernel
 def best_speeds(
     robot: Floats,
-    goal_x: float,
-    goal_y: float,
+    goal: tuple[float, float],
     speed: float,
     limits: Floats,
-    places: Floats,
-    reaches: Floats,
-    n: int,
-    step: float,
-    interval: float,
-    reaction: float,
-    n_v: int,
-    n_w: int,
+    world: World,
+    window: tuple[float, float, int, int],
     weights: Floats,
     comfort: float,
 ) -> tuple[float, float]:
@@ -101,21 +90,15 @@ def best_speeds(
 
     Args:
         robot: as in `Observation.robot`, shape (5,).
-        goal_x: where to go [m].
-        goal_y: its other part [m].
-        speed: how fast to go there at most [m/s].
+        goal, speed: where to go [m], and how fast at most [m/s].
         limits: speed, yaw rate, acceleration, yaw acceleration [m/s, rad/s, m/s2, rad/s2], shape (4,).
-        places: where the obstacles will be [m], shape (n_instants, >= n, 2).
-        reaches: sums of the radii [m], shape (>= n,).
-        n: how many obstacles count.
-        step: time between two instants [s].
-        interval: speeds that can be reached within this time are in the window [s].
-        reaction: time until the robot brakes [s].
-        n_v: number of speeds in the window, besides 0.
-        n_w: number of yaw rates in the window.
+        world: the obstacles.
+        window: interval, reaction [s], n_v and n_w, as in `Dwa`.
         weights: of heading, clearance, velocity and gap, shape (4,).
         comfort: gaps above this are as good as any [m].
     """
+    places, reaches, n, step = world
+    interval, reaction, n_v, n_w = window
     top, a, alpha = limits[0], limits[2], limits[3]
     v_high = max(min(robot[3] + a * interval, speed), 0.0)
     v_low = min(max(robot[3] - a * interval, 0.0), v_high)
@@ -131,7 +114,7 @@ def best_speeds(
                 continue
             x, y = travel(robot[0], robot[1], robot[2], v, w, interval)
             heading = robot[2] + w * interval + 0.5 * w * abs(w) / alpha
-            off = abs(wrap(atan2(goal_y - y, goal_x - x) - heading))
+            off = abs(wrap(atan2(goal[1] - y, goal[0] - x) - heading))
             value = weights[0] * (1.0 - off / PI) + weights[1] * min(contact / horizon, 1.0)
             value += weights[2] * v / top + weights[3] * max(gap, 0.0) / comfort
             if value > best:
@@ -157,7 +140,7 @@ class Dwa:
         margin: the robot's radius is enlarged by this [m].
 
     Raises:
-        BadRequest: a parameter is no number or out of its range.
+        BadRequest: a parameter is not a number or out of its range.
     """
 
     def __init__(
@@ -178,10 +161,11 @@ class Dwa:
     ) -> None:
         self._step = require_number("dwa", "step", step, 0.01, 1.0, "s")
         self._n_steps = math.ceil(require_number("dwa", "horizon", horizon, self._step, 60.0, "s") / self._step - 1e-9)
-        self._interval = require_number("dwa", "interval", interval, 0.01, 10.0, "s")
-        self._reaction = require_number("dwa", "reaction", reaction, 0.0, 10.0, "s")
-        self._n_v = require_count("dwa", "n_v", n_v, 2, 1000)
-        self._n_w = require_count("dwa", "n_w", n_w, 2, 1000)
+        times = (
+            require_number("dwa", "interval", interval, 0.01, 10.0, "s"),
+            require_number("dwa", "reaction", reaction, 0.0, 10.0, "s"),
+        )
+        self._window = (*times, require_count("dwa", "n_v", n_v, 2, 1000), require_count("dwa", "n_w", n_w, 2, 1000))
         named = {"heading": heading, "clearance": clearance, "velocity": velocity, "gap": gap}
         self._weights = np.array([require_number("dwa", name, value, 0.0, 1e6, "") for name, value in named.items()])
         self._comfort = require_number("dwa", "comfort", comfort, 0.001, 10.0, "m")
@@ -206,21 +190,6 @@ class Dwa:
             self._reaches = np.empty(len(obstacles))
         radius, top = task.robot_radius + self._margin, task.limits.speed
         n = extrapolate(robot, obstacles, top, radius, self._comfort, self._step, self._places, self._reaches)
-        v, w = best_speeds(
-            robot,
-            task.goal[0],
-            task.goal[1],
-            speed,
-            self._limits,
-            self._places,
-            self._reaches,
-            n,
-            self._step,
-            self._interval,
-            self._reaction,
-            self._n_v,
-            self._n_w,
-            self._weights,
-            self._comfort,
-        )
+        world = self._places, self._reaches, n, self._step
+        v, w = best_speeds(robot, task.goal, speed, self._limits, world, self._window, self._weights, self._comfort)
         return Command(v, w)

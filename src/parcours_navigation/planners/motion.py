@@ -1,4 +1,4 @@
-"""Discs that move at constant (v, w) -> where they will be, and their least gap in continuous time."""
+"""Where discs that move at constant (v, w) will be, and their least gap in continuous time; parameters of planners."""
 
 from __future__ import annotations
 
@@ -110,13 +110,10 @@ def runs_into(
     from them, or stands, are left out: braking would not help. Without any the time is infinite and `which` is -1.
 
     Args:
-        robot: as in `Observation.robot`, shape (5,).
-        v: speed [m/s].
-        w: yaw rate [rad/s].
-        obstacles: as in `Observation.obstacles`, shape (n, 6).
+        robot, obstacles: as in `Observation`.
+        v, w: speed [m/s] and yaw rate [rad/s].
         radius: of the robot, with its margin [m].
-        horizon: how far to look ahead [s].
-        step: both are taken to move straight for this long [s].
+        horizon, step: how far to look ahead, and for how long both are taken to move straight [s].
     """
     n_steps = int(np.ceil(horizon / step))
     first, which = np.inf, -1
@@ -146,9 +143,6 @@ def to_goal(observation: Observation) -> tuple[float, float, float, float]:
     """Return (x, y, distance, speed): where the goal is seen from the robot [m], and how fast to go there [m/s].
 
     The speed is the robot's top speed, less where it must brake to stop on the goal, and 0 within half the tolerance.
-
-    Args:
-        observation: what is sensed now.
     """
     task, robot = observation.task, observation.robot
     x, y = task.goal[0] - float(robot[X]), task.goal[1] - float(robot[Y])
@@ -159,38 +153,20 @@ def to_goal(observation: Observation) -> tuple[float, float, float, float]:
 
 
 def require_number(planner: str, name: str, value: float, low: float, high: float, unit: str) -> float:
-    """Return the value as a float if it lies in [low, high].
-
-    Args:
-        planner: whose parameter it is.
-        name: the parameter's name.
-        value: what was given [unit].
-        low: least value allowed [unit].
-        high: greatest value allowed [unit].
-        unit: unit of all three, "" for none.
-
-    Raises:
-        BadRequest: the value is no number or lies outside.
-    """
+    """Return the value as a float if it is a number in [low, high]; raise BadRequest if not."""
     if isinstance(value, bool) or not isinstance(value, (int, float, np.integer, np.floating)):
         rule, remedy = f"must be a number, but {value!r} was given", f"give a number from {low:g} to {high:g}"
         raise BadRequest(f"planner {planner}, {name}", rule, remedy, slug="planner-parameter")
     if not low <= value <= high:
         span = f"{low:g} to {high:g} {unit}".rstrip()
-        raise BadRequest(
-            f"planner {planner}, {name}", f"must lie in {span}, but is {value:g}", slug="planner-parameter"
-        )
+        rule = f"must lie in {span}, but is {value:g}"
+        raise BadRequest(f"planner {planner}, {name}", rule, slug="planner-parameter")
     return float(value)
 
 
 def require_count(planner: str, name: str, value: int, low: int, high: int) -> int:
-    """Return the value if it is a whole number in low .. high.
-
-    Raises:
-        BadRequest: the value is no whole number or lies outside.
-    """
+    """Return the value if it is a whole number in low .. high; raise BadRequest if not."""
     if int(require_number(planner, name, value, low, high, "")) != value:
-        raise BadRequest(
-            f"planner {planner}, {name}", f"must be a whole number, but is {value:g}", slug="planner-parameter"
-        )
+        rule = f"must be a whole number, but is {value:g}"
+        raise BadRequest(f"planner {planner}, {name}", rule, slug="planner-parameter")
     return int(value)

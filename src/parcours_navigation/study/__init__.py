@@ -1,1 +1,1 @@
-"""Any planner in the simulated world, on the same numbered cases as RAMP: its answers become motion, and facts."""
+"""The study `navigation`: any planner in the simulated world, on the same numbered cases."""

@@ -1,4 +1,4 @@
-"""What every study on system cases asks its user: parameters, chosen cases, and what decides the results."""
+"""What every study on system cases asks its user: parameters and chosen cases, and which of them decide the results."""
 
 from __future__ import annotations
 

@@ -1,11 +1,11 @@
-"""Folders of campaigns of any planner on system cases -> results, tables, replays and verdicts for reports."""
+"""Campaigns of a planner on system cases, read from their folders: facts of the finished cases, and replays of them."""
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Protocol as TypingProtocol
 from typing import cast
 
 import numpy as np
@@ -13,29 +13,43 @@ from numpy.typing import NDArray
 
 from parcours.errors import BadRequest, BadResults
 from parcours.report.junit import CaseResult
-from parcours.report.pieces import Column, Piece, Replay, Table
+from parcours.report.pieces import Replay
 from parcours.run.store import open_results
 from parcours.study.campaign.running import facts_of
-from parcours.study.finding import find, registered
-from parcours.verdict.judgement import Verdict
 from parcours_navigation.cases.family import Protocol, SystemCases
 from parcours_navigation.facts import FACTS as BASE
 from parcours_navigation.guests.planner_facts import FACTS, PlannerFault
 from parcours_navigation.guests.scenario import Scenario
-from parcours_navigation.outcomes import VERDICT_OF, Outcome, explain, outcomes, published
+from parcours_navigation.outcomes import VERDICT_OF, Outcome, explain, outcomes
 from parcours_navigation.protocol import Limits
-from parcours_navigation.study.distribution import (
-    distribution_document,
-    distribution_table,
-    measured,
-    oracle,
-    survived,
-)
-from parcours_navigation.study.outcome_tables import Results, outcome_figure, outcome_table
 from parcours_navigation.study.study import NavigationStudy
 
-_FEW = 10
-"""Reasons that a table of errors shows."""
+
+class Campaign(TypingProtocol):
+    """The finished cases of one campaign of a planner, whichever loop ran it."""
+
+    @property
+    def label(self) -> str:
+        """What ran: a planner's name, or a variant of it."""
+
+    @property
+    def signals(self) -> bool:
+        """Whether it signals imminent collision and feasibility, without which the paper's rule tells little."""
+
+    @property
+    def cases(self) -> SystemCases:
+        """The family of cases."""
+
+    @property
+    def facts(self) -> NDArray[np.void]:
+        """Facts of its finished cases, shape (n,)."""
+
+    @property
+    def planned(self) -> int:
+        """How many cases it plans."""
+
+    def replay(self, number: int) -> Replay:
+        """Return the replay of one case."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,11 +62,7 @@ class NavigationResults:
     source: str
     facts: NDArray[np.void]
     planned: int
-
-    @property
-    def signals(self) -> bool:
-        """Only RAMP signals what the paper's rule asks for."""
-        return False
+    signals: bool = False
 
     def study(self) -> NavigationStudy:
         """Return the study that can run any of the cases again.
@@ -64,7 +74,7 @@ class NavigationResults:
         study = NavigationStudy(self.label, self.cases, self.scenario)
         if study.digest != self.source:
             rule = "its source must be what it was when the campaign ran, but was changed"
-            raise BadResults(f"planner {self.label!r}", rule, "run the campaign anew", slug="planner-changed")
+            raise BadResults(f"planner {self.label!r}", rule, "run the campaign again", slug="planner-changed")
         return study
 
     def replay(self, number: int) -> Replay:
@@ -107,8 +117,8 @@ class NavigationResults:
         )
 
 
-def load_results(folder: Path) -> Results:
-    """Return the finished cases of a campaign folder, of RAMP or of any planner; the planner itself is not loaded.
+def load_results(folder: Path) -> NavigationResults:
+    """Return the finished cases of a campaign folder; the planner itself is not loaded.
 
     Raises:
         BadResults: there is no such campaign in the folder, or it is damaged or of another version.
@@ -116,15 +126,11 @@ def load_results(folder: Path) -> Results:
     store = open_results(folder)
     campaign = store.campaign
     if campaign.study != "navigation":
-        known = {one.name for one in registered()}
-        load = getattr(find(campaign.study), "load_campaign", None) if campaign.study in known else None
-        if load is None:
-            rule = f"results of a planner on system cases are expected, but these are of {campaign.study!r}"
-            raise BadResults(str(folder), rule, slug="results-study")
-        return cast(Results, load(folder))
+        rule = f"results of a planner on system cases are expected, but these are of {campaign.study!r}"
+        raise BadResults(str(folder), rule, slug="results-study")
     if campaign.dtype.names != FACTS.names:
         rule = "results must have the fields that this version keeps, but have others"
-        raise BadResults(str(folder), rule, "run the campaign anew", slug="results-study")
+        raise BadResults(str(folder), rule, "run the campaign again", slug="results-study")
     try:
         given = dict(campaign.parameters)
         setting = dict(cast("dict[str, object]", given["scenario"]))
@@ -136,105 +142,20 @@ def load_results(folder: Path) -> Results:
         source = str(given["planner_source"])
     except (KeyError, TypeError, ValueError, BadRequest) as error:
         rule = f"the manifest must hold the study's parameters, but: {error}"
-        raise BadResults(str(folder), rule, "run the campaign anew", slug="results-parameters") from error
+        raise BadResults(str(folder), rule, "run the campaign again", slug="results-parameters") from error
     return NavigationResults(campaign.schedule, cases, scenario, source, facts_of(store, folder), campaign.n_cases)
 
 
-def known_of(result: Results) -> dict[str, NDArray[np.float64]]:
-    """Return what was measured in a campaign, by the names of `distribution.SHOWN`.
-
-    The earliest conceivable arrival, which SCT needs, is asked for the first _ASKED cases only.
-    """
-    facts = result.facts
-    earliest = np.full(len(facts), np.nan)
-    earliest[:_ASKED] = oracle(result.cases, facts["number"][:_ASKED])["earliest_outer"]
-    return measured(
-        facts, facts["measures"], earliest=earliest, survival=survived(result.cases, facts["number"])
-    )  # fmt: skip
-
-
-_ASKED = 10_000
-
-
-def measure_table(results: Mapping[str, Results]) -> Table:
-    """Return what was measured in campaigns, side by side."""
-    many = any(len(r.facts) > _ASKED for r in results.values())
-    note = f"SCT over the first {_ASKED} cases." if many else ""
-    return distribution_table("Measures", {name: known_of(r) for name, r in results.items()}, note)
-
-
-def common_summary(result: Results) -> dict[str, object]:
-    """Return the outcomes of one campaign as JSON values."""
-    facts = result.facts
-    flags = published(facts)
-    codes = Counter(outcomes(facts).tolist())
-    return {
-        "schedule": result.label,
-        "protocol": result.cases.protocol,
-        "seed": result.cases.seed,
-        "cases": len(facts),
-        "planned": result.planned,
-        "reached": int(flags.reached.sum()),
-        "feasible": int(flags.feasible.sum()),
-        "imminent_collision": int(flags.halted_once.sum()),
-        "stuck": int(flags.stuck.sum()),
-        "outcomes": {o.name.lower(): codes[int(o)] for o in Outcome},
-        "measures": distribution_document(known_of(result)),
-    }
-
-
-def campaign_pieces(results: Mapping[str, Results]) -> list[Piece]:
-    """Return what a page shows of campaigns: their outcomes, and replays of two failed cases each."""
-    if not results:
-        return []
-    pieces: list[Piece] = [outcome_table(results), outcome_figure(results), measure_table(results)]
-    for result in results.values():
-        codes = outcomes(result.facts)
-        failed = np.flatnonzero([VERDICT_OF[Outcome(int(code))] is Verdict.FAIL for code in codes])
-        pieces += [result.replay(int(result.facts["number"][k])) for k in failed[:2]]
-    return pieces
-
-
-def case_results(result: Results) -> list[CaseResult]:
+def case_results(campaign: Campaign) -> list[CaseResult]:
     """Return the sound verdict of every case of a campaign."""
     return [
-        CaseResult(result.cases.id(int(record["number"])), VERDICT_OF[Outcome(int(code))],
+        CaseResult(campaign.cases.id(int(record["number"])), VERDICT_OF[Outcome(int(code))],
                    float(record["t_end"]) * 1e-9, explain(record))
-        for record, code in zip(result.facts, outcomes(result.facts), strict=True)
+        for record, code in zip(campaign.facts, outcomes(campaign.facts), strict=True)
     ]  # fmt: skip
 
 
-def junit_results(results: Mapping[str, Results]) -> Iterable[CaseResult]:
+def junit_results(campaigns: Mapping[str, Campaign]) -> Iterable[CaseResult]:
     """Yield the sound verdict of every case, its id led by the name given to its campaign."""
-    for name, result in results.items():
-        yield from (replace(one, id=f"{name}/{one.id}") for one in case_results(result))
-
-
-def summary(result: Results) -> dict[str, object]:
-    """Return the outcomes of one campaign as JSON values; of planners other than RAMP with the reasons of errors."""
-    common = common_summary(result)
-    if not isinstance(result, NavigationResults):
-        return common
-    for name in ("schedule", "feasible", "imminent_collision", "stuck"):  # RAMP alone gives the signals they need
-        del common[name]
-    return {"planner": result.label, **common, "errors": dict(_reasons(result.facts).most_common())}
-
-
-def _reasons(facts: NDArray[np.void]) -> Counter[str]:
-    return Counter(reason.decode("utf-8", "replace") for reason in facts["reason"][facts["error"] != 0].tolist())
-
-
-def error_table(results: Mapping[str, Results]) -> Table | None:
-    """Return the commonest reasons of errors of each campaign, and a case of each; None if there were no errors."""
-    rows = []
-    for name, result in results.items():
-        if not isinstance(result, NavigationResults):
-            continue
-        for reason, count in _reasons(result.facts).most_common(_FEW):
-            first = result.facts["number"][result.facts["reason"] == reason.encode()][0]
-            rows.append((name, reason, count, int(first)))
-    if not rows:
-        return None
-    columns = (Column("campaign"), Column("reason"), Column("cases"), Column("first case"))
-    note = f"What the planners themselves did wrong; the {_FEW} commonest reasons of each."
-    return Table("Errors", columns, tuple(rows), note)
+    for name, campaign in campaigns.items():
+        yield from (replace(one, id=f"{name}/{one.id}") for one in case_results(campaign))

@@ -1,7 +1,7 @@
-"""Facts and measures of system cases -> what was measured on them, each as median with its 5 % and 95 % points.
+"""Measures of system cases: what is shown of them, summed up over the cases, in one table and in one document.
 
-The measures are those of `parcours_navigation.measures`; with them stand what the world counted itself, the scores
-SPL and SCT, and how hard the cases are (`parcours_navigation.arena.survivability`).
+Beside the measures of `parcours_navigation.measures` stand what the world counted itself, the scores SPL and SCT, and
+how hard the cases are (`parcours_navigation.arena.survivability`).
 """
 
 from __future__ import annotations
@@ -31,23 +31,21 @@ START, GOAL = (0.0, 0.0), (2.0, 2.0)
 _AT_ONCE = 4096
 """Cases that are handed to the oracle together."""
 
-_AT = (0.5, 0.05, 0.95)
-
 
 @dataclass(frozen=True, slots=True)
 class Shown:
-    """One measure as it is shown.
+    """How one measure is shown.
 
     Attributes:
         words: what it is.
         unit: SI; "1" for a share or a count, "%" for a share in per cent.
-        measure: the field of MEASURES it is; "" if it comes from the facts or the cases.
+        taken: whether it is a field of MEASURES; otherwise it comes from the facts or the cases.
         mean: whether its mean over all cases is shown, as for a score.
     """
 
     words: str
     unit: str
-    measure: str = ""
+    taken: bool = False
     mean: bool = False
 
 
@@ -57,20 +55,20 @@ SHOWN: dict[str, Shown] = {
     "spl": Shown("SPL (mean)", "1", mean=True),
     "sct": Shown("SCT (mean)", "1", mean=True),
     "min_clearance": Shown("least clearance", "m"),
-    "mean_clearance": Shown("mean clearance", "m", "mean_clearance"),
-    "time_unsafe": Shown("time below 0.1 m of clearance", "s", "time_unsafe"),
-    "least_time_to_collision": Shown("least time to collision", "s", "least_time_to_collision"),
-    "time_halted": Shown("time in imminent collision", "s", "time_halted"),
-    "longest_halt": Shown("longest halt", "s", "longest_halt"),
-    "stop_distance": Shown("stopping distance", "m", "stop_distance"),
-    "time_at_rest": Shown("time at rest", "s", "time_at_rest"),
+    "mean_clearance": Shown("mean clearance", "m", taken=True),
+    "time_unsafe": Shown("time below 0.1 m of clearance", "s", taken=True),
+    "least_time_to_collision": Shown("least time to collision", "s", taken=True),
+    "time_halted": Shown("time in imminent collision", "s", taken=True),
+    "longest_halt": Shown("longest halt", "s", taken=True),
+    "stop_distance": Shown("stopping distance", "m", taken=True),
+    "time_at_rest": Shown("time at rest", "s", taken=True),
     "switches": Shown("plan switches", "1"),
     "late_cycles": Shown("planning cycles longer than their period", "%"),
-    "heading_change": Shown("heading change", "rad", "heading_change"),
-    "mean_curvature": Shown("mean curvature", "1/m", "mean_curvature"),
-    "squared_acceleration": Shown("squared acceleration", "m^2/s^3", "squared_acceleration"),
-    "squared_jerk": Shown("squared jerk", "m^2/s^5", "squared_jerk"),
-    "mean_jerk": Shown("mean jerk", "m/s^3", "mean_jerk"),
+    "heading_change": Shown("heading change", "rad", taken=True),
+    "mean_curvature": Shown("mean curvature", "1/m", taken=True),
+    "squared_acceleration": Shown("squared acceleration", "m^2/s^3", taken=True),
+    "squared_jerk": Shown("squared jerk", "m^2/s^5", taken=True),
+    "mean_jerk": Shown("mean jerk", "m/s^3", taken=True),
     "survivability": Shown("survivability of the case", "1"),
 }
 """What is shown, in this order."""
@@ -111,14 +109,11 @@ def sct_of(facts: Facts, earliest: Values) -> Values:
 
 
 def oracle(
-    cases: SystemCases, numbers: NDArray[np.int64], told: Callable[[int, int], None] = lambda done, total: None
+    cases: SystemCases, numbers: NDArray[np.int64], progress: Callable[[int, int], None] = lambda done, total: None
 ) -> NDArray[np.void]:
     """Return what a disc that knows the future could reach in the cases, array of SOLVABILITY, shape (n,).
 
-    Args:
-        cases: the family of cases.
-        numbers: which of them, shape (n,).
-        told: told (done, in all) as the work goes on.
+    `progress` is called with (done, in all) as the work goes on.
     """
     found = np.zeros(len(numbers), SOLVABILITY)
     for first in range(0, len(numbers), _AT_ONCE):
@@ -127,7 +122,7 @@ def oracle(
             cases.obstacles(numbers[part]), start=START, goal=GOAL, tolerance=GOAL_TOLERANCE,
             limit=1.0 + TIME_LIMIT, v_max=Scenario().limits.speed, robot_radius=cases.robot_radius,
         )  # fmt: skip
-        told(min(first + _AT_ONCE, len(numbers)), len(numbers))
+        progress(min(first + _AT_ONCE, len(numbers)), len(numbers))
     return found
 
 
@@ -164,50 +159,50 @@ def measured(
         "survivability": survival,
     }
     if measures is not None:
-        found |= {name: measures[shown.measure] for name, shown in SHOWN.items() if shown.measure}
+        found |= {name: measures[name] for name, shown in SHOWN.items() if shown.taken}
     kept = {name: values for name in SHOWN if (values := found.get(name)) is not None}
     return {name: np.where(np.isfinite(values), values, np.nan) for name, values in kept.items()}
 
 
-def distribution_table(title: str, known: Mapping[str, Mapping[str, Values]], note: str = "") -> Table:
-    """Return one row a measure, one column a campaign or planner.
+@dataclass(frozen=True, slots=True)
+class Summary:
+    """One measure over the `n` cases that have it: its mean and quantiles, None without any case."""
 
-    Args:
-        title: of the table.
-        known: name of the column -> what `measured` returns.
-        note: what else must be said below.
-    """
-    names = [name for name in SHOWN if any(name in values for values in known.values())]
+    unit: str
+    n: int
+    mean: float | None = None
+    median: float | None = None
+    p05: float | None = None
+    p95: float | None = None
+
+
+def summarised(known: Mapping[str, Values]) -> dict[str, Summary]:
+    """Return the summary of each measure, by the names of SHOWN; `known` is what `measured` returns."""
+    found: dict[str, Summary] = {}
+    for name, values in known.items():
+        n = int((~np.isnan(values)).sum())
+        points = (float(np.nanmean(values)), *quantiles(values, (0.5, 0.05, 0.95))) if n else ()
+        found[name] = Summary(SHOWN[name].unit, n, *points)
+    return found
+
+
+def distribution_table(title: str, known: Mapping[str, Mapping[str, Summary]], note: str = "") -> Table:
+    """Return one row a measure, one column a campaign or planner; `note` is what else must be said below."""
+    names = [name for name in SHOWN if any(name in summaries for summaries in known.values())]
     rows: list[tuple[Cell, ...]] = [
-        (SHOWN[name].words, SHOWN[name].unit, *(_spread(name, values.get(name)) for values in known.values()))
+        (SHOWN[name].words, SHOWN[name].unit, *(_cell(name, summaries.get(name)) for summaries in known.values()))
         for name in names
     ]
     columns = (Column("measure"), Column("unit"), *(Column(name) for name in known))
     return Table(title, columns, tuple(rows), f"{NOTE} {note}".strip())
 
 
-def distribution_document(known: Mapping[str, Values]) -> dict[str, dict[str, object]]:
-    """Return the same as JSON values: of each measure unit, cases that have it, mean, median, 5 % and 95 % points."""
-    document: dict[str, dict[str, object]] = {}
-    for name, values in known.items():
-        n = int((~np.isnan(values)).sum())
-        points = quantiles(values, _AT) if n else (None,) * len(_AT)
-        document[name] = {
-            "unit": SHOWN[name].unit,
-            "n": n,
-            "mean": float(np.nanmean(values)) if n else None,
-            **dict(zip(("median", "p05", "p95"), points, strict=True)),
-        }
-    return document
-
-
-def _spread(name: str, values: Values | None) -> Cell:
-    """Return a measure in one cell, None where no case has it."""
-    if values is None or np.isnan(values).all():
+def _cell(name: str, found: Summary | None) -> Cell:
+    if found is None or found.mean is None or found.median is None or found.p05 is None or found.p95 is None:
         return None
     if SHOWN[name].mean:
-        return f"{np.nanmean(values):.3f}"
-    middle, low, high = (_short(value) for value in quantiles(values, _AT))
+        return f"{found.mean:.3f}"
+    middle, low, high = (_short(value) for value in (found.median, found.p05, found.p95))
     return f"{middle}\N{NO-BREAK SPACE}[{low},\N{NO-BREAK SPACE}{high}]"
 
 

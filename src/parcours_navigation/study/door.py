@@ -1,4 +1,4 @@
-"""The navigation study as commands meet it: the same system cases, with any planner."""
+"""The study `navigation` as commands meet it: the system cases with any planner."""
 
 from __future__ import annotations
 
@@ -17,8 +17,18 @@ from parcours_navigation.cases.running import CaseStudy
 from parcours_navigation.guests.planners import names, own_loop
 from parcours_navigation.guests.scenario import Scenario
 from parcours_navigation.study.asking import CASES, cases_of, numbers_of, question_of
+from parcours_navigation.study.judging import judge_system
 from parcours_navigation.study.results import read_folder, report_folders
 from parcours_navigation.study.study import study_of
+
+_TIMES = {
+    "period": ("between observations", 0.001, 10.0),
+    "command_delay": ("from an answer to the robot", 0.0, 10.0),
+    "time_limit": ("of a case, after its static second", 0.01, 3600.0),
+    "watched_on": ("beyond the end of an unfinished case", 0.0, 3600.0),
+    "call_timeout": ("an answer that takes longer is an error; of wall clock", 0.001, 86400.0),
+}
+"""The times of the scenario that a user may set [s]: what each is, and its bounds."""
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -44,34 +54,14 @@ class Navigation:
         """The planner, the cases, and the scenario."""
         plain = Scenario()
         given = dict(self.defaults)
+        times = [
+            Parameter(name, "real", getattr(plain, name), doc, "s", low=low, high=high)
+            for name, (doc, low, high) in _TIMES.items()
+        ]
         listed = (
             Parameter("planner", "text", self.planner, f"{', '.join(names())}, module:Name or file.py:Name"),
             *CASES,
-            Parameter("period", "real", plain.period, "between observations", "s", low=0.001, high=10.0),
-            Parameter(
-                "command_delay", "real", plain.command_delay, "from an answer to the robot", "s", low=0.0, high=10.0
-            ),
-            Parameter(
-                "time_limit", "real", plain.time_limit, "of a case, after its static second", "s", low=0.01, high=3600.0
-            ),
-            Parameter(
-                "watched_on",
-                "real",
-                plain.watched_on,
-                "beyond the end of an unfinished case",
-                "s",
-                low=0.0,
-                high=3600.0,
-            ),
-            Parameter(
-                "call_timeout",
-                "real",
-                plain.call_timeout,
-                "an answer that takes longer is an error; of wall clock",
-                "s",
-                low=0.001,
-                high=86400.0,
-            ),
+            *times,
             workers_parameter(),
         )
         return tuple(dataclasses.replace(one, default=one.read(given.get(one.name, one.default))) for one in listed)
@@ -80,13 +70,14 @@ class Navigation:
         """Return the study with its parameters set.
 
         Raises:
-            BadRequest: no planner is named, or it is none, or a parameter is out of range.
+            BadRequest: no planner is named, the name leads nowhere, or a parameter is out of range.
         """
-        scenario = Scenario(**{  # type: ignore[arg-type]
-            name: float(settings[name])
-            for name in ("period", "command_delay", "time_limit", "watched_on", "call_timeout")
-        })  # fmt: skip
-        return study_of(self._required(settings), cases_of(settings, seed), scenario)
+        scenario = Scenario(**{name: float(settings[name]) for name in _TIMES})  # type: ignore[arg-type]
+        planner = str(settings["planner"])
+        if not planner:
+            remedy = f"name one of {', '.join(names())}, or module:Name, or file.py:Name"
+            raise BadRequest("--planner", "a planner must be named, but none is", remedy, slug="planner-unknown")
+        return study_of(planner, cases_of(settings, seed), scenario)
 
     def suite(self, settings: Settings, seed: int, n_cases: int | None = None) -> Iterator[Case]:
         """Yield the cases."""
@@ -112,8 +103,6 @@ class Navigation:
 
     def judge(self, case: Case, settings: Settings) -> Judged:
         """Execute one case with the planner and judge it."""
-        from parcours_navigation.study.judging import judge_system
-
         protocol = "published" if case.abstract.startswith("published-") else "table-vii"
         study = self.study({**settings, "protocol": protocol, "time_limit": case.time_budget}, case.seed)
         command = f"parcours run {self.where} --planner {settings['planner']} --protocol {protocol} --seed {case.seed}"
@@ -132,13 +121,6 @@ class Navigation:
 
         report = check_apart(self.planner, None, progress=lambda name, done, total: progress("checks", done, total))
         return [Finding(one.level.value, one.check or one.slug, one.seen, one.remedy) for one in report.findings]
-
-    def _required(self, settings: Settings) -> str:
-        planner = str(settings["planner"])
-        if not planner:
-            remedy = f"name one of {', '.join(names())}, or module:Name, or file.py:Name"
-            raise BadRequest("--planner", "a planner must be named, but none is", remedy, slug="planner-unknown")
-        return planner
 
 
 @functools.cache

@@ -1,52 +1,41 @@
-"""One system case of any planner -> executed again in simulated time and judged, with the judge's facts."""
+"""Executes one system case of a planner again, in simulated time, and judges it."""
 
 from __future__ import annotations
 
-from typing import NoReturn, Protocol
-
 import numpy as np
-from numpy.typing import NDArray
 
 from parcours.errors import BadSuite
 from parcours.study.protocol import Judged
 from parcours.suite import Case
 from parcours_navigation.cases.family import SystemCases
+from parcours_navigation.cases.running import CaseStudy
 from parcours_navigation.facts import FACTS, NEVER
 from parcours_navigation.outcomes import VERDICT_OF, Outcome, explain, outcomes
 
 
-class Runs(Protocol):
-    """What runs system cases."""
-
-    def run(self, numbers: NDArray[np.int64]) -> NDArray[np.void]:
-        """Return the facts of the cases."""
-
-
-def judge_system(study: Runs, cases: SystemCases, case: Case, command: str) -> Judged:
-    """Execute a case and judge it.
-
-    Args:
-        study: runs it.
-        cases: the family that it must be of.
-        case: as a suite holds it; of any study that runs these cases.
-        command: runs the campaign, without numbers of cases and folder.
+def judge_system(study: CaseStudy, cases: SystemCases, case: Case, command: str) -> Judged:
+    """Execute a case of any study that runs these cases, and judge it; `command` runs the campaign.
 
     Raises:
         BadSuite: there is no such case, or its number and seed give other values.
     """
     numbers = np.array([case.number])
     id = cases.id(case.number)
+    wrong = ""
     if case.id.partition("/")[2] != id.partition("/")[2] or case.names != cases.inputs.names:
-        _unknown(case, f"case {case.number} of seed {case.seed} is {id}")
-    if case.values != tuple(cases.values(numbers)[0].tolist()):
-        _unknown(case, f"its number and its seed {case.seed} give other values")
+        wrong = f"case {case.number} of seed {case.seed} is {id}"
+    elif case.values != tuple(cases.values(numbers)[0].tolist()):
+        wrong = f"its number and its seed {case.seed} give other values"
+    if wrong:
+        rule = f"a case must be one that the study has, but {wrong}"
+        raise BadSuite(f"case {case.id!r}", rule, "write the suite again with this version", slug="foreign-case")
     facts = study.run(numbers)
     code = Outcome(int(outcomes(facts)[0]))
     replay = f"{command} --case {case.number} --out out && parcours replay out {case.number} --html replay.html"
-    return Judged(case, VERDICT_OF[code], explain(facts[0]), shown(facts[0]), replay)
+    return Judged(case, VERDICT_OF[code], explain(facts[0]), _shown(facts[0]), replay)
 
 
-def shown(record: np.void) -> tuple[tuple[str, str], ...]:
+def _shown(record: np.void) -> tuple[tuple[str, str], ...]:
     """Return the judge's facts: times in seconds, lengths in metres."""
     found = []
     for name in FACTS.names or ():
@@ -57,8 +46,3 @@ def shown(record: np.void) -> tuple[tuple[str, str], ...]:
             text = f"{value:.4g}"
         found.append((name, text))
     return tuple(found)
-
-
-def _unknown(case: Case, why: str) -> NoReturn:
-    rule = f"a case must be one that the study has, but {why}"
-    raise BadSuite(f"case {case.id!r}", rule, "write the suite again with this version", slug="foreign-case")

@@ -1,21 +1,16 @@
-"""Results of system campaigns -> their outcomes in a table and a figure, for any report that shows them."""
+"""What became of the cases of campaigns, drawn: outcomes in a table and a figure, measures, errors."""
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Mapping, Sequence
-from typing import Protocol as TypingProtocol
+from collections.abc import Mapping
 
-import numpy as np
-from numpy.typing import NDArray
-
-from parcours.report.pieces import Cell, Column, Figure, Marked, Replay, Table
+from parcours.report.pieces import Cell, Column, Figure, Marked, Table, Tone
 from parcours.report.rates import shares
 from parcours.verdict.judgement import Verdict
 from parcours.verdict.statistics import wilson
-from parcours_navigation.cases.family import SystemCases
-from parcours_navigation.outcomes import VERDICT_OF, Outcome, Share, outcomes, published
-from parcours_navigation.outcomes import shares as slices_of
+from parcours_navigation.outcomes import VERDICT_OF, Outcome, Share
+from parcours_navigation.study.analysis import ASKED, Ended
+from parcours_navigation.study.distribution import distribution_table
 
 OUTCOME_WORDS = {
     Outcome.COLLIDED: "the moving robot touched an obstacle",
@@ -25,38 +20,7 @@ OUTCOME_WORDS = {
     Outcome.STUCK: "stopped for ever",
     Outcome.ASTRAY: "never arrived",
 }
-"""Outcomes as a reader of tables meets them."""
-
-ERROR_WORDS = "the planner itself failed"
-"""Outcome.ERROR, which RAMP cannot have: shown only where there is one."""
-
-
-class Results(TypingProtocol):
-    """One campaign of any planner on system cases, as reports need it."""
-
-    @property
-    def label(self) -> str:
-        """What ran: a schedule of RAMP, or a planner's name."""
-
-    @property
-    def signals(self) -> bool:
-        """Whether it signals imminent collision and feasibility, without which the paper's rule tells little."""
-
-    @property
-    def cases(self) -> SystemCases:
-        """The family of cases."""
-
-    @property
-    def facts(self) -> NDArray[np.void]:
-        """Facts of its finished cases, shape (n,)."""
-
-    @property
-    def planned(self) -> int:
-        """How many cases it plans."""
-
-    def replay(self, number: int) -> Replay:
-        """Return the replay of one case."""
-
+"""Outcomes as a reader of tables meets them; Outcome.ERROR is shown only where there is one."""
 
 _PAPER_ROWS = (
     ("reached goal", "reached"),
@@ -66,84 +30,85 @@ _PAPER_ROWS = (
 )
 """The paper's results as readers meet them -> fields of `Published`."""
 
+_FEW = 10
+"""Reasons that a table of errors shows."""
 
-def _only_ramp(results: Mapping[str, Results]) -> bool:
-    return all(result.signals for result in results.values())
 
+def outcome_table(ended: Mapping[str, Ended]) -> Table:
+    """Return the outcomes of campaigns side by side; the paper's results only of planners that signal what they need.
 
-def outcome_table(results: Mapping[str, Results]) -> Table:
-    """Return the outcomes of campaigns side by side; the paper's results, which need RAMP's signals, of RAMP only.
-
-    What ran into something can be at the goal by the paper's rule: of other planners the sound outcomes alone are told.
+    What ran into something can be at the goal by the paper's rule: where a planner gives no signals, passed and failed
+    come first.
     """
-    paper: list[tuple[Cell, ...]] = []
-    if any(r.signals for r in results.values()):
-        paper = [
-            (words, *(_share(getattr(published(r.facts), field)) if r.signals else "\N{EN DASH}"
-                      for r in results.values()))
-            for words, field in _PAPER_ROWS
-        ]  # fmt: skip
-    cases: tuple[Cell, ...] = ("cases", *(_finished(r) for r in results.values()))
-    if _only_ramp(results):
+    every = ended.values()
+    cases: tuple[Cell, ...] = ("cases", *(_finished(one) for one in every))
+    paper: list[tuple[Cell, ...]] = [
+        (words, *(_share(one.paper[field], one.n) if one.signals else "\N{EN DASH}" for one in every))
+        for words, field in _PAPER_ROWS
+    ]
+    if all(one.signals for one in every):
+        rows = [cases, *paper, *_counted(ended)]
         note = "First the paper's results by its own rule, with Wilson 95 % intervals; then sound outcomes, one a case."
-        return _outcomes(results, (cases, *paper), _counted(results), note)
-    passed = [np.isin(outcomes(r.facts), _PASSED) for r in results.values()]
-    failed = [np.isin(outcomes(r.facts), _FAILED) for r in results.values()]
-    head = (cases, ("passed", *(_share(f) for f in passed)), ("failed", *(_share(f) for f in failed)))
-    note = "Shares of all cases, with Wilson 95 % intervals; then the sound outcomes, one a case."
-    if paper:
-        note += " Last what the paper's own rule says of RAMP, whose signals it needs."
-    return _outcomes(results, (*head, *_counted(results)), paper, note)
+    else:
+        passed, failed = (
+            (words, *(_share(_of(one, verdict), one.n) for one in every))
+            for words, verdict in (("passed", Verdict.PASS), ("failed", Verdict.FAIL))
+        )
+        rows = [cases, passed, failed, *_counted(ended)]
+        note = "Shares of all cases, with Wilson 95 % intervals; then the sound outcomes, one a case."
+        if any(one.signals for one in every):
+            rows += paper
+            note += " Last what the paper's own rule says of planners that signal imminent collision, which it needs."
+    return Table("Outcomes", (Column(""), *(Column(name) for name in ended)), tuple(rows), note)
 
 
-_PASSED, _FAILED = ([int(o) for o in Outcome if VERDICT_OF[o] is verdict] for verdict in (Verdict.PASS, Verdict.FAIL))
+def _of(one: Ended, verdict: Verdict) -> int:
+    """Return how many cases earned the verdict."""
+    return sum(one.outcomes[int(o)] for o in Outcome if VERDICT_OF[o] is verdict)
 
 
-def _outcomes(
-    results: Mapping[str, Results], first: Sequence[tuple[Cell, ...]], then: Sequence[tuple[Cell, ...]], note: str
-) -> Table:
-    return Table("Outcomes", (Column(""), *(Column(name) for name in results)), (*first, *then), note)
-
-
-def _counted(results: Mapping[str, Results]) -> list[tuple[Cell, ...]]:
+def _counted(ended: Mapping[str, Ended]) -> list[tuple[Cell, ...]]:
     """Return the rows that count the sound outcomes and their verdicts."""
-    rows: list[tuple[Cell, ...]] = []
-    codes = [Counter(outcomes(r.facts).tolist()) for r in results.values()]
-    rows += [(words, *(count[int(o)] for count in codes)) for o, words in OUTCOME_WORDS.items()]
-    verdicts = [Verdict.PASS, Verdict.FAIL, Verdict.INCONCLUSIVE]
-    if any(count[int(Outcome.ERROR)] for count in codes):
-        rows.append((ERROR_WORDS, *(count[int(Outcome.ERROR)] for count in codes)))
+    every = ended.values()
+    words, verdicts = dict(OUTCOME_WORDS), [Verdict.PASS, Verdict.FAIL, Verdict.INCONCLUSIVE]
+    if any(one.outcomes[int(Outcome.ERROR)] for one in every):
+        words[Outcome.ERROR] = "the planner itself failed"
         verdicts.append(Verdict.ERROR)
-    for verdict in verdicts:
-        of = [o for o in Outcome if VERDICT_OF[o] is verdict]
-        rows.append((f"verdict {verdict}", *(sum(count[int(o)] for o in of) for count in codes)))
-    return rows
+    rows: list[tuple[Cell, ...]] = [(said, *(one.outcomes[int(o)] for one in every)) for o, said in words.items()]
+    return rows + [(f"verdict {verdict}", *(_of(one, verdict) for one in every)) for verdict in verdicts]
 
 
-def _finished(result: Results) -> Cell:
-    n = len(result.facts)
-    return n if n == result.planned else Marked(f"{n} of {result.planned}, unfinished", "poor")
+def _finished(one: Ended) -> Cell:
+    return one.n if one.n == one.planned else Marked(f"{one.n} of {one.planned}, unfinished", "poor")
 
 
-def _share(flags: np.ndarray) -> str:
-    rate = wilson(int(flags.sum()), len(flags))
+def _share(count: int, n: int) -> str:
+    rate = wilson(count, n)
     return f"{rate.share:.1%} [{rate.low:.1%}, {rate.high:.1%}]"
 
 
-def outcome_figure(results: Mapping[str, Results]) -> Figure:
-    """Return how the tests ended: RAMP's as in the paper, otherwise the sound verdicts."""
-    if not _only_ramp(results):
-        parts = (Verdict.PASS, Verdict.INCONCLUSIVE, Verdict.ERROR, Verdict.FAIL)
-        verdicts = {
-            name: [VERDICT_OF[Outcome(code)] for code in outcomes(r.facts).tolist()] for name, r in results.items()
-        }
-        return shares(
-            "The verdicts", [str(part) for part in parts],
-            {name: [of.count(part) for part in parts] for name, of in verdicts.items()},
-            ("good", "fair", "poor", "bad"),
-        )  # fmt: skip
-    return shares(
-        "How the tests ended", [str(share) for share in Share],
-        {name: [int(f.sum()) for f in slices_of(r.facts).values()] for name, r in results.items()},
-        ("good", "fair", "poor", "bad"),
-    )  # fmt: skip
+def outcome_figure(ended: Mapping[str, Ended]) -> Figure:
+    """Return how the tests ended: as in the paper where all planners give its signals, otherwise the sound verdicts."""
+    tones: tuple[Tone, ...] = ("good", "fair", "poor", "bad")
+    if all(one.signals for one in ended.values()):
+        slices = {name: [one.shares[share] for share in Share] for name, one in ended.items()}
+        return shares("How the tests ended", [str(share) for share in Share], slices, tones)
+    parts = (Verdict.PASS, Verdict.INCONCLUSIVE, Verdict.ERROR, Verdict.FAIL)
+    verdicts = {name: [_of(one, part) for part in parts] for name, one in ended.items()}
+    return shares("The verdicts", [str(part) for part in parts], verdicts, tones)
+
+
+def measure_table(ended: Mapping[str, Ended]) -> Table:
+    """Return what was measured in campaigns, side by side."""
+    note = f"SCT over the first {ASKED} cases." if any(one.n > ASKED for one in ended.values()) else ""
+    return distribution_table("Measures", {name: one.measures for name, one in ended.items()}, note)
+
+
+def error_table(ended: Mapping[str, Ended]) -> Table | None:
+    """Return the commonest reasons of errors of each campaign, and a case of each; None if there were no errors."""
+    rows = tuple((name, *error) for name, one in ended.items() for error in one.errors[:_FEW])
+    if not rows:
+        return None
+    columns = (Column("campaign"), Column("reason"), Column("cases"), Column("first case"))
+    note = f"What the planners themselves did wrong; the {_FEW} commonest reasons of each."
+    return Table("Errors", columns, rows, note)

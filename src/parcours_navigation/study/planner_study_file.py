@@ -1,4 +1,4 @@
-"""A study.yaml of kind `planner` -> the navigation study with the planner that it names, and its settings."""
+"""Reads a study.yaml of kind `planner`: the navigation study with the planner that it names, and its settings."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A folder of a campaign on system cases -> its results, as every command wants them."""
+"""A folder of a campaign on system cases, as every command wants it: verdicts, measures, replays, reports."""
 
 from __future__ import annotations
 
@@ -7,15 +7,41 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Protocol, runtime_checkable
 
+import numpy as np
+
 from parcours.errors import BadRequest
 from parcours.report.junit import CaseResult
 from parcours.report.pieces import Page, Piece, Section, Table
 from parcours.study.protocol import Measure, Reported, Results
-from parcours_navigation.study.outcome_tables import Results as Campaign
+from parcours.verdict.judgement import Verdict
+from parcours_navigation.outcomes import VERDICT_OF, Outcome, outcomes
+from parcours_navigation.study.analysis import analyse
+from parcours_navigation.study.campaigns import Campaign, case_results, load_results
+from parcours_navigation.study.distribution import SHOWN, measured
+from parcours_navigation.study.outcome_tables import error_table, measure_table, outcome_figure, outcome_table
+
+_RATES = {
+    "contacts": Outcome.COLLIDED,
+    "reached": Outcome.REACHED,
+    "late": Outcome.UNDER_WAY,
+    "blocked": Outcome.BLOCKED,
+    "stuck": Outcome.STUCK,
+    "astray": Outcome.ASTRAY,
+    "errors": Outcome.ERROR,
+}
+_LESS_IS_WORSE = {
+    "min_clearance",
+    "mean_clearance",
+    "least_time_to_collision",
+    "spl",
+    "sct",
+    "survivability",
+    "stop_distance",
+}
 
 
 class CampaignResults:
-    """A campaign of any planner on system cases, as every command wants it (`parcours.study.protocol.Results`).
+    """A campaign of any planner on system cases (`parcours.study.protocol.Results`).
 
     Args:
         found: the campaign.
@@ -25,32 +51,39 @@ class CampaignResults:
 
     def __init__(self, found: Campaign, folder: Path, study: str) -> None:
         self.found, self._folder, self._study = found, folder, study
-        self.label, self.planned = self.found.label, self.found.planned
+        self.label, self.planned = found.label, found.planned
+
+    def _id(self, of_family: str) -> str:
+        return f"{self._study}/{of_family.partition('/')[2]}"
 
     def cases(self) -> Sequence[CaseResult]:
         """Return the verdict of every finished case."""
-        from parcours_navigation.study.campaigns import case_results
-
-        listed = case_results(self.found)
-        return [dataclasses.replace(one, id=f"{self._study}/{one.id.partition('/')[2]}") for one in listed]
+        return [dataclasses.replace(one, id=self._id(one.id)) for one in case_results(self.found)]
 
     def measures(self) -> Mapping[str, Measure]:
-        """Return the rates of outcomes, and the measures of the tracks."""
-        from parcours_navigation.study.gates import measures_of
-
-        return measures_of(self.found)
+        """Return the rates of outcomes and verdicts, and what was measured on the way."""
+        facts = self.found.facts
+        codes = outcomes(facts)
+        found = {
+            name: Measure((codes == int(outcome)).astype(float), worse="less" if name == "reached" else "more")
+            for name, outcome in _RATES.items()
+        }
+        failed = [int(o) for o in Outcome if VERDICT_OF[o] in (Verdict.FAIL, Verdict.ERROR)]
+        found["failed"] = Measure(np.isin(codes, failed).astype(float))
+        for name, values in measured(facts, facts["measures"]).items():
+            worse = "less" if name in _LESS_IS_WORSE else "more"
+            found[name] = Measure(values, "quantity", SHOWN[name].unit, worse)  # type: ignore[arg-type]
+        return found
 
     def replay(self, case: str) -> Page:
         """Return the replay of a case: a re-simulation that must give the same bits."""
         number = self._number(case)
         drawn = self.found.replay(number)
         id = self.found.cases.id(number)
-        ours = f"{self._study}/{id.partition('/')[2]}"
-        drawn = dataclasses.replace(
-            drawn, title=drawn.title.replace(id, ours), subtitle=drawn.subtitle.replace(id, ours)
-        )
+        title, subtitle = (text.replace(id, self._id(id)) for text in (drawn.title, drawn.subtitle))
+        drawn = dataclasses.replace(drawn, title=title, subtitle=subtitle)
         section = Section("Replay", "Run again from the case number: the same bits as in the campaign.", (drawn,))
-        return Page(drawn.title, drawn.subtitle, (("folder", str(self._folder)), ("case", str(number))), (section,))
+        return Page(title, subtitle, (("folder", str(self._folder)), ("case", str(number))), (section,))
 
     def _number(self, case: str) -> int:
         number, finished = self.found.cases.number(case), self.found.facts["number"]
@@ -73,37 +106,40 @@ class Reporting(Protocol):
 
 
 def read_folder(folder: Path, study: str) -> CampaignResults:
-    """Return the results of system cases in a folder: a campaign of any planner.
-
-    Args:
-        folder: of results.
-        study: name of the study, with which ids begin.
+    """Return the results of a planner on system cases; their ids begin with `study`.
 
     Raises:
         BadResults: there are none, or they are damaged.
     """
-    from parcours_navigation.study.campaigns import load_results
-
     return CampaignResults(load_results(folder), folder, study)
 
 
 def report_folders(results: Mapping[str, Results]) -> Reported:
     """Return tables, pieces and documents on campaigns on system cases, and on what else reports itself."""
-    from parcours_navigation.study.campaigns import campaign_pieces, error_table, measure_table, summary
-    from parcours_navigation.study.outcome_tables import outcome_table
-
     campaigns = {name: one.found for name, one in results.items() if isinstance(one, CampaignResults)}
     others = [one.reported(name) for name, one in results.items() if isinstance(one, Reporting)]
+    ended = analyse(campaigns)
     tables: list[Table] = []
-    first: list[Piece] = []
-    documents: dict[str, object] = {}
+    pieces: list[Piece] = []
     if campaigns:
-        errors = error_table(campaigns)
-        first = [errors] if errors is not None else []
-        tables += [outcome_table(campaigns), measure_table(campaigns), *([errors] if errors is not None else [])]
-        documents |= {name: summary(campaign) for name, campaign in campaigns.items()}
+        errors = [table for table in [error_table(ended)] if table is not None]
+        tables = [outcome_table(ended), measure_table(ended), *errors]
+        pieces = [*errors, tables[0], outcome_figure(ended), tables[1]]
+    documents: dict[str, object] = {name: one.document() for name, one in ended.items()}
     for one in others:
         tables += one.tables
         documents |= one.documents
-    last = [piece for one in others for piece in one.pieces()]
-    return Reported(tables, lambda: [*first, *campaign_pieces(campaigns), *last], documents)
+
+    def drawn() -> Sequence[Piece]:
+        return [*pieces, *failed_replays(campaigns), *(piece for one in others for piece in one.pieces())]
+
+    return Reported(tables, drawn, documents)
+
+
+def failed_replays(campaigns: Mapping[str, Campaign]) -> list[Piece]:
+    """Return replays of the first two failed cases of each campaign: they are run again."""
+    pieces: list[Piece] = []
+    for campaign in campaigns.values():
+        failed = np.isin(outcomes(campaign.facts), [int(o) for o in Outcome if VERDICT_OF[o] is Verdict.FAIL])
+        pieces += [campaign.replay(int(number)) for number in campaign.facts["number"][failed][:2]]
+    return pieces

@@ -1,11 +1,10 @@
-"""The navigation study: numbered system cases, run with any planner -> facts and tracks, alone or as a campaign."""
+"""Runs numbered system cases with any planner, alone or as a campaign, and gives their facts and tracks."""
 
 from __future__ import annotations
 
 import dataclasses
 import functools
 import hashlib
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Self
@@ -41,7 +40,7 @@ class NavigationStudy:
             a planner that changes the current folder is found all the same.
 
     Raises:
-        BadRequest: the planner is none, or the robot does not fit into the arena.
+        BadRequest: the planner is not one, or the robot does not fit into the arena.
 
     A plain function will do for a planner:
 
@@ -115,18 +114,14 @@ class NavigationStudy:
         return facts
 
     def track(self, number: int) -> Track:
-        """Return facts, track and the obstacles' places of one case run anew, for a replay or for measures."""
+        """Return facts, track and the obstacles' places of one case run again, for a replay or for measures."""
         facts = np.zeros(1, FACTS)
         track, places = self._run(np.array([number]), facts).track()
         return facts, track, places
 
-    def tracks(self, numbers: NDArray[np.int64]) -> Iterator[Track]:
-        """Yield what `track` returns for each of the cases."""
-        for number in numbers.tolist():
-            yield self.track(number)
-
     def _host(self) -> Host:
-        return _host(_Same(self.located), self.digest, self.scenario, self.cases.robot_radius)
+        key = self.located if isinstance(self.located, str) else id(self.located)
+        return _host(_Same(key, self.located), self.digest, self.scenario, self.cases.robot_radius)
 
     def _run(self, numbers: NDArray[np.int64], facts: NDArray[np.void]) -> Host:
         host = self._host()
@@ -143,10 +138,11 @@ class NavigationStudy:
         gap = np.hypot(obstacles["x0"] - x, obstacles["y0"] - y) - reach
         if len(numbers) and gap.min() < 0.0:
             k = int(np.argmin(gap.min(axis=1)))
-            rule = (
-                f"the robot must start clear of obstacles, but at ({x:g}, {y:g}) m it is {-gap[k].min():.3f} m inside"
+            inside = f"at ({x:g}, {y:g}) m it is {-gap[k].min():.3f} m inside"
+            rule, remedy = (
+                f"the robot must start clear of obstacles, but {inside}",
+                "give another start, or smaller radii",
             )
-            remedy = "give another start, or smaller radii"
             raise BadRequest(self.cases.id(int(numbers[k])), rule, remedy, slug="start-occupied")
         return obstacles.view(np.float64).reshape(len(numbers), -1)
 
@@ -164,10 +160,8 @@ class NavigationStudy:
                 stands where the robot starts.
         """
         if not isinstance(self.planner, str):
-            rule = "in a campaign it must be a name under which worker processes find it"
-            raise BadRequest(
-                f"planner {self.label!r}", rule, "name it module:name or file.py:name", slug="planner-name"
-            )
+            rule, remedy = "in a campaign it must be a name that worker processes find", "module:name or file.py:name"
+            raise BadRequest(f"planner {self.label!r}", rule, remedy, slug="planner-name")
         self._obstacles(np.arange(min(n_cases, _CHECKED)))
         return Campaign(
             study="navigation",
@@ -187,21 +181,12 @@ class NavigationStudy:
         )
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True)
 class _Same:
-    """A planner as a key: the same name, or the same object."""
+    """A planner as a key: the same name, or the same object, which need not be hashable."""
 
-    planner: PlannerLike
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Same) and _key(self.planner) == _key(other.planner)
-
-    def __hash__(self) -> int:
-        return hash(_key(self.planner))
-
-
-def _key(planner: PlannerLike) -> str | int:
-    return planner if isinstance(planner, str) else id(planner)
+    key: str | int
+    planner: PlannerLike = field(compare=False)
 
 
 @functools.lru_cache(maxsize=16)
@@ -241,7 +226,7 @@ def study_of(planner: PlannerLike, cases: SystemCases, scenario: Scenario | None
         scenario: by default Scenario().
 
     Raises:
-        BadRequest: the planner is none; or its own loop cannot run the scenario.
+        BadRequest: the planner is not one, or its own loop cannot run the scenario.
 
     >>> study_of("orca", SystemCases(1)).scenario.watched_on
     0.0

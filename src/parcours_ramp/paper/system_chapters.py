@@ -31,7 +31,8 @@ from parcours_navigation.outcomes import (
     published,
     true_time_left,
 )
-from parcours_navigation.study.campaigns import measure_table
+from parcours_navigation.study.analysis import analyse
+from parcours_navigation.study.outcome_tables import measure_table
 from parcours_ramp.components.model import component_model
 from parcours_ramp.paper.results import PaperResults
 from parcours_ramp.system.campaigns import SystemResults
@@ -223,7 +224,7 @@ def measures_chapter(results: PaperResults) -> Section:
     """Return how the robots drove: what was measured beside the verdicts, for both schedules on the same cases."""
     campaigns = {schedule: results.system["table-vii", schedule] for schedule in SCHEDULES}
     lead = "What was measured of each case beside its verdict; docs/metrics.md defines every measure."
-    return Section("System tests: measures", lead, (measure_table(campaigns),), "measures")
+    return Section("System tests: measures", lead, (measure_table(analyse(campaigns)),), "measures")
 
 
 def coverage_chapter(results: PaperResults) -> Section:

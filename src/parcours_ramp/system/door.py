@@ -6,7 +6,6 @@ import dataclasses
 import functools
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from parcours.errors import BadRequest
 from parcours.study.campaign.running import run_numbered
@@ -17,12 +16,9 @@ from parcours.study.protocol import Finding, Judged, Progress, Rejudged, Reporte
 from parcours.suite import Case
 from parcours_navigation.cases.family import FILES, LONGEST, PUBLISHED_CASES, TIME_LIMIT
 from parcours_navigation.study.asking import CASES, cases_of, numbers_of, question_of
-from parcours_navigation.study.results import read_folder, report_folders
+from parcours_navigation.study.results import CampaignResults, report_folders
 from parcours_ramp.planner.latency import Latencies
 from parcours_ramp.system.study import SCHEDULES, SystemStudy, system_study
-
-if TYPE_CHECKING:
-    from parcours_ramp.system.campaigns import SystemResults
 
 LIVE_CASES = 20
 """Cases of a run in real time if nothing is said."""
@@ -111,15 +107,11 @@ class RampSystem:
 
     def read(self, folder: Path) -> Results:
         """Return the results in a folder, of a campaign or of live cases."""
+        from parcours_ramp.system.campaigns import load_campaign
         from parcours_ramp.system.live_results import FILE, read_live
 
-        return read_live(folder) if (folder / FILE).exists() else read_folder(folder, self.name)
-
-    def load_campaign(self, folder: Path) -> SystemResults:
-        """Return a campaign of RAMP, for those who put it beside other planners'."""
-        from parcours_ramp.system.campaigns import load_campaign
-
-        return load_campaign(folder)
+        live = (folder / FILE).exists()
+        return read_live(folder) if live else CampaignResults(load_campaign(folder), folder, self.name)
 
     def report(self, results: Mapping[str, Results]) -> Reported:
         """Return tables, pieces and documents on campaigns and live cases."""

@@ -10,13 +10,10 @@ import pytest
 from scipy.optimize import linprog
 
 from parcours.errors import BadRequest
-from parcours_navigation.planners.orca import Orca
-from parcours_navigation.planners.orca.planner import new_velocity
-from parcours_navigation.planners.orca.programs import nearest_permitted
-from parcours_navigation.planners.orca.velocities import drive_towards, half_plane
+from parcours_navigation.planners.orca import Orca, drive_towards, half_plane, nearest_permitted, new_velocity
 
 if TYPE_CHECKING:
-    from tests.planners.shipped.conftest import Course
+    from tests.navigation.planners.conftest import Course
 
     from parcours_navigation.protocol import Floats
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from parcours.errors import BadRequest
-from parcours_navigation.checking.battery import CHECKS, run_battery, told_in_lines
+from parcours_navigation.checking.battery import CHECKS, report_lines, run_battery
 from parcours_navigation.checking.finding import Level
 from parcours_navigation.checking.isolation import check_apart
 from parcours_navigation.checking.loading import load_subject
@@ -52,7 +52,7 @@ def test_an_error_at_a_gate_ends_the_battery_and_says_what_was_left() -> None:
     report = run_battery(Subject("", AnswersText))
     assert report.made == ("is_a_planner", "same_in_own_process", "answers_in_form")
     assert "reaches_a_free_goal" in report.left and not report.passed
-    assert "not made since an earlier one failed: is_quiet" in told_in_lines(report)
+    assert "not made since an earlier one failed: is_quiet" in report_lines(report)
 
 
 def test_an_endless_loop_is_given_up_and_not_waited_for() -> None:

@@ -10,11 +10,10 @@ import pytest
 
 from parcours.errors import BadRequest
 from parcours.streams import start
-from parcours_navigation.planners.mppi import Mppi
-from parcours_navigation.planners.mppi.futures import average, draw_pool, roll_out, sample, shift_plan
+from parcours_navigation.planners.mppi import Mppi, average, draw_pool, roll_out, sample, shift_plan
 
 if TYPE_CHECKING:
-    from tests.planners.shipped.conftest import Course
+    from tests.navigation.planners.conftest import Course
 
     from parcours_navigation.protocol import Floats
 

@@ -25,7 +25,9 @@ from parcours_navigation.guests.planners import load_planner, source_digest
 from parcours_navigation.guests.scenario import Scenario
 from parcours_navigation.outcomes import VERDICT_OF, Outcome, explain, outcomes
 from parcours_navigation.protocol import Answer, Observation, Trajectory
-from parcours_navigation.study.campaigns import NavigationResults, error_table, load_results, summary
+from parcours_navigation.study.analysis import analyse
+from parcours_navigation.study.campaigns import load_results
+from parcours_navigation.study.outcome_tables import error_table
 from parcours_navigation.study.study import NavigationStudy
 
 CASES = SystemCases(1)
@@ -200,10 +202,10 @@ def test_hangs_and_crashes_cost_only_their_cases(file: Path, tmp_path: Path) -> 
     for field in here.dtype.names or ():
         assert here[field].tobytes() == facts[field].tobytes(), field
     results = load_results(tmp_path / "1")
-    assert isinstance(results, NavigationResults)
+    ended = analyse({"one": results})
     errors = int((facts["error"] != 0).sum())
-    assert errors == sum(summary(results)["errors"].values())  # type: ignore[attr-defined]
-    table = error_table({"one": results})
+    assert errors == sum(ended["one"].document()["errors"].values())  # type: ignore[attr-defined]
+    table = error_table(ended)
     assert table is not None and sum(int(str(row[2])) for row in table.rows) == errors
     lost = int(facts["number"][facts["error"] == PlannerFault.DIED][0])
     with pytest.raises(BadResults, match=r"nothing to see of it: .*died.*\[replay-lost\]"):

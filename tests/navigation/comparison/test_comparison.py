@@ -15,23 +15,16 @@ from parcours.report.pieces import Table
 from parcours.report.standings import arrivals, dominance
 from parcours.report.terminal import to_text
 from parcours_navigation.arena.solvability import SOLVABILITY, SOLVABLE, UNSOLVABLE
+from parcours_navigation.comparison.analysis import DIFFERENT_ANSWERS, analyse, pair_tests
 from parcours_navigation.comparison.document import comparison_document
 from parcours_navigation.comparison.page import SLICES, compare_page
 from parcours_navigation.comparison.pairing import RateDifference, TimeDifference
-from parcours_navigation.comparison.results import (
-    QUESTIONS,
-    Contender,
-    DecisionTimes,
-    Results,
-    pair_tests,
-    weighted_by_time,
-    weighted_by_way,
-)
-from parcours_navigation.comparison.tables import DIFFERENT_ANSWERS, OUTCOME_WORDS, beats, outcome_table, question_table
+from parcours_navigation.comparison.results import QUESTIONS, Contender, DecisionTimes, Results
+from parcours_navigation.comparison.tables import outcome_table, question_table
 from parcours_navigation.facts import FACTS, NEVER
 from parcours_navigation.measures import MEASURES
 from parcours_navigation.outcomes import Outcome
-from parcours_navigation.study.distribution import time_to_goal
+from parcours_navigation.study.distribution import spl_of, time_to_goal
 
 N = 40
 
@@ -84,8 +77,8 @@ def compared() -> Results:
 def test_every_case_is_in_one_outcome_and_in_one_slice(compared: Results) -> None:
     for contender in compared.contenders:
         assert sum((contender.outcomes == int(o)).sum() for o in Outcome) == compared.n_cases
-    sliced = [name for members, _ in SLICES.values() for name in members]
-    assert sorted(sliced) == sorted(o.name for o in Outcome) == sorted(OUTCOME_WORDS)
+    sliced = [outcome for members, _ in SLICES.values() for outcome in members]
+    assert sorted(sliced) == sorted(Outcome)
 
 
 def test_questions_count_what_was_planted(compared: Results) -> None:
@@ -96,10 +89,13 @@ def test_questions_count_what_was_planted(compared: Results) -> None:
 def test_errors_are_shown_with_their_commonest_reasons_and_never_left_out(compared: Results) -> None:
     assert compared.contenders[2].errors() == [("raised at ... s", 30)]
     text = "\n".join(
-        to_text(piece) for s in compare_page(compared).sections for piece in s.pieces if isinstance(piece, Table)
+        to_text(piece)
+        for s in compare_page(analyse(compared)).sections
+        for piece in s.pieces
+        if isinstance(piece, Table)
     )
     assert "raised at ... s" in text
-    assert "75.0 % [59.8, 85.8]" in to_text(outcome_table(compared)).replace("\xa0", " ")
+    assert "75.0 % [59.8, 85.8]" in to_text(outcome_table(analyse(compared))).replace("\xa0", " ")
 
 
 def test_an_error_without_a_kept_reason_is_still_counted() -> None:
@@ -148,24 +144,27 @@ def test_planners_that_ran_other_cases_are_not_compared(compared: Results) -> No
 
 
 def test_unequal_machines_are_told_on_page_and_document_and_only_where_there_are_some(compared: Results) -> None:
-    assert DIFFERENT_ANSWERS in outcome_table(compared).note
-    assert "Unequal machines" in to_html(compare_page(compared))
-    assert comparison_document(compared)["note"] == DIFFERENT_ANSWERS
+    assert DIFFERENT_ANSWERS in outcome_table(analyse(compared)).note
+    assert "Unequal machines" in to_html(compare_page(analyse(compared)))
+    assert comparison_document(analyse(compared))["note"] == DIFFERENT_ANSWERS
     alike = dataclasses.replace(compared, contenders=compared.contenders[1:])
-    assert DIFFERENT_ANSWERS not in to_html(compare_page(alike)) and comparison_document(alike)["note"] == ""
+    assert (
+        DIFFERENT_ANSWERS not in to_html(compare_page(analyse(alike)))
+        and comparison_document(analyse(alike))["note"] == ""
+    )
 
 
 def test_scores_weigh_success_by_length_and_by_time(compared: Results) -> None:
     best = compared.contenders[1]
-    way = weighted_by_way(best)
+    way = spl_of(best.facts)
     assert way[0] == pytest.approx((np.hypot(2.0, 2.0) - 0.2) / 3.0) and way[-1] == 0.0
-    soon = weighted_by_time(compared, best)
+    soon = compared.sct(best)
     assert soon is not None and soon[0] == pytest.approx(10.0 / 12.0) and np.isnan(soon[-1])
-    assert weighted_by_time(dataclasses.replace(compared, oracle=None), best) is None
+    assert dataclasses.replace(compared, oracle=None).sct(best) is None
 
 
 def test_the_share_of_solvable_cases_leaves_out_those_nobody_can_solve(compared: Results) -> None:
-    last = question_table(compared).rows[-1]
+    last = question_table(analyse(compared)).rows[-1]
     assert last[0] == "of the 39 cases that are solvable: goal reached"
     assert (
         str(last[3]).replace("\xa0", " ").startswith("23.1 %")
@@ -178,7 +177,7 @@ def test_the_document_is_json_and_complete(compared: Results) -> None:
         decisions=DecisionTimes(10.0, 20.0, 30.0, 400),
         measures=np.full(N, np.nan).astype([(name, "f8") for name in MEASURES.names or ()]),
     )
-    document = comparison_document(dataclasses.replace(compared, contenders=(compared.contenders[0], timed)))
+    document = comparison_document(analyse(dataclasses.replace(compared, contenders=(compared.contenders[0], timed))))
     again = json.loads(json.dumps(document, allow_nan=False))
     best = again["planners"]["best"]
     assert best["decision_us"] == {"median": 10.0, "p99": 20.0, "max": 30.0, "n": 400}
@@ -192,7 +191,7 @@ def test_the_document_is_json_and_complete(compared: Results) -> None:
 
 
 def test_who_beats_whom_is_counted_both_ways(compared: Results) -> None:
-    shares = beats(compared)
+    shares = analyse(compared).beats
     assert shares[1, 0] == 16 / 40 and shares[0, 1] == 0.0 and (np.diag(shares) == 0.0).all()
     figure = dominance("", [c.name for c in compared.contenders], shares)
     assert "best over ramp 40.0%" in figure.alt
@@ -209,5 +208,5 @@ def test_dominance_refuses_what_is_not_one_share_a_pair() -> None:
 
 
 def test_one_planner_alone_has_a_page_without_tests() -> None:
-    page = compare_page(results(alone="gggt"))
+    page = compare_page(analyse(results(alone="gggt")))
     assert "Reached the goal where the other did not" not in to_html(page)

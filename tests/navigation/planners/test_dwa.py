@@ -13,7 +13,7 @@ from parcours_navigation.planners.dwa import Dwa, drive_arc, is_admissible
 from parcours_navigation.planners.motion import extrapolate, travel
 
 if TYPE_CHECKING:
-    from tests.planners.shipped.conftest import Course
+    from tests.navigation.planners.conftest import Course
 
     from parcours_navigation.protocol import Floats
 

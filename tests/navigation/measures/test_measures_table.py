@@ -46,7 +46,7 @@ def rows(page: str, heading: str) -> list[list[str]]:
 
 
 def test_the_tables_of_the_page_are_those_of_the_code() -> None:
-    page = (Path(__file__).parents[2] / "docs/metrics.md").read_text(encoding="utf-8")
+    page = (Path(__file__).parents[3] / "docs/metrics.md").read_text(encoding="utf-8")
     for heading, metrics in (("One run", METRICS), ("What published code computes", AS_PUBLISHED)):
         expected = [[f"`{each.name}`", each.unit, each.definition, each.source] for each in metrics]
         assert rows(page, heading) == expected

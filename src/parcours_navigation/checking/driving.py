@@ -1,4 +1,4 @@
-"""A planner in the simulated world, in a closed loop -> the way it drove, what it commanded, and what it touched."""
+"""Drives a planner through the simulated world, in a closed loop: its way, its commands, and what it touched."""
 
 from __future__ import annotations
 
@@ -7,15 +7,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from parcours_navigation.arena.obstacles import OBSTACLE
 from parcours_navigation.arena.world import NEVER, WORLD, advance, begin
 from parcours_navigation.checking.scenes import observation
 from parcours_navigation.checking.subject import Subject
-from parcours_navigation.protocol import Task
-
-Floats = NDArray[np.float64]
+from parcours_navigation.protocol import Floats, Task
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,7 +24,6 @@ class Drive:
         states: robot then: x, y, heading, speed, yaw rate [m, m, rad, m/s, rad/s], shape (n, 5).
         commands: what was answered then: speed, yaw rate [m/s, rad/s], shape (n, 2).
         t_goal: when the goal was first reached [s]; NaN if never.
-        clearance: least gap to an obstacle [m]; infinite without any.
         touched: whether the robot closed the gap at a contact.
         travelled: length of the way [m].
     """
@@ -36,7 +32,6 @@ class Drive:
     states: Floats
     commands: Floats
     t_goal: float
-    clearance: float
     touched: bool
     travelled: float
 
@@ -50,18 +45,17 @@ def drive(
     seconds: float,
     beyond_goal: float = 0.0,
 ) -> Drive:
-    """Return how the planner drives from `start`, among obstacles of 0.1 m that stand.
+    """Return how a new planner drives from `start`, among obstacles of 0.1 m that stand.
 
     Args:
-        subject: the planner; a new one is made.
-        task: what it is to do.
+        subject, task: the planner, and what it is to do.
         start: x, y, heading of the robot, at rest [m, m, rad].
         standing: centres of the obstacles [m], shape (n, 2).
         seconds: how long, at most [s].
         beyond_goal: how long it is watched after it reached the goal [s].
 
     Raises:
-        Malformed: an answer is not of the protocol's form.
+        BadAnswer: an answer is not of the protocol's form.
     """
     world = np.zeros(1, WORLD).view(np.recarray)[0]
     obstacles = np.zeros(len(standing), OBSTACLE)
@@ -74,15 +68,14 @@ def drive(
     (world.goal_x, world.goal_y), world.goal_tolerance = task.goal, task.goal_tolerance
     begin(world, obstacles)
     slot = subject.slot(task)
-    rows = [(float(x), float(y)) for x, y in standing]
-    states, commands, times = [], [], []
+    times, states, commands = [], [], []
     until = seconds
     for k in range(math.ceil(seconds / task.period)):
         now = k * task.period
         if now >= until:
             break
         state = (robot.x, robot.y, robot.heading, robot.v, robot.w)
-        command = slot.speeds(observation(task, state, rows, now))
+        command = slot.speeds(observation(task, state, standing, now))
         times.append(now)
         states.append(state)
         commands.append(command)
@@ -90,12 +83,6 @@ def drive(
         advance(world, obstacles, round((now + task.period) * 1e9))
         if world.t_goal != NEVER:
             until = min(until, world.t_goal * 1e-9 + beyond_goal)
-    return Drive(
-        np.array(times),
-        np.array(states),
-        np.array(commands),
-        world.t_goal * 1e-9 if world.t_goal != NEVER else math.nan,
-        float(world.min_clearance),
-        bool(world.n_robot_contacts + world.n_shared_contacts),
-        float(world.travelled),
-    )
+    t_goal = world.t_goal * 1e-9 if world.t_goal != NEVER else math.nan
+    touched = bool(world.n_robot_contacts + world.n_shared_contacts)
+    return Drive(np.array(times), np.array(states), np.array(commands), t_goal, touched, float(world.travelled))

@@ -10,10 +10,11 @@ from parcours_navigation.facts import FACTS, NEVER
 from parcours_navigation.measures import MEASURES, measures_of
 from parcours_navigation.study.distribution import (
     SHOWN,
-    distribution_document,
+    Summary,
     distribution_table,
     measured,
     oracle,
+    summarised,
     survived,
 )
 from parcours_navigation.study.study import study_of
@@ -35,12 +36,12 @@ def test_what_a_case_does_not_have_is_left_out_of_its_row() -> None:
     facts, measures = planted(21)
     known = measured(facts, measures, earliest=np.full(21, 6.0), survival=np.full(21, 0.8))
     assert list(known) == list(SHOWN)
-    document = distribution_document(known)
-    assert document["time_to_goal"] == {"unit": "s", "n": 1, "mean": 12.0, "median": 12.0, "p05": 12.0, "p95": 12.0}
-    assert document["least_time_to_collision"]["n"] == 0 and document["least_time_to_collision"]["median"] is None
-    assert document["sct"]["mean"] == pytest.approx(0.5 / 21)
-    assert document["late_cycles"]["median"] == 25.0
-    assert document["min_clearance"]["p05"] == pytest.approx(0.05)
+    found = summarised(known)
+    assert found["time_to_goal"] == Summary("s", 1, mean=12.0, median=12.0, p05=12.0, p95=12.0)
+    assert found["least_time_to_collision"].n == 0 and found["least_time_to_collision"].median is None
+    assert found["sct"].mean == pytest.approx(0.5 / 21)
+    assert found["late_cycles"].median == 25.0
+    assert found["min_clearance"].p05 == pytest.approx(0.05)
 
 
 def test_without_measures_or_oracle_only_the_facts_are_shown() -> None:
@@ -51,7 +52,7 @@ def test_without_measures_or_oracle_only_the_facts_are_shown() -> None:
 
 def test_a_table_shows_the_median_with_both_points_and_a_dash_for_nothing() -> None:
     facts, measures = planted(21)
-    table = distribution_table("", {"a": measured(facts, measures), "b": measured(facts)})
+    table = distribution_table("", {"a": summarised(measured(facts, measures)), "b": summarised(measured(facts))})
     rows = {row[0]: row for row in table.rows}
     assert str(rows["least clearance"][2]).replace("\xa0", " ") == "0.5 [0.05, 0.95]"
     assert rows["least time to collision"][2] is None and rows["mean clearance"][3] is None

@@ -22,9 +22,11 @@ from parcours_navigation.guests.planner_facts import PlannerFault
 from parcours_navigation.guests.planners import load_planner
 from parcours_navigation.guests.scenario import Scenario
 from parcours_navigation.protocol import Answer, Observation
-from parcours_navigation.study.campaigns import campaign_pieces, load_results, summary
-from parcours_navigation.study.outcome_tables import outcome_table
+from parcours_navigation.study.analysis import analyse
+from parcours_navigation.study.campaigns import Campaign, load_results
+from parcours_navigation.study.outcome_tables import outcome_figure, outcome_table
 from parcours_navigation.study.study import NavigationStudy
+from parcours_ramp.system.campaigns import load_campaign
 from parcours_ramp.system.study import system_study
 
 CASES = SystemCases(1)
@@ -183,19 +185,21 @@ def test_what_is_told_of_a_planner_is_the_sound_outcomes_and_no_signal_it_cannot
     run_campaign(study, study.campaign(30), here / "straight")
     ramp = system_study("guarded", seed=1)
     run_campaign(ramp, ramp.campaign(4), here / "ramp")
-    straight, guarded = load_results(here / "straight"), load_results(here / "ramp")
-    rows = {str(row[0]): row[1:] for row in outcome_table({"s": straight}).rows}
+    straight: Campaign = load_results(here / "straight")
+    ended = analyse({"s": straight, "g": load_campaign(here / "ramp")})
+    one, other = {"s": ended["s"]}, {"g": ended["g"]}
+    rows = {str(row[0]): row[1:] for row in outcome_table(one).rows}
     assert next(iter(rows)) == "cases" and list(rows)[1] == "passed"
     assert not {"reached goal", "feasible at the end", "imminent collision", "stuck in imminent collision"} & set(rows)
     collided = int(np.sum((straight.facts["n_robot_contacts"] > 0) | (straight.facts["n_shared_contacts"] > 0)))
     assert collided > 0 and str(rows["failed"][0]).startswith(f"{collided / 30:.1%} [")
-    assert not {"feasible", "imminent_collision", "stuck"} & set(summary(straight))
-    assert "verdicts" in repr(campaign_pieces({"s": straight}))
-    both = {str(row[0]): row[1:] for row in outcome_table({"s": straight, "g": guarded}).rows}
+    assert not {"feasible", "imminent_collision", "stuck"} & set(ended["s"].document())
+    assert outcome_figure(one).title == "The verdicts"
+    both = {str(row[0]): row[1:] for row in outcome_table(ended).rows}
     assert both["reached goal"][0] == "–" and str(both["reached goal"][1]).endswith("%]")
     assert list(both).index("passed") < list(both).index("reached goal")
-    assert list({str(row[0]): 0 for row in outcome_table({"g": guarded}).rows})[1] == "reached goal"
-    assert "the paper" not in to_text(outcome_table({"s": straight}))
+    assert list({str(row[0]): 0 for row in outcome_table(other).rows})[1] == "reached goal"
+    assert "the paper" not in to_text(outcome_table(one))
 
 
 def test_a_replay_of_a_campaign_without_finished_cases_says_so(here: Path) -> None:

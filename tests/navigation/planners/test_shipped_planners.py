@@ -16,7 +16,7 @@ from parcours_navigation.planners.orca import Orca
 from parcours_navigation.protocol import Planner
 
 if TYPE_CHECKING:
-    from tests.planners.shipped.conftest import Course
+    from tests.navigation.planners.conftest import Course
 
 Maker = Callable[[], Planner]
 AVOIDING: list[Maker] = [Orca, Dwa, Mppi]

@@ -89,7 +89,7 @@ def test_what_is_shown_is_where_robot_and_obstacles_are() -> None:
 def test_the_track_changes_no_bit_of_the_facts() -> None:
     study = NavigationStudy("straight-ahead", CASES)
     plain = study.run(np.arange(12))
-    tracked = np.concatenate([facts for facts, _, _ in study.tracks(np.arange(12))])
+    tracked = np.concatenate([study.track(number)[0] for number in range(12)])
     assert plain.tobytes() == tracked.tobytes()
 
 

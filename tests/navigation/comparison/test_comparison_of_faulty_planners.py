@@ -11,9 +11,9 @@ import pytest
 
 from parcours.report.terminal import to_text
 from parcours_navigation.cases.family import SystemCases
+from parcours_navigation.comparison.analysis import analyse
 from parcours_navigation.comparison.deciding import decision_times
-from parcours_navigation.comparison.measuring import Reproducing
-from parcours_navigation.comparison.running import run_comparison
+from parcours_navigation.comparison.running import Reproducing, run_comparison
 from parcours_navigation.comparison.tables import decision_table
 from parcours_navigation.guests.planner_facts import PlannerFault
 from parcours_navigation.guests.scenario import Scenario
@@ -101,7 +101,7 @@ def test_a_comparison_goes_on_without_the_times_of_a_planner_that_dies_there(
     assert not dies.facts["error"].any() and dies.decisions is None
     assert stands.decisions is not None and stands.decisions.n > 100
     assert "could not be timed: there it died: its process ended with exit code 7" in " ".join(
-        to_text(decision_table(results)).split()
+        to_text(decision_table(analyse(results))).split()
     )
 
 

@@ -10,16 +10,11 @@ import pytest
 
 from parcours.report.pieces import Marked, Table
 from parcours_navigation.arena.solvability import SOLVABILITY, SOLVABLE, UNDECIDED, UNSOLVABLE
-from parcours_navigation.comparison.benchmarking import HEADLINE, REPRODUCING, benchmark_scores, benchmark_tables
+from parcours_navigation.comparison.analysis import analyse
+from parcours_navigation.comparison.benchmarking import REPRODUCING, benchmark_scores
 from parcours_navigation.comparison.document import comparison_document
-from parcours_navigation.comparison.paper_rule import (
-    RULES,
-    STUCK,
-    paper_table,
-    stuck_of_solvable,
-    to_markdown_page,
-)
-from parcours_navigation.comparison.results import Contender, Results
+from parcours_navigation.comparison.results import RULES, STUCK, Contender, Results
+from parcours_navigation.comparison.tables import HEADLINE, benchmark_tables, paper_table, to_markdown_page
 from parcours_navigation.facts import FACTS, NEVER
 from parcours_navigation.measures import BENCHMARKS, MEASURES, PUBLISHED
 
@@ -59,7 +54,7 @@ def cell(table: Table, row: str, column: str) -> object:
 
 
 def test_the_table_counts_pairs_and_tests_them_exactly(results: Results) -> None:
-    table = paper_table(results)
+    table = paper_table(analyse(results))
     assert cell(table, STUCK, "old") == "30.0 % [18.1, 45.4]"
     assert (cell(table, STUCK, "more"), cell(table, STUCK, "fewer")) == (0, 8)
     assert cell(table, STUCK, "p") == "0.0078"  # 2 / 2**8
@@ -75,31 +70,34 @@ def test_rows_by_the_papers_rule_add_up(results: Results) -> None:
 
 
 def test_stuck_among_the_solvable_is_bracketed_by_what_is_undecided(results: Results) -> None:
-    found = stuck_of_solvable(results, results.contenders[1])
+    found = analyse(results).standings[1].stuck_of_solvable
     assert found is not None
     sure, likely = found
     assert (sure.count, sure.n) == (0, 36) and (likely.count, likely.n) == (1, 37)
-    shown = str(cell(paper_table(results), f"{STUCK}, of the solvable cases", "new"))
+    shown = str(cell(paper_table(analyse(results)), f"{STUCK}, of the solvable cases", "new"))
     assert shown.startswith("0.0 %") and " to 2.7 %" in shown
-    assert "36 are solvable" in paper_table(results).note and "1 are undecided" in paper_table(results).note
+    assert (
+        "36 are solvable" in paper_table(analyse(results)).note
+        and "1 are undecided" in paper_table(analyse(results)).note
+    )
 
 
 def test_without_an_oracle_nothing_is_said_of_solvable_cases(results: Results) -> None:
     blind = dataclasses.replace(results, oracle=None)
-    assert stuck_of_solvable(blind, blind.contenders[0]) is None
-    assert all("solvable" not in str(row[0]) for row in paper_table(blind).rows)
-    assert "solvable" not in paper_table(blind).note
+    assert analyse(blind).standings[0].stuck_of_solvable is None
+    assert all("solvable" not in str(row[0]) for row in paper_table(analyse(blind)).rows)
+    assert "solvable" not in paper_table(analyse(blind)).note
 
 
 def test_every_row_has_a_cell_for_every_column_with_any_number_of_planners(results: Results) -> None:
     for n in (1, 2, 3):
         some = (*results.contenders, contender("third", 0, 30))[:n]
-        table = paper_table(dataclasses.replace(results, contenders=some))
+        table = paper_table(analyse(dataclasses.replace(results, contenders=some)))
         assert {len(row) for row in table.rows} == {len(table.columns)} == {1 + n + 3 * (n - 1)}
 
 
 def test_markdown_holds_the_same_numbers(results: Results) -> None:
-    text = to_markdown_page(results).replace("\xa0", " ")
+    text = to_markdown_page(analyse(results)).replace("\xa0", " ")
     assert "| stuck in imminent collision | 30.0 % [18.1, 45.4] |" in text
     assert "**Measures over all cases**" in text and "| mean clearance | m | 1 [1, 1] |" in text
 
@@ -108,8 +106,8 @@ def test_every_mode_is_scored_and_those_of_published_code_on_the_cases_run_again
     scores = benchmark_scores(results)
     assert {(s.benchmark, s.mode) for s in scores} == {(b, m) for b, known in BENCHMARKS.items() for m in known.modes}
     assert all(s.cases == (10 if s.mode in REPRODUCING else N) for s in scores)
-    assert set(HEADLINE) <= {(s.benchmark, s.mode, s.name) for s in scores}
-    known = {(s.benchmark, s.mode, s.name): s.means for s in scores}
+    assert set(HEADLINE) <= {(s.benchmark, s.mode, s.score) for s in scores}
+    known = {(s.benchmark, s.mode, s.score): s.means for s in scores}
     assert known["arena", "arena-evaluation", "goal reached"] == (1.0, 1.0)
     assert known["arena", "corrected", "goal reached"] == (0.5, 0.5)
     assert known["barn", "dynabarn-2022", "score"] == (0.5 * 0.125, 0.5 * 0.125)
@@ -120,11 +118,11 @@ def test_without_cases_run_again_only_corrected_modes_are_scored(results: Result
     modes = {s.mode for s in benchmark_scores(dataclasses.replace(results, contenders=bare))}
     assert modes and not modes & set(REPRODUCING)
     unmeasured = tuple(dataclasses.replace(c, measures=None) for c in bare)
-    assert benchmark_tables(dataclasses.replace(results, contenders=unmeasured)) is None
+    assert benchmark_tables(analyse(dataclasses.replace(results, contenders=unmeasured))) == ()
 
 
 def test_the_document_holds_both_ends_of_the_bracket_and_the_scores(results: Results) -> None:
-    document = json.loads(json.dumps(comparison_document(results), allow_nan=False))
+    document = json.loads(json.dumps(comparison_document(analyse(results)), allow_nan=False))
     assert document["solvable"]["count"] == 36 and document["undecided"] == 1
     new = document["planners"]["new"]
     assert new["stuck_of_solvable"]["solvable"]["count"] == 0

@@ -1,0 +1,305 @@
+"""MPPI: the first speeds of a plan that random futures keep improving.
+
+Sequences of speeds are drawn around the last plan and driven within the limits; the new plan is their average with
+weights exp(-cost / temperature): Williams, Wagener, Goldfain, Drews, Rehg, Boots, Theodorou, Information theoretic MPC
+for model-based reinforcement learning, ICRA 2017, algorithm 2. Obstacles are extrapolated at constant (v, w), and
+contact is found in continuous time.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from parcours.elementary import TAU, exp, log, sin_cos
+from parcours.kernels import kernel
+from parcours.streams import Stream, below, start, uniform
+from parcours_navigation.planners.motion import (
+    extrapolate,
+    gap_square,
+    require_count,
+    require_number,
+    runs_into,
+    to_goal,
+)
+from parcours_navigation.protocol import Command, Floats, Observation, Task
+
+_PURPOSE = np.uint64(7)
+_POOL = 8192
+_WORD = (1 << 64) - 1
+_HALT_STEP = 0.1
+
+_CRUISE = 0.6
+"""Fresh sequences are drawn around this share of top speed, straight ahead."""
+_MOVING = 1e-3
+"""A robot that moves less than this in a step closes no gap [m]."""
+COLLISION, PROGRESS, HEADING, GAP, CONTROL = range(5)
+"""Columns of the weights of a future's cost."""
+
+
+@kernel
+def draw_pool(stream: Stream, pool: Floats) -> None:
+    """Fill the array with standard normal numbers (Box and Muller 1958); shape (n,), n even."""
+    for k in range(0, len(pool) - 1, 2):
+        radius = np.sqrt(-2.0 * log(1.0 - uniform(stream)))
+        s, c = sin_cos(TAU * uniform(stream))
+        pool[k], pool[k + 1] = radius * c, radius * s
+
+
+@kernel
+def shift_plan(plan: Floats, steps: float) -> None:
+    """Move the plan on by this many of its steps, not whole in general; its end is held."""
+    last = plan.shape[0] - 1
+    for t in range(last + 1):
+        at = min(t + steps, float(last))
+        k = min(int(at), last)
+        share = at - k
+        after = min(k + 1, last)
+        plan[t, 0] = (1.0 - share) * plan[k, 0] + share * plan[after, 0]
+        plan[t, 1] = (1.0 - share) * plan[k, 1] + share * plan[after, 1]
+
+
+@kernel
+def roll_out(
+    robot: Floats,
+    controls: Floats,
+    goal_x: float,
+    goal_y: float,
+    limits: Floats,
+    places: Floats,
+    reaches: Floats,
+    n: int,
+    step: float,
+    weights: Floats,
+    comfort: float,
+) -> float:
+    """Return the cost of one future, and replace its speeds by those that the robot's limits let it have.
+
+    Args:
+        robot: as in `Observation.robot`, shape (5,).
+        controls: v, w [m/s, rad/s] to have at the end of each step, shape (n_steps, 2).
+        goal_x, goal_y: where to go [m].
+        limits: speed, yaw rate, acceleration, yaw acceleration [m/s, rad/s, m/s2, rad/s2], shape (4,).
+        places, reaches, n: as `extrapolate` fills them in, an instant after each step.
+        step: length of a step [s].
+        weights: of COLLISION, PROGRESS, HEADING, GAP, CONTROL, shape (5,).
+        comfort: gaps above this cost nothing [m].
+    """
+    n_steps = controls.shape[0]
+    reach_v, reach_w = limits[2] * step, limits[3] * step
+    x, y, heading, v, w = robot[0], robot[1], robot[2], robot[3], robot[4]
+    least, cost = comfort, 0.0
+    touched = False
+    for t in range(n_steps):
+        new_v = min(max(min(max(controls[t, 0], v - reach_v), v + reach_v), 0.0), limits[0])
+        new_w = min(max(min(max(controls[t, 1], w - reach_w), w + reach_w), -limits[1]), limits[1])
+        way, turn = 0.5 * (v + new_v) * step, 0.5 * (w + new_w) * step
+        v, w = new_v, new_w
+        controls[t, 0], controls[t, 1] = v, w
+        s, c = sin_cos(heading + 0.5 * turn)
+        heading += turn
+        dx, dy = way * c, way * s
+        for i in range(n):
+            x0, y0 = places[t, i, 0] - x, places[t, i, 1] - y
+            x1, y1 = places[t + 1, i, 0] - x - dx, places[t + 1, i, 1] - y - dy
+            square = gap_square(x0, y0, x1, y1)
+            if square < (reaches[i] + least) * (reaches[i] + least):
+                least = min(least, np.sqrt(square) - reaches[i])
+                if square < reaches[i] * reaches[i]:
+                    urgency = 1.0 - t / n_steps
+                    if way > _MOVING and dx * (x0 + x1) + dy * (y0 + y1) > 0.0:
+                        return float(cost + weights[COLLISION] * (1.0 + urgency) + weights[PROGRESS])
+                    if not touched:
+                        touched = True
+                        cost += weights[COLLISION] * 0.5 * urgency
+        x += dx
+        y += dy
+    to_x, to_y = goal_x - x, goal_y - y
+    far = float(np.sqrt(to_x * to_x + to_y * to_y))
+    s, c = sin_cos(heading)
+    off = 1.0 - (c * to_x + s * to_y) / max(far, 1e-9)
+    cost += weights[PROGRESS] * far + weights[HEADING] * off * min(far, 1.0)
+    return float(cost + weights[GAP] * (1.0 - max(least, 0.0) / comfort))
+
+
+@kernel
+def sample(
+    plan: Floats, top: float, spread: Floats, fresh: float, stream: Stream, pool: Floats, samples: Floats, bends: Floats
+) -> None:
+    """Fill in sequences of speeds: the plan itself, the plan braking, some fresh ones, and the plan disturbed.
+
+    Args:
+        plan: v, w of each step [m/s, rad/s], shape (n_steps, 2).
+        spread: standard deviation of v and w, and the correlation of one step with the next, shape (3,).
+        fresh: share of the sequences that do not start from the plan.
+        stream, pool: where a sequence starts in the pool of standard normal numbers is drawn from the stream.
+        samples: receives the sequences, shape (n_samples, n_steps, 2).
+        bends: receives the sum of plan times disturbance over variance, the cost of control, shape (n_samples,).
+    """
+    n_samples, n_steps = samples.shape[0], samples.shape[1]
+    rest = np.sqrt(1.0 - spread[2] * spread[2])
+    n_kept = n_samples - int(fresh * n_samples)
+    for k in range(n_samples):
+        bends[k] = 0.0
+        at = below(stream, len(pool) - 2 * n_steps)
+        e_v, e_w = pool[at], pool[at + 1]
+        for t in range(n_steps):
+            if t > 0:
+                e_v = spread[2] * e_v + rest * pool[at + 2 * t]
+                e_w = spread[2] * e_w + rest * pool[at + 2 * t + 1]
+            if k == 0:
+                samples[k, t, 0], samples[k, t, 1] = plan[t, 0], plan[t, 1]
+            elif k == 1:
+                samples[k, t, 0], samples[k, t, 1] = 0.0, plan[t, 1]
+            elif k < n_kept:
+                samples[k, t, 0], samples[k, t, 1] = plan[t, 0] + spread[0] * e_v, plan[t, 1] + spread[1] * e_w
+                bends[k] += plan[t, 0] * e_v / spread[0] + plan[t, 1] * e_w / spread[1]
+            else:
+                samples[k, t, 0], samples[k, t, 1] = _CRUISE * top + spread[0] * e_v, spread[1] * e_w
+
+
+@kernel
+def average(samples: Floats, costs: Floats, temperature: float, plan: Floats) -> None:
+    """Set the plan to the average of the samples with weights exp(-cost / temperature); costs become weights."""
+    least, total = np.inf, 0.0
+    for k in range(len(costs)):
+        least = min(least, costs[k])
+    for k in range(len(costs)):
+        costs[k] = exp(-min((costs[k] - least) / temperature, 60.0))
+        total += costs[k]
+    for t in range(plan.shape[0]):
+        v, w = 0.0, 0.0
+        for k in range(len(costs)):
+            v += costs[k] * samples[k, t, 0]
+            w += costs[k] * samples[k, t, 1]
+        plan[t, 0], plan[t, 1] = v / total, w / total
+
+
+@kernel
+def score(
+    robot: Floats,
+    goal: tuple[float, float],
+    limits: Floats,
+    world: tuple[Floats, Floats, int, float],
+    weights: Floats,
+    comfort: float,
+    samples: Floats,
+    costs: Floats,
+) -> None:
+    """Add the cost of each future to the cost of its control; `world` is places, reaches, n and step of `roll_out`."""
+    places, reaches, n, step = world
+    for k in range(samples.shape[0]):
+        cost = roll_out(robot, samples[k], goal[0], goal[1], limits, places, reaches, n, step, weights, comfort)
+        costs[k] = cost + weights[CONTROL] * costs[k]
+
+
+class Mppi:
+    """Model predictive path integral control, among obstacles that are taken to keep their speed and yaw rate.
+
+    Args:
+        n_samples: number of futures drawn for each command.
+        n_steps: length of a future in steps.
+        step: length of a step; robot and obstacles are taken to move straight for this long [s].
+        temperature: futures dearer than the cheapest by this count 1/e [cost].
+        speed_spread: standard deviation of the speed's disturbance [m/s].
+        yaw_rate_spread: standard deviation of the yaw rate's disturbance [rad/s].
+        smooth: correlation of a disturbance with the one a step before.
+        fresh: share of the futures that do not start from the last plan.
+        collision: cost of running into an obstacle at the end of a future, twice that if at once [cost]. An obstacle
+            that runs into the robot costs up to half of it.
+        progress: cost of each metre left to the goal at the end of a future [cost/m].
+        heading: cost of looking a right angle away from the goal then [cost].
+        gap: cost of touching; less linearly down to none at `comfort` [cost].
+        control: weight of the plan times its disturbance over the variance, summed over a future [cost].
+        comfort: gaps above this cost nothing [m].
+        margin: the robot's radius is enlarged by this [m].
+        halt_time: brake if it would run into an obstacle within this time [s]; 0: never.
+        halt_margin: ... or come this near to it [m].
+
+    Raises:
+        BadRequest: a parameter is not a number or out of its range.
+    """
+
+    def __init__(
+        self,
+        *,
+        n_samples: int = 64,
+        n_steps: int = 15,
+        step: float = 0.2,
+        temperature: float = 0.01,
+        speed_spread: float = 0.2,
+        yaw_rate_spread: float = 0.6,
+        smooth: float = 0.8,
+        fresh: float = 0.2,
+        collision: float = 3.0,
+        progress: float = 1.0,
+        heading: float = 0.2,
+        gap: float = 0.25,
+        control: float = 1e-4,
+        comfort: float = 0.1,
+        margin: float = 0.02,
+        halt_time: float = 0.5,
+        halt_margin: float = 0.01,
+    ) -> None:
+        n_samples = require_count("mppi", "n_samples", n_samples, 4, 100_000)
+        n_steps = require_count("mppi", "n_steps", n_steps, 1, 1000)
+        self._step = require_number("mppi", "step", step, 0.01, 1.0, "s")
+        self._temperature = require_number("mppi", "temperature", temperature, 1e-9, 1e6, "")
+        self._spread = np.array(
+            [
+                require_number("mppi", "speed_spread", speed_spread, 1e-6, 100.0, "m/s"),
+                require_number("mppi", "yaw_rate_spread", yaw_rate_spread, 1e-6, 100.0, "rad/s"),
+                require_number("mppi", "smooth", smooth, 0.0, 1.0, ""),
+            ]
+        )
+        self._fresh = require_number("mppi", "fresh", fresh, 0.0, 0.9, "")
+        named = {"collision": collision, "progress": progress, "heading": heading, "gap": gap, "control": control}
+        self._weights = np.array([require_number("mppi", name, value, 0.0, 1e6, "") for name, value in named.items()])
+        self._comfort = require_number("mppi", "comfort", comfort, 0.001, 10.0, "m")
+        self._margin = require_number("mppi", "margin", margin, 0.0, 10.0, "m")
+        self._halt_time = require_number("mppi", "halt_time", halt_time, 0.0, 10.0, "s")
+        self._halt_margin = require_number("mppi", "halt_margin", halt_margin, 0.0, 10.0, "m")
+        self._stream = np.zeros(1, np.uint64)
+        self._pool = np.empty(_POOL)
+        self._plan = np.zeros((n_steps, 2))
+        self._samples = np.empty((n_samples, n_steps, 2))
+        self._costs = np.empty(n_samples)
+        self._places = np.empty((n_steps + 1, 0, 2))
+        self._reaches = np.empty(0)
+        self._limits = np.zeros(4)
+        self._last = math.nan
+
+    def reset(self, task: Task) -> None:
+        """Begin a case: draw its random numbers from its seed, and plan to stand."""
+        limits = task.limits
+        self._limits = np.array([limits.speed, limits.yaw_rate, limits.acceleration, limits.yaw_acceleration])
+        start(self._stream, np.uint64(task.seed & _WORD), np.uint64(0), _PURPOSE)
+        draw_pool(self._stream, self._pool)
+        self._plan[:] = 0.0
+        self._last = math.nan
+
+    def observe(self, observation: Observation) -> Command:
+        """Return the first speeds of the improved plan; at the goal it stops."""
+        task, robot, obstacles = observation.task, observation.robot, observation.obstacles
+        elapsed = observation.time - self._last
+        self._last = observation.time
+        _, _, _, speed = to_goal(observation)
+        if speed == 0.0:
+            return Command(0.0, 0.0)
+        if elapsed > 0.0:
+            shift_plan(self._plan, elapsed / self._step)
+        if len(obstacles) > len(self._reaches):
+            self._places = np.empty((len(self._plan) + 1, len(obstacles), 2))
+            self._reaches = np.empty(len(obstacles))
+        radius, top = task.robot_radius + self._margin, task.limits.speed
+        n = extrapolate(robot, obstacles, top, radius, self._comfort, self._step, self._places, self._reaches)
+        sample(self._plan, top, self._spread, self._fresh, self._stream, self._pool, self._samples, self._costs)
+        world = self._places, self._reaches, n, self._step
+        score(robot, task.goal, self._limits, world, self._weights, self._comfort, self._samples, self._costs)
+        average(self._samples, self._costs, self._temperature, self._plan)
+        v, w = min(float(self._plan[0, 0]), speed), float(self._plan[0, 1])
+        radius = task.robot_radius + self._halt_margin
+        if self._halt_time > 0.0 and runs_into(robot, v, w, obstacles, radius, self._halt_time, _HALT_STEP)[1] >= 0:
+            v = 0.0
+        return Command(v, w)
