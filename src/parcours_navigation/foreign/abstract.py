@@ -3,6 +3,9 @@
 Nobody can make a node take a transition; but it can be kept from taking it. What it waits for is held in a gate
 until its turn. Where that does not keep it, as a server between a request and its response, its process is stopped at
 that point. What comes too early all the same, or does not come, leaves the case without a verdict.
+
+    A#0: event 3  --obstacles-->  gate (3, obstacles)  ...  turn of event 5  --released-->  B#1: event 5
+                                  "hold"                                     "release"
 """
 
 from __future__ import annotations

@@ -8,9 +8,8 @@ from collections.abc import Mapping, Sequence
 
 from parcours.run.binding import Compiled
 from parcours.run.binding.decoding import encoded
-from parcours.run.binding.injecting import Writer
 from parcours.run.binding.passing import Message
-from parcours.run.binding.readings import message_type
+from parcours.run.binding.readings import Writer, message_type
 from parcours.run.binding.relay import Relay
 from parcours.run.binding.worlds import body
 from parcours_navigation.foreign.world import LIMITS, START, robot_values

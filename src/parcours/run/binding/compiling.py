@@ -17,11 +17,10 @@ from parcours.model.structure import BASE_TYPES
 from parcours.run.binding.access import Access, compile_place
 from parcours.run.binding.binding_file import refusal
 from parcours.run.binding.formulas import Formula
-from parcours.run.binding.injecting import Writer
 from parcours.run.binding.message_types import MessageTypes
 from parcours.run.binding.places import Place, path_text
 from parcours.run.binding.quantities import plain
-from parcours.run.binding.readings import Reading, message_type
+from parcours.run.binding.readings import Reading, Writer, message_type
 from parcours.run.binding.structure import Action, Binding, BoundChannel, Constant, Injection
 
 _TYPE_OF = {bool: BOOL, int: INT, float: REAL, str: TEXT}

@@ -1,13 +1,15 @@
-"""Reads values from messages: formulas over places, compiled once for the messages' types."""
+"""Reads values from messages, and makes messages, by formulas that are compiled once for the messages' types."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from parcours.errors import HostFailure
 from parcours.model.expression import Type
 from parcours.run.binding.access import Access
 from parcours.run.binding.formulas import Formula
+from parcours.run.binding.message_types import MessageTypes
 from parcours.run.binding.places import Place
 from parcours.run.binding.structure import BoundChannel, Constant
 
@@ -44,6 +46,47 @@ class Reading:
         for place, channel, access in self.sources:
             values[place] = access.read(messages[channel])
         return self.formula.value(values, self.where)
+
+
+@dataclass(frozen=True, slots=True)
+class Writer:
+    """Makes messages of one type: all 0 or empty, but for some places with values, then some set to formulas."""
+
+    type: str
+    types: MessageTypes
+    where: str
+    base: tuple[tuple[Access, object], ...] = ()
+    set: tuple[tuple[Access, Formula], ...] = ()
+
+    def message(self, values: Mapping[str, object], items: Sequence[Mapping[str, object]] = ()) -> object:
+        """Return a new message.
+
+        Args:
+            values: a value for each name that the formulas use, e.g. {"robot.x": 0.5}.
+            items: further values for each item of a list: a place with `[*]` is set once for each.
+
+        Raises:
+            HostFailure: a name has no value, or a value does not fit its field.
+            BadModel: a formula cannot be computed, as when it divides by zero.
+        """
+        made = self.types.create(self.type)
+        for access, value in self.base:
+            access.write(made, value)
+        for access, formula in self.set:
+            rounds = items if access.place.is_each else [{}]
+            for index, more in enumerate(rounds):
+                access.write(made, self._value(formula, values, more), index)
+        return made
+
+    def _value(self, formula: Formula, values: Mapping[str, object], more: Mapping[str, object]) -> object:
+        found: dict[Place, object] = {}
+        for place in formula.places:
+            name = str(place)
+            if name not in more and name not in values:
+                rule = f"a name must have a value when a message is made, but {name!r} has none"
+                raise HostFailure(self.where, rule, "give it as an input of the case", slug="binding-value")
+            found[place] = more[name] if name in more else values[name]
+        return formula.value(found, self.where)
 
 
 def message_type(channel: BoundChannel) -> str:

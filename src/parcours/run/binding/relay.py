@@ -2,6 +2,8 @@
 
 No transport is in here: a host calls `heard` and `asked` with bytes, and `Ends` lets bytes go on. Bytes first: a
 message goes on as it came, and what reads its fields learns of it afterwards.
+
+    sender -> heard: "send" -> arrived (a gate, or at once) -> release: faults -> deliver: "receive" -> receiver
 """
 
 from __future__ import annotations
