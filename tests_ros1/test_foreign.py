@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 import shutil
 import signal
@@ -10,6 +11,7 @@ import subprocess
 import time
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import pytest
 from tests_ros1.conftest import patient
@@ -26,8 +28,10 @@ from parcours.run.recording import read_recording
 from parcours.run.trace import held
 from parcours.verdict.judgement import Verdict
 from parcours_navigation.foreign.abstract import AbstractDrive, _Turn
+from parcours_navigation.foreign.cases import abstract_scenes
+from parcours_navigation.foreign.isolation import Order
 from parcours_navigation.foreign.recorded import rejudge
-from parcours_navigation.foreign.results import Result, Wanted
+from parcours_navigation.foreign.results import Result
 from parcours_navigation.foreign.running import ForeignStudy
 from parcours_navigation.foreign.system import SystemDrive
 
@@ -58,13 +62,13 @@ def _edit(file: Path, *changes: tuple[str, str]) -> None:
     file.write_text(text)
 
 
-def _run(binding: Path, out: Path, wanted: Wanted) -> list[Result]:
+def _run(binding: Path, out: Path, **wanted: Any) -> list[Result]:
     with ForeignHost(read_binding(binding), out / "nodes") as host:
-        return list(ForeignStudy(host, wanted, out).run())
+        return list(ForeignStudy(host, Order(str(binding), str(out), **wanted)).run())
 
 
 def _one(binding: Path, out: Path, case: str, record: str = "") -> Result:
-    [result] = _run(binding, out, Wanted(case=case, record=record))
+    [result] = _run(binding, out, abstract=(f"{case}/0",), record=record)
     return result
 
 
@@ -78,7 +82,7 @@ def test_cases_of_the_model_pass_in_their_order_and_a_recording_says_so_again(
     recording = read_recording(tmp_path / result.recording)
     kept = held(recording.trace)
     assert sorted(kept.values()) == sorted(result.judged.held)
-    again, recorded = rejudge(tmp_path / result.recording, read_binding(nodes / "binding.yaml"))
+    again, recorded, _ = rejudge(tmp_path / result.recording, read_binding(nodes / "binding.yaml"))
     assert (again.judgement, recorded) == (result.judged.judgement, "pass")
 
 
@@ -115,7 +119,7 @@ def test_a_planted_deviation_is_found_with_what_was_expected(nodes: Path, tmp_pa
     file, old, new, found = PLANTED[planted]
     _edit(nodes / file, (old, new))
     _edit(nodes / "binding.yaml", ("quiescence: 3 s", "quiescence: 1 s"))
-    result = _run(nodes / "binding.yaml", tmp_path, Wanted(cases=0, system=1, protocol="empty"))[0]
+    result = _run(nodes / "binding.yaml", tmp_path, system=(0,), protocol="empty")[0]
     assert result.judged.judgement.verdict is Verdict.FAIL
     deviation = next(one for one in result.judged.deviations if one.component == "ObstacleFilter")
     assert found in deviation.rule
@@ -140,12 +144,12 @@ def test_a_dead_planner_fails_the_case_though_the_robot_coasts_to_its_goal(
     nodes: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     _killed_when_half_way(monkeypatch, "Planner")
-    result = _run(nodes / "binding.yaml", tmp_path, Wanted(cases=0, system=1, protocol="empty", record="bag"))[0]
+    result = _run(nodes / "binding.yaml", tmp_path, system=(0,), protocol="empty", record="bag")[0]
     judged = result.judged
     assert judged.judgement.verdict is Verdict.FAIL
     assert judged.outcome == "reached"
     assert "Planner (killed by SIGKILL" in judged.judgement.why
-    again, recorded = rejudge(tmp_path / result.recording, read_binding(nodes / "binding.yaml"))
+    again, recorded, _ = rejudge(tmp_path / result.recording, read_binding(nodes / "binding.yaml"))
     assert (again.judgement, again.outcome, recorded) == (judged.judgement, "reached", "fail")
 
 
@@ -171,8 +175,8 @@ def _verdicts(results: Sequence[Result]) -> dict[str, str]:
 def test_nodes_in_cpp_behind_the_same_model_pass(tmp_path: Path) -> None:
     binding = _built(tmp_path)
     _hasten(binding)
-    results = _run(binding, tmp_path, Wanted(cases=3, system=1, protocol="empty"))
-    verdicts = _verdicts([one for one in results if one.kind != "timing"])
+    first = tuple(scene.id for scene in itertools.islice(abstract_scenes(read_binding(binding), 1), 3))
+    verdicts = _verdicts(_run(binding, tmp_path, abstract=first, system=(0,), protocol="empty"))
     assert all(why.startswith("pass") for why in verdicts.values()), verdicts
     assert len(verdicts) == 4
 
@@ -216,9 +220,9 @@ def test_a_type_that_only_the_node_knows_is_learned_from_its_connection(tmp_path
     (made.parent / "__init__.py").touch()
     for name, text in (("model.yaml", MODEL), ("gauge.py", GAUGE), ("binding.yaml", BINDING % (tmp_path / "python"))):
         (tmp_path / name).write_text(text)
-    [result] = _run(tmp_path / "binding.yaml", tmp_path / "out", Wanted(record="mcap"))
+    [result] = _run(tmp_path / "binding.yaml", tmp_path / "out", abstract=("Gauge-tp11/0",), record="mcap")
     assert (result.id, result.judged.judgement.verdict) == ("Gauge-tp11/0", Verdict.PASS), result.judged.judgement.why
-    again, _ = rejudge(tmp_path / "out" / result.recording, read_binding(tmp_path / "binding.yaml"))
+    again, _, _ = rejudge(tmp_path / "out" / result.recording, read_binding(tmp_path / "binding.yaml"))
     assert again.judgement == result.judged.judgement
 
 

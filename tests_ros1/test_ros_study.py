@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from tests_ros1.conftest import patient
 
-from parcours.errors import BadRequest
+from parcours.errors import BadRequest, HostFailure
 from parcours.study import Request, Run, judge_case
 from parcours.study.copying import from_template, templates, write_new
 from parcours.study.finding import find
@@ -68,6 +68,31 @@ def test_a_new_study_passes_and_its_recording_says_so_again(small: Path, tmp_pat
     assert (again.case, again.recorded, again.agrees) == (id, "pass", True)
     [table] = study.report({"out": study.read(tmp_path / "out")}).tables
     assert table.rows[0][0] == id
+
+
+STEPS = """
+constants: {far: 7.5}
+before_case:
+- {set: /tester/gap, formula: far * 2}
+- {wait: /tester/gap, is: 15.0, timeout: 20 s}
+- {call: /filter/set_logger_level, type: roscpp/SetLoggerLevel, timeout: 20 s,
+   inject: {base: {logger: rosout, level: INFO}}}
+- {publish: /tester/ready, type: std_msgs/Bool, inject: {set: {data: far > 7}}}
+after_case:
+- {wait: /tester/gap, is: 16, timeout: 1 s}
+"""
+
+
+def test_steps_are_done_between_cases_and_formulas_know_the_constants(small: Path, tmp_path: Path) -> None:
+    file = small / "binding.yaml"
+    _edit(file, "position.y: obstacle.y", "position.y: obstacle.y - far * 0")
+    file.write_text(file.read_text() + STEPS.partition("after_case")[0])
+    study = find(str(small))
+    _run(study, tmp_path / "out")
+    assert list(_verdicts(study, tmp_path / "out").values()) == ["pass"]
+    file.write_text(file.read_text() + STEPS[STEPS.index("after_case") :])
+    with pytest.raises(HostFailure, match=r"after_case: /tester/gap must become 16 within 1 s, but is 15\.0"):
+        _run(find(str(small)), tmp_path / "again")
 
 
 def test_a_node_that_is_silent_fails_its_case(small: Path, tmp_path: Path) -> None:

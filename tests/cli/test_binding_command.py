@@ -1,10 +1,9 @@
-"""`parcours binding check` without ROS, and what `run` refuses before anything is started."""
+"""`parcours binding check` without ROS."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
-import pytest
 from click.testing import CliRunner
 
 from parcours.errors import BadRequest
@@ -26,9 +25,3 @@ def test_a_wrong_one_is_refused_with_its_line(tmp_path: Path) -> None:
     result = CliRunner().invoke(command, ["check", str(wrong)])
     assert isinstance(result.exception, BadRequest)
     assert "did you mean 'goal'?" in str(result.exception)
-
-
-@pytest.mark.parametrize("arguments", [["run", str(EXAMPLE)], ["run", str(EXAMPLE), "--out", "x", "--record", "wav"]])
-def test_a_run_says_what_it_lacks(arguments: list[str]) -> None:
-    result = CliRunner().invoke(command, arguments)
-    assert result.exit_code == 2

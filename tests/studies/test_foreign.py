@@ -1,4 +1,4 @@
-"""What needs no ROS of testing nodes of others: who sits where, the relay, conformance from outside, the world."""
+"""What needs no ROS of testing foreign nodes: who sits where, the relay, conformance from outside, the world."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from parcours.run.binding.slots import SlotPlan, Spoke, apart, whole
 from parcours.run.faults.text import parse_plan
 from parcours.run.trace import TraceEvent
 from parcours_navigation.facts import NEVER
-from parcours_navigation.foreign.cases import abstract_scenes, find_scene
+from parcours_navigation.foreign.cases import abstract_scenes, find_scenes
 from parcours_navigation.foreign.conforming import SLACK, Conformers, visible
 from parcours_navigation.foreign.timing import Span, durations, spans
 from parcours_navigation.foreign.world import ForeignWorld, Scene
@@ -173,14 +173,14 @@ def follow(binding: Binding) -> Callable[..., Conformers]:
 
     def followed(name: str, events: Sequence[tuple[int, str, str]], until: int) -> Conformers:
         conformers = Conformers(compiled, [name], Decoder(binding, compiled.types))
-        conformers.observe(TraceEvent(0, "note", text=BEGINS))
+        conformers.take(TraceEvent(0, "note", text=BEGINS))
         for time, kind, channel in events:
             is_note = kind == "note"
             component = "" if is_note and channel.startswith(STALLED) else name
-            conformers.observe(TraceEvent(
+            conformers.take(TraceEvent(
                 time * MS, kind, component, channel="" if is_note else channel, text=channel if is_note else ""  # type: ignore[arg-type]
             ))  # fmt: skip
-        conformers.quiet(until * MS)
+        conformers.take(until * MS)
         return conformers
 
     return followed
@@ -236,7 +236,7 @@ def test_the_robot_is_driven_by_commands_until_they_run_out(binding: Binding) ->
     world.advance(1500 * MS)
     assert world.values(0, 0.0)["robot.v"] == pytest.approx(0.0)
     assert world.values(0, 0.0)["odom.y"] == pytest.approx(0.0, abs=1e-12)
-    assert world.facts(Scene(1, 0, "empty"))["t_goal"][0] == NEVER
+    assert world.facts()["t_goal"][0] == NEVER
 
 
 def test_how_often_the_world_is_asked_changes_nothing(binding: Binding) -> None:
@@ -247,7 +247,7 @@ def test_how_often_the_world_is_asked_changes_nothing(binding: Binding) -> None:
     for world in worlds:
         world.command(0.2, 0.5, 3000 * MS)
         world.advance(4000 * MS)
-    assert worlds[0].facts(Scene(3, 4)).tobytes() == worlds[1].facts(Scene(3, 4)).tobytes()
+    assert worlds[0].facts().tobytes() == worlds[1].facts().tobytes()
 
 
 def test_spans_run_from_the_first_hop_to_the_last(binding: Binding) -> None:
@@ -265,4 +265,5 @@ def test_a_period_is_a_span_from_a_channel_to_itself() -> None:
 def test_abstract_cases_are_found_by_their_ids(binding: Binding) -> None:
     ids = [scene.id for scene in abstract_scenes(binding, 1)]
     assert len(ids) == len(set(ids)) == 29
-    assert find_scene(binding, 1, ids[-1].removesuffix("/0")).id == ids[-1]
+    absent = ["nothing/0", ids[0].removesuffix("/0"), f"{ids[0]}x", ids[0].removesuffix("0") + "1"]
+    assert list(find_scenes(binding, 1, [ids[-1], *absent])) == [ids[-1]]

@@ -9,7 +9,7 @@ instances are does not matter: in this process (`execute`), in others, or on ROS
 from __future__ import annotations
 
 from collections import Counter, deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence, Set
 from dataclasses import dataclass, replace
 
 from parcours.abtc import Event
@@ -130,6 +130,21 @@ def disorder(events: Sequence[Event], trace: Trace) -> str:
     return ""
 
 
+class Precedence:
+    """Which events of a case are allowed by what is done: `after` comes first, and what is `before` them, too."""
+
+    def __init__(self, events: Sequence[Event]) -> None:
+        self._barriers: dict[int, list[int]] = {}
+        for event in events:
+            if event.before is not None:
+                self._barriers.setdefault(event.before, []).append(event.position)
+
+    def allows(self, event: Event, done: Set[int], ahead: Set[int] = frozenset()) -> bool:
+        """Return whether an event is due, when those `ahead` will be done by its own instance before it."""
+        barriers = self._barriers.get(event.position, ())
+        return all(one in done or one in ahead for one in event.after) and all(one in done for one in barriers)
+
+
 class _DeviationError(Exception):
     def __init__(self, event: Event, expected: str, got: str, *, silent: bool = False) -> None:
         self.event, self.expected, self.got, self.silent = event, expected, got, silent
@@ -147,10 +162,7 @@ class _Enforcement:
         self._granted: dict[int, deque[Turn]] = {reference: deque() for reference in self._to_do}
         self._paths: dict[int, list[str]] = {reference: [] for reference in self._to_do}
         self._done: set[int] = set()
-        self._barriers: dict[int, list[int]] = {}
-        for event in events:
-            if event.before is not None:
-                self._barriers.setdefault(event.before, []).append(event.position)
+        self._precedence = Precedence(events)
         self._gates: dict[tuple[int, str], deque[tuple[int, object]]] = {}
         self._trace: list[TraceEvent] = []
         self._payloads: dict[int, object] = {}
@@ -197,9 +209,7 @@ class _Enforcement:
     def _is_due(self, event: Event, ahead: set[int]) -> bool:
         if self._strict:
             return event.position == len(self._done) + len(ahead)
-        return all(one in self._done or one in ahead for one in event.after) and all(
-            one in self._done for one in self._barriers.get(event.position, ())
-        )
+        return self._precedence.allows(event, self._done, ahead)
 
     def _turn(self, event: Event) -> Turn:
         """Open the gate of the message that the event receives."""

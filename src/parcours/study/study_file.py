@@ -9,7 +9,7 @@ from importlib.metadata import entry_points
 from pathlib import Path
 
 from parcours.errors import BadModel, BadRequest, ParcoursError
-from parcours.model.documents import MAX_BYTES, Node, read_document
+from parcours.model.documents import MAX_BYTES, Node, Scalar, read_document
 from parcours.model.documents import Mapping as MappingNode
 from parcours.model.expression import Expression, names, parse_expression
 from parcours.model.finding import Finding, advice, complaint, errors_among
@@ -135,6 +135,22 @@ class StudyReader(QuantityReader):
     def parameters(self, top: Nodes) -> tuple[Parameter, ...]:
         """Return the study's own parameters."""
         return tuple(self._parameter(name, node) for name, node, _ in self.entries(top.get("parameters"), "parameters"))
+
+    def settings(self, top: Nodes, known: Mapping[str, Parameter]) -> dict[str, object]:
+        """Return what stands under `settings`: other defaults of known parameters, by name."""
+        found: dict[str, object] = {}
+        for name, node, line in self.entries(top.get("settings"), "settings"):
+            if name not in known:
+                rule, remedy = f"settings: there is no parameter {name!r}", advice(name, list(known), self.findings)
+                self.findings.append(Finding(self.origin, line, "error", "parameter-unknown", rule, remedy))
+                continue
+            try:
+                if not isinstance(node, Scalar):
+                    raise BadRequest(name, f"must be a single value, but is {shown(node)}", slug="parameter-kind")
+                found[name] = known[name].read(node.text if known[name].kind == "text" else constant(node))
+            except BadRequest as error:
+                self.add(node, error.slug, f"settings, {name}: {error.rule}", error.remedy)
+        return found
 
     def file(self, node: Node | None, what: str, absent: str = "") -> Path | None:
         """Return a file that the study names; `absent`, if it is there, where node is None. Its digest counts."""

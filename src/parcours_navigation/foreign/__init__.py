@@ -1,1 +1,1 @@
-"""Systems that nobody here wrote, tested through a binding file: abstract cases, system cases, timing, liveness."""
+"""Foreign nodes, tested through a binding file: abstract cases, system cases, timing, liveness."""

@@ -1,33 +1,33 @@
-"""A serialised abstract case -> nodes of others kept in its order: messages held, made up, let go at their turn.
+"""Keeps foreign nodes in the order of an abstract case: holds messages, makes them up, lets them go at their turn.
 
-A node cannot be told when to take a transition; it can be kept from taking it. What it waits for is held in a gate
+Nobody can make a node take a transition; but it can be kept from taking it. What it waits for is held in a gate
 until its turn. Where that does not keep it, as a server between a request and its response, its process is stopped at
 that point. What comes too early all the same, or does not come, leaves the case without a verdict.
+
+    A#0: event 3  --obstacles-->  gate (3, obstacles)  ...  turn of event 5  --released-->  B#1: event 5
+                                  "hold"                                     "release"
 """
 
 from __future__ import annotations
 
-import time
 from collections import deque
-from collections.abc import Collection, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 
 from parcours.abtc import Event
 from parcours.run.binding.passing import CONTINUED, ENDS, STOPPED, Call, Message
 from parcours.run.binding.slots import Slot
-from parcours.run.enforcement import instance_name
+from parcours.run.enforcement import Precedence, instance_name
 from parcours.run.hosts.ros1.foreign_session import Session
-from parcours_navigation.foreign.background import Background
 from parcours_navigation.foreign.judging import AbstractJudge
-from parcours_navigation.foreign.system import answer_call
 from parcours_navigation.foreign.tester_messages import Maker
 
 PATIENCE = 4_000_000_000
-"""So long an event may take once it is its turn [ns]."""
+"""How long an event may take once it is its turn [ns]."""
 
 UNSEEN = "not visible: assumed"
 _SETTLE = 200_000_000
-"""So long the background runs before the case begins to move [ns]."""
+"""How long the background runs before the case begins to move [ns]."""
 
 
 @dataclass(eq=False, slots=True)
@@ -41,6 +41,37 @@ class _Turn:
     is_given: bool = False
 
 
+@dataclass(slots=True)
+class _Sensed:
+    channel: str
+    slot: str | None
+    period: int
+    due: int = 0
+
+
+class _Background:
+    """Says what `sense` of the binding names, to every process whose part of the case does not receive just that."""
+
+    def __init__(self, session: Session, maker: Maker, events: Sequence[Event]) -> None:
+        self._session, self._maker = session, maker
+        system = session.host.binding.system
+        references = {slot.name: slot.reference for slot in session.slot_plan.slots}
+        self._sensed: list[_Sensed] = []
+        for channel, period in system.sense if system else ():
+            given = {one.reference for one in events if one.receives is not None and one.receives.channel == channel}
+            for spoke in session.slot_plan.speaking(channel):
+                if references.get(spoke.slot, -1) not in given:
+                    self._sensed.append(_Sensed(channel, spoke.slot or None, round(period * 1e9)))
+
+    def say(self, now: int) -> None:
+        """Say what is due [ns since the run began]."""
+        for one in self._sensed:
+            if now >= one.due:
+                one.due = now + one.period
+                data = self._maker.of_the_environment(one.channel, now - self._session.case_began)
+                self._session.relay.inject(one.channel, data, one.slot)
+
+
 class AbstractDrive:
     """Enforces the order of a case on a session.
 
@@ -50,40 +81,30 @@ class AbstractDrive:
         maker: makes the tester's messages.
         events: `serialise(abstract_case)`.
         early: requests that came before the case began.
-        patience: so long an event may take once it is its turn [ns].
     """
 
     def __init__(self, session: Session, judge: AbstractJudge, maker: Maker, events: Sequence[Event],
-                 early: Sequence[Message] = (), patience: int = PATIENCE) -> None:  # fmt: skip
+                 early: Sequence[Message] = ()) -> None:  # fmt: skip
         self._session, self._relay, self._judge, self._maker = session, session.relay, judge, maker
-        self._events, self._patience, self._early = events, patience, early
+        self._events, self._early = events, early
+        self._binding = session.host.binding
         self._slots: dict[int, Slot] = {
             slot.reference: slot for slot in session.slot_plan.slots if slot.reference is not None
         }
         self._of_slot = {slot.name: reference for reference, slot in self._slots.items()}
+        self._bound = {one.name for one in self._binding.channels if one.role == "model"}
         self._to_do: dict[int, deque[_Turn]] = {}
         for event in events:
-            turn = _Turn(event, missing=[send.channel for send in event.sends if self._is_bound(send.channel)])
+            turn = _Turn(event, missing=[send.channel for send in event.sends if send.channel in self._bound])
             self._to_do.setdefault(event.reference, deque()).append(turn)
         self._done: set[int] = set()
-        self._barriers: dict[int, list[int]] = {}
-        for event in events:
-            if event.before is not None:
-                self._barriers.setdefault(event.before, []).append(event.position)
+        self._precedence = Precedence(events)
         self._gates: dict[tuple[int, str], deque[Message]] = {}
         self._frozen: set[int] = set()
         self._failed = ""
-        model = session.host.binding.model
-        machines = {(part.name, one.name): one for part in model.components for one in part.machines}
-        self._may_send = {
-            key: {send.channel for transition in one.transitions for send in transition.sends}
-            for key, one in machines.items()
-        }
-        self._background = Background(session, maker, events)
-        self._relay.arrived, self._relay.unserved = self._arrived, self._unserved
-
-    def _is_bound(self, channel: str) -> bool:
-        return any(one.name == channel and one.role == "model" for one in self._session.host.binding.channels)
+        self._background = _Background(session, maker, events)
+        self._relay.arrived = self._arrived
+        self._relay.unserved = lambda message: maker.answer(self._relay, message)
 
     def run(self) -> None:
         """Run the case to its end, or to the first event that cannot be had.
@@ -97,7 +118,7 @@ class AbstractDrive:
             self._arrived(message)
         while not self._is_over():
             now = session.now()
-            self._background.tell(now)
+            self._background.say(now)
             if now >= begin:
                 self._grant(now)
             session.poll(session.now() + 5_000_000)
@@ -113,15 +134,11 @@ class AbstractDrive:
         wrong = self._failed or watch.deviations or self._session.deaths or watch.unreadable
         return bool(wrong) or len(self._done) == len(self._events)
 
-    def _made(self, channel: str) -> bytes:
-        now = self._session.now() - self._session.case_began
-        return self._maker.of_the_environment(channel, now, time.time())
+    def _made(self, channel: str) -> Message:
+        data = self._maker.of_the_environment(channel, self._session.now() - self._session.case_began)
+        return self._relay.made(channel, data)
 
     # Whose turn it is.
-
-    def _is_due(self, event: Event, done: Collection[int] | None = None) -> bool:
-        done = self._done if done is None else done
-        return all(one in done for one in (*event.after, *self._barriers.get(event.position, ())))
 
     def _grant(self, now: int) -> None:
         """Let every reference begin what is its turn; again, while something was over at once."""
@@ -130,7 +147,7 @@ class AbstractDrive:
             moved = False
             self._thaw()
             for reference, to_do in self._to_do.items():
-                if to_do and to_do[0].since < 0 and self._is_due(to_do[0].event):
+                if to_do and to_do[0].since < 0 and self._precedence.allows(to_do[0].event, self._done):
                     to_do[0].since = now
                     moved |= self._begin(reference, to_do[0])
                 elif to_do and to_do[0].since >= 0 and not to_do[0].missing and to_do[0].is_given:
@@ -138,21 +155,16 @@ class AbstractDrive:
 
     def _begin(self, reference: int, turn: _Turn) -> bool:
         event = turn.event
-        if reference not in self._slots:
-            self._play(turn)
-        elif event.receives is not None and self._is_bound(event.receives.channel):
+        if reference not in self._slots:  # its component is the tester's, who does what the event says
+            for channel in turn.missing:
+                self._gated(event, self._made(channel))
+            turn.missing.clear()
+        elif event.receives is not None and event.receives.channel in self._bound:
             if not turn.missing:
                 self._freeze(reference, event.position)
             self._give(reference, turn)
         turn.is_given = True
         return bool(not turn.missing and not self._failed and self._finish(reference, turn))
-
-    def _play(self, turn: _Turn) -> None:
-        """Do in the place of a component that no node runs what the event says."""
-        event = turn.event
-        for channel in list(turn.missing):
-            self._gated(event, self._relay.made(channel, self._made(channel)))
-        turn.missing.clear()
 
     def _give(self, reference: int, turn: _Turn) -> None:
         """Open the gate of the message that the event receives, or make it up."""
@@ -160,7 +172,7 @@ class AbstractDrive:
         assert event.receives is not None
         channel, source = event.receives.channel, event.receives.event
         if source is None:
-            message = self._relay.made(channel, self._made(channel))
+            message = self._made(channel)
         else:
             gate = self._gates.get((source, channel))
             if not gate:
@@ -168,30 +180,26 @@ class AbstractDrive:
                 return
             message = gate.popleft()
             self._relay.record("release", message.sender, message)
-        part = self._session.host.binding.channel(channel).part
-        if part == "response":
+        if self._binding.channel(channel).part == "response":
             call = self._call_of(slot, channel)
             if call is None:
                 self._failed = f"{event.transition} of {slot.name} awaits an answer on {channel}, but has asked nothing"
                 return
             self._relay.answer(call, message)
         else:
-            copy = Message(message.number, channel, message.slot, message.sender, message.data, message.time)
-            self._relay.release(copy, slot.name)
+            self._relay.release(replace(message, call=None), slot.name)
         turn.last = self._session.now()
 
     def _call_of(self, slot: Slot, channel: str) -> Call | None:
-        service = self._session.host.binding.channel(channel).address
+        service = self._binding.channel(channel).address
         spokes = [one.address for one in self._session.slot_plan.spokes
                   if one.slot == slot.name and one.side == "out" and channel in one.channels]  # fmt: skip
-        calls = [call for call in self._relay.calls if call.client == slot.name and call.service in (service, *spokes)]
-        return calls[0] if calls else None
+        calls = (call for call in self._relay.calls if call.client == slot.name and call.service in (service, *spokes))
+        return next(calls, None)
 
     def _finish(self, reference: int, turn: _Turn) -> bool:
         """The event is over: write down that its transition was taken."""
-        to_do = self._to_do[reference]
-        to_do.popleft()
-        event = turn.event
+        event = self._to_do[reference].popleft().event
         is_seen = turn.last >= 0 or reference not in self._slots
         stamp = turn.last if turn.last >= 0 else self._session.now()
         self._done.add(event.position)
@@ -209,7 +217,7 @@ class AbstractDrive:
         if not follows or not slot.node.is_ours or reference in self._frozen:
             return
         done = self._done if after is None else self._done | {after}
-        if self._is_due(follows[0].event, done):
+        if self._precedence.allows(follows[0].event, done):
             return
         self._frozen.add(reference)
         self._session.hold(slot)
@@ -219,7 +227,7 @@ class AbstractDrive:
     def _thaw(self, *, all_of_them: bool = False) -> None:
         for reference in list(self._frozen):
             to_do = self._to_do[reference]
-            if all_of_them or not to_do or self._is_due(to_do[0].event):
+            if all_of_them or not to_do or self._precedence.allows(to_do[0].event, self._done):
                 self._frozen.discard(reference)
                 slot = self._slots[reference]
                 for component in slot.node.components:
@@ -229,23 +237,18 @@ class AbstractDrive:
     # What nodes say.
 
     def _arrived(self, message: Message) -> None:
-        reference = self._of_slot.get(message.slot)
-        to_do = self._to_do.get(reference, deque()) if reference is not None else deque()
+        reference = self._of_slot.get(message.slot, -1)
+        to_do = self._to_do.get(reference)
         turn = to_do[0] if to_do else None
-        if turn is None or message.channel not in turn.missing or not self._is_possible(turn):
+        if turn is None or message.channel not in turn.missing or not (turn.is_given or turn.event.receives is None):
             self._aside(message, turn)
             return
-        assert reference is not None
         turn.missing.remove(message.channel)
         turn.last = message.time
         self._gated(turn.event, message)
         if not turn.missing:
             turn.is_given = True
             self._finish(reference, turn)
-
-    def _is_possible(self, turn: _Turn) -> bool:
-        """Whether the event can have begun: nothing that it receives is still kept from it."""
-        return turn.is_given or turn.event.receives is None
 
     def _gated(self, event: Event, message: Message) -> None:
         sent = next(send for send in event.sends if send.channel == message.channel)
@@ -257,35 +260,27 @@ class AbstractDrive:
             self._relay.collect(message)
 
     def _strays(self, message: Message, event: Event) -> bool:
-        return message.channel in self._may_send[event.component, event.machine]
-
-    def _unserved(self, message: Message) -> None:
-        if message.call is not None:
-            answer_call(
-                self._relay, self._maker, self._session.host.binding.channel(message.channel).address, message.call
-            )
+        """Whether the machine whose turn it is sends such messages, but not now."""
+        machines = self._binding.model.component(event.component).machines
+        own = (one.transitions for one in machines if one.name == event.machine)
+        return any(send.channel == message.channel for each in own for transition in each for send in transition.sends)
 
     def _aside(self, message: Message, turn: _Turn | None) -> None:
         """Something that is no part of the case: the tester takes it, and answers what is asked."""
         self._relay.settle(message)
         self._relay.collect(message)
-        binding = self._session.host.binding
-        bound = binding.channel(message.channel)
-        if bound.role == "between":
+        if self._binding.channel(message.channel).role == "between":
             self._relay.release(message)
         elif turn is not None and self._session.case_began >= 0 and self._strays(message, turn.event):
             self._failed = self._failed or (
                 f"{message.sender} sent {message.channel} where {turn.event.transition} was due"
             )
         if message.call is not None and message.call.reply is not None:
-            answer_call(self._relay, self._maker, bound.address, message.call)
+            self._maker.answer(self._relay, message)
 
     def _expire(self, now: int) -> None:
         for reference, to_do in self._to_do.items():
-            if to_do and to_do[0].since >= 0 and now - to_do[0].since > self._patience and not self._failed:
-                event = to_do[0].event
-                wanted = ", ".join(to_do[0].missing)
+            if to_do and to_do[0].since >= 0 and now - to_do[0].since > PATIENCE and not self._failed:
+                event, wanted = to_do[0].event, ", ".join(to_do[0].missing)
                 name = self._slots[reference].name if reference in self._slots else event.component
-                self._failed = (
-                    f"{name} did not take {event.transition} (send {wanted}) within {self._patience * 1e-9:g} s"
-                )
+                self._failed = f"{name} did not take {event.transition} (send {wanted}) within {PATIENCE * 1e-9:g} s"

@@ -1,9 +1,9 @@
-"""A binding -> the abstract cases of its model that can be run on its nodes, as serialised sequences of events."""
+"""The abstract cases of a model that can be run on the nodes of a binding, as serialised sequences of events."""
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,7 +12,6 @@ import numpy as np
 from parcours.abtc import Emission, Event, Reception, abstract_cases, serialise
 from parcours.abtc.interactions import component_graph
 from parcours.data import draw, read_input_model
-from parcours.errors import BadRequest, one_of
 from parcours.paths.covering import internal_paths
 from parcours.paths.internal import InternalPath
 from parcours.run.binding.structure import Binding
@@ -65,19 +64,13 @@ def abstract_scenes(binding: Binding, seed: int) -> Iterator[AbstractScene]:
             yield AbstractScene(f"{id}/{row}", events, tuple(zip(inputs.names, drawn, strict=True)))
 
 
-def find_scene(binding: Binding, seed: int, id: str) -> AbstractScene:
-    """Return the case with an id; the number of its row may be left out.
-
-    Raises:
-        BadRequest: there is none among the first of them.
-    """
-    wanted = id if id.rpartition("/")[2].isdigit() else f"{id}/0"
-    seen = []
-    for scene in itertools.islice(abstract_scenes(binding, seed), MOST):
-        if scene.id == wanted:
-            return scene
-        seen.append(scene.id)
-    raise BadRequest("--case", f"no abstract case is called {id!r}", one_of(id, seen[:40]), slug="unknown-abstract")
+def find_scenes(binding: Binding, seed: int, ids: Collection[str]) -> dict[str, AbstractScene]:
+    """Return the abstract cases with some ids, by id; those that the binding does not have are missing."""
+    once = {id for id, _ in itertools.islice(_sequences(binding), MOST)}
+    parts = [id.rpartition("/") for id in ids]
+    rows = [int(row) for abstract, _, row in parts if abstract in once and row.isdecimal() and len(row) < 7]
+    every = itertools.islice(abstract_scenes(binding, seed), len(once) * (max(rows, default=-1) + 1))
+    return {scene.id: scene for scene in every if scene.id in ids}
 
 
 def _sequences(binding: Binding) -> Iterator[tuple[str, tuple[Event, ...]]]:

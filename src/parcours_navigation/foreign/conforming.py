@@ -1,4 +1,4 @@
-"""What nodes of others send and are given, event by event, and a model -> the first deviation of each, online or later.
+"""Follows what foreign nodes send and are given, event by event, to where each first leaves the model.
 
 Seen from outside, a node's messages on different topics may come in another order than it sent them, and a message
 counts as received when it was handed over, which is before the node takes it up. So each component is followed by
@@ -7,8 +7,7 @@ itself, through its own messages, and one that comes too early waits a moment fo
 
 from __future__ import annotations
 
-import queue
-import threading
+import functools
 from collections import deque
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
@@ -24,7 +23,7 @@ from parcours.run.trace import TraceEvent
 from parcours.verdict.conformance import Checker, Deviation
 
 SLACK = 500_000_000
-"""So much later may a message arrive that was sent first, on another topic [ns]."""
+"""How much later a message may arrive that was sent first, on another topic [ns]."""
 
 
 def _is_inert(transition: Transition) -> bool:
@@ -32,26 +31,8 @@ def _is_inert(transition: Transition) -> bool:
     return transition.is_loop and not (transition.guard or transition.actions or transition.sends)
 
 
-LATEST = 10.0
-"""So long after the end of a case what was observed may still be followed [s]."""
-
-_recent: list[tuple[Binding, Cefsm]] = []
-
-
+@functools.lru_cache(maxsize=4)  # what was computed of a model is kept as long as the model
 def visible(binding: Binding) -> Cefsm:
-    """Return the model without what the binding does not bind; for the same binding, the same model again.
-
-    What was computed of a model is kept as long as the model.
-    """
-    for known, cefsm in _recent:
-        if known is binding:
-            return cefsm
-    _recent.insert(0, (binding, _visible(binding)))
-    del _recent[4:]
-    return _recent[0][1]
-
-
-def _visible(binding: Binding) -> Cefsm:
     """Return the model without what the binding does not bind: such messages come and go unseen."""
     bound = {channel.name for channel in binding.channels if channel.role == "model"}
     model = binding.model
@@ -188,9 +169,9 @@ class Conformers:
     """Follows the components of a system.
 
     Args:
-        compiled: the binding, compiled.
+        compiled: the binding.
         names: of the components, as the trace calls them.
-        decoder: reads messages.
+        decoder: reads messages; used by nobody else, since another thread may follow.
     """
 
     def __init__(self, compiled: Compiled, names: Iterable[str], decoder: Decoder) -> None:
@@ -211,8 +192,12 @@ class Conformers:
         """The first message of which a field could not be read."""
         return self._fields.error
 
-    def observe(self, event: TraceEvent) -> None:
-        """Take note of the next event."""
+    def take(self, event: TraceEvent | int) -> None:
+        """Take note of the next event; of a time [ns], that nothing else happened until then."""
+        if isinstance(event, int):
+            for each in self._followed.values():
+                each.expire(event)
+            return
         if event.kind == "note" and event.text == BEGINS:
             for each in self._followed.values():
                 each.go_on(event.time)
@@ -233,56 +218,8 @@ class Conformers:
             elif event.kind == "receive":
                 followed.receive(event)
 
-    def quiet(self, now: int) -> None:
-        """Take note that nothing else happened until now [ns]."""
-        for followed in self._followed.values():
-            followed.expire(now)
-
     @property
     def deviations(self) -> tuple[Deviation, ...]:
         """The first deviation of each component that deviated, in order of time."""
         found = (followed.deviation() for followed in self._followed.values())
         return tuple(sorted((one for one in found if one is not None), key=lambda one: one.time))
-
-
-class Beside:
-    """Follows the components in a thread beside the one that relays, which must not wait for what this computes."""
-
-    def __init__(self, conformers: Conformers) -> None:
-        self._conformers = conformers
-        self._queue: queue.SimpleQueue[TraceEvent | int | None] = queue.SimpleQueue()
-        self._failed: list[BaseException] = []
-        self._is_late = False
-        self._thread = threading.Thread(target=self._follow, daemon=True, name="conformance")
-        self._thread.start()
-
-    def _follow(self) -> None:
-        try:
-            while (one := self._queue.get()) is not None and not self._is_late:
-                if isinstance(one, int):
-                    self._conformers.quiet(one)
-                else:
-                    self._conformers.observe(one)
-        except BaseException as error:  # told to who waits for the end
-            self._failed.append(error)
-
-    def observe(self, event: TraceEvent) -> None:
-        """Take note of the next event, soon."""
-        self._queue.put(event)
-
-    def quiet(self, now: int) -> None:
-        """Take note that nothing else happened until now [ns], soon."""
-        self._queue.put(now)
-
-    def close(self) -> bool:
-        """Wait until everything has been taken note of; return whether it has, within `LATEST`. Again: do nothing.
-
-        Raises:
-            ParcoursError: a guard of the model has no value where the system stands.
-        """
-        self._queue.put(None)
-        self._thread.join(LATEST)
-        self._is_late = self._thread.is_alive()
-        if self._failed:
-            raise self._failed.pop()
-        return not self._is_late

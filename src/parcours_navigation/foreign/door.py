@@ -9,7 +9,7 @@ import dataclasses
 import itertools
 import json
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -26,10 +26,13 @@ from parcours.study.parameters import Parameter, Settings
 from parcours.study.protocol import Finding, Judged, Progress, Rejudged, Reported, Request, Run
 from parcours.suite import Case
 from parcours.verdict.judgement import Verdict
+from parcours.verdict.timing import parse_bound
+from parcours_navigation.cases.family import SystemCases
 from parcours_navigation.foreign.abstract import PATIENCE
-from parcours_navigation.foreign.cases import abstract_scenes
+from parcours_navigation.foreign.cases import AbstractScene, abstract_scenes, find_scenes
 from parcours_navigation.foreign.isolation import Order, run_apart
-from parcours_navigation.foreign.results import RosResults
+from parcours_navigation.foreign.results import RosResults, tables
+from parcours_navigation.foreign.timing import spans
 
 if TYPE_CHECKING:
     from parcours.study.protocol import Results
@@ -114,7 +117,7 @@ class RosStudy:
         question = {"seed": request.seed, "settings": decides, "files": dict(self.digests)}
         write_question(out, self.name, self.where, question)
         planned = len(ids) + len(timing)
-        _note_planned(out, planned)
+        write_atomically(out / FILE, (json.dumps({"parcours": _FORMAT, "planned": planned}) + "\n").encode())
         interrupted = False
         with Journal(out) as journal, terminable():
             wanted = [*ids, *timing]
@@ -134,9 +137,8 @@ class RosStudy:
         """Return the results in a folder."""
         study = read_question(folder)["study"]
         if study != self.name:
-            raise BadResults(
-                str(folder), f"results of {self.name} are expected, but it holds those of {study}", slug="results-study"
-            )
+            rule = f"results of {self.name} are expected, but it holds those of {study}"
+            raise BadResults(str(folder), rule, slug="results-study")
         planned = 0
         if (folder / FILE).is_file():
             try:
@@ -148,8 +150,6 @@ class RosStudy:
 
     def report(self, results: Mapping[str, Results]) -> Reported:
         """Return tables, pieces and documents on results of foreign nodes."""
-        from parcours_navigation.foreign.reporting import tables
-
         found = []
         documents: dict[str, object] = {}
         for folder, one in results.items():
@@ -165,53 +165,41 @@ class RosStudy:
         Raises:
             BadSuite: the study has no such case, or other values than its row and seed give.
         """
-        row = int(case.row)
-        ours = (
-            self._system(row, settings, case.seed)
-            if case.abstract == SYSTEM
-            else self._find(case.abstract, row, case.seed)
-        )
+        id = case.id.partition("/")[2]
+        ours = self._find(id, settings, case.seed)
         if ours is None or (ours.names, ours.values) != (case.names, case.values):
-            rule = f"a case must be one that the study has, but row {row} of {case.abstract} is not it"
+            rule = f"a case must be one that the study has, but row {case.row} of {case.abstract} is not it"
             raise BadSuite(f"case {case.id!r}", rule, "write the suite again with this version", slug="foreign-case")
         with tempfile.TemporaryDirectory(prefix="parcours-") as folder:
-            order = self._order(
-                {**settings, "record": "", "repeats": 0}, case.seed, Path(folder), [ours.id.partition("/")[2]]
-            )
-            [entry] = run_apart(order)
+            [entry] = run_apart(self._order({**settings, "record": "", "repeats": 0}, case.seed, Path(folder), [id]))
         deaths = entry["deaths"]
         assert isinstance(deaths, dict)
         known = {"outcome": str(entry["outcome"]), "length": f"{entry['seconds']} s",
                  "dead": ", ".join(f"{name} ({how})" for name, how in deaths.items())}  # fmt: skip
-        command = f"parcours run {self.where} --seed {case.seed} --case {case.id} --record mcap --out out"
         facts = tuple((name, text) for name, text in known.items() if text)
-        return Judged(
-            case,
-            Verdict(str(entry["verdict"])),
-            str(entry["why"]),
-            facts,
-            f"{command} && parcours judge out/recordings",
-        )
+        command = f"parcours run {self.where} --seed {case.seed} --case {case.id} --record mcap --out out"
+        command += " && parcours judge out/recordings"
+        return Judged(case, Verdict(str(entry["verdict"])), str(entry["why"]), facts, command)
 
     def rejudge(self, recording: Path) -> Rejudged:
         """Judge a recording by what is recorded alone."""
-        from parcours.run.recording import read_recording
         from parcours_navigation.foreign.recorded import rejudge
 
-        judged, recorded = rejudge(recording, self.binding)
-        known = read_recording(recording)
-        id = known.trace.case if known.about["kind"] == "abstract" else f"{SYSTEM}/{known.about['number']}"
+        judged, recorded, id = rejudge(recording, self.binding)
         return Rejudged(recording, f"{self.name}/{id}", recorded, judged.judgement)
 
     def check(self, progress: Progress) -> Sequence[Finding]:
         """Check the binding: its form, message types, and, with the nodes started, what they register."""
         settings = {one.name: one.default for one in self.parameters}
         found: list[Finding] = []
-        if SYSTEM in settings and not settings[SYSTEM] and self.binding.system is not None:
-            found.append(
-                Finding("note", "system cases", "the binding describes some, but none is run", "write system: 10")
-            )
-        checks = ("message types", self._check_types), ("nodes started", lambda: self._check_live(settings))
+        if not settings[SYSTEM] and self.binding.system is not None:
+            rule = "the binding describes some, but none is run"
+            found.append(Finding("note", "system cases", rule, "write system: 10"))
+        master, network = str(settings["master"]), str(settings["network"])
+        checks: tuple[tuple[str, Callable[[], None]], ...] = (
+            ("message types", lambda: check_types(self.binding, others=True)),
+            ("nodes started", lambda: check_nodes(self.binding, master, network)),
+        )
         for done, (what, check) in enumerate(checks):
             progress("checks", done, len(checks))
             try:
@@ -224,37 +212,22 @@ class RosStudy:
         progress("checks", len(checks), len(checks))
         return found
 
-    def _check_types(self) -> None:
-        from parcours.run.hosts.ros1.foreign_types import ForeignTypes
-
-        types = ForeignTypes(self.binding.python_paths, self.binding.interfaces)
-        try:
-            compile_binding(self.binding, MessageTypes(types.find))
-        except BadRequest as error:
-            if "unknown-message-type" not in str(error):  # a node may yet say what it is
-                raise
-
-    def _check_live(self, settings: Settings) -> None:
-        with tempfile.TemporaryDirectory(prefix="parcours-") as folder:
-            order = self._order(settings, 1, Path(folder), [])
-            list(run_apart(dataclasses.replace(order, only_check=True)))
-
     # Cases.
 
     def _abstract(self, seed: int, n_cases: int | None) -> Iterator[Case]:
-        """Yield so many abstract cases; None is each once."""
+        """Yield the first abstract cases; None is each once."""
         every = abstract_scenes(self.binding, seed)
         first = itertools.takewhile(lambda scene: scene.id.endswith("/0"), every)
         for scene in first if n_cases is None else itertools.islice(every, n_cases):
-            abstract, _, row = scene.id.rpartition("/")
-            names, values = zip(*scene.inputs, strict=True) if scene.inputs else ((), ())
-            budget = len(scene.events) * PATIENCE * 1e-9
-            yield Case(self.name, 0, abstract, int(row), names, values, budget, seed)
+            yield self._case(scene, seed)
+
+    def _case(self, scene: AbstractScene, seed: int) -> Case:
+        abstract, _, row = scene.id.rpartition("/")
+        names, values = zip(*scene.inputs, strict=True) if scene.inputs else ((), ())
+        return Case(self.name, 0, abstract, int(row), names, values, len(scene.events) * PATIENCE * 1e-9, seed)
 
     def _system(self, number: int, settings: Settings, seed: int) -> Case:
         """Return a system case. Raises BadRequest if the binding describes none."""
-        from parcours_navigation.cases.family import SystemCases
-
         system, protocol = self.binding.system, str(settings["protocol"])
         if system is None:
             rule = "system cases need a section 'system' in the binding, but it has none"
@@ -266,45 +239,29 @@ class RosStudy:
             names, values = cases.inputs.names, tuple(cases.values(np.array([number]))[0].tolist())
         return Case(self.name, number, SYSTEM, number, names, values, system.duration, seed)
 
-    def _find(self, abstract: str, row: int, seed: int) -> Case | None:
-        """Return an abstract case with a row of data; None if there is none."""
-        once = [case.abstract for case in self._abstract(seed, None)]
-        if abstract not in once or (row and not self.binding.data_file):
-            return None
-        place = row * len(once) + once.index(abstract)
-        return next(itertools.islice(self._abstract(seed, place + 1), place, None), None)
+    def _find(self, id: str, settings: Settings, seed: int) -> Case | None:
+        """Return the case of an id without the study, or None; an abstract case alone is its first row."""
+        abstract, _, row = id.partition("/")
+        if abstract == SYSTEM and row.isdecimal() and len(row) < 7:
+            return self._system(int(row), settings, seed)
+        id = f"{abstract}/{row or 0}"
+        found = find_scenes(self.binding, seed, [id])
+        return self._case(found[id], seed) if found else None
 
     def _chosen(self, request: Request) -> list[Case]:
-        """Return the cases of the given ids, with or without the study; an abstract case alone is its first row."""
-        found: list[Case] = []
-        wrong = []
-        for given in request.chosen:
-            abstract, _, row = given.removeprefix(f"{self.name}/").partition("/")
-            case = None
-            if (row or "0").isdecimal() and len(row) < 7:
-                k = int(row or "0")
-                is_system = abstract == SYSTEM and row
-                case = (
-                    self._system(k, request.settings, request.seed)
-                    if is_system
-                    else self._find(abstract, k, request.seed)
-                )
-            if case is None:
-                wrong.append(given)
-            else:
-                found.append(case)
+        """Return the cases of the given ids, with or without the study."""
+        prefix = f"{self.name}/"
+        given = {id: self._find(id.removeprefix(prefix), request.settings, request.seed) for id in request.chosen}
+        wrong = [id for id, case in given.items() if case is None]
         if wrong:
             known = [case.abstract for case in self._abstract(request.seed, None)]
             rule = f"chosen cases must be the study's, but it has no {', '.join(wrong[:5])}"
             remedy = one_of(wrong[0].split("/")[-2] if "/" in wrong[0] else wrong[0], [*known[:200], "system/0"])
             raise BadRequest(f"study {self.name!r}", rule, remedy[:300], slug="case-unknown")
-        return list({case.id: case for case in found}.values())
+        return list({case.id: case for case in given.values() if case is not None}.values())
 
     def _limits(self, settings: Settings) -> list[str]:
         """Return the ids of the verdicts on limits, if there is timing."""
-        from parcours.verdict.timing import parse_bound
-        from parcours_navigation.foreign.timing import spans
-
         if not settings["repeats"]:
             return []
         return [f"timing/{span.name}/{parse_bound(text)}" for span in spans(self.binding) for text in span.texts]
@@ -326,15 +283,49 @@ class RosStudy:
         yield from run_apart(dataclasses.replace(order, passive=passive))
 
     def _order(self, settings: Settings, seed: int, out: Path, ids: Sequence[str]) -> Order:
-        master = str(settings["master"]) or self.binding.master
-        system = tuple(int(id.partition("/")[2]) for id in ids if id.startswith(f"{SYSTEM}/"))
+        system = [id for id in ids if id.startswith(f"{SYSTEM}/")]
         return Order(
-            str(self.binding.source), str(out), not master and settings["network"] == "own", str(settings["master"]),
-            seed, str(settings["protocol"]), str(settings["faults"]), str(settings["record"]), int(settings["repeats"]),
-            tuple(id for id in ids if not id.startswith(f"{SYSTEM}/")), system,
-            about={"study": self.name, "where": self.where},
+            self.binding.source, str(out), _is_own(self.binding, settings["master"], settings["network"]),
+            str(settings["master"]), seed, str(settings["protocol"]), str(settings["faults"]), str(settings["record"]),
+            int(settings["repeats"]), tuple(id for id in ids if id not in system),
+            tuple(int(id.partition("/")[2]) for id in system), about={"study": self.name, "where": self.where},
         )  # fmt: skip
 
 
-def _note_planned(out: Path, planned: int) -> None:
-    write_atomically(out / FILE, (json.dumps({"parcours": _FORMAT, "planned": planned}) + "\n").encode())
+def _is_own(binding: Binding, master: object, network: object) -> bool:
+    """Return whether master and nodes run in a network of their own."""
+    return not master and not binding.master and network == "own"
+
+
+def check_types(binding: Binding, *, others: bool = False) -> None:
+    """Compare a binding with its message types.
+
+    Args:
+        binding: checked.
+        others: whether types may be unknown, since a node may yet tell them.
+
+    Raises:
+        BadRequest: a place or a formula does not fit its type, or a type is not known.
+        HostFailure: there is no ROS 1.
+    """
+    from parcours.run.hosts.ros1.foreign_types import ForeignTypes
+
+    if binding.transport != "ros1":
+        return
+    types = ForeignTypes(binding.python_paths, binding.interfaces)
+    try:
+        compile_binding(binding, MessageTypes(types.find))
+    except BadRequest as error:
+        if not others or "unknown-message-type" not in str(error):
+            raise
+
+
+def check_nodes(binding: Binding, master: str, network: str) -> None:
+    """Start the nodes of a binding once, and compare what they register with it.
+
+    Raises:
+        HostFailure: a node does not start, or something bound is missing or of another type.
+    """
+    with tempfile.TemporaryDirectory(prefix="parcours-") as folder:
+        own = _is_own(binding, master, network)
+        list(run_apart(Order(binding.source, folder, own, master, only_check=True)))

@@ -1,4 +1,4 @@
-"""What a study wants of foreign nodes -> cases run in a process apart, whose network nobody else can reach.
+"""Runs cases on foreign nodes in a process apart, whose network nobody else can reach.
 
 A network of one's own is entered before a process has threads, which the one that shows progress has. So a fresh
 interpreter runs the nodes, and says each result as soon as it is known:
@@ -24,17 +24,11 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass, field
 from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from parcours.errors import HostFailure, ParcoursError
 
-if TYPE_CHECKING:
-    from parcours.run.binding import Binding
-
 _ENDING = 15.0
-"""So long the process may take to end its nodes and itself when it is asked to [s]."""
-
-Say = Callable[[str, object], None]
+"""How long the process may take to end its nodes and itself when it is asked to [s]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,64 +148,18 @@ def _end_with_study() -> None:
     os.kill(os.getpid(), signal.SIGTERM)
 
 
-def _obey(order: Order, say: Say) -> None:
+def _obey(order: Order, say: Callable[[str, object], None]) -> None:
     from parcours.run.binding import read_binding
-    from parcours.run.faults import FaultPlan, read_plan
     from parcours.run.hosts.ros1.foreign import ForeignHost
-    from parcours_navigation.foreign.results import Wanted, entry_of
-    from parcours_navigation.foreign.running import ForeignStudy
+    from parcours_navigation.foreign.running import ForeignStudy, check_live
 
     binding, out = read_binding(order.binding), Path(order.out)
-    if order.only_check:
-        _check(binding, out, order.master)
-        return
-    plan = read_plan(order.faults) if order.faults else FaultPlan(0)
-    wanted = Wanted(0, "", len(order.system), order.repeats, plan, order.record, order.seed, order.protocol)
-    scenes = _scenes(binding, order)
     with ForeignHost(binding, out / "nodes", order.master) as host:
-        study = ForeignStudy(host, wanted, out, order.about)
-        for name, times in order.passive.items():
-            study.passive[name] += times
-        for id in order.abstract:
-            say("result", entry_of(study.abstract(scenes[id]), id))  # type: ignore[arg-type]
-        for number in order.system:
-            before = {name: len(times) for name, times in study.passive.items()}
-            result = study.system(number)
-            passive = {name: times[before[name] :] for name, times in study.passive.items()}
-            say("result", entry_of(result, f"system/{number}", passive))
-        if order.repeats:
-            for result in study.timing():
-                say("result", entry_of(result, result.id))
-
-
-def _scenes(binding: Binding, order: Order) -> dict[str, object]:
-    """Return the abstract cases that are wanted, by id."""
-    from parcours_navigation.foreign.cases import abstract_scenes
-
-    found: dict[str, object] = {}
-    left = set(order.abstract)
-    every = abstract_scenes(binding, order.seed)
-    while left:
-        scene = next(every)
-        if scene.id in left:
-            left.remove(scene.id)
-            found[scene.id] = scene
-    return found
-
-
-def _check(binding: Binding, out: Path, master: str) -> None:
-    from parcours.run.binding.slots import whole
-    from parcours.run.hosts.ros1.foreign import ForeignHost
-    from parcours.run.hosts.ros1.foreign_session import Session
-
-    with ForeignHost(binding, out, master) as host:
-        session = Session(host, whole(binding))
-        try:
-            session.start()
-            if session.readiness.findings():
-                raise session.readiness.complaint([])
-        finally:
-            session.end()
+        if order.only_check:
+            check_live(host)
+            return
+        for result in ForeignStudy(host, order).run():
+            say("result", result.entry())
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""The events of a case, as they happen or from a recording -> its verdict: outcome, life, conformance, order.
+"""Judges a case by its events, as they happen or from a recording: outcome, life, conformance, order.
 
 Live and offline go through the same code, event by event, so a recording is judged to the same verdict.
 """
@@ -18,21 +18,24 @@ from parcours.errors import HostFailure
 from parcours.run.binding import Compiled
 from parcours.run.binding.decoding import Decoder
 from parcours.run.binding.passing import BEGINS, ENDS
+from parcours.run.binding.readings import Reading
 from parcours.run.enforcement import disorder
 from parcours.run.hosts.realtime import DIED
 from parcours.run.recording import Raw
 from parcours.run.trace import Trace, TraceEvent, held
 from parcours.verdict.conformance import Deviation
 from parcours.verdict.judgement import Judgement, Verdict
-from parcours_navigation.foreign.conforming import Beside, Conformers
+from parcours_navigation.foreign.beside import Beside
+from parcours_navigation.foreign.conforming import Conformers
 from parcours_navigation.foreign.world import ForeignWorld, Scene
 from parcours_navigation.outcomes import VERDICT_OF, Outcome, explain, outcomes
 
 FAULTY = "under faults"
 """The note of a case under a plan of faults: the model does not know them, so it is followed, but not judged by."""
 
-
 _EVER = 1 << 62
+_LATEST = 10.0
+"""How long after the end of a case what was observed may still be followed [s]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +63,8 @@ class _Watch:
     def __init__(self, compiled: Compiled, names: Sequence[str], *, live: bool) -> None:
         self.decoder = Decoder(compiled.binding, compiled.types)
         self.conformers = Conformers(compiled, names, Decoder(compiled.binding, compiled.types))
-        self._follower = Beside(self.conformers) if live else self.conformers
+        self._beside: Beside[TraceEvent | int] | None = Beside(self.conformers.take, "conformance") if live else None
+        self._take = self._beside.put if self._beside else self.conformers.take
         self.deaths: dict[str, str] = {}
         self.error: HostFailure | None = None
         self.began = -1
@@ -87,22 +91,21 @@ class _Watch:
         """Everything that happened by now [ns] is known: follow it, in order of time."""
         self._follow(now)
         if not self.deaths and self.ended < 0:
-            self._follower.quiet(now)
+            self._take(now)
 
     def _follow(self, until: int) -> None:
         while self._later and self._later[0][0] <= until:
             event = heapq.heappop(self._later)[2]
             self._is_lost |= event.kind == "note" and event.text.startswith(DIED)
             if not self._is_lost:  # what a system without one of its parts does, no model says
-                self._follower.observe(event)
+                self._take(event)
 
     def close(self) -> None:
         self._follow(self.ended if self.ended >= 0 else _EVER)
         if self.ended >= 0 and not self._is_lost:
-            self._follower.quiet(self.ended)
-        if isinstance(self._follower, Beside):
-            self.is_unfinished = not self._follower.close()
-            self._follower = self.conformers
+            self._take(self.ended)
+        if self._beside:
+            self.is_unfinished = not self._beside.close(_LATEST)
 
     @property
     def deviations(self) -> tuple[Deviation, ...]:
@@ -127,9 +130,8 @@ class _Watch:
         if self.deviations:
             return Judgement(Verdict.INCONCLUSIVE, f"may not conform: {self.deviations[0]}")
         if self.is_unfinished:
-            return Judgement(
-                Verdict.INCONCLUSIVE, "the model allows so much that its states could not be followed in time"
-            )
+            why = "the model allows so much that its states could not be followed in time"
+            return Judgement(Verdict.INCONCLUSIVE, why)
         return None
 
 
@@ -140,13 +142,13 @@ class SystemJudge:
         compiled: the binding, with a section on system tests.
         scene: the case.
         names: of the components that are run.
-        live: whether it judges while the case runs.
+        live: whether the case runs meanwhile.
     """
 
     def __init__(self, compiled: Compiled, scene: Scene, names: Sequence[str], *, live: bool = False) -> None:
         system = compiled.binding.system
         assert system is not None
-        self.scene, self._compiled, self._system = scene, compiled, system
+        self._compiled, self._system = compiled, system
         self.world = ForeignWorld(system, scene)
         self.watch = _Watch(compiled, names, live=live)
         self._driven = -1
@@ -160,31 +162,25 @@ class SystemJudge:
             return
         if event.kind == "note" and event.text == ENDS:
             self.world.advance(now)
-            self._facts = self.world.facts(self.scene)
+            self._facts = self.world.facts()
             return
         system, raw = self._system, event.payload
         if not isinstance(raw, Raw):
             return
-        if event.kind == "receive" and event.channel == system.command.on and event.message != self._driven:
+        command, alarm = self._compiled.command, self._compiled.alarm
+        if command and event.kind == "receive" and event.channel == system.command.on and event.message != self._driven:
             self._driven = event.message
-            self._drive(event.channel, raw, now)
-        alarm = system.alarm
-        if event.kind == "send" and alarm is not None and event.channel == alarm[0]:
-            value = self._read(event.channel, raw, self._compiled.alarm)
+            v, w = (self._read(event.channel, raw, reading) for reading in command)
+            if isinstance(v, int | float) and isinstance(w, int | float):
+                self.world.command(float(v), float(w), now)
+        if alarm and system.alarm and event.kind == "send" and event.channel == system.alarm[0]:
+            value = self._read(event.channel, raw, alarm)
             if value is not None:
                 self.world.alarm(bool(value), now)
 
-    def _drive(self, channel: str, raw: Raw, now: int) -> None:
-        if self._compiled.command is None:
-            return
-        v, w = (self._read(channel, raw, reading) for reading in self._compiled.command)
-        if isinstance(v, int | float) and isinstance(w, int | float):
-            self.world.command(float(v), float(w), now)
-
-    def _read(self, channel: str, raw: Raw, reading: object) -> object:
+    def _read(self, channel: str, raw: Raw, reading: Reading) -> object:
         try:
-            message = self.watch.decoder.message(channel, raw.content)
-            return reading.value({channel: message})  # type: ignore[attr-defined]
+            return reading.value({channel: self.watch.decoder.message(channel, raw.content)})
         except HostFailure as error:
             self.watch.error = self.watch.error or error
             return None
@@ -193,7 +189,7 @@ class SystemJudge:
         """Return the verdict; the case must have ended."""
         watch = self.watch
         watch.close()
-        facts = self.world.facts(self.scene) if self._facts is None else self._facts
+        facts = self.world.facts() if self._facts is None else self._facts
         why, outcome = explain(facts[0]), Outcome(int(outcomes(facts)[0]))
         if self._facts is None:
             judgement = Judgement(Verdict.INCONCLUSIVE, f"the case was cut short; {why}")
@@ -211,7 +207,7 @@ class AbstractJudge:
         compiled: the binding.
         events: `serialise(abstract_case)`; those whose component no node runs are the tester's own.
         names: of the components that are run, each with the number of its reference.
-        live: whether it judges while the case runs.
+        live: whether the case runs meanwhile.
     """
 
     def __init__(self, compiled: Compiled, events: Sequence[Event], names: Sequence[str], *,
@@ -234,9 +230,8 @@ class AbstractJudge:
         watch.close()
         trace = Trace("wall", tuple(sorted(self._trace, key=lambda event: event.time)))
         times = tuple(held(trace).values())
-        return Judged(
-            watch.first() or self._order(trace, times), "", tuple(watch.deaths.items()), watch.deviations, times
-        )
+        judgement = watch.first() or self._order(trace, times)
+        return Judged(judgement, "", tuple(watch.deaths.items()), watch.deviations, times)
 
     def _order(self, trace: Trace, times: tuple[int, ...]) -> Judgement:
         if self._stopped:

@@ -1,4 +1,4 @@
-"""What is wanted of a run on nodes of others, what became of one case, and both of that in a folder of a study."""
+"""What became of the cases on foreign nodes: one result each, kept in a folder of a study, and shown in tables."""
 
 from __future__ import annotations
 
@@ -11,61 +11,45 @@ import numpy as np
 
 from parcours.errors import BadRequest, BadResults, ParcoursError
 from parcours.report.junit import CaseResult
-from parcours.report.pieces import Page
-from parcours.report.timings import Timed
-from parcours.run.faults import FaultPlan
+from parcours.report.pieces import Cell, Column, Marked, Page, Table, Tone
+from parcours.report.timings import Timed, timing_table
 from parcours.study.journal import read_journal
 from parcours.study.protocol import Measure
 from parcours.verdict.judgement import Judgement, Verdict
 from parcours.verdict.timing import parse_bound
 from parcours_navigation.foreign.judging import Judged
 
-
-@dataclass(frozen=True, slots=True)
-class Wanted:
-    """What is to be run.
-
-    Attributes:
-        cases: so many abstract cases; None for each once.
-        case: the id of the only one; empty for all.
-        system: so many system cases.
-        repeats: so many repeats of each span that `timing` bounds and the tester can begin.
-        faults: what befalls messages and components, in every case.
-        record: "mcap", "bag" or empty.
-        seed: of obstacles and test inputs.
-        protocol: of the obstacles, or "empty".
-    """
-
-    cases: int | None = None
-    case: str = ""
-    system: int = 0
-    repeats: int = 0
-    faults: FaultPlan = field(default_factory=FaultPlan)
-    record: str = ""
-    seed: int = 1
-    protocol: str = "table-vii"
+_TONE: dict[Verdict, Tone] = {
+    Verdict.PASS: "good", Verdict.FAIL: "bad", Verdict.INCONCLUSIVE: "poor", Verdict.ERROR: "worst",
+}  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
 class Result:
-    """What became of one case, as it is kept.
+    """What became of one case, or of one limit on a duration.
 
     Attributes:
+        id: by which the study knows it, without the study's name.
         kind: abstract, system or timing.
         seconds: how long it ran [s], without starting the nodes.
+        scene: the id of what was run; that of a system case names its start vector.
         recording: the file; empty if there is none.
+        passive: name of a span -> its durations in this case [ns].
     """
 
     id: str
     kind: str
     judged: Judged
     seconds: float
+    scene: str = ""
     recording: str = ""
     timing: Timed | None = None
+    passive: Mapping[str, list[int]] = field(default_factory=dict)
 
-    def document(self) -> dict[str, object]:
-        """Return it as JSON."""
-        judged = self.judged
+    def entry(self) -> dict[str, object]:
+        """Return it as a folder keeps it, in JSON values."""
+        judged, timing = self.judged, self.timing
+        timed = timing and {"name": timing.name, "bound": str(timing.bound), "durations": list(timing.durations)}
         return {
             "id": self.id, "kind": self.kind, "verdict": str(judged.judgement.verdict), "why": judged.judgement.why,
             "outcome": judged.outcome, "seconds": round(self.seconds, 3), "deaths": dict(judged.deaths),
@@ -74,31 +58,19 @@ class Result:
                  "expected": [str(each) for each in one.expected], "path": list(one.path[-50:]), "doubt": one.doubt}
                 for one in judged.deviations
             ],
-            "held_ns": list(judged.held), "recording": self.recording,
+            "held_ns": list(judged.held), "recording": self.recording, "scene": self.scene or self.id,
+            "timing": timed, "passive": dict(self.passive),
         }  # fmt: skip
 
 
-def entry_of(result: Result, id: str, passive: Mapping[str, list[int]] | None = None) -> dict[str, object]:
-    """Return a result as a folder keeps it.
-
-    Args:
-        result: of a case, or of a limit.
-        id: by which the study knows it, without the study's name.
-        passive: name of a span -> its durations in this case [ns].
-    """
-    timing = result.timing
-    timed = {"name": timing.name, "bound": str(timing.bound), "durations": list(timing.durations)} if timing else None
-    return {**result.document(), "id": id, "scene": result.id, "timing": timed, "passive": dict(passive or {})}
-
-
-def result_of(entry: Mapping[str, Any], study: str) -> Result:
-    """Return the result that `entry_of` kept, with the study's name in its id. Raises ValueError if it is damaged."""
+def _kept(entry: Mapping[str, Any], study: str) -> Result:
+    """Return the result of an entry, with the study's name in its id. Raises ValueError if it is damaged."""
     judgement = Judgement(Verdict(entry["verdict"]), str(entry["why"]))
     judged = Judged(judgement, str(entry["outcome"]), tuple(entry["deaths"].items()), (), tuple(entry["held_ns"]))
     kept = entry["timing"]
     timing = Timed(kept["name"], tuple(kept["durations"]), parse_bound(kept["bound"]), judgement) if kept else None
-    id = f"{study}/{entry['id']}"
-    return Result(id, str(entry["kind"]), judged, float(entry["seconds"]), str(entry["recording"]), timing)
+    id, seconds = f"{study}/{entry['id']}", float(entry["seconds"])
+    return Result(id, str(entry["kind"]), judged, seconds, recording=str(entry["recording"]), timing=timing)
 
 
 class RosResults:
@@ -119,7 +91,7 @@ class RosResults:
         self.study = study
         self.entries = list(read_journal(folder).values())
         try:
-            self.found: Sequence[Result] = [result_of(entry, study) for entry in self.entries]
+            self.found = [_kept(entry, study) for entry in self.entries]
         except (KeyError, ValueError, TypeError, AttributeError, ParcoursError) as error:
             rule = f"results of cases must be readable, but: {error}"
             raise BadResults(
@@ -153,3 +125,26 @@ class RosResults:
         """Refuse: what ran in real time is judged again from its recording."""
         rule = f"case {case} ran in real time, which does not come again"
         raise BadRequest("replay", rule, "record it, and use `parcours judge`", slug="replay-live")
+
+
+def tables(results: Sequence[Result]) -> list[Table]:
+    """Return a table for each kind of case."""
+    bare = [one for one in results if one.timing is not None and not one.timing.durations]
+    timing = [one.timing for one in results if one.timing is not None and one.timing.durations]
+    found = [
+        _table("Abstract cases, each in its order", "case", [one for one in results if one.kind == "abstract"]),
+        _table("System cases, in real time", "case", [one for one in results if one.kind == "system"]),
+        timing_table("Durations between channels", timing),
+        _table("Limits without durations", "limit", bare),
+    ]
+    return [table for table in found if table.rows]
+
+
+def _table(title: str, what: str, results: Sequence[Result]) -> Table:
+    columns = (Column(what, code=True), Column("verdict"), Column("length", ".2f", unit="s"), Column("why"))
+    return Table(title, columns, tuple(_row(one) for one in results))
+
+
+def _row(one: Result) -> tuple[Cell, ...]:
+    judgement = one.judged.judgement
+    return one.id, Marked(str(judgement.verdict), _TONE[judgement.verdict]), one.seconds, judgement.why

@@ -1,4 +1,4 @@
-"""A study.yaml of kind `ros` -> a study of foreign nodes, with everything that is wrong noted in its reader."""
+"""Reads a study.yaml of kind `ros`: a study of foreign nodes."""
 
 from __future__ import annotations
 
@@ -6,12 +6,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from parcours.abtc import require_cases
-from parcours.errors import BadRequest
-from parcours.model.documents import Node, Scalar
-from parcours.model.finding import Finding, advice, errors_among
-from parcours.model.nodes import shown
+from parcours.model.documents import Node
+from parcours.model.finding import errors_among
 from parcours.run.binding import Binding, check_binding
-from parcours.run.binding.quantities import constant
 from parcours_navigation.foreign.cases import abstract_scenes
 from parcours_navigation.foreign.door import PARAMETERS, SYSTEM, RosStudy
 
@@ -28,9 +25,8 @@ def read_ros(reader: StudyReader, root: Node) -> Study | None:
     """
     top = reader.keys(root, (), ("binding", "cases", SYSTEM, "settings"))
     if "parameters" in top:
-        reader.add(
-            top["parameters"], "parameter-unknown", "a study of kind ros has no parameters of its own", "see `settings`"
-        )
+        rule = "a study of kind ros has no parameters of its own"
+        reader.add(top["parameters"], "parameter-unknown", rule, "see `settings`")
     path = reader.file(top.get("binding"), "binding", "binding.yaml")
     if path is None:
         if "binding" not in top:
@@ -39,19 +35,7 @@ def read_ros(reader: StudyReader, root: Node) -> Study | None:
         return None
     binding, complaints = check_binding(path.read_text(encoding="utf-8-sig", errors="replace"), str(path))
     reader.findings += errors_among(complaints)
-    defaults: dict[str, object] = {}
-    known = {one.name: one for one in PARAMETERS if one.name != SYSTEM}
-    for name, value, line in reader.entries(top.get("settings"), "settings"):
-        if name not in known:
-            rule, remedy = f"settings: there is no parameter {name!r}", advice(name, list(known), reader.findings)
-            reader.findings.append(Finding(reader.origin, line, "error", "parameter-unknown", rule, remedy))
-            continue
-        try:
-            if not isinstance(value, Scalar):
-                raise BadRequest(name, f"must be a single value, but is {shown(value)}", slug="parameter-kind")
-            defaults[name] = known[name].read(value.text if known[name].kind == "text" else constant(value))
-        except BadRequest as error:
-            reader.add(value, error.slug, f"settings, {name}: {error.rule}", error.remedy)
+    defaults = reader.settings(top, {one.name: one for one in PARAMETERS if one.name != SYSTEM})
     if SYSTEM in top:
         defaults[SYSTEM] = reader.integer(top[SYSTEM], SYSTEM, 0, 100_000)
         if defaults[SYSTEM] and binding is not None and binding.system is None:

@@ -1,4 +1,4 @@
-"""Traces of nodes of others, and the binding's limits -> durations between channels, and timing verdicts.
+"""Durations between channels of foreign nodes, and verdicts on the binding's limits.
 
 A duration runs from when a message was handed to its receiver until the next message was heard on the other channel:
 it holds the transport twice, and nothing that the tester itself takes or keeps.
@@ -7,10 +7,10 @@ it holds the transport twice, and nothing that the tester itself takes or keeps.
 from __future__ import annotations
 
 import itertools
-import time
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+from parcours.abtc import interaction_paths
 from parcours.model.structure import ENVIRONMENT, Cefsm
 from parcours.report.timings import Timed
 from parcours.run.binding.structure import Binding
@@ -24,7 +24,7 @@ from parcours_navigation.foreign.tester_messages import Maker
 
 _GAP = 5_000_000
 _LONGEST = 1_000_000_000
-"""So long an answer is waited for [ns] before the repeat counts as one that never ended."""
+"""How long to wait for an answer [ns] before the repeat counts as one that never ended."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,8 +54,6 @@ def _of_interaction(binding: Binding, bound: BoundText) -> tuple[str, str]:
     model = binding.model
     visited = next((parts for name, parts in model.interactions if name == bound.name), ())
     if not visited:
-        from parcours.abtc import interaction_paths
-
         visited = next((one.components for one in interaction_paths(model) if one.name == bound.name), ())
     hops = list(itertools.pairwise(visited))
     if not hops:
@@ -86,7 +84,7 @@ def durations(events: Iterable[TraceEvent], span: Span) -> list[int]:
 
 
 class Exercise:
-    """Makes spans happen, one after the other, as often as is wanted, and measures the machine between them.
+    """Makes spans happen one after the other, and measures the machine between them.
 
     Args:
         session: started, every node run once.
@@ -99,21 +97,17 @@ class Exercise:
         self._heard: list[TraceEvent] = []
 
     def listen(self, event: TraceEvent) -> None:
-        """Take note of an event; the session's listener."""
+        """Take note of an event of the session."""
         if event.kind in ("send", "receive"):
             self._heard.append(event)
 
-    def can(self, span: Span) -> bool:
-        """Return whether the tester can send what the span begins with."""
-        return bool(self._session.slot_plan.speaking(span.begin))
-
     def run(self, span: Span, repeats: int) -> list[int]:
-        """Return the durations of so many repeats [ns]; NEVER for one that did not end."""
+        """Return the durations of some repeats [ns]; NEVER for one that did not end."""
         session, found = self._session, []
         for _ in range(repeats):
             self._meter.sample()
             self._heard.clear()
-            data = self._maker.of_the_environment(span.begin, session.now() - session.case_began, time.time())
+            data = self._maker.of_the_environment(span.begin, session.now() - session.case_began)
             session.relay.inject(span.begin, data)
             until = session.now() + _LONGEST
             while not (took := durations(self._heard, span)) and session.now() < until and not session.deaths:

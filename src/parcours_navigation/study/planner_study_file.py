@@ -5,11 +5,7 @@ from __future__ import annotations
 import dataclasses
 from typing import TYPE_CHECKING
 
-from parcours.errors import BadRequest
-from parcours.model.documents import Node, Scalar
-from parcours.model.finding import Finding, advice
-from parcours.model.nodes import shown
-from parcours.run.binding.quantities import constant
+from parcours.model.documents import Node
 from parcours.study.loading import file_of, is_target
 from parcours_navigation.cases.family import PUBLISHED_CASES
 from parcours_navigation.guests.planners import names
@@ -38,17 +34,5 @@ def read_planner(reader: StudyReader, root: Node) -> Study | None:
         name=reader.name(top), doc=reader.text(top.get("doc"), "doc"), where=str(reader.path), planner=planner,
         n_cases=reader.count(top.get("cases"), "cases", PUBLISHED_CASES) or PUBLISHED_CASES,
     )  # fmt: skip
-    known = {one.name: one for one in study.parameters}
-    given: list[tuple[str, object]] = []
-    for name, value, line in reader.entries(top.get("settings"), "settings"):
-        if name not in known or name == "planner":
-            rule, remedy = f"settings: there is no parameter {name!r}", advice(name, list(known), reader.findings)
-            reader.findings.append(Finding(reader.origin, line, "error", "parameter-unknown", rule, remedy))
-            continue
-        try:
-            if not isinstance(value, Scalar):
-                raise BadRequest(name, f"must be a single value, but is {shown(value)}", slug="parameter-kind")
-            given.append((name, known[name].read(value.text if known[name].kind == "text" else constant(value))))
-        except BadRequest as error:
-            reader.add(value, error.slug, f"settings, {name}: {error.rule}", error.remedy)
-    return dataclasses.replace(study, defaults=tuple(given))
+    given = reader.settings(top, {one.name: one for one in study.parameters if one.name != "planner"})
+    return dataclasses.replace(study, defaults=tuple(given.items()))

@@ -1,4 +1,4 @@
-"""Foreign systems: a binding file to processes, topics and services that stand for the parts of a model."""
+"""Bindings: which processes, topics and services of a foreign system stand for the parts of a model."""
 
 from parcours.run.binding.binding_file import check_binding, parse_binding, read_binding
 from parcours.run.binding.classifying import Classifier, Observed

@@ -1,4 +1,4 @@
-"""A place in messages of one type, compiled: what it reads from a message, and what it writes into one."""
+"""Reads and writes a place in messages of one type."""
 
 from __future__ import annotations
 
@@ -73,9 +73,8 @@ class Access:
                 current = listed[step]
             except IndexError:
                 rule = f"a message must reach to {path_text(steps[: at + 1])!r}, but has {len(listed)} items there"
-                raise HostFailure(
-                    self.message, rule, "correct the binding or the sender", slug="message-size"
-                ) from None
+                remedy = "correct the binding or the sender"
+                raise HostFailure(self.message, rule, remedy, slug="message-size") from None
         return current
 
     def _seen(self, value: object) -> float:
@@ -144,12 +143,8 @@ class Access:
         return current
 
     def _refused(self, said: str) -> HostFailure:
-        return HostFailure(
-            f"{self.message}, {self.place}",
-            f"a value must fit its field, but {said}",
-            "correct what the binding sets there",
-            slug="message-value",
-        )
+        where, rule = f"{self.message}, {self.place}", f"a value must fit its field, but {said}"
+        return HostFailure(where, rule, "correct what the binding sets there", slug="message-value")
 
 
 def _time_names(value: object) -> tuple[str, str]:
@@ -186,9 +181,9 @@ def compile_place(place: Place, message: str, types: MessageTypes, where: str) -
             fields = types.fields(slot.item) if slot.length is None else {}
             if not fields:
                 kind = f"{path_text(place.steps[:at]) or message} is {slot}, which has no fields"
-                raise BadModel(
-                    where, f"a place must exist, but {kind}, in {str(place)!r}", _hint(slot), slug="binding-field"
-                )
+                remedy = "" if slot.length is None else "name an item: [0], or every item: [*]"
+                rule = f"a place must exist, but {kind}, in {str(place)!r}"
+                raise BadModel(where, rule, remedy, slug="binding-field")
             if step not in fields:
                 rule = f"a place must exist, but {slot.item} has no {step!r} in {str(place)!r}"
                 raise BadModel(where, rule, one_of(step, list(fields)), slug="binding-field")
@@ -211,11 +206,6 @@ def _seen_type(place: Place, slot: Slot, rank: int, where: str) -> Type:
     fits = slot.item in TIMES if place.lens == "seconds" else slot.item.endswith("/Quaternion")
     if not fits or slot.length is not None:
         wanted = "a time or duration" if place.lens == "seconds" else "a quaternion"
-        raise BadModel(
-            where, f"{place.lens} works on {wanted}, but {path_text(place.steps)!r} is {slot}", slug="binding-field"
-        )
+        rule = f"{place.lens} works on {wanted}, but {path_text(place.steps)!r} is {slot}"
+        raise BadModel(where, rule, slug="binding-field")
     return Type(REAL.name, rank=rank)
-
-
-def _hint(slot: Slot) -> str:
-    return "" if slot.length is None else "name an item: [0], or every item: [*]"

@@ -1,10 +1,10 @@
-"""A binding to what is wrong with it: names that the model does not have, ends that do not fit, formulas of nothing."""
+"""Finds what is wrong with a binding: names that the model does not have, ends that do not fit."""
 
 from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 from parcours.model.finding import Finding, advice
 from parcours.run.binding.formulas import Formula
@@ -53,9 +53,8 @@ class _Check:
     def known(self, name: str, known: Sequence[str], what: str, line: int) -> bool:
         if name in known:
             return True
-        self.add(
-            line, "binding-unknown", f"{what} must be known, but {name[:60]!r} is not", advice(name, known, self.found)
-        )
+        rule = f"{what} must be known, but {name[:60]!r} is not"
+        self.add(line, "binding-unknown", rule, advice(name, known, self.found))
         return False
 
     def nodes(self) -> None:
@@ -161,12 +160,8 @@ class _Check:
         constants = {name for name, _ in self.binding.constants}
         for place in formula.places:
             if path_text(place.steps) not in constants:
-                self.known(
-                    str(place.steps[0]),
-                    list(self.bound),
-                    f"the channel that a name in {what} starts with",
-                    formula.line,
-                )
+                said = f"the channel that a name in {what} starts with"
+                self.known(str(place.steps[0]), list(self.bound), said, formula.line)
 
     def timing(self) -> None:
         interactions = [name for name, _ in self.model.interactions]
@@ -181,7 +176,7 @@ class _Check:
         system = self.binding.system
         if system is None:
             return
-        for name in self.sent(system.sense, system.once):
+        for name in [*(name for name, _ in system.sense), *system.once]:
             known = self.known(name, list(self.bound), "a channel that the tester sends on", system.line)
             if known and not self.is_ours(name):
                 rule = f"the tester must be the sender of {name!r}, but a node is, or it is only observed"
@@ -198,7 +193,3 @@ class _Check:
         if modelled is None:
             return self.bound[name].role == "provide"
         return self.binding.process_of(modelled.sender) is None
-
-    def sent(self, sense: tuple[tuple[str, float], ...], once: tuple[str, ...]) -> Iterator[str]:
-        yield from (name for name, _ in sense)
-        yield from once

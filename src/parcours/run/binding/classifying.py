@@ -1,4 +1,4 @@
-"""Observed messages, one after the other, to the model's messages and to the transitions they give away.
+"""Tells from observed messages what the model's messages are, and which transitions were taken.
 
 A transition for which the binding names an event is seen by that event. Of the others, one that sends is seen by the
 first message it sends, one that only receives by the delivery of what it receives, and one that does neither is not

@@ -1,21 +1,29 @@
-"""A binding and the message types of a system to compiled readers and writers, or to all that does not fit."""
+"""Compiles a binding for the message types of a system, or says all that does not fit."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
-from parcours.errors import BadModel
-from parcours.model.expression import BOOL, REAL, Type
+from parcours.errors import BadModel, HostFailure
+from parcours.model.documents import Mapping as Tree
+from parcours.model.documents import Node, Scalar
+from parcours.model.documents import Sequence as Listed
+from parcours.model.expression import BOOL, INT, REAL, TEXT, Type
 from parcours.model.expression.typing import accepts
 from parcours.model.finding import Finding
+from parcours.model.nodes import shown
 from parcours.model.structure import BASE_TYPES
+from parcours.run.binding.access import Access, compile_place
 from parcours.run.binding.binding_file import refusal
 from parcours.run.binding.formulas import Formula
-from parcours.run.binding.injecting import Writer, compile_injection
 from parcours.run.binding.message_types import MessageTypes
-from parcours.run.binding.readings import Compiler, Reading, message_type
-from parcours.run.binding.structure import Action, Binding, BoundChannel
+from parcours.run.binding.places import Place, path_text
+from parcours.run.binding.quantities import plain
+from parcours.run.binding.readings import Reading, Writer, message_type
+from parcours.run.binding.structure import Action, Binding, BoundChannel, Constant, Injection
+
+_TYPE_OF = {bool: BOOL, int: INT, float: REAL, str: TEXT}
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,19 +72,23 @@ def compile_binding(binding: Binding, types: MessageTypes) -> Compiled:
 class _Work:
     def __init__(self, binding: Binding, types: MessageTypes) -> None:
         self.binding, self.types = binding, types
-        self.compiler = Compiler(binding, types)
+        self.constants = dict(binding.constants)
+        self.bound = {channel.name: channel for channel in binding.channels}
         self.found: list[Finding] = []
-        self.unknown = {channel.name for channel in binding.channels if not self.is_known(channel)}
+        self.unknown = {
+            channel.name
+            for channel in binding.channels
+            if not self.is_known(message_type(channel), channel.type, f"channel {channel.name!r}", channel.line)
+        }
 
     def add(self, line: int, slug: str, rule: str, remedy: str = "") -> None:
         self.found.append(Finding(self.binding.source, line, "error", slug, rule, remedy))
 
-    def is_known(self, channel: BoundChannel) -> bool:
-        if self.types.fields(message_type(channel)) is not None:
+    def is_known(self, type_: str, said: str, of: str, line: int) -> bool:
+        if self.types.fields(type_) is not None:
             return True
         remedy = "install its package, or name the folder of its .msg and .srv files under 'interfaces'"
-        rule = f"a type must be known here, but {channel.type} of channel {channel.name!r} is not"
-        self.add(channel.line, "unknown-message-type", rule, remedy)
+        self.add(line, "unknown-message-type", f"a type must be known here, but {said} of {of} is not", remedy)
         return False
 
     def compiled(self) -> Compiled:
@@ -84,7 +96,9 @@ class _Work:
         channels = [channel for channel in binding.channels if channel.name not in self.unknown]
         fields = {channel.name: self.fields(channel) for channel in channels}
         writers = {
-            channel.name: self.writer(channel) for channel in channels if channel.inject or channel.role == "provide"
+            channel.name: self.writer(channel.inject, message_type(channel), f"channel {channel.name!r}")
+            for channel in channels
+            if channel.inject or channel.role == "provide"
         }
         found = {
             e.transition: self.prefixed(e.when, f"'when' of {e.transition!r}", BOOL) for e in binding.events if e.when
@@ -99,10 +113,11 @@ class _Work:
             if binding.system.alarm is not None:
                 alarm = self.prefixed(binding.system.alarm[1], "'imminent_collision'", BOOL)
         calls = {
-            (key, position): self.call(action)
+            (key, position): self.writer(action.inject, _called(action), action.name)
             for key, actions in (("before_case", binding.before_case), ("after_case", binding.after_case))
             for position, action in enumerate(actions)
-            if action.kind in ("call", "publish") and self.is_call_known(action)
+            if action.kind in ("call", "publish")
+            and self.is_known(_called(action), action.type, action.name, action.line)
         }
         return Compiled(binding, self.types, fields, writers, conditions, inputs, command, alarm, calls)
 
@@ -115,8 +130,9 @@ class _Work:
         wanted = {one.name: Type(one.type, rank=len(one.shape)) for one in declared.fields}
         for name, formula in channel.fields:
             where = f"field {name!r} of channel {channel.name!r}"
-            reading = self.tried(formula, where, lambda f, w: self.compiler.own(f, channel, w))
-            if reading is not None and self.fits(wanted[name], reading, where):
+            owners = {place: (channel, place) for place in formula.places}
+            reading = self.reading(formula, owners, where, wanted[name])
+            if reading is not None:
                 readings[name] = reading
         return readings
 
@@ -126,50 +142,108 @@ class _Work:
         return self.prefixed(formula, f"input {name!r}", Type(declared.type))
 
     def prefixed(self, formula: Formula, where: str, wanted: Type) -> Reading | None:
+        """Return the reading of a formula whose places start with the name of a channel."""
         if any(str(place.steps[0]) in self.unknown for place in formula.places):
             return None
-        reading = self.tried(formula, where, self.compiler.prefixed)
-        return reading if reading is not None and self.fits(wanted, reading, where) else None
+        owners = {
+            place: (self.bound[str(place.steps[0])], place.within())
+            for place in formula.places
+            if path_text(place.steps) not in self.constants
+        }
+        return self.reading(formula, owners, where, wanted)
 
-    def tried(self, formula: Formula, where: str, make: Callable[[Formula, str], Reading]) -> Reading | None:
+    def reading(
+        self, formula: Formula, owners: Mapping[Place, tuple[BoundChannel, Place]], where: str, wanted: Type
+    ) -> Reading | None:
+        """Return the reading of a formula, given the channel of each place and the place in its message."""
         try:
-            return make(formula, where)
+            reading = self.tried(formula, owners, where)
         except BadModel as error:
             self.add(formula.line, error.slug, f"{where}: {error.rule}", error.remedy)
             return None
-
-    def fits(self, wanted: Type, reading: Reading, where: str) -> bool:
-        """A message of ROS may stand for any message of the model, if both are lists of equal rank, or none."""
         given = reading.type
+        # A message of ROS may stand for any message of the model, if both are lists of equal rank, or neither is.
         is_message = wanted.name not in BASE_TYPES and given.name not in BASE_TYPES and wanted.rank == given.rank
         if is_message or accepts(wanted, given):
+            return reading
+        rule = f"{where} must be of type {wanted}, but {str(formula)!r} is {given}"
+        self.add(formula.line, "binding-field-type", rule, "correct the place, or the model")
+        return None
+
+    def tried(self, formula: Formula, owners: Mapping[Place, tuple[BoundChannel, Place]], where: str) -> Reading:
+        types: dict[Place, Type] = {}
+        sources: list[tuple[Place, str, Access]] = []
+        constants: dict[Place, Constant] = {}
+        for place in formula.places:
+            if not place.lens and path_text(place.steps) in self.constants:
+                constants[place] = self.constants[path_text(place.steps)]
+                types[place] = _TYPE_OF[type(constants[place])]
+                continue
+            channel, inner = owners[place]
+            if not inner.steps:
+                rule = f"a name must go on to a field, but {place} is a whole message"
+                raise BadModel(where, rule, f"write {place}.something", slug="binding-field")
+            access = compile_place(inner, message_type(channel), self.types, where)
+            sources.append((place, channel.name, access))
+            types[place] = access.type
+        given = types[formula.places[0]] if formula.place else formula.type(types, where)
+        return Reading(formula, given, tuple(sources), constants, where)
+
+    def writer(self, injection: Injection | None, type_: str, where: str) -> Writer:
+        """Return what makes the tester's messages of a known type."""
+        if injection is None:
+            return Writer(type_, self.types, where)
+        base: list[tuple[Access, object]] = []
+        trial = self.types.create(type_)
+        for steps, node in _leaves(injection.base, ()):
+            access = self.place(Place(steps), type_, where, node.line)
+            if access is None:
+                continue
+            value = node.text if isinstance(node, Scalar) and access.type.name == "text" else plain(node)
+            try:
+                access.write(trial, value)
+            except HostFailure:
+                rule = f"a value must fit its field, but {access.place} is {access.slot} and this is {shown(node)}"
+                self.add(node.line, "message-value", rule)
+            base.append((access, value))
+        pairs = ((self.place(place, type_, where, formula.line), formula) for place, formula in injection.set)
+        fit = tuple((access, formula) for access, formula in pairs if access and self.fits(access, formula, where))
+        return Writer(type_, self.types, where, tuple(base), fit)
+
+    def place(self, place: Place, type_: str, where: str, line: int) -> Access | None:
+        try:
+            return compile_place(place, type_, self.types, where)
+        except BadModel as error:
+            self.add(line, error.slug, error.rule, error.remedy)
+            return None
+
+    def fits(self, access: Access, formula: Formula, where: str) -> bool:
+        """Whether the value of a formula over constants and numbers can be put at a place."""
+        known, place = self.constants, access.place
+        types = {p: _TYPE_OF[type(known[str(p)])] if str(p) in known else REAL for p in formula.places}
+        try:
+            given = formula.type(types, f"{str(place)!r} of {where}")
+        except BadModel as error:
+            self.add(formula.line, error.slug, error.rule, error.remedy)
+            return False
+        wanted = Type(access.type.name) if place.is_each else access.type
+        if accepts(wanted, given) or {wanted, given} == {INT, REAL}:
             return True
-        rule = f"{where} must be of type {wanted}, but {str(reading.formula)!r} is {given}"
-        self.add(reading.formula.line, "binding-field-type", rule, "correct the place, or the model")
+        rule = f"a formula must fit its field, but {place} is {access.slot} and {str(formula)!r} is {given}"
+        self.add(formula.line, "binding-field-type", rule)
         return False
 
-    def writer(self, channel: BoundChannel) -> Writer:
-        type_, where = message_type(channel), f"channel {channel.name!r}"
-        if channel.inject is None:
-            return Writer(type_, self.types, (), (), where)
-        made, found = compile_injection(self.binding, channel.inject, type_, self.types, where)
-        self.found += found
-        return made
 
-    def is_call_known(self, action: Action) -> bool:
-        known = self.types.fields(_called(action)) is not None
-        if not known:
-            rule = f"a type must be known here, but {action.type} of {action.name} is not"
-            self.add(action.line, "unknown-message-type", rule, "install its package, or name it under 'interfaces'")
-        return known
-
-    def call(self, action: Action) -> Writer:
-        type_ = _called(action)
-        if action.inject is None:
-            return Writer(type_, self.types, (), (), action.name)
-        made, found = compile_injection(self.binding, action.inject, type_, self.types, action.name)
-        self.found += found
-        return made
+def _leaves(node: Node | None, steps: tuple[str | int, ...]) -> Iterator[tuple[tuple[str | int, ...], Node]]:
+    """Yield the leaves of a tree of plain data, each with its place; a list of scalars is one leaf."""
+    if isinstance(node, Tree):
+        for key, value in node.items:
+            yield from _leaves(value, (*steps, key.text))
+    elif isinstance(node, Listed) and any(not isinstance(item, Scalar) for item in node.items):
+        for index, item in enumerate(node.items):
+            yield from _leaves(item, (*steps, index))
+    elif node is not None:
+        yield steps, node
 
 
 def _called(action: Action) -> str:

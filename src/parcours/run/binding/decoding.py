@@ -1,4 +1,4 @@
-"""The bytes of a message -> an object with its fields, and back: for what reads fields, never for the relay itself."""
+"""Reads and writes the bytes of messages: for what needs fields, never for the relay itself."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Decoder:
         """Return the message that the bytes are.
 
         Raises:
-            HostFailure: they are none, being too few or of another type.
+            HostFailure: they are too few, or of another type.
         """
         key = channel, data
         if key in self._known:

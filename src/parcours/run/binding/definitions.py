@@ -1,4 +1,4 @@
-"""Texts of .msg and .srv files to message classes that hold values, so that a binding is checked without ROS.
+"""Makes message classes of .msg and .srv files, so that a binding is checked without ROS.
 
 The classes have the fields and defaults of those that ROS generates; they cannot be sent.
 """

@@ -1,4 +1,4 @@
-"""A text of the guard language over places of messages, such as `abs(cmd_vel.linear.x) < 0.01`, to a formula.
+"""Formulas of the guard language over places of messages, such as `abs(cmd_vel.linear.x) < 0.01`.
 
 The guard language knows no indices and no lenses: each place in the text becomes a name of its own before the
 language's parser sees it, so nothing is ever evaluated here either.

@@ -1,4 +1,4 @@
-"""A binding and what a running system has registered to what is missing or of another type, each with its line."""
+"""Finds what a binding needs and a running system does not have, or has with another type."""
 
 from __future__ import annotations
 
@@ -26,12 +26,6 @@ class Graph:
     subscribers: Mapping[str, Collection[str]] = field(default_factory=dict)
     servers: Mapping[str, Collection[str]] = field(default_factory=dict)
     types: Mapping[str, str] = field(default_factory=dict)
-
-    @property
-    def nodes(self) -> frozenset[str]:
-        """The names of all ROS nodes that registered anything."""
-        tables = (self.publishers, self.subscribers, self.servers)
-        return frozenset(name for table in tables for names in table.values() for name in names)
 
 
 def graph_findings(binding: Binding, graph: Graph, absent: Collection[str] = ()) -> list[Finding]:

@@ -1,4 +1,4 @@
-"""The class of a ROS message, of either generation, to the types of its fields.
+"""Tells the types of a ROS message's fields from its class, of either generation.
 
 ROS 1 classes have `__slots__` and `_slot_types`, ROS 2 classes `get_fields_and_field_types()`. Nothing of ROS is
 imported: who has it gives a function from the name of a type to its class.
@@ -74,7 +74,7 @@ def slot_of(text: str) -> Slot:
 
 
 def limits(item: str) -> tuple[int, int] | None:
-    """Return the least and greatest value of an integer type, or None if it is none.
+    """Return the least and greatest value of an integer type, or None for another type.
 
     >>> limits("uint8"), limits("float64")
     ((0, 255), None)
@@ -107,7 +107,7 @@ class MessageTypes:
             kind = self.class_of(name)
             if kind is None and name not in TIMES:
                 return None
-            texts = fields_of_class(kind) if kind is not None else _TIME_SLOTS
+            texts = _fields_of(kind) if kind is not None else _TIME_SLOTS
             slots = {field: slot_of(text) for field, text in texts.items()}
             self._fields[name] = MappingProxyType(slots)
         return self._fields[name]
@@ -121,15 +121,8 @@ class MessageTypes:
         return made
 
 
-def fields_of_class(kind: type) -> dict[str, str]:
-    """Return the fields of a message class with the texts of their types, in order.
-
-    >>> class Twist:
-    ...     __slots__ = ["linear"]
-    ...     _slot_types = ["geometry_msgs/Vector3"]
-    >>> fields_of_class(Twist)
-    {'linear': 'geometry_msgs/Vector3'}
-    """
+def _fields_of(kind: type) -> dict[str, str]:
+    """Return the fields of a message class with the texts of their types, in order."""
     listed = getattr(kind, "get_fields_and_field_types", None)
     if listed is not None:
         return dict(listed())

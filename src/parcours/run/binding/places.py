@@ -1,4 +1,4 @@
-"""A text such as `poses[0].pose.position.x` or `yaw(pose.orientation)` to a place in a message.
+"""Places in a message, such as `poses[0].pose.position.x` or `yaw(pose.orientation)`.
 
     place := path | lens '(' path ')'          path := name ('.' name | '[' index ']')*          index := integer | '*'
 
@@ -82,23 +82,8 @@ seconds(path), but this is 'points[0.x' [binding-place]
     if match is None:
         rule = "a place is a path such as pose.position.x or data[0], or yaw(path) or seconds(path)"
         raise BadModel(where, f"{rule}, but this is {text[:60]!r}", slug="binding-place")
-    steps = steps_of(match["path"])
+    found = ((step["name"], step["index"]) for step in _STEP.finditer(match["path"]))
+    steps = tuple(name or (EVERY if index == EVERY else int(index)) for name, index in found)
     if any(isinstance(step, int) and abs(step) > MAX_ITEMS for step in steps):
         raise BadModel(where, f"an index is at most {MAX_ITEMS}, but not in {text[:60]!r}", slug="binding-place")
     return Place(steps, match["lens"] or "")
-
-
-def steps_of(path: str) -> tuple[Step, ...]:
-    """Return the steps of a path that is well formed.
-
-    >>> steps_of("data[-1]")
-    ('data', -1)
-    """
-    return tuple(_step(match) for match in _STEP.finditer(path))
-
-
-def _step(match: re.Match[str]) -> Step:
-    index = match["index"]
-    if index is None:
-        return match["name"]
-    return EVERY if index == EVERY else int(index)

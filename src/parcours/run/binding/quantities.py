@@ -1,4 +1,4 @@
-"""A node of a binding file to a duration, a frequency's period, a number or a plain value."""
+"""Reads nodes of YAML as durations, frequencies, numbers or plain values."""
 
 from __future__ import annotations
 
@@ -25,9 +25,8 @@ class QuantityReader(NodeReader):
         match = _DURATION.fullmatch(node.text.strip()) if isinstance(node, Scalar) else None
         number = float(match["number"]) if match else 0.0
         if match is None or number <= 0.0:
-            self.add(
-                node, "value", f"{what} must be a time above 0, such as 0.5 s, 20 ms or 50 Hz, but is {shown(node)}"
-            )
+            rule = f"{what} must be a time above 0, such as 0.5 s, 20 ms or 50 Hz, but is {shown(node)}"
+            self.add(node, "value", rule)
             return absent
         return 1.0 / number if match["unit"] == "Hz" else number * _SECONDS[match["unit"]]
 

@@ -1,20 +1,17 @@
-"""Formulas over the places of observed messages, compiled once for their types, to values."""
+"""Reads values from messages, and makes messages, by formulas that are compiled once for the messages' types."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from parcours.errors import BadModel
-from parcours.model.expression import BOOL, INT, REAL, TEXT, Type
-from parcours.run.binding.access import Access, compile_place
+from parcours.errors import HostFailure
+from parcours.model.expression import Type
+from parcours.run.binding.access import Access
 from parcours.run.binding.formulas import Formula
 from parcours.run.binding.message_types import MessageTypes
-from parcours.run.binding.places import Place, path_text
-from parcours.run.binding.structure import Binding, BoundChannel, Constant
-
-TYPE_OF = {bool: BOOL, int: INT, float: REAL, str: TEXT}
-"""The type in the guard language of a plain value."""
+from parcours.run.binding.places import Place
+from parcours.run.binding.structure import BoundChannel, Constant
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,6 +48,47 @@ class Reading:
         return self.formula.value(values, self.where)
 
 
+@dataclass(frozen=True, slots=True)
+class Writer:
+    """Makes messages of one type: all 0 or empty, but for some places with values, then some set to formulas."""
+
+    type: str
+    types: MessageTypes
+    where: str
+    base: tuple[tuple[Access, object], ...] = ()
+    set: tuple[tuple[Access, Formula], ...] = ()
+
+    def message(self, values: Mapping[str, object], items: Sequence[Mapping[str, object]] = ()) -> object:
+        """Return a new message.
+
+        Args:
+            values: a value for each name that the formulas use, e.g. {"robot.x": 0.5}.
+            items: further values for each item of a list: a place with `[*]` is set once for each.
+
+        Raises:
+            HostFailure: a name has no value, or a value does not fit its field.
+            BadModel: a formula cannot be computed, as when it divides by zero.
+        """
+        made = self.types.create(self.type)
+        for access, value in self.base:
+            access.write(made, value)
+        for access, formula in self.set:
+            rounds = items if access.place.is_each else [{}]
+            for index, more in enumerate(rounds):
+                access.write(made, self._value(formula, values, more), index)
+        return made
+
+    def _value(self, formula: Formula, values: Mapping[str, object], more: Mapping[str, object]) -> object:
+        found: dict[Place, object] = {}
+        for place in formula.places:
+            name = str(place)
+            if name not in more and name not in values:
+                rule = f"a name must have a value when a message is made, but {name!r} has none"
+                raise HostFailure(self.where, rule, "give it as an input of the case", slug="binding-value")
+            found[place] = more[name] if name in more else values[name]
+        return formula.value(found, self.where)
+
+
 def message_type(channel: BoundChannel) -> str:
     """Return the type of a channel's messages; a half of a service has one of its own.
 
@@ -58,52 +96,3 @@ def message_type(channel: BoundChannel) -> str:
     'nav_msgs/GetPlanRequest'
     """
     return channel.type + {"topic": "", "request": "Request", "response": "Response"}[channel.part]
-
-
-class Compiler:
-    """Compiles the formulas of one binding for the message types of one system."""
-
-    def __init__(self, binding: Binding, types: MessageTypes) -> None:
-        self.types = types
-        self.constants: dict[str, Constant] = dict(binding.constants)
-        self.bound = {channel.name: channel for channel in binding.channels}
-
-    def own(self, formula: Formula, channel: BoundChannel, where: str) -> Reading:
-        """Return the reading of a formula whose places lie in the message of one channel.
-
-        Raises:
-            BadModel: a place is not in the message's type, or the formula does not work on what lies there.
-        """
-        return self._reading(formula, {place: (channel, place) for place in formula.places}, where)
-
-    def prefixed(self, formula: Formula, where: str) -> Reading:
-        """Return the reading of a formula whose places start with the name of a channel.
-
-        Raises:
-            BadModel: as for `own`.
-        """
-        owners = {
-            place: (self.bound[str(place.steps[0])], place.within())
-            for place in formula.places
-            if path_text(place.steps) not in self.constants
-        }
-        return self._reading(formula, owners, where)
-
-    def _reading(self, formula: Formula, owners: Mapping[Place, tuple[BoundChannel, Place]], where: str) -> Reading:
-        types: dict[Place, Type] = {}
-        sources: list[tuple[Place, str, Access]] = []
-        constants: dict[Place, Constant] = {}
-        for place in formula.places:
-            if not place.lens and path_text(place.steps) in self.constants:
-                constants[place] = self.constants[path_text(place.steps)]
-                types[place] = TYPE_OF[type(constants[place])]
-                continue
-            channel, inner = owners[place]
-            if not inner.steps:
-                rule = f"a name must go on to a field, but {place} is a whole message"
-                raise BadModel(where, rule, f"write {place}.something", slug="binding-field")
-            access = compile_place(inner, message_type(channel), self.types, where)
-            sources.append((place, channel.name, access))
-            types[place] = access.type
-        given = types[formula.places[0]] if formula.place else formula.type(types, where)
-        return Reading(formula, given, tuple(sources), constants, where)

@@ -1,7 +1,9 @@
-"""Messages that the nodes of others send -> the same messages, delivered, held, delayed or lost, and a trace of it all.
+"""Passes on what foreign nodes send: delivered, held, delayed or lost, with a trace of it all.
 
 No transport is in here: a host calls `heard` and `asked` with bytes, and `Ends` lets bytes go on. Bytes first: a
-message goes on as it came, and what reads its fields is told afterwards.
+message goes on as it came, and what reads its fields learns of it afterwards.
+
+    sender -> heard: "send" -> arrived (a gate, or at once) -> release: faults -> deliver: "receive" -> receiver
 """
 
 from __future__ import annotations
@@ -33,8 +35,8 @@ class Relay:
         ends: lets bytes go on.
         kinds: channel -> (type, md5, definition) of its messages, for recordings; asked for at each message.
         now: the time since the run began [ns].
-        faults: what befalls messages.
-        listener: told of each event as soon as it has happened, payload included.
+        faults: of messages.
+        listener: called with each event as soon as it has happened, payload included.
 
     Attributes:
         arrived: what is done with a message that was heard; at first `release`.
@@ -53,7 +55,7 @@ class Relay:
         self.unserved: Hook = lambda message: self.fail(message, "nobody serves it")
         self.events: list[TraceEvent] = []
         self.case_began = -1
-        """From when on messages are befallen [ns since the run began]; -1: not yet."""
+        """From when on faults count [ns since the run began]; -1: not yet."""
         self.calls: list[Call] = []
         """Calls of nodes that wait for their response."""
         self._numbers = itertools.count()
@@ -97,20 +99,18 @@ class Relay:
 
     def release(self, message: Message, slot: str | None = None) -> None:
         """Let a message go on by its effect, to all who shall have it, or to one slot."""
-        k = self._count[message.channel]
+        k, began, effect = self._count[message.channel], self.case_began, UNTOUCHED
         self._count[message.channel] += 1
-        began = self.case_began
-        effect = (
-            self._effects.effect(message.channel, k, message.time - began) if 0 <= began <= message.time else UNTOUCHED
-        )
+        if 0 <= began <= message.time:
+            effect = self._effects.effect(message.channel, k, message.time - began)
         if not effect.copies:
             self.fail(message, f"fault: {effect.why}")
             return
         if effect.why:
             self.note(f"fault: {message.channel} {effect.why}", message.sender)
-        self._befall(message, slot, effect)
+        self._pass_on(message, slot, effect)
 
-    def _befall(self, message: Message, slot: str | None, effect: Effect) -> None:
+    def _pass_on(self, message: Message, slot: str | None, effect: Effect) -> None:
         data = message.data
         if effect.corrupt is not None:
             data = corrupted_bytes(data, effect.corrupt, effect.how)
@@ -165,7 +165,7 @@ class Relay:
             elif spoke.channels[1]:
                 self.arrived(self._message(spoke.channels[1], spoke.slot, answer, call))
             else:
-                self._end(call, answer)
+                self.finish(call, answer)
 
         def expire() -> None:
             if not call.is_over and not self._closed:
@@ -180,10 +180,10 @@ class Relay:
         if call is None or call.is_over:
             return
         self.record("receive", self._name(message.channel, call.client, 1), message, data=data)
-        self._end(call, data)
+        self.finish(call, data)
 
     def answer(self, call: Call, message: Message) -> None:
-        """Let a message be the response to a call, whoever was asked."""
+        """Let a message be the response to a call."""
         message.call = call
         self.release(message)
 
@@ -192,9 +192,10 @@ class Relay:
         if message.channel:
             self.record("drop", message.sender, message, why)
         if message.call is not None:
-            self._end(message.call, None)
+            self.finish(message.call, None)
 
-    def _end(self, call: Call, data: bytes | None) -> None:
+    def finish(self, call: Call, data: bytes | None) -> None:
+        """Answer a call, if it still waits; None: it fails."""
         if call.is_over:
             return
         call.is_over = True
@@ -202,10 +203,6 @@ class Relay:
             self.calls.remove(call)
         if call.reply is not None:
             call.reply(data)
-
-    def finish(self, call: Call, data: bytes) -> None:
-        """Answer a call with bytes of a channel that is not bound."""
-        self._end(call, data)
 
     def settle(self, message: Message) -> None:
         """A response to the tester's own question has come: nobody else waits for it."""
@@ -226,7 +223,7 @@ class Relay:
         self.release(message, slot)
         return message
 
-    # Time, and what is told of it.
+    # Time, and the trace.
 
     def at(self, when: int, act: Callable[[], None]) -> None:
         """Do something at a time [ns since the run began]."""
@@ -248,7 +245,7 @@ class Relay:
 
     def record(self, kind: Kind, component: str, message: Message, text: str = "", *, transition: str = "",
                data: bytes | None = None) -> None:  # fmt: skip
-        """Write what befell a message into the trace."""
+        """Write what happened to a message into the trace."""
         payload = self._payload(message)
         if data is not None and data is not message.data:
             payload = Raw(payload.type, payload.md5, payload.definition, data)
@@ -267,7 +264,7 @@ class Relay:
         """End all calls; what comes later is not heard."""
         self._closed = True
         for call in list(self.calls):
-            self._end(call, None)
+            self.finish(call, None)
         self._due.clear()
 
     def _message(self, channel: str, slot: str, data: bytes, call: Call | None = None) -> Message:

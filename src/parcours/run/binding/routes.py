@@ -1,4 +1,4 @@
-"""A binding to routes: under which names the tester hears senders and speaks to receivers, and how nodes are remapped.
+"""Under which names the tester hears senders and speaks to receivers, and how nodes are remapped for it.
 
 Every relayed channel is parted in two: its sender is moved to a name of its own, `/parcours/out/<node>/...`, and the
 tester passes on what it hears there to the address itself, where the receiver listens. Where the tester sends one topic

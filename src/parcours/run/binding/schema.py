@@ -1,4 +1,4 @@
-"""A tree of YAML nodes to a binding: which keys stand where, with what kind of value (docs/bindings.md)."""
+"""Reads the parts of a binding: which keys stand where, with what kind of value (docs/bindings.md)."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class PartReader(QuantityReader):
         def parse(text: str, where: str) -> Formula:
             return parse_formula(text, where, node.line if node is not None else 0)
 
-        return self.parsed(node, what, parse, _NOTHING)
+        return self.parsed(node, what, parse, NOTHING)
 
     def path(self, node: Node | None, what: str) -> Path:
         """Return a path, from the folder of the file if it is relative."""
@@ -97,9 +97,8 @@ class PartReader(QuantityReader):
         remap = self.boolean(items.get("remap"), f"'remap' of {what}", not running)
         if running and remap:
             rule = f"{what} is not started here, so no arguments can be appended, but it says 'remap: true'"
-            self.add(
-                items.get("remap"), "binding-start", rule, "remap it yourself, and say 'out' and 'in' of its channels"
-            )
+            remedy = "remap it yourself, and say 'out' and 'in' of its channels"
+            self.add(items.get("remap"), "binding-start", rule, remedy)
         env = self.entries(items.get("env"), f"variables of {what}", self.label)
         components: tuple[str, ...] = (name,)
         if "components" in items:
@@ -234,17 +233,15 @@ class PartReader(QuantityReader):
         """Return one text, or those of a list."""
         texts = (self.text(node, what),) if node is None or isinstance(node, Scalar) else self.words(node, what)
         if node is not None and not all(text.strip() for text in texts or ("",)):
-            self.add(
-                node, "binding-timing", f"{what} must say a bound, but is empty", "e.g. p99 < 20 ms over 200 repeats"
-            )
+            rule = f"{what} must say a bound, but is empty"
+            self.add(node, "binding-timing", rule, "e.g. p99 < 20 ms over 200 repeats")
         return texts
 
     def action(self, node: Node, what: str) -> Action:
         """Return a step of `before_case` or `after_case`."""
         verbs = ("set", "wait", "call", "publish")
-        items = self.record(
-            node, f"a step of {what!r}", (), (*verbs, "to", "formula", "is", "type", "inject", "timeout")
-        )
+        more = ("to", "formula", "is", "type", "inject", "timeout")
+        items = self.record(node, f"a step of {what!r}", (), (*verbs, *more))
         found = [verb for verb in verbs if verb in items]
         if len(found) != 1:
             rule = f"a step of {what!r} must say one of {', '.join(verbs)}, but says {len(found)}"
@@ -275,4 +272,4 @@ class PartReader(QuantityReader):
         return cast(Transport, self.one_of(node, "'transport'", ("ros1", "ros2"), "ros1"))
 
 
-_NOTHING = parse_formula("0")
+NOTHING = parse_formula("0")

@@ -1,4 +1,4 @@
-"""A binding -> which processes are run as what, and at which names the tester meets each of them.
+"""Plans which processes are run as what, and at which names the tester meets each of them.
 
 `whole` runs every node once, as its user would, by the routes of the binding. `apart` runs one process for each
 reference of an abstract case, each behind names of its own: any message can be kept from it or made up for it.
@@ -6,7 +6,7 @@ reference of an abstract case, each behind names of its own: any message can be 
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -53,7 +53,7 @@ class Spoke:
     """A name at which the tester meets a slot: a topic, or a service.
 
     Attributes:
-        slot: its name; empty for whoever listens there.
+        slot: its name; empty for all who listen there.
         side: which way messages go, of a service requests.
         channels: that pass here; of a service its requests and then its responses, each empty if it is not bound.
         overheard: whether its messages reach their receivers without the tester.
@@ -104,29 +104,20 @@ class _Spokes:
         self.found[key] = Spoke(slot, side, address, channel.type, names, channel.part != "topic", overheard)
 
 
-def whole(binding: Binding, absent: Collection[str] = ()) -> SlotPlan:
-    """Return the slot_plan in which every node runs once.
-
-    Args:
-        binding: whose nodes.
-        absent: nodes that are not run.
-    """
+def whole(binding: Binding) -> SlotPlan:
+    """Return the plan in which every node runs once."""
     spokes = _Spokes()
-    for channel, route in zip(binding.channels, routes(binding, absent), strict=True):
+    for channel, route in zip(binding.channels, routes(binding), strict=True):
         client, server = (route.receiver, route.sender) if route.part == "response" else (route.sender, route.receiver)
         spokes.add(channel, client, "out", route.out, overheard=route.access == "observe")
         spokes.add(channel, server, "into", route.into)
-    remapped = remappings(binding, absent)
-    slots = tuple(
-        Slot(node.name, node, None, node.ros_node, remapped.get(node.name, ()))
-        for node in binding.nodes
-        if node.name not in absent
-    )
-    return SlotPlan(slots, tuple(spokes.found.values()), frozenset(absent))
+    moved = remappings(binding)
+    slots = tuple(Slot(one.name, one, None, one.ros_node, moved.get(one.name, ())) for one in binding.nodes)
+    return SlotPlan(slots, tuple(spokes.found.values()))
 
 
 def apart(binding: Binding, references: Mapping[int, str]) -> SlotPlan:
-    """Return the slot_plan in which each reference of an abstract case has a process of its own.
+    """Return the plan in which each reference of an abstract case has a process of its own.
 
     Args:
         binding: whose nodes.
