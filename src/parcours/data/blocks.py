@@ -32,10 +32,7 @@ class Block:
             raise BadDomain(f"block {self}", "the ends of a block must be finite", slug="block-infinite")
         if self.first > self.last:
             raise BadDomain(
-                f"block {self}",
-                "a block must hold at least one value",
-                "widen or drop it",
-                slug="block-empty",
+                f"block {self}", "a block must hold at least one value", "widen or drop it", slug="block-empty"
             )
 
     def __contains__(self, value: float) -> bool:

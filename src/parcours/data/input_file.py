@@ -40,10 +40,7 @@ def read_input_model(path: Path | str, constants: Mapping[str, float] | None = N
     except (OSError, ValueError) as error:
         said = error.strerror if isinstance(error, OSError) else "its bytes are no UTF-8 text"
         raise BadDomain(
-            str(path),
-            f"an input model must be a readable file, but: {said}",
-            "check the path",
-            slug="unreadable-file",
+            str(path), f"an input model must be a readable file, but: {said}", "check the path", slug="unreadable-file"
         ) from None
     return parse_input_model(text, str(path), constants)
 

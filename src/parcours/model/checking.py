@@ -11,15 +11,7 @@ from parcours.model.expression.typing import accepts
 from parcours.model.finding import Finding, advice
 from parcours.model.nodes import is_identifier, is_label
 from parcours.model.scope import Scopes, variable_type
-from parcours.model.structure import (
-    BASE_TYPES,
-    ENVIRONMENT,
-    Cefsm,
-    Component,
-    Machine,
-    Transition,
-    Variable,
-)
+from parcours.model.structure import BASE_TYPES, ENVIRONMENT, Cefsm, Component, Machine, Transition, Variable
 from parcours.model.suspicion import suspicions
 from parcours.model.temporal import temporal_findings
 from parcours.model.variables import variable_findings
@@ -268,11 +260,7 @@ class _Check:
             self.all_typed(transition, send.payload, types, f"message of {transition.id!r}")
 
     def assignment(
-        self,
-        transition: Transition,
-        action: Assignment,
-        types: Mapping[str, Type],
-        variables: dict[str, Variable],
+        self, transition: Transition, action: Assignment, types: Mapping[str, Type], variables: dict[str, Variable]
     ) -> None:
         where = f"action of {transition.id!r}"
         given = self.typed(transition, action.value, types, where)

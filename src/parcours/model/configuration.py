@@ -11,16 +11,7 @@ from parcours.model.expression import Assignment, Expression, Field, names, type
 from parcours.model.expression.evaluation import INTEGER_LIMIT
 from parcours.model.expression.typing import accepts
 from parcours.model.scope import Scopes, is_local
-from parcours.model.structure import (
-    BASE_TYPES,
-    ENVIRONMENT,
-    Cefsm,
-    Component,
-    Machine,
-    Send,
-    Transition,
-    Variable,
-)
+from parcours.model.structure import BASE_TYPES, ENVIRONMENT, Cefsm, Component, Machine, Send, Transition, Variable
 
 Message = tuple[tuple[str, object], ...]
 """The fields of a message whose values the model says, by name; the others are open."""

@@ -128,12 +128,7 @@ class _Builder:
         line = _line(event)
         if isinstance(event, yaml.AliasEvent) or getattr(event, "anchor", None) is not None:
             name = getattr(event, "anchor", "")
-            self.refuse(
-                event,
-                "yaml-alias",
-                f"a model has no anchors or aliases, but here is {name!r}",
-                "write it out",
-            )
+            self.refuse(event, "yaml-alias", f"a model has no anchors or aliases, but here is {name!r}", "write it out")
         tag = getattr(event, "tag", None)
         if tag is not None:
             self.refuse(event, "yaml-tag", f"a model has no tags, but here is {tag!r}", "delete the tag")

@@ -138,10 +138,7 @@ class _Picture:
         dx, dy = end[0] - start[0], end[1] - start[1]
         length = math.hypot(dx, dy)
         # The control point lies left of the way, seen along it, so that the way back bows to the other side.
-        control = (
-            (start[0] + end[0]) / 2 + dy / length * 2 * bend,
-            (start[1] + end[1]) / 2 - dx / length * 2 * bend,
-        )
+        control = ((start[0] + end[0]) / 2 + dy / length * 2 * bend, (start[1] + end[1]) / 2 - dx / length * 2 * bend)
         first = self.rim(arrow.source, control)
         last = self.rim(arrow.target, control, gap=2.0)
         self.line(f"M{_at(first)} Q{_at(control)} {_at(last)}", arrow.faint)

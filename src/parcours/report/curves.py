@@ -21,11 +21,7 @@ _LABEL = 20
 
 
 def curves(
-    title: str,
-    at: Sequence[float],
-    panels: Mapping[str, Mapping[str, Curves]],
-    axis: str,
-    note: str = "",
+    title: str, at: Sequence[float], panels: Mapping[str, Mapping[str, Curves]], axis: str, note: str = ""
 ) -> Figure:
     """Return rates over a dial: a row of panels for each thing counted, a column for each dial, a curve a series.
 

@@ -12,18 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from parcours.report.drawing import (
-    INK,
-    MUTED,
-    PAPER,
-    SERIES,
-    TONES,
-    bad_data,
-    canvas,
-    percent,
-    require_data,
-    svg_of,
-)
+from parcours.report.drawing import INK, MUTED, PAPER, SERIES, TONES, bad_data, canvas, percent, require_data, svg_of
 from parcours.report.pieces import Figure, Floats
 
 if TYPE_CHECKING:

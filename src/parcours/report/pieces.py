@@ -191,9 +191,7 @@ class Replay:
             due = (n, m) if name.startswith("obstacle") else (n,)
             self._require(values.shape == due, f"{name} must have shape {due}, but has {values.shape}", "replay-shape")
             self._require(
-                bool(np.isfinite(values).all()),
-                f"{name} must be finite, but is not everywhere",
-                "replay-values",
+                bool(np.isfinite(values).all()), f"{name} must be finite, but is not everywhere", "replay-values"
             )
         self._require(bool((np.diff(self.times) > 0.0).all()), "times must increase, but do not", "replay-values")
         for size in (self.robot_radius, self.goal_tolerance, *self.obstacle_radii, *self.arena):
@@ -203,9 +201,7 @@ class Replay:
                 "replay-values",
             )
         self._require(
-            bool(np.isfinite(self.goal).all()),
-            f"the goal must be finite, but is {self.goal}",
-            "replay-values",
+            bool(np.isfinite(self.goal).all()), f"the goal must be finite, but is {self.goal}", "replay-values"
         )
 
     def _require(self, holds: bool, rule: str, slug: str) -> None:

@@ -50,11 +50,7 @@ class Interval(Protocol):
 
 
 def intervals(
-    title: str,
-    groups: Sequence[str],
-    series: Mapping[str, Sequence[Interval | None]],
-    axis: str,
-    note: str = "",
+    title: str, groups: Sequence[str], series: Mapping[str, Sequence[Interval | None]], axis: str, note: str = ""
 ) -> Figure:
     """Return rates as dots with bars for their intervals, one row a group, one colour and marker a series.
 
@@ -100,11 +96,7 @@ def intervals(
 
 
 def shares(
-    title: str,
-    slices: Sequence[str],
-    series: Mapping[str, Sequence[float]],
-    tones: Sequence[Tone],
-    note: str = "",
+    title: str, slices: Sequence[str], series: Mapping[str, Sequence[float]], tones: Sequence[Tone], note: str = ""
 ) -> Figure:
     """Return how each series divides into slices, as stacked bars of 100 % each (Fig. 5b, made comparable).
 
@@ -206,15 +198,7 @@ def _tiles(panel: Axes, row: int, items: Mapping[str, int]) -> None:
             row, 0.92, height=0.7, left=at + 0.04, linewidth=1.0,
             facecolor=TONES["good"] if count else "none", edgecolor=TONES["good"] if count else SERIES[0],
         )  # fmt: skip
-        panel.text(
-            at + 0.5,
-            row,
-            item,
-            ha="center",
-            va="center",
-            fontsize=7.5,
-            color="#ffffff" if count else SERIES[0],
-        )
+        panel.text(at + 0.5, row, item, ha="center", va="center", fontsize=7.5, color="#ffffff" if count else SERIES[0])
 
 
 def _normalised(title: str, name: str, counts: Sequence[float]) -> Floats:

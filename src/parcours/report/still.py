@@ -75,10 +75,7 @@ def still(replay: Replay) -> str:
         ink = _INK["halted"] if replay.halted[first : last + 1].any() else _INK["robot"]
         x0, y0, heading = float(replay.x[last]), float(replay.y[last]), float(replay.heading[last])
         parts.append(_disc(x0, y0, replay.robot_radius, ink, 0.7, 0.12))
-        tip = (
-            x0 + replay.robot_radius * math.cos(heading),
-            y0 + replay.robot_radius * math.sin(heading),
-        )
+        tip = (x0 + replay.robot_radius * math.cos(heading), y0 + replay.robot_radius * math.sin(heading))
         parts.append(_line(np.array([x0, tip[0]]), np.array([y0, tip[1]]), ink, 0.8))
     body = "".join(parts)
     # y grows upwards in the arena and downwards on the screen

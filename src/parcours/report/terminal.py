@@ -146,11 +146,7 @@ def _drawn(table: Table) -> RichTable:
     return drawn
 
 
-_JUSTIFY: dict[str, Literal["left", "right", "center"]] = {
-    "left": "left",
-    "right": "right",
-    "center": "center",
-}
+_JUSTIFY: dict[str, Literal["left", "right", "center"]] = {"left": "left", "right": "right", "center": "center"}
 
 
 def _full_heading(table: Table, at: int) -> str:

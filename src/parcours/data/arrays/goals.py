@@ -134,10 +134,7 @@ class Goals:
 
 
 def goals_of(
-    sizes: Sequence[int],
-    strength: int,
-    groups: Iterable[tuple[Sequence[int], int]] = (),
-    rules: Rules | None = None,
+    sizes: Sequence[int], strength: int, groups: Iterable[tuple[Sequence[int], int]] = (), rules: Rules | None = None
 ) -> Goals:
     """Return the goals of t-wise coverage: all combinations of blocks of every t columns.
 

@@ -28,10 +28,7 @@ Progress = Callable[[str, int, int], None]
 
 
 def explore(
-    cefsm: Cefsm,
-    max_states: int = 1_000_000,
-    max_seconds: float = 120.0,
-    progress: Progress | None = None,
+    cefsm: Cefsm, max_states: int = 1_000_000, max_seconds: float = 120.0, progress: Progress | None = None
 ) -> Space:
     """Return the state space of a model: what the step relation reaches, with everything wrong in it.
 

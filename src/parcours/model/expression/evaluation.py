@@ -11,16 +11,7 @@ from collections.abc import Callable, Mapping, Sized
 from typing import NoReturn, TypeAlias
 
 from parcours.errors import BadModel
-from parcours.model.expression.syntax import (
-    Apply,
-    Binary,
-    Expression,
-    Field,
-    Literal,
-    Name,
-    Unary,
-    render,
-)
+from parcours.model.expression.syntax import Apply, Binary, Expression, Field, Literal, Name, Unary, render
 
 Value: TypeAlias = object
 """bool, int, float or str; a Mapping from field names for a message; anything sized for a list."""
@@ -126,11 +117,7 @@ class _Evaluation:
             case Apply(function, arguments):
                 compute, fewest, most = FUNCTIONS[function]
                 if not fewest <= len(arguments) <= most:
-                    self.fail(
-                        node,
-                        f"{function} takes {fewest} to {most} arguments, but got {len(arguments)}",
-                        "arity",
-                    )
+                    self.fail(node, f"{function} takes {fewest} to {most} arguments, but got {len(arguments)}", "arity")
                 return self.bounded(node, lambda: compute(*map(self.number, arguments)))
 
     def truth(self, node: Expression) -> bool:

@@ -269,9 +269,7 @@ class _Parser:
                 hints = {"=": "compare with ==, assign with :=", "&": "write &&", "|": "write ||"}
                 hints |= dict.fromkeys("'\"", "close the text with the same quote")
                 self._fail_at(
-                    at,
-                    f"a sign of the language must stand at the caret, but found {bad!r}",
-                    hints.get(bad, ""),
+                    at, f"a sign of the language must stand at the caret, but found {bad!r}", hints.get(bad, "")
                 )
             if match.lastgroup != "blank":
                 tokens.append(_Token(str(match.lastgroup), match.group(), at))

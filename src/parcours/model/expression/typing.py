@@ -13,16 +13,7 @@ from typing import NoReturn
 
 from parcours.errors import BadModel, one_of
 from parcours.model.expression.evaluation import FUNCTIONS
-from parcours.model.expression.syntax import (
-    Apply,
-    Binary,
-    Expression,
-    Field,
-    Literal,
-    Name,
-    Unary,
-    render,
-)
+from parcours.model.expression.syntax import Apply, Binary, Expression, Field, Literal, Name, Unary, render
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,11 +80,7 @@ def accepts(target: Type, value: Type) -> bool:
 
 class _Typing:
     def __init__(
-        self,
-        root: Expression,
-        types: Mapping[str, Type],
-        classes: Mapping[str, Mapping[str, Type]],
-        where: str,
+        self, root: Expression, types: Mapping[str, Type], classes: Mapping[str, Mapping[str, Type]], where: str
     ) -> None:
         self.root, self.types, self.classes, self.where = root, types, classes, where
 
@@ -171,10 +158,7 @@ class _Typing:
             word = next((side.values[0] for side in (left, right) if side.name == "text"), "")
             remedy = one_of(word, enums[0].values) if word else ""
             self.fail(
-                node,
-                f"{operator} must be able to hold, but {left} and {right} share no value",
-                remedy,
-                "enum-value",
+                node, f"{operator} must be able to hold, but {left} and {right} share no value", remedy, "enum-value"
             )
 
     def known(self, given: str, names: list[str]) -> str:
