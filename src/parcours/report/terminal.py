@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Literal, TextIO
 
 from parcours.report.cells import group_spans, shown, sides, text_rows
-from parcours.report.pieces import Code, Figure, Finding, Findings, Marked, Page, Replay, Table, Text, Tone
+from parcours.report.pieces import Animation, Code, Figure, Finding, Findings, Marked, Page, Table, Text, Tone
 from parcours.report.prose import plain
 
 if TYPE_CHECKING:
@@ -116,7 +116,7 @@ def _said(piece: object) -> str:
         return "\n".join(map(_finding, piece.items))
     if isinstance(piece, Figure):
         return f"chart: {piece.title}"
-    if isinstance(piece, Replay):
+    if isinstance(piece, Animation):
         return f"replay {piece.title}: {plain(piece.subtitle)}"
     if isinstance(piece, Table):
         return f"{piece.title}: {len(piece.rows)} rows"

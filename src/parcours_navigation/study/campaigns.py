@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from parcours.errors import BadRequest, BadResults
 from parcours.report.junit import CaseResult
-from parcours.report.pieces import Column, Piece, Replay, Table
+from parcours.report.pieces import Column, Piece, Table
 from parcours.run.store import open_results
 from parcours.study.campaign.running import facts_of
 from parcours.study.finding import find, registered
@@ -32,6 +32,8 @@ from parcours_navigation.study.distribution import (
     survived,
 )
 from parcours_navigation.study.outcome_tables import Results, outcome_figure, outcome_table
+from parcours_navigation.study.replay import Replay
+from parcours_navigation.study.still import animation
 from parcours_navigation.study.study import NavigationStudy
 
 _FEW = 10
@@ -191,7 +193,7 @@ def campaign_pieces(results: Mapping[str, Results]) -> list[Piece]:
     for result in results.values():
         codes = outcomes(result.facts)
         failed = np.flatnonzero([VERDICT_OF[Outcome(int(code))] is Verdict.FAIL for code in codes])
-        pieces += [result.replay(int(result.facts["number"][k])) for k in failed[:2]]
+        pieces += [animation(result.replay(int(result.facts["number"][k]))) for k in failed[:2]]
     return pieces
 
 

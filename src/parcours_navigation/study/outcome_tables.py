@@ -9,13 +9,14 @@ from typing import Protocol as TypingProtocol
 import numpy as np
 from numpy.typing import NDArray
 
-from parcours.report.pieces import Cell, Column, Figure, Marked, Replay, Table
+from parcours.report.pieces import Cell, Column, Figure, Marked, Table
 from parcours.report.rates import shares
 from parcours.verdict.judgement import Verdict
 from parcours.verdict.statistics import wilson
 from parcours_navigation.cases.family import SystemCases
 from parcours_navigation.outcomes import VERDICT_OF, Outcome, Share, outcomes, published
 from parcours_navigation.outcomes import shares as slices_of
+from parcours_navigation.study.replay import Replay
 
 OUTCOME_WORDS = {
     Outcome.COLLIDED: "the moving robot touched an obstacle",

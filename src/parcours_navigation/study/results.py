@@ -12,6 +12,7 @@ from parcours.report.junit import CaseResult
 from parcours.report.pieces import Page, Piece, Section, Table
 from parcours.study.protocol import Measure, Reported, Results
 from parcours_navigation.study.outcome_tables import Results as Campaign
+from parcours_navigation.study.still import animation
 
 
 class CampaignResults:
@@ -49,7 +50,9 @@ class CampaignResults:
         drawn = dataclasses.replace(
             drawn, title=drawn.title.replace(id, ours), subtitle=drawn.subtitle.replace(id, ours)
         )
-        section = Section("Replay", "Run again from the case number: the same bits as in the campaign.", (drawn,))
+        section = Section(
+            "Replay", "Run again from the case number: the same bits as in the campaign.", (animation(drawn),)
+        )
         return Page(drawn.title, drawn.subtitle, (("folder", str(self._folder)), ("case", str(number))), (section,))
 
     def _number(self, case: str) -> int:

@@ -1,4 +1,4 @@
-"""A replay -> one still picture of it, for paper and for readers without scripts.
+"""Draws a replay for the page of a report: a still picture for paper, which a script turns into a player.
 
 ╭───────────────╮
 │  ○ ○ ○     ◎  │   ◎ goal    ● robot every second, with its heading; coloured while halted
@@ -10,11 +10,14 @@
 from __future__ import annotations
 
 import math
+from functools import cache
+from importlib import resources
 
 import numpy as np
 from markupsafe import escape
 
-from parcours.report.pieces import Floats, Replay
+from parcours.report.pieces import Animation, Floats
+from parcours_navigation.study.replay import Replay, embedded
 
 PIXELS = 420
 """Length of the longer side of the picture [px]."""
@@ -31,6 +34,16 @@ _INK = {
     "obstacle": "var(--ink, #1c2430)",
     "goal": "var(--c3, #00805c)",
 }
+
+
+def animation(replay: Replay) -> Animation:
+    """Return the replay as a piece of a report's page."""
+    return Animation(replay.title, replay.subtitle, still(replay), embedded(replay), _script(), replay.note)
+
+
+@cache
+def _script() -> str:
+    return resources.files("parcours_navigation.study").joinpath("replay.js").read_text(encoding="utf-8")
 
 
 def margin(replay: Replay) -> float:
