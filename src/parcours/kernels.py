@@ -72,7 +72,7 @@ def kernel(function: F) -> F:
 
 
 def _plain(function: F) -> F:
-    """Return the function with the arithmetic that compiled code has: words wrap, and dividing by zero gives infinity."""
+    """Return the function with the arithmetic of compiled code: words wrap, and x / 0 is infinite."""
 
     @functools.wraps(function)
     def run(*arguments: object) -> object:
@@ -92,6 +92,6 @@ def _own(result: object) -> object:
 
 
 def is_warm() -> bool:
-    """Return whether nothing is left to wait for: an earlier run compiled these very sources, or nothing is compiled."""
+    """Return whether an earlier run has compiled these very sources, or there is no numba to compile them."""
     folder = kernel_cache()
     return not IS_COMPILED or (folder.is_dir() and any(folder.rglob("*.nbc")))

@@ -20,14 +20,6 @@ def base_rows(
 ) -> tuple[Rows, tuple[tuple[int, int], ...], tuple[tuple[int, int], ...]]:
     """Return the rows, each once, the (column, block) pairs that no allowed row holds, and those not decided.
 
-    Args:
-        sizes: the number of blocks of each parameter.
-        bases: the base blocks of each parameter, at least one.
-        rules: which rows are allowed.
-
-    Raises:
-        BadDomain: the rules leave no row, or the search for a first one took too long.
-
     >>> base_rows([3, 2], [[0, 1], [0]], Rules([3, 2]))[0].tolist()
     [[0, 0], [2, 0], [0, 1], [1, 0], [1, 1]]
     """

@@ -62,9 +62,6 @@ def meets(constraint: Constraint, columns: Columns) -> NDArray[np.bool_]:
     The answer is that of `evaluate` row by row, except that hypot is the root of the sum of squares here,
     whose bits IEEE 754 fixes on every machine: on rows within rounding of the limit the two may differ.
 
-    Raises:
-        BadDomain: the condition has no value on some row (a division by zero, the root of a negative number).
-
     >>> from parcours.model.expression import parse_expression
     >>> apart = Constraint("apart", parse_expression("x != 0 && 1 / x < 2"))
     >>> meets(apart, {"x": np.array([0.0, 0.25, 1.0])}).tolist()

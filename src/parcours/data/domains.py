@@ -103,11 +103,7 @@ class Domain:
         return int(self.blocks_of(np.array([value]))[0])
 
     def blocks_of(self, values: NDArray[np.float64]) -> NDArray[np.int64]:
-        """Return the index among `choices` of the block that holds each value, or OUTSIDE.
-
-        Args:
-            values: [unit], any shape.
-        """
+        """Return the index among `choices` of the block that holds each value, or OUTSIDE."""
         if self.kind == "angle":
             values = unrolled(values, self.span)
         firsts, lasts = (np.array([getattr(b, end) for b in self.blocks]) for end in ("first", "last"))

@@ -53,13 +53,6 @@ def instances(
 ) -> Iterator[tuple[str, Expression]]:
     """Yield each constraint that a rule stands for, with its name.
 
-    Args:
-        name: what the rule is called.
-        scope: what it speaks of.
-        rule: the condition.
-        parameters: names of the parameters before they are numbered.
-        replicas: how often the row repeats them.
-
     >>> from parcours.model.expression import parse_expression
     >>> for made in instances("order", "pairs", parse_expression("a.x < b.x"), {"x"}, 3):
     ...     print(*made)

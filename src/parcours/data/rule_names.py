@@ -38,10 +38,6 @@ def flat(rule: Expression, columns: Collection[str]) -> Expression:
 def numbered_words(rule: Expression, words: Mapping[str, tuple[str, ...]]) -> Expression:
     """Return the rule over numbers: each word that an input is compared with as its place among that input's words.
 
-    Args:
-        rule: a well typed condition.
-        words: the words of each input that has words, in the order of their numbers.
-
     >>> from parcours.model.expression import parse_expression
     >>> str(numbered_words(parse_expression("mode == 'off' || n < 2"), {"mode": ("on", "off")}))
     'mode == 1 || n < 2'

@@ -41,10 +41,6 @@ def findings(cefsm: Cefsm, origin: str = "") -> list[Finding]:
 def errors(cefsm: Cefsm, origin: str = "") -> list[Finding]:
     """Return what is wrong, in the order of the lines, without looking for what is doubtful, which takes longer.
 
-    Args:
-        cefsm: any model.
-        origin: what to call the file; by default where the model was read from.
-
     >>> print(*errors(Cefsm("empty", ())))
     empty: error: a model must have a component, but this one has none; add one [no-component]
     """

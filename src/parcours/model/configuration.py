@@ -173,11 +173,7 @@ class Layout:
 
 
 def stored(variable: Variable, value: object, owner: str) -> object:
-    """Return the value as the variable keeps it: an integer becomes a real where one is declared.
-
-    Raises:
-        BadModel: the value lies outside the variable's domain or 64 bits.
-    """
+    """Return the value as the variable keeps it: an integer becomes a real where one is declared."""
     if variable.type == "real" and isinstance(value, int | float):
         value = float(value)
     outside = bool(variable.domain) and value not in variable.domain

@@ -16,13 +16,7 @@ MAX_PAIRS = 500
 
 
 def suspicions(cefsm: Cefsm, origin: str, unsound: Set[str] = frozenset()) -> list[Finding]:
-    """Return the warnings of a model.
-
-    Args:
-        cefsm: the model; names and ids must be distinct.
-        origin: what to call the file.
-        unsound: ids of transitions whose guards are not well typed, and so mean nothing.
-    """
+    """Return the warnings of a model."""
     search = _Search(cefsm, origin, unsound)
     search.channels()
     for component in cefsm.components:

@@ -15,10 +15,6 @@ from parcours.model.structure import CLOCK, Cefsm, Component, Machine, Transitio
 def temporal_findings(cefsm: Cefsm, origin: str) -> Iterator[Finding]:
     """Yield the errors in what a model says about time.
 
-    Args:
-        cefsm: any model.
-        origin: what to call the file.
-
     >>> from parcours.model.structure import Component
     >>> hasty = Machine("light", "off", ("off",), (Transition("tick", "off", "off", duration=(2.0, 1.0)),))
     >>> for finding in temporal_findings(Cefsm("lamp", (Component("Lamp", (hasty,)),)), "lamp.yaml"):

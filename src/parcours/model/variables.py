@@ -12,12 +12,6 @@ from parcours.model.structure import BASE_TYPES, CLOCK, Variable
 def variable_findings(owner: str, variable: Variable, classes: Sequence[str], origin: str) -> Iterator[Finding]:
     """Yield the errors in the declaration of a variable.
 
-    Args:
-        owner: the name of its component.
-        variable: the variable; clocks are looked at in `temporal`.
-        classes: the names of the message classes.
-        origin: what to call the file.
-
     >>> for finding in variable_findings("Lamp", Variable("lit", "boole", True), [], "lamp.yaml"):
     ...     print(finding)
     lamp.yaml: error: variable 'Lamp.lit' must have a base type or a message class, but is 'boole'; did you mean ...

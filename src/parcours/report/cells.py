@@ -19,13 +19,6 @@ def value_of(cell: Cell) -> str | int | float | None:
 def shown(cell: Cell, column: Column) -> str:
     """Return the text of a cell.
 
-    Args:
-        cell: a value; text stays as it is, numbers follow the column's format.
-        column: where it stands.
-
-    Raises:
-        BadRequest: the column's format does not fit the number.
-
     >>> stuck = Column("stuck", format=".1%")
     >>> [shown(cell, stuck) for cell in (0.0773, Marked(0.5), "none", None, float("nan"))]
     ['7.7%', '50.0%', 'none', '–', '–']

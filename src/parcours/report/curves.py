@@ -1,7 +1,4 @@
-"""Rates at several settings of a dial -> curves with bands for their intervals, in a grid of small panels.
-
-The chart says its numbers in words too (`alt`).
-"""
+"""Draws rates over the settings of a dial: curves with bands for their intervals, in a grid of small panels."""
 
 from __future__ import annotations
 
@@ -11,9 +8,9 @@ from textwrap import fill
 
 from parcours.report.drawing import INK, MARKERS, PAPER, SERIES, bad_data, canvas, percent, require_data, svg_of
 from parcours.report.pieces import Figure
-from parcours.report.rates import Interval
+from parcours.verdict.statistics import Rate
 
-Curves = Mapping[str, Sequence[Interval]]
+Curves = Mapping[str, Sequence[Rate]]
 """Name of a series -> one rate a setting."""
 
 _LABEL = 20
@@ -26,11 +23,9 @@ def curves(
     """Return rates over a dial: a row of panels for each thing counted, a column for each dial, a curve a series.
 
     Args:
-        title: what the chart shows.
         at: settings of the dial, increasing, shape (n_settings,).
         panels: what is counted -> dial -> series -> one rate a setting; each row has the same dials and series.
         axis: what the dial says, with unit.
-        note: small print below it.
 
     Raises:
         BadRequest: there is nothing to draw, the settings do not increase, or rows, columns and series do not agree.

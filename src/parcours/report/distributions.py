@@ -1,8 +1,4 @@
-"""Samples -> charts of how they are distributed: histograms, cumulative shares, durations against limits.
-
-Fig. 5a and 5c of Abdelgawad et al. are `durations` and `histogram`, drawn so that several series compare.
-Each chart says its numbers in words too (`alt`).
-"""
+"""Draws how samples are distributed: Fig. 5c of Abdelgawad et al. for several series."""
 
 from __future__ import annotations
 
@@ -12,12 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from parcours.report.drawing import INK, MUTED, PAPER, SERIES, TONES, bad_data, canvas, percent, require_data, svg_of
+from parcours.report.drawing import INK, MUTED, PAPER, SERIES, bad_data, canvas, percent, require_data, svg_of
 from parcours.report.pieces import Figure, Floats
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure as Canvas
 
 
 def histogram(
@@ -31,12 +26,10 @@ def histogram(
     """Return one histogram a series above a common axis, in shares of the series, with its median (Fig. 5c).
 
     Args:
-        title: what the chart shows.
         series: name -> values in the unit of `axis`, any shape; NaN is left out.
         edges: ends of the bins, increasing, shape (n_bins + 1,); values beyond count in the outermost bins.
         axis: what the values are, with unit.
         quantiles: name -> (share, value) pairs of a series of which no more is known, drawn as marks.
-        note: small print below it.
 
     Raises:
         BadRequest: there is no series, or the edges are too few or do not increase.
@@ -74,51 +67,6 @@ def histogram(
     return Figure(title, svg, f"{axis}. " + "; ".join(told), note)
 
 
-def cumulative(
-    title: str,
-    series: Mapping[str, ArrayLike],
-    axis: str,
-    quantiles: Mapping[str, Sequence[tuple[float, float]]] | None = None,
-    note: str = "",
-) -> Figure:
-    """Return the share of values at most as large as any given one, a step line a series.
-
-    Args:
-        title: what the chart shows.
-        series: name -> values in the unit of `axis`, any shape; NaN is left out.
-        axis: what the values are, with unit.
-        quantiles: name -> (share, value) pairs of a series of which no more is known, drawn as dots.
-        note: small print below it.
-
-    Raises:
-        BadRequest: there is no series.
-    """
-    quantiles = quantiles or {}
-    require_data(title, [*series, *quantiles], {**series, **quantiles})
-    told = []
-    with canvas(2.7) as (figure, (panel,)):
-        for k, (name, values) in enumerate(series.items()):
-            known = np.sort(_known(values))
-            panel.step(
-                np.concatenate([known[:1], known]), np.linspace(0.0, 1.0, len(known) + 1), where="post",
-                color=SERIES[k % len(SERIES)], linewidth=1.8, label=f"{name} (n = {known.size})",
-            )  # fmt: skip
-            told.append(
-                f"{name}: median {np.median(known):.3g} of {known.size}" if known.size else f"{name}: no values"
-            )
-        for name, marks in quantiles.items():
-            at = [value for _, value in marks]
-            panel.plot(at, [share for share, _ in marks], "D", color=SERIES[2], label=name, markeredgecolor=PAPER)
-            told.append(f"{name}: " + ", ".join(f"{share:.0%} at most {value:g}" for share, value in marks))
-        panel.set_ylim(0.0, 1.02)
-        panel.margins(x=0.01)
-        panel.yaxis.set_major_formatter(percent)
-        panel.set_xlabel(axis)
-        figure.legend(loc="outside upper left", ncols=3)
-        svg = svg_of(figure)
-    return Figure(title, svg, f"{axis}. " + "; ".join(told), note)
-
-
 def _known(values: ArrayLike) -> Floats:
     """Return the values that are numbers, flat."""
     flat: Floats = np.asarray(values, dtype=np.float64).ravel()
@@ -138,18 +86,3 @@ def _ruler(panel: Axes, marks: Sequence[tuple[float, float]]) -> None:
     panel.tick_params(axis="y", labelleft=False)
     panel.grid(visible=False)
     panel.spines["left"].set_visible(False)
-
-
-def _legend_of_durations(figure: Canvas, *, limited: bool) -> None:
-    """Say what the marks of `durations` mean."""
-    from matplotlib.lines import Line2D
-    from matplotlib.patches import Patch
-
-    keys = [
-        Line2D([], [], color=SERIES[1], marker="o", linestyle="", label="median"),
-        Patch(color=SERIES[1], alpha=0.45, label="middle 90 %"),
-        Line2D([], [], color=SERIES[1], linewidth=1.2, label="range"),
-    ]
-    if limited:
-        keys.append(Patch(facecolor=TONES["poor"], alpha=0.35, edgecolor=SERIES[0], label="limits, lower to upper"))
-    figure.legend(handles=keys, loc="outside upper left", ncols=4)

@@ -1,7 +1,4 @@
-"""Contenders on the same cases -> charts: who arrives when, and who beats whom.
-
-Each chart says its numbers in words too (`alt`).
-"""
+"""Draws contenders on the same cases: who arrives when, and who beats whom."""
 
 from __future__ import annotations
 
@@ -11,7 +8,18 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from parcours.report.drawing import INK, SERIES, TONES, bad_data, canvas, label_ink, percent, require_data, svg_of
+from parcours.report.drawing import (
+    INK,
+    SERIES,
+    TONES,
+    bad_data,
+    canvas,
+    label_ink,
+    percent,
+    require_data,
+    set_rows,
+    svg_of,
+)
 from parcours.report.pieces import Figure, Floats
 
 _LINES = ("-", "--", ":", "-.")
@@ -24,10 +32,8 @@ def arrivals(title: str, series: Mapping[str, ArrayLike], axis: str, note: str =
     look fast.
 
     Args:
-        title: what the chart shows.
         series: name -> one value a case in the unit of `axis`, NaN where it has none, shape (n_cases,).
         axis: what the values are, with unit.
-        note: small print below it.
 
     Raises:
         BadRequest: there is no series.
@@ -59,10 +65,8 @@ def dominance(title: str, names: Sequence[str], beats: ArrayLike, note: str = ""
     """Return a square of tiles: in how many of the cases the one of the row does better than the one of the column.
 
     Args:
-        title: what the chart shows.
         names: of the contenders.
         beats: shares in [0, 1], shape (n, n); the diagonal is not shown.
-        note: small print below it.
 
     Raises:
         BadRequest: there are no names, or the shares are not one a pair, or not in [0, 1].
@@ -85,13 +89,11 @@ def dominance(title: str, names: Sequence[str], beats: ArrayLike, note: str = ""
                 panel.text(column, row, f"{share:.1%}", ha="center", va="center", color=label_ink(colour), fontsize=8.0)
                 told.append(f"{names[row]} over {names[column]} {share:.1%}")
         panel.set_xticks(range(n), [_short(name) for name in names], color=INK)
-        panel.set_yticks(range(n), list(names))
+        set_rows(panel, names)
         panel.xaxis.tick_top()
         panel.set_xlim(-0.5, n - 0.5)
-        panel.set_ylim(n - 0.5, -0.5)
         panel.grid(visible=False)
-        for side in ("left", "bottom"):
-            panel.spines[side].set_visible(False)
+        panel.spines[:].set_visible(False)
         svg = svg_of(figure)
     return Figure(title, svg, "; ".join(told) or "one contender only", note)
 

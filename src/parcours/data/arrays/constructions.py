@@ -26,12 +26,6 @@ def constructions(
 ) -> Iterator[tuple[str, Ints]]:
     """Yield name and rows of each construction that fits; blocks are those of `sizes`.
 
-    Args:
-        sizes: the number of blocks of each column; columns of one block are filled up.
-        strength: how many columns are combined.
-        most: only constructions of fewer rows are of use.
-        seed: fills cells that are free, and finds starter vectors.
-
     >>> [(name, len(rows)) for name, rows in constructions([3, 3, 3, 3], 2)]
     [('orthogonal', 9)]
     >>> [(name, len(rows)) for name, rows in constructions([2] * 100, 2)]

@@ -23,14 +23,7 @@ MAX_MUST = 3_000
 
 
 def covertable_rows(goals: Goals, must: Ints, *, seed: int, deadline: float) -> Ints | None:
-    """Return the rows that covertable finds for these goals, or None if it found none in time.
-
-    Args:
-        goals: what must be held.
-        must: rows that come first, shape (n_must, n_columns).
-        seed: salts the order in which tuples are taken.
-        deadline: when to stop [s], by `time.perf_counter`; `math.inf` where the user gave no time.
-    """
+    """Return the rows that covertable finds for these goals, or None if it found none in time."""
     from covertable import Controller
 
     factors = [list(range(size)) for size in goals.sizes]

@@ -19,14 +19,7 @@ Flags = NDArray[np.bool_]
 
 
 def discoveries(space: Space, local: LocalMoves, record: Record, band: Sequence[Actor]) -> tuple[Discovery, ...]:
-    """Return what is wrong in a space, gravest kinds first, nearest to the initial configuration first.
-
-    Args:
-        space: the space, its findings still empty.
-        local: what its components can do by themselves.
-        record: what the actors came upon.
-        band: the actors.
-    """
+    """Return what is wrong in a space, gravest kinds first, nearest to the initial configuration first."""
     faulty = _faulty(space, band) if record.faults else np.zeros(space.n_states, dtype=bool)
     ends = _ends(space, faulty)
     rests = {*space.rests()} if ends else set()

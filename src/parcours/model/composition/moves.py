@@ -66,12 +66,7 @@ class Actor:
         self.faulty: set[int] = set()
 
     def work_out(self, view: int, state: int) -> Acts:
-        """Return the acts of a view that is not in the table, and remember them.
-
-        Args:
-            view: a packed configuration under the mask.
-            state: the number of the configuration that shows it, for the record.
-        """
+        """Return the acts of a view that is not in the table, and remember them."""
         found = []
         for moves in self._meetings(view) if self._second else self._own(view):
             added = self._added(view, moves, state)

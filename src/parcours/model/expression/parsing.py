@@ -101,9 +101,6 @@ def parse_actions(text: str, where: str = "action") -> tuple[Assignment | Call, 
 def parse_calls(text: str, where: str = "message") -> tuple[Call, ...]:
     """Return the calls of a text such as `"request(path); stop"`; parentheses may be left out when empty.
 
-    Raises:
-        BadModel: as for parse_expression.
-
     Example:
     >>> [str(call) for call in parse_calls("request(path, 3); stop")]
     ['request(path, 3)', 'stop()']
