@@ -22,7 +22,7 @@ import numpy as np
 try:
     import numba
 except ImportError:
-    numba = None
+    numba = None  # type: ignore[assignment]
 
 F = TypeVar("F", bound=Callable[..., object])
 
@@ -55,7 +55,7 @@ def kernel_cache() -> Path:
 
 
 if IS_COMPILED:
-    numba.config.CACHE_DIR = str(kernel_cache())
+    numba.config.CACHE_DIR = str(kernel_cache())  # type: ignore[attr-defined]
 
 
 def kernel(function: F) -> F:
@@ -67,7 +67,9 @@ def kernel(function: F) -> F:
     if not IS_COMPILED:
         return _plain(function)
     # Nobody takes a kernel's address, and the wrapper for that is a tenth of compilation.
-    options = {"error_model": "numpy", "fastmath": False, "cache": True, "nogil": True, "no_cfunc_wrapper": True}
+    options: dict[str, Any] = {
+        "error_model": "numpy", "fastmath": False, "cache": True, "nogil": True, "no_cfunc_wrapper": True,
+    }  # fmt: skip
     return cast(F, numba.njit(**options)(function))
 
 

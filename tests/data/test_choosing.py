@@ -12,10 +12,9 @@ from hypothesis import strategies as st
 
 from parcours.data import Constraint, InputModel, enumeration, parse_input_model, read_input_model, split
 from parcours.data.arrays import building
-from parcours.data.bases import base_rows
 from parcours.data.blocks import Block
 from parcours.data.boundaries import at_boundaries
-from parcours.data.choosing import LISTED, MODEL_CRITERIA, choose, set_size
+from parcours.data.choosing import LISTED, MODEL_CRITERIA, base_rows, choose, set_size
 from parcours.data.domains import Domain
 from parcours.data.inputs import constraint_of, rules_of
 from parcours.data.rules import Rules, UndecidedError
@@ -68,10 +67,10 @@ def test_set_sizes_are_those_of_the_reference(
 
 def test_the_studies_have_these_sizes_too() -> None:
     sizes = {
-        name: read_input_model(str(files("parcours_ramp") / name / "domains.yaml")).sizes
-        for name in ("ramp_system", "ramp_components")
+        name: read_input_model(str(files(package) / name / "domains.yaml")).sizes
+        for package, name in (("parcours_navigation", "cases"), ("parcours_ramp", "components"))
     }
-    assert sizes == {"ramp_system": tuple(OBSTACLE * 3), "ramp_components": (3, 1, 2, 1, 3)}
+    assert sizes == {"cases": tuple(OBSTACLE * 3), "components": (3, 1, 2, 1, 3)}
 
 
 @pytest.mark.parametrize("criterion", MODEL_CRITERIA)

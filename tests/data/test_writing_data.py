@@ -26,9 +26,9 @@ def alike(model: InputModel) -> InputModel:
     return replace(model, source="", repeat=1, constraints=constraints)
 
 
-@pytest.mark.parametrize("name", ["ramp_system", "ramp_components"])
-def test_the_models_of_the_studies_read_back_equal(name: str) -> None:
-    model = read_input_model(str(files("parcours_ramp") / name / "domains.yaml"))
+@pytest.mark.parametrize(("package", "name"), [("parcours_navigation", "cases"), ("parcours_ramp", "components")])
+def test_the_models_of_the_studies_read_back_equal(package: str, name: str) -> None:
+    model = read_input_model(str(files(package) / name / "domains.yaml"))
     assert alike(read_back(model)) == alike(model)
     boundaries = at_boundaries(model)
     assert alike(read_back(boundaries)) == alike(boundaries)

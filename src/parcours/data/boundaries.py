@@ -12,10 +12,10 @@ from dataclasses import replace
 from functools import reduce
 
 from parcours.data.blocks import Block, point
-from parcours.data.constraints import substitute
 from parcours.data.domains import Domain
 from parcours.data.inputs import InputModel, extent
 from parcours.model.expression import Binary, Expression, Literal, Name
+from parcours.model.expression.syntax import substitute
 
 POINTS = ("min", "min+", "nominal", "max-", "max")
 """What the values of a block are called: its ends, the values one step inside, and the middle."""

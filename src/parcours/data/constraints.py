@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parcours.errors import BadDomain
-from parcours.model.expression import Apply, Binary, Expression, Field, Literal, Name, Unary, names
+from parcours.model.expression import Apply, Binary, Expression, Literal, Name, Unary, names
 
 Columns = Mapping[str, NDArray[np.float64]]
 """The values of each input, by name, all of shape (n_rows,)."""
@@ -78,29 +78,6 @@ def meets(constraint: Constraint, columns: Columns) -> NDArray[np.bool_]:
             "guard it: `x != 0 && 1 / x < 2` reads its right side only where the left holds",
             slug="constraint-undefined",
         ) from None
-
-
-def substitute(node: Expression, replace: Callable[[Expression], Expression | None]) -> Expression:
-    """Return the tree with every part replaced for which `replace` returns something, outermost first.
-
-    >>> from parcours.model.expression import parse_expression
-    >>> str(substitute(parse_expression("x - y"), lambda part: Literal(2) if part == Name("y") else None))
-    'x - 2'
-    """
-    new = replace(node)
-    if new is not None:
-        return new
-    match node:
-        case Field(of, name):
-            return Field(substitute(of, replace), name)
-        case Unary(operator, operand):
-            return Unary(operator, substitute(operand, replace))
-        case Binary(operator, left, right):
-            return Binary(operator, substitute(left, replace), substitute(right, replace))
-        case Apply(function, arguments):
-            return Apply(function, tuple(substitute(argument, replace) for argument in arguments))
-        case _:
-            return node
 
 
 def _truth(node: Expression, columns: Columns) -> NDArray[np.bool_]:

@@ -9,11 +9,11 @@ from dataclasses import replace
 from typing import get_args
 
 from parcours.data.blocks import Block, point
-from parcours.data.constraints import substitute
 from parcours.data.domains import Closed, Domain, Kind, split
 from parcours.errors import BadDomain, ParcoursError, one_of
 from parcours.model.documents import Mapping, Node, Scalar
 from parcours.model.expression import Expression, Literal, Name, Unary, evaluate, parse_expression
+from parcours.model.expression.syntax import substitute
 from parcours.model.finding import Finding
 from parcours.model.nodes import NodeReader, brief, is_label
 

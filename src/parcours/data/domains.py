@@ -16,8 +16,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from parcours.data.blocks import Block
-from parcours.data.partition import check_blocks, check_enumeration, check_invalid
+from parcours.data.blocks import Block, check_blocks, check_enumeration, check_invalid
 from parcours.errors import BadDomain
 
 Kind: TypeAlias = Literal["real", "integer", "angle", "enumeration"]
@@ -169,7 +168,7 @@ def split(name: str, unit: str, edges: Sequence[float], *, closed: Closed = "rig
     Raises:
         BadDomain: the edges are too few, or do not increase.
 
-    Example: linear velocity of an obstacle, cut at the robot's own top speed.
+    Example: the speed of a lift, cut where it counts as fast.
 
     >>> v = split("v", "m/s", [0.0, 0.25, 0.5])
     >>> [0.25 in block for block in v.blocks]

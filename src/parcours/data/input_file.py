@@ -29,10 +29,6 @@ def read_input_model(path: Path | str, constants: Mapping[str, float] | None = N
             lines.
         BadRequest: a constant to be replaced is not in the file, or its new value is not finite.
 
-    >>> from importlib.resources import files
-    >>> table_7 = read_input_model(str(files("parcours_navigation") / "cases" / "domains.yaml"))
-    >>> table_7.names[:6], sum(table_7.sizes[:6])
-    (('x1', 'y1', 'v1', 'w1', 'ds1', 'dm1'), 12)
     """
     try:
         with Path(path).open("rb") as file:

@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 
 from parcours.data.constraints import Constraint
 from parcours.data.domain_schema import DomainReader
 from parcours.data.domains import Domain
 from parcours.data.inputs import Group, InputModel, constraint_of
-from parcours.data.replicas import SCOPES, Scope, instances, n_instances, numbered, numbered_name
+from parcours.data.naming import SCOPES, Scope, copies, instances, numbered_name
 from parcours.errors import BadRequest, ParcoursError, one_of
 from parcours.model.documents import Node
 from parcours.model.expression import parse_expression
@@ -68,7 +69,10 @@ class InputModelReader(DomainReader):
                 "repeat it less often",
             )
             once = []
-        domains = [numbered(domain, i) for i in range(1, replicas + 1) for domain in once] if replicas else once
+        domains = once
+        if replicas:
+            numbers = range(1, replicas + 1)
+            domains = [replace(domain, name=numbered_name(domain.name, i)) for i in numbers for domain in once]
         for double, n in Counter(domain.name for domain in domains).items():
             if n > 1:
                 self.add(
@@ -157,7 +161,7 @@ class InputModelReader(DomainReader):
                 continue
             (key,) = keys
             scope: Scope = "each" if key == "each" else "pairs" if key == "pairs" else "row"
-            left -= n_instances(scope, replicas)
+            left -= len(copies(scope, replicas))
             if left < 0:
                 self.add(entry, "columns", f"a file stands for at most {MAX_COLUMNS} constraints, but has more")
                 return

@@ -50,10 +50,7 @@ def count(criterion: str, sizes: Sequence[int]) -> int:
     Raises:
         BadRequest: the criterion is unknown, or there is no parameter, or one without a block.
 
-    Three obstacles of six parameters each (Table VII):
-
-    >>> obstacle = [3, 3, 2, 2, 1, 1]
-    >>> [count(name, obstacle * 3) for name in ("each_choice", "base_choice", "all_combinations")]
+    >>> [count(name, [3, 3, 2, 2, 1, 1] * 3) for name in ("each_choice", "base_choice", "all_combinations")]
     [3, 19, 46656]
     """
     return _found(criterion, sizes).n_rows(sizes)

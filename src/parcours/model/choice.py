@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections import ChainMap
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from math import prod
 
-from parcours.model.candidates import endless, holds, is_linear, is_plain, likely, may_hold
+from parcours.model.candidates import is_linear, is_plain, likely, may_hold
 from parcours.model.configuration import Configuration, Layout, Message, Site
-from parcours.model.exactness import inexact, keeps
 from parcours.model.expression import Binary, Expression, evaluate
-from parcours.model.solutions import Question, Values, with_terms
+from parcours.model.solutions import EFFORT, Question, Values, comparisons, hold, with_terms
 
 _CACHED = 100_000
 
@@ -141,7 +141,7 @@ class Choices:
                 found.setdefault(_of(all_, kept), all_)
             if not kept:
                 break
-        if is_linear(question, guard) or (found and endless(question, kept)):
+        if is_linear(question, guard) or (found and question.endless(effects)):
             return found
         # What nobody can decide counts as possible, but no choice that is wrong for sure.
         for values, _ in question.valuations((), effects):
@@ -155,6 +155,37 @@ class Choices:
         if site.transition.event is not None and site.transition.event.name:
             known[site.transition.event.name] = dict(arrived)
         return known
+
+
+def inexact(question: Question, guards: Sequence[Expression], effects: Sequence[Expression], id: str) -> str:
+    """Return why the step relation may not try every different choice at a transition; empty if it does.
+
+    >>> from parcours.model.expression import INT, parse_expression
+    >>> question = Question({"v": INT}, {})
+    >>> inexact(question, [parse_expression("v > 0")], [], "t1")
+    ''
+    >>> inexact(question, [parse_expression("v > 0")], [parse_expression("v + 1")], "t1")
+    "t1 keeps the open value 'v'"
+    """
+    kept = question.terms(effects)
+    if why := keeps(question, effects, kept, id):
+        return why
+    # An open number is tried at, and beside, each value that it is compared with.
+    tried = 9 + 8 * sum(len(comparisons(guard)) for guard in guards)
+    terms = question.terms([*guards, *effects]).items()
+    if prod(len(question.listed(term, type_)) or tried for term, type_ in terms) > EFFORT:
+        return f"{id} has too many open values to try them all"
+    if kept and not all(is_plain(question, guard) for guard in guards):
+        return f"{id} computes with open values, and not all that it may keep are found"
+    return ""
+
+
+def keeps(question: Question, effects: Sequence[Expression], among: Collection[str], id: str) -> str:
+    """Return which of these open terms, that cannot all be tried, lives on in the effects, in words; empty if none."""
+    for term in question.endless(effects):
+        if term in among:
+            return f"{id} keeps the open value {term!r}"
+    return ""
 
 
 def _of(values: Values, kept: Collection[str]) -> Values:
@@ -171,7 +202,7 @@ def _is_all(question: Question, guard: Expression, effects: list[Expression], fo
     tried = {value for values in found.values() for _, value in values}
     beside = {value + step for value in tried if isinstance(value, int) for step in (-1, 1)} - tried
     return not any(
-        holds(guard, with_terms(question.known, {term: value})) for value in beside if not domain or value in domain
+        hold([guard], with_terms(question.known, {term: value})) for value in beside if not domain or value in domain
     )
 
 

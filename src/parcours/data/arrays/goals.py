@@ -108,7 +108,7 @@ class Goals:
         return bool(self.rules.hold(rows).all()) and not len(self.missing(rows))
 
     def row_with(self, number: int) -> Ints | None:
-        """Return an allowed row that holds the tuple, or None if there is none; then it is not needed. May be undecided."""
+        """Return an allowed row that holds the tuple with that number; None if there is none: then it is not needed."""
         row = np.full(len(self.sizes), OPEN)
         for column, block in self.tuple_of(number):
             row[column] = block

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 
 from parcours.errors import BadModel, BadRequest
 from parcours.model import Steps
+from parcours.model.choice import inexact
 from parcours.model.configuration import Configuration, Move, Site
-from parcours.model.exactness import inexact
 from parcours.model.solutions import Question
 from parcours.model.structure import Cefsm, Component
 from parcours.paths.criteria.requirement import Requirement
