@@ -96,36 +96,20 @@ def check_blocks(where: str, unit: str, blocks: Sequence[Block], stated: Block |
         if kind == "integer" and below.high < above.low and math.floor(below.last) + 1 == math.ceil(above.first):
             continue  # no whole number lies between them
         if below.high < above.low and not (below.is_point and above.is_point):
-            raise BadDomain(
-                where,
-                f"blocks must leave no gap, but {below} precedes {above}",
-                "let one block begin where the other ends",
-                slug="blocks-gap",
-            )
+            rule = f"blocks must leave no gap, but {below} precedes {above}"
+            raise BadDomain(where, rule, "let one block begin where the other ends", slug="blocks-gap")
         if below.high > above.low or (below.is_point and above.is_point and below.high == above.low):
-            raise BadDomain(
-                where,
-                f"blocks must ascend without overlap, but {below} precedes {above}",
-                "sort them and let one begin where the other ends",
-                slug="blocks-overlap",
-            )
+            rule = f"blocks must ascend without overlap, but {below} precedes {above}"
+            raise BadDomain(where, rule, "sort them and let one begin where the other ends", slug="blocks-overlap")
         if below.high == above.low and below.high_closed == above.low_closed:
             owners = "both" if above.low_closed else "neither"
-            raise BadDomain(
-                where,
-                f"{above.low:g} {unit} must belong to one block, but {owners} of {below} and {above} holds it",
-                "close exactly one of the two ends",
-                slug="blocks-edge",
-            )
+            rule = f"{above.low:g} {unit} must belong to one block, but {owners} of {below} and {above} holds it"
+            raise BadDomain(where, rule, "close exactly one of the two ends", slug="blocks-edge")
     low, high = blocks[0].low, blocks[-1].high
     if stated and (stated.low, stated.high) != (low, high):
         span = Block(low, high, blocks[0].low_closed, blocks[-1].high_closed)
-        raise BadDomain(
-            where,
-            f"blocks must fill the range {stated}, but they fill {span}",
-            "correct the range or the outer blocks",
-            slug="blocks-range",
-        )
+        rule = f"blocks must fill the range {stated}, but they fill {span}"
+        raise BadDomain(where, rule, "correct the range or the outer blocks", slug="blocks-range")
     if kind == "angle":
         _check_circle(where, blocks)
     if kind == "integer":
@@ -141,11 +125,8 @@ def check_enumeration(where: str, blocks: Sequence[Block], invalid: Sequence[Blo
             raise BadDomain(where, f"a value must be listed once, but {value!r} is {times} times", slug="values-double")
     places = [place for b in (*blocks, *invalid) for place in range(math.ceil(b.first), math.floor(b.last) + 1)]
     if sorted(places) != list(range(len(values))) or list(blocks) != sorted(blocks, key=lambda block: block.low):
-        raise BadDomain(
-            where,
-            f"each of its {len(values)} values must be in one block, in order, but places {places} are",
-            slug="values-blocks",
-        )
+        rule = f"each of its {len(values)} values must be in one block, in order, but places {places} are"
+        raise BadDomain(where, rule, slug="values-blocks")
     _check_names(where, blocks)
 
 
@@ -160,12 +141,8 @@ def check_invalid(where: str, blocks: Sequence[Block], invalid: Sequence[Block],
     ascending = sorted([*blocks, *invalid], key=lambda block: (block.first, block.last))
     for below, above in pairwise(ascending):
         if below.last >= above.first:
-            raise BadDomain(
-                where,
-                f"an invalid block must lie apart from the others, but {below.label} meets {above.label}",
-                "open one of the ends, or shorten it",
-                slug="blocks-invalid",
-            )
+            rule = f"an invalid block must lie apart from the others, but {below.label} meets {above.label}"
+            raise BadDomain(where, rule, "open one of the ends, or shorten it", slug="blocks-invalid")
 
 
 def _check_names(where: str, blocks: Sequence[Block]) -> None:
@@ -178,12 +155,8 @@ def _check_names(where: str, blocks: Sequence[Block]) -> None:
 def _check_whole(where: str, blocks: Sequence[Block]) -> None:
     for block in blocks:
         if math.ceil(block.first) > math.floor(block.last):
-            raise BadDomain(
-                where,
-                f"every block of an integer domain must hold a whole number, but {block} holds none",
-                "widen it or make the domain real",
-                slug="block-empty",
-            )
+            rule = f"every block of an integer domain must hold a whole number, but {block} holds none"
+            raise BadDomain(where, rule, "widen it or make the domain real", slug="block-empty")
 
 
 def _check_circle(where: str, blocks: Sequence[Block]) -> None:

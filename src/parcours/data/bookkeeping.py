@@ -84,11 +84,8 @@ def cover(model: InputModel, table: NDArray[np.float64]) -> BlockCoverage:
     (((2, 0),), (1,), ('v in (0.25, 0.5] m/s',))
     """
     if table.ndim != 2 or table.shape[1] != len(model.domains):
-        raise BadRequest(
-            "block coverage",
-            f"a table must have {len(model.domains)} columns, but its shape is {table.shape}",
-            slug="table-shape",
-        )
+        rule = f"a table must have {len(model.domains)} columns, but its shape is {table.shape}"
+        raise BadRequest("block coverage", rule, slug="table-shape")
     counts, outside = [], []
     for column, domain in enumerate(model.domains):
         index = domain.blocks_of(table[:, column])

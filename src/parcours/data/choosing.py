@@ -262,11 +262,8 @@ def _must_blocks(model: InputModel, values: NDArray[np.float64]) -> Rows:
     blocks = np.stack([domain.blocks_of(values[:, c]) for c, domain in enumerate(model.domains)], axis=1)
     for row, column in np.argwhere(blocks == OUTSIDE)[:1]:
         domain = model.domains[column]
-        raise BadRequest(
-            f"must-have row {row + 1}",
-            f"each value must lie in a block, but {domain.name} = {domain.shown(values[row, column])} lies in none",
-            slug="must-row",
-        )
+        rule = f"each value must lie in a block, but {domain.name} = {domain.shown(values[row, column])} lies in none"
+        raise BadRequest(f"must-have row {row + 1}", rule, slug="must-row")
     columns = {name: values[:, column] for column, name in enumerate(model.names)}
     for constraint in model.constraints:
         if constraint.over == "values" and len(values):

@@ -188,12 +188,8 @@ class DomainReader(NodeReader):
             return point(value) if math.isfinite(value) else None
         parts = _INTERVAL.fullmatch(text)
         if not parts:
-            self.add(
-                node,
-                "interval",
-                f"{what}: a block must be written like (1, 1.5], but is {brief(text)}",
-                "square brackets hold their end, round ones do not",
-            )
+            rule = f"{what}: a block must be written like (1, 1.5], but is {brief(text)}"
+            self.add(node, "interval", rule, "square brackets hold their end, round ones do not")
             return None
         before = len(self.findings)
         low, high = self.value(parts[2].strip(), node, what), self.value(parts[3].strip(), node, what)

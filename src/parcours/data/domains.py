@@ -181,12 +181,8 @@ def split(name: str, unit: str, edges: Sequence[float], *, closed: Closed = "rig
         raise BadDomain(where, f"a domain needs at least two edges, but {len(edges)} given", slug="edges-few")
     for low, high in pairwise(edges):
         if not low < high:
-            raise BadDomain(
-                where,
-                f"edges must increase, but {high:g} {unit} follows {low:g} {unit}",
-                "sort the edges and drop doubles",
-                slug="edges-order",
-            )
+            rule = f"edges must increase, but {high:g} {unit} follows {low:g} {unit}"
+            raise BadDomain(where, rule, "sort the edges and drop doubles", slug="edges-order")
     n = len(edges) - 1
     is_circle = kind == "angle" and abs(edges[-1] - edges[0] - 2.0 * math.pi) < 1e-9
     blocks = tuple(

@@ -86,11 +86,8 @@ def measure(
     (3, 4, ('v = (0.25, 0.5], x = [0, 1]',), ((4, 'v = 0.9 lies in no block'),))
     """
     if table.ndim != 2 or table.shape[1] != len(model.domains):
-        raise BadRequest(
-            "coverage of a table",
-            f"a table must have {len(model.domains)} columns, but its shape is {table.shape}",
-            slug="table-shape",
-        )
+        rule = f"a table must have {len(model.domains)} columns, but its shape is {table.shape}"
+        raise BadRequest("coverage of a table", rule, slug="table-shape")
     if strength < 1:
         raise BadRequest("coverage of a table", f"the strength must be at least 1, but is {strength}", slug="strength")
     rules = rules_of(model)

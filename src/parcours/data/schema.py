@@ -75,12 +75,8 @@ class InputModelReader(DomainReader):
             domains = [replace(domain, name=numbered_name(domain.name, i)) for i in numbers for domain in once]
         for double, n in Counter(domain.name for domain in domains).items():
             if n > 1:
-                self.add(
-                    top["parameters"],
-                    "duplicate-name",
-                    f"a name must be unique, but {n} parameters become {double!r} when numbered",
-                    "rename one",
-                )
+                rule = f"a name must be unique, but {n} parameters become {double!r} when numbered"
+                self.add(top["parameters"], "duplicate-name", rule, "rename one")
         return InputModel(
             self.text(top.get("name"), "name"),
             tuple(domains),
@@ -106,12 +102,8 @@ class InputModelReader(DomainReader):
         for name, value in self.replaced.items():
             own = sorted(self.constants.keys() - {"pi"})
             if name not in own:
-                raise BadRequest(
-                    f"constant {name!r}",
-                    f"only constants of {self.origin} can be replaced",
-                    one_of(name, own),
-                    slug="unknown-constant",
-                )
+                rule = f"only constants of {self.origin} can be replaced"
+                raise BadRequest(f"constant {name!r}", rule, one_of(name, own), slug="unknown-constant")
             if not math.isfinite(value):
                 raise BadRequest(f"constant {name!r}", f"it must be finite, but {value} given", slug="constant")
 

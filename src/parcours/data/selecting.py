@@ -78,12 +78,8 @@ def select(criterion: str, sizes: Sequence[int], numbers: NDArray[np.int64] | No
     if numbers is None:
         n = found.n_rows(sizes)
         if n > LARGEST_LISTING:
-            raise BadRequest(
-                f"criterion {criterion!r}",
-                f"at most {LARGEST_LISTING} rows are listed at once, but it has {n}",
-                "ask for rows by number",
-                slug="rows-too-many",
-            )
+            rule = f"at most {LARGEST_LISTING} rows are listed at once, but it has {n}"
+            raise BadRequest(f"criterion {criterion!r}", rule, "ask for rows by number", slug="rows-too-many")
         numbers = np.arange(n)
     if numbers.size and numbers.min() < 0:
         raise BadRequest("rows", f"a row number must not be negative, but {numbers.min()} given", slug="row-number")
@@ -93,11 +89,8 @@ def select(criterion: str, sizes: Sequence[int], numbers: NDArray[np.int64] | No
 def _found(criterion: str, sizes: Sequence[int]) -> Criterion:
     require_known(criterion, list(CRITERIA), "combination criterion", slug="unknown-criterion")
     if not sizes or min(sizes) < 1:
-        raise BadRequest(
-            "combination criterion",
-            f"every parameter must have a block, but the counts are {list(sizes)}",
-            slug="blocks-none",
-        )
+        rule = f"every parameter must have a block, but the counts are {list(sizes)}"
+        raise BadRequest("combination criterion", rule, slug="blocks-none")
     return CRITERIA[criterion]
 
 

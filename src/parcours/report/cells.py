@@ -33,11 +33,9 @@ def shown(cell: Cell, column: Column) -> str:
     try:
         return format(value, column.format).replace("-", "\N{MINUS SIGN}")
     except (ValueError, TypeError) as error:
+        rule = f"its format must fit its numbers, but {column.format!r} does not fit {value!r}: {error}"
         raise BadRequest(
-            f"column {column.name!r}",
-            f"its format must fit its numbers, but {column.format!r} does not fit {value!r}: {error}",
-            "give a format such as '.1%' or ',d'",
-            slug="column-format",
+            f"column {column.name!r}", rule, "give a format such as '.1%' or ',d'", slug="column-format"
         ) from error
 
 

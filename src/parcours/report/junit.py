@@ -63,11 +63,8 @@ def to_junit(suite: str, results: Iterable[CaseResult]) -> str:
     listed = list(results)
     for result in listed:
         if not (math.isfinite(result.seconds) and result.seconds >= 0.0):
-            raise BadRequest(
-                f"case {result.id!r}",
-                f"its duration must be finite and not negative, but is {result.seconds} s",
-                slug="junit-seconds",
-            )
+            rule = f"its duration must be finite and not negative, but is {result.seconds} s"
+            raise BadRequest(f"case {result.id!r}", rule, slug="junit-seconds")
     count = {verdict: sum(result.verdict is verdict for result in listed) for verdict in Verdict}
     total = sum(result.seconds for result in listed)
     counts = f'tests="{len(listed)}" failures="{count[Verdict.FAIL]}" errors="{count[Verdict.ERROR]}"'

@@ -92,11 +92,9 @@ class Table:
     def __post_init__(self) -> None:
         for number, row in enumerate(self.rows, 1):
             if len(row) != len(self.columns):
+                rule = f"it must have one cell a column, {len(self.columns)}, but has {len(row)}"
                 raise BadRequest(
-                    f"table {self.title!r}, row {number}",
-                    f"it must have one cell a column, {len(self.columns)}, but has {len(row)}",
-                    "use None for what is not known",
-                    slug="table-width",
+                    f"table {self.title!r}, row {number}", rule, "use None for what is not known", slug="table-width"
                 )
 
 

@@ -91,12 +91,8 @@ class _Typing:
                 return Type("text", (value,)) if isinstance(value, str) else _CONSTANTS[type(value)]
             case Name(id):
                 if id not in self.types:
-                    self.fail(
-                        node,
-                        f"a name must be declared, but {id!r} is not",
-                        self.known(id, sorted(self.types)),
-                        "unknown-name",
-                    )
+                    rule = f"a name must be declared, but {id!r} is not"
+                    self.fail(node, rule, self.known(id, sorted(self.types)), "unknown-name")
                 return self.types[id]
             case Field(of, name):
                 return self.field(node, self.of(of), name)
