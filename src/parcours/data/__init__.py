@@ -1,4 +1,4 @@
-"""Input domains and a combination criterion become rows of values, drawn by seed within constraints."""
+"""Draws rows of test values from input domains: by a combination criterion and a seed, within constraints."""
 
 from parcours.data.blocks import Block
 from parcours.data.bookkeeping import BlockCoverage, cover

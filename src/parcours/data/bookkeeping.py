@@ -1,4 +1,4 @@
-"""A table of values becomes the proof of which blocks it hits, whatever was intended."""
+"""Counts which blocks the values of a table hit, whatever was intended."""
 
 from __future__ import annotations
 

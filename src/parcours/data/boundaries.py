@@ -1,4 +1,4 @@
-"""An input model becomes one whose blocks are boundary values: on, just inside and just outside the ends of each block.
+"""Turns blocks into boundary values: on, just inside and just outside the ends of each block.
 
 On the result every criterion does what it says: base choice from the nominal values is classical boundary value
 analysis (4 n + 1 rows for n inputs of one block), with the values just outside as negative tests its robust form (6 n +

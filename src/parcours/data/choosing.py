@@ -1,4 +1,4 @@
-"""An input model and a combination criterion become the rows of blocks that satisfy it (Ammann & Offutt, 2008, ch. 4).
+"""Chooses rows of blocks that satisfy a criterion within the rules of a model (Ammann & Offutt, 2008, ch. 4).
 
 Unlike `selecting`, which knows block counts only, this keeps to the rules of the model, counts must-have rows, combines
 groups by their own strength, starts base choice from the bases, and adds a row for each invalid block.
@@ -24,7 +24,7 @@ from parcours.data.selecting import CRITERIA, LARGEST_LISTING, Rows, count, sele
 from parcours.errors import BadRequest, require_known
 
 if TYPE_CHECKING:
-    from parcours.data.arrays.building import Stage, Told
+    from parcours.data.arrays.building import Progress, Stage
 
 STRENGTHS = {"each_choice": 1, "pairwise": 2, "3-wise": 3, "4-wise": 4, "5-wise": 5, "6-wise": 6}
 """Criteria by how many inputs they combine."""
@@ -77,7 +77,7 @@ class Selection:
         return np.concatenate([self.must[: len(blocks)], drawn])
 
     def extended(self, n: int, seed: int) -> Rows:
-        """Return n rows of blocks: the first ones, or these and the same again; each choice shuffles every set anew."""
+        """Return n rows of blocks: the first ones, or these and the same again; each choice shuffles each set."""
         is_free = not rules_of(self.model).tables and not self.model.groups and len(self.rows) == max(self.model.sizes)
         if self.criterion == "each_choice" and is_free and not len(self.must):
             return select("each_choice", self.model.sizes, np.arange(n), seed=seed)
@@ -92,7 +92,7 @@ def choose(
     must: NDArray[np.float64] | None = None,
     budget: float | None = None,
     seed: int = 0,
-    told: Told | None = None,
+    progress: Progress | None = None,
 ) -> Selection:
     """Return the rows that satisfy a criterion within the rules of a model.
 
@@ -103,7 +103,7 @@ def choose(
         budget: how long to search for a smaller covering array [s]; None for a fixed effort of a few seconds at
             most, whose result depends on the seed only.
         seed: of the random choices.
-        told: is told of the progress of a covering array.
+        progress: follows the search of a covering array.
 
     Raises:
         BadRequest: the criterion is unknown, there are too many rows or tuples to list, or a must-have row lies in
@@ -130,7 +130,7 @@ def choose(
     given = _must_blocks(model, values)
     is_negative = (given >= np.array(model.sizes)).any(axis=1)
     positive = given[~is_negative]
-    chosen = _positive(model, criterion, positive, budget, seed, told)
+    chosen = _positive(model, criterion, positive, budget, seed, progress)
     negative, forbidden, undecided = _negative(model, given[is_negative])
     return replace(
         chosen,
@@ -144,7 +144,7 @@ def choose(
 
 
 def _positive(
-    model: InputModel, criterion: str, must: Rows, budget: float | None, seed: int, told: Told | None
+    model: InputModel, criterion: str, must: Rows, budget: float | None, seed: int, progress: Progress | None
 ) -> Selection:
     rules = rules_of(model)
     is_free = not rules.tables and not len(must)
@@ -154,7 +154,7 @@ def _positive(
         goals = goals_of(model.sizes, STRENGTHS[criterion], groups, rules)
         from parcours.data.arrays.building import covering_array  # compiled code is loaded only where it runs
 
-        array = covering_array(goals, must, budget=budget, seed=seed, told=told)
+        array = covering_array(goals, must, budget=budget, seed=seed, progress=progress)
         infeasible, undecided = (
             tuple(model.in_words(goals.tuple_of(number)) for number in numbers)
             for numbers in (array.infeasible, array.undecided[:LISTED])

@@ -1,4 +1,4 @@
-"""Rules between inputs, in the guard language, become yes or no for every row of a table at once."""
+"""Evaluates rules between inputs for all rows of a table at once."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The node of one parameter of a data file becomes its domains, or findings about what keeps it from them."""
+"""Reads the parameters of a data file as domains."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A YAML file (format `data/1`) becomes an input model: domains, their blocks, and constraints.
+"""Reads an input model from a YAML file of format `data/1`: domains, their blocks, and constraints.
 
 The file may be hostile: it is read as plain data of bounded size, numbers and rules through the guard
 language, and everything wrong with it is said at once, each finding with its line. docs/test-data.md

@@ -1,4 +1,4 @@
-"""A table of values becomes its t-wise coverage: combinations of blocks held and missing, and the rows that count.
+"""Measures the t-wise coverage of a table: combinations of blocks held and missing, and the rows that count.
 
 A row counts only if each of its values lies in a valid block and it breaks no rule: what a test of invalid values meets
 besides says nothing about valid ones. Combinations that the rules forbid are not wanted.

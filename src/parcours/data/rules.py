@@ -1,4 +1,4 @@
-"""Rules as tables of allowed block combinations become answers: is a row allowed, can a part of one be completed.
+"""Decides which rows of blocks the rules allow, and whether a part of a row can be completed.
 
 A rule speaks of a few columns and allows some of the combinations of their blocks. Rules that share columns form a
 component; the allowed rows of a component are listed where they are few enough, so that what can be combined is read

@@ -1,4 +1,4 @@
-"""The nodes of a data file become an input model, or findings about everything that keeps them from it."""
+"""Reads the nodes of a data file as an input model."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""Block counts and a combination criterion become rows of block indices (Ammann & Offutt, 2008, ch. 4).
+"""Lists the rows of blocks that satisfy a criterion, of block counts alone (Ammann & Offutt, 2008, ch. 4).
 
 The rows of a criterion stand in an endless table: its first `n_rows` satisfy the criterion, so do the next
-`n_rows`, and so on. Each Choice shuffles every repetition anew by seed, so that blocks meet in ever new
+`n_rows`, and so on. Each Choice shuffles every repetition by seed, so that blocks meet in ever new
 pairings; so do pair-wise and t-wise, by exchanging the blocks of each column. Any row is found by its number
 alone; nothing is listed that was not asked for.
 """
@@ -135,7 +135,7 @@ def _array(sizes: tuple[int, ...], strength: int) -> Rows:
 
 
 def _combined(strength: int) -> Criterion:
-    """Return the criterion under which the blocks of every so many parameters meet in all combinations."""
+    """Return the criterion under which the blocks of every `strength` parameters meet in all combinations."""
 
     def n_rows(sizes: Sequence[int]) -> int:
         return len(_array(tuple(sizes), strength))

@@ -1,4 +1,4 @@
-"""An input model becomes a YAML file of format data/1 that reads back to an equal one."""
+"""Writes an input model as a YAML file of format data/1 that reads back to an equal one."""
 
 from __future__ import annotations
 

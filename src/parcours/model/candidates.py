@@ -1,4 +1,4 @@
-"""A guard that does more with open values than compare them -> values under which it holds, found by solving for each.
+"""Solves guards that do more with open values than compare them, for one value after the other.
 
 A comparison such as `credit + c.value <= 20` is taken as linear in one open term at a time, the others being fixed:
 two evaluations give the value at which it changes, and that value and its neighbours are tried. Where the guard has

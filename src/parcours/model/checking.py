@@ -1,4 +1,4 @@
-"""A Cefsm to all that is wrong with it: names, directions and types here, doubtful choices in `suspicion`."""
+"""Finds what is wrong with a model: names, directions and types here, doubtful choices in `suspicion`."""
 
 from __future__ import annotations
 

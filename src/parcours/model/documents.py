@@ -1,4 +1,4 @@
-"""The text of a YAML file to a tree of nodes that know their lines, for files that may be hostile.
+"""Parses YAML, which may be hostile, into a tree of nodes that know their lines.
 
 Only plain data passes: no anchors, aliases or tags, no doubled keys, bounded size and nesting. Scalars stay
 text; who reads a node says what kind of value it wants there, so that a state may be called `on` or `1`.

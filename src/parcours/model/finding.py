@@ -1,4 +1,4 @@
-"""What is wrong with a model, one frozen record a complaint, and all of them together as one error."""
+"""Findings: complaints about a model, and all of them together as one error."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One YAML node to one value of the kind that is wanted there, or a finding and a stand-in of that kind."""
+"""Reads single YAML nodes: a value of the kind that is wanted there, or a finding and a stand-in of that kind."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A machine, or the components of a model, to one self-contained SVG picture.
+"""Draws a machine, or the components of a model, as one self-contained SVG picture.
 
 Nodes stand on a circle, the first one left, or around the one that most arrows touch; arrows between the same
 two nodes bow apart; loops point outwards; long labels go to a legend below. The same model gives the same

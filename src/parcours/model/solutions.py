@@ -1,4 +1,4 @@
-"""Guards to values under which they hold together, or to the fact that there are none.
+"""Finds values under which guards hold together, or that there are none.
 
 Finite domains are enumerated. Reals, large integers and texts that the guards only compare with other values
 are cut at those values, which is exact too: between two neighbouring cuts no guard changes. Anything else is

@@ -1,4 +1,4 @@
-"""What a model does: a configuration and a move to the next one. Every later stage agrees with this relation.
+"""The step relation of a model, with which every later stage agrees: a configuration and a move give the next one.
 
 One move is one transition, or the two of a rendezvous. A transition takes its message, needs its guard, does
 its actions in order, and then sends. What the model leaves open is the tester's choice:

@@ -1,4 +1,4 @@
-"""The tables of one model -> the moves of a configuration and the configuration after each (`stepping` says how)."""
+"""Computes the moves of a configuration and the configuration after each, from the tables of one model."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A Cefsm to what it says but perhaps does not mean: warnings on reachability, choice and communication."""
+"""Warns of what a model says but perhaps does not mean: reachability, choice and communication."""
 
 from __future__ import annotations
 
@@ -122,7 +122,7 @@ class _Search:
         for loop in rivals:
             if loop.is_loop and loop.event is None and loop.guard is None and others:
                 beside = ", ".join(others)
-                rule = f"a loop must end, but {loop.id!r} can repeat in {state!r} for ever, beside {beside}"
+                rule = f"a loop must end, but {loop.id!r} can repeat in {state!r} without end, beside {beside}"
                 self.warn(loop.line, "endless-loop", rule, "give it a guard or an event")
 
     def ask(self, component: Component, transition: Transition, guards: list[Expression]) -> Answer:

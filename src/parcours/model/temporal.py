@@ -1,4 +1,4 @@
-"""The time that a model speaks of -> what is wrong with it: clocks, durations, invariants, weights."""
+"""Checks what a model says about time: clocks, durations, invariants, weights."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A variable of a component -> what is wrong with its type, its domain or its initial value."""
+"""Checks the declaration of a variable: its type, its domain and its initial value."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A Cefsm to its YAML text, which reads back to an equal Cefsm."""
+"""Writes a model as YAML text, which reads back to an equal model."""
 
 from __future__ import annotations
 

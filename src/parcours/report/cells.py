@@ -1,4 +1,4 @@
-"""A table's values -> the text of its cells, the same on every medium."""
+"""The text of a table's cells, the same on every medium."""
 
 from __future__ import annotations
 

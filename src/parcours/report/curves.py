@@ -58,14 +58,14 @@ def curves(
             axes[k * len(dials)].set_ylim(bottom=0.0)
         figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper left", ncols=len(series))
         svg = svg_of(figure)
-    told = (
+    words = (
         f"{counted}, {dial}, {name}: "
         + ", ".join(f"{rate.share:.1%} at {x:g}" for x, rate in zip(at, rates, strict=True))
         for counted, row in panels.items()
         for dial, group in row.items()
         for name, rates in group.items()
     )
-    return Figure(title, svg, f"{axis}. " + "; ".join(told), note)
+    return Figure(title, svg, f"{axis}. " + "; ".join(words), note)
 
 
 def _common(title: str, n: int, panels: Mapping[str, Mapping[str, Curves]]) -> tuple[list[str], list[str]]:

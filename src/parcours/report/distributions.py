@@ -39,7 +39,7 @@ def histogram(
     bins = np.asarray(edges, dtype=np.float64)
     if len(bins) < 2 or not (np.diff(bins) > 0.0).all():
         raise bad_data(title, f"bin edges must increase, at least two, but are {list(edges)}")
-    told = []
+    words = []
     rows = len(series) + len(quantiles)
     with canvas(0.5 + 1.05 * rows, rows, same_heights=True) as (figure, panels):
         for k, (name, values) in enumerate(series.items()):
@@ -54,17 +54,17 @@ def histogram(
             if known.size:
                 median = float(np.median(known))
                 panels[k].axvline(median, color=INK, linewidth=1.2)
-                told.append(f"{name}: {known.size} values, median {median:.3g}, largest {known.max():.3g}")
+                words.append(f"{name}: {known.size} values, median {median:.3g}, largest {known.max():.3g}")
             else:
-                told.append(f"{name}: no values")
+                words.append(f"{name}: no values")
         for panel, (name, marks) in zip(panels[len(series) :], quantiles.items(), strict=True):
             _ruler(panel, marks)
             panel.set_title(f"{name}: share of values at most as large", loc="left", color=INK)
-            told.append(f"{name}: " + ", ".join(f"{share:.0%} at most {value:g}" for share, value in marks))
+            words.append(f"{name}: " + ", ".join(f"{share:.0%} at most {value:g}" for share, value in marks))
         panels[-1].set_xlim(bins[0], bins[-1])
         panels[-1].set_xlabel(axis)
         svg = svg_of(figure)
-    return Figure(title, svg, f"{axis}. " + "; ".join(told), note)
+    return Figure(title, svg, f"{axis}. " + "; ".join(words), note)
 
 
 def _known(values: ArrayLike) -> Floats:

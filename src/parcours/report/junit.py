@@ -1,4 +1,4 @@
-"""Judged cases -> JUnit XML, the form in which build servers read test results.
+"""Writes judged cases as JUnit XML, the form in which build servers read test results.
 
 There is no one schema; this keeps to what Jenkins (junit-10.xsd), GitLab and Maven Surefire all read.
 """

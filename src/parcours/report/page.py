@@ -1,4 +1,4 @@
-"""A page's pieces -> one HTML file with style, scripts, charts and data inside; it loads nothing.
+"""Renders a page as one HTML file with style, scripts, charts and data inside; it loads nothing.
 
 The same page gives the same bytes. The template escapes all text from outside, and a Content-Security-Policy
 lets only our own script run, whatever a title may hold.

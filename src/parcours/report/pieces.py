@@ -1,4 +1,4 @@
-"""What a report page is made of: pieces of plain data, whoever draws them later on paper, screen or terminal.
+"""The pieces of a report page: plain data, the same for paper, screen and terminal.
 
 A study composes these; the rest of report/ turns them into HTML (page), text (terminal) and pictures (still).
 """

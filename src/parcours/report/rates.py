@@ -62,11 +62,11 @@ def intervals(
         panel.set_xlabel(axis)
         figure.legend(loc="outside upper left", ncols=len(series), handletextpad=0.3, columnspacing=1.6)
         svg = svg_of(figure)
-    told = (
-        f"{group}: " + ", ".join(_told(name, rates[row]) for name, rates in series.items())
+    words = (
+        f"{group}: " + ", ".join(_in_words(name, rates[row]) for name, rates in series.items())
         for row, group in enumerate(groups)
     )
-    return Figure(title, svg, f"{axis}. " + "; ".join(told), note)
+    return Figure(title, svg, f"{axis}. " + "; ".join(words), note)
 
 
 def shares(
@@ -106,11 +106,11 @@ def shares(
         panel.set_xticks([])
         figure.legend(loc="outside upper left", ncols=min(len(slices), 4), handlelength=1.0, handleheight=1.0)
         svg = svg_of(figure)
-    told = (
+    words = (
         f"{name}: " + ", ".join(f"{share:.1%} {what}" for share, what in zip(part, slices, strict=True))
         for name, part in parts.items()
     )
-    return Figure(title, svg, "; ".join(told), note)
+    return Figure(title, svg, "; ".join(words), note)
 
 
 def _normalised(title: str, name: str, counts: Sequence[float]) -> Floats:
@@ -122,7 +122,7 @@ def _normalised(title: str, name: str, counts: Sequence[float]) -> Floats:
     return part / total if total else part
 
 
-def _told(name: str, rate: Rate | None) -> str:
+def _in_words(name: str, rate: Rate | None) -> str:
     if rate is None or math.isnan(rate.share):
         return f"{name} not known"
     return f"{name} {rate.share:.1%} ({rate.low:.1%} to {rate.high:.1%})"

@@ -39,7 +39,7 @@ def arrivals(title: str, series: Mapping[str, ArrayLike], axis: str, note: str =
         BadRequest: there is no series.
     """
     require_data(title, list(series), series)
-    told = []
+    words = []
     with canvas(2.9) as (figure, (panel,)):
         for k, (name, values) in enumerate(series.items()):
             cases = np.asarray(values, dtype=np.float64).ravel()
@@ -51,14 +51,14 @@ def arrivals(title: str, series: Mapping[str, ArrayLike], axis: str, note: str =
                 linestyle=_LINES[k // len(SERIES) % len(_LINES)], label=f"{name} ({known.size} of {len(cases)})",
             )  # fmt: skip
             middle = f", median of these {np.median(known):.3g}" if known.size else ""
-            told.append(f"{name}: {known.size} of {len(cases)} cases{middle}")
+            words.append(f"{name}: {known.size} of {len(cases)} cases{middle}")
         panel.set_ylim(0.0, 1.02)
         panel.margins(x=0.01)
         panel.yaxis.set_major_formatter(percent)
         panel.set_xlabel(axis)
         figure.legend(loc="outside upper left", ncols=3)
         svg = svg_of(figure)
-    return Figure(title, svg, f"{axis}. " + "; ".join(told), note)
+    return Figure(title, svg, f"{axis}. " + "; ".join(words), note)
 
 
 def dominance(title: str, names: Sequence[str], beats: ArrayLike, note: str = "") -> Figure:
@@ -76,7 +76,7 @@ def dominance(title: str, names: Sequence[str], beats: ArrayLike, note: str = ""
     n = len(names)
     if shares.shape != (n, n) or not ((shares >= 0.0) & (shares <= 1.0)).all():
         raise bad_data(title, f"one share in [0, 1] a pair is needed, shape {(n, n)}, but shape {shares.shape} given")
-    told = []
+    words = []
     largest = max(float((shares - np.diag(np.diag(shares))).max(initial=0.0)), 1e-9)
     with canvas(0.9 + 0.4 * n) as (figure, (panel,)):
         for row in range(n):
@@ -87,7 +87,7 @@ def dominance(title: str, names: Sequence[str], beats: ArrayLike, note: str = ""
                 colour = _tint(share / largest)
                 panel.barh(row, 0.94, height=0.88, left=column - 0.47, color=colour, linewidth=0)
                 panel.text(column, row, f"{share:.1%}", ha="center", va="center", color=label_ink(colour), fontsize=8.0)
-                told.append(f"{names[row]} over {names[column]} {share:.1%}")
+                words.append(f"{names[row]} over {names[column]} {share:.1%}")
         panel.set_xticks(range(n), [_short(name) for name in names], color=INK)
         set_rows(panel, names)
         panel.xaxis.tick_top()
@@ -95,7 +95,7 @@ def dominance(title: str, names: Sequence[str], beats: ArrayLike, note: str = ""
         panel.grid(visible=False)
         panel.spines[:].set_visible(False)
         svg = svg_of(figure)
-    return Figure(title, svg, "; ".join(told) or "one contender only", note)
+    return Figure(title, svg, "; ".join(words) or "one contender only", note)
 
 
 def _tint(share: float) -> str:

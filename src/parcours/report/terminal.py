@@ -1,4 +1,4 @@
-"""Tables and pages -> text: coloured on a terminal, plain where nobody watches, and as Markdown.
+"""Prints tables and pages: coloured on a terminal, plain elsewhere, and as Markdown.
 
 Colour is left out when the NO_COLOR environment variable is set (no-color.org) or the output is no terminal.
 """

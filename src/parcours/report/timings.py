@@ -62,7 +62,7 @@ def timing_figure(title: str, cases: Sequence[Timed], noise: Noise | None = None
     """
     groups = _by_name(cases)
     require_data(title, cases, groups)
-    told = []
+    words = []
     rows = len(groups) + (noise is not None)
     with canvas(1.0 + 0.62 * rows) as (figure, (panel,)):
         for row, (name, members) in enumerate(groups.items()):
@@ -73,12 +73,12 @@ def timing_figure(title: str, cases: Sequence[Timed], noise: Noise | None = None
             _distribution(panel, row, ended * 1e-6, SERIES[3])
             _limits(panel, row, members)
             _say_p99(panel, row, timing.p99, INK)
-            told.append(f"{name}: {_words(timing)}; limits {_range(members)}, {_counts(members)}")
+            words.append(f"{name}: {_words(timing)}; limits {_range(members)}, {_counts(members)}")
         if noise is not None:
             row = len(groups)
             _distribution(panel, row, np.asarray([t for t in noise.times if t > 0]) * 1e-6, SERIES[2])
             _say_p99(panel, row, noise.p99, MUTED)
-            told.append(f"noise: {noise.samples} samples, p50 {_ms(noise.p50)}, p99 {_ms(noise.p99)}, "
+            words.append(f"noise: {noise.samples} samples, p50 {_ms(noise.p50)}, p99 {_ms(noise.p99)}, "
                         f"max {_ms(noise.max)}")  # fmt: skip
         panel.set_xscale("log")
         panel.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
@@ -89,7 +89,7 @@ def timing_figure(title: str, cases: Sequence[Timed], noise: Noise | None = None
         panel.set_xlabel("duration [ms], logarithmic")
         _legend(figure, {case.judgement.verdict for case in cases})
         svg = svg_of(figure)
-    return Figure(title, svg, ". ".join(told), note)
+    return Figure(title, svg, ". ".join(words), note)
 
 
 def timing_table(title: str, cases: Sequence[Timed], note: str = "") -> Table:

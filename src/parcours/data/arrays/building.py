@@ -1,4 +1,4 @@
-"""Goals become the smallest array found: constructions and greedy growth first, then one row less as often as it goes.
+"""Searches the smallest covering array: constructions and greedy growth first, then it takes rows away one by one.
 
 Every stage's array is verified against the goals before it is used. Without a time budget the effort is a fixed amount
 of work, so that a seed gives the same array on every machine; with one, the clock decides when to stop.
@@ -42,11 +42,11 @@ _COUNTS = 4  # how often all tuples of an array are looked up to take a row away
 _CANDIDATES, _GROWTH = 50, 200_000_000
 
 _THREES = (11, 15)
-"""From so many three-block columns on, pair-wise arrays have at least so many rows (Izquierdo-Marquez & Torres-Jimenez,
+"""From 11 three-block columns on, pair-wise arrays have at least 15 rows (Izquierdo-Marquez & Torres-Jimenez,
 "New optimal covering arrays using an orderly algorithm", 2018: 15 is the optimum of 11 to 20 columns)."""
 
-Told = Callable[[str, int, int], None]
-"""Is told what goes on, the number of rows found, and the fewest there can be."""
+Progress = Callable[[str, int, int], None]
+"""Gets what goes on, the number of rows found, and the fewest there can be."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,7 +78,12 @@ class CoveringArray:
 
 
 def covering_array(
-    goals: Goals, must: Ints | None = None, *, budget: float | None = None, seed: int = 0, told: Told | None = None
+    goals: Goals,
+    must: Ints | None = None,
+    *,
+    budget: float | None = None,
+    seed: int = 0,
+    progress: Progress | None = None,
 ) -> CoveringArray:
     """Return few rows that are allowed and hold every tuple of the goals that an allowed row can hold.
 
@@ -88,7 +93,7 @@ def covering_array(
         budget: how long to search [s], compiling not counted, though growing may take LEAST_GROWTH; None for a fixed
             effort. What growing did not come to is undecided.
         seed: of the random choices.
-        told: is told of every smaller array.
+        progress: gets every smaller array.
 
     Raises:
         BadRequest: a row of `must` is not allowed.
@@ -108,7 +113,7 @@ def covering_array(
         )
     if not len(must):
         goals.rules.require_row()
-    return _Search(goals, must, budget, seed, told).array()
+    return _Search(goals, must, budget, seed, progress).array()
 
 
 def fewest_rows(goals: Goals) -> int:
@@ -138,9 +143,9 @@ def fewest_rows(goals: Goals) -> int:
 class _Search:
     """One search; `best` is the smallest verified array so far."""
 
-    def __init__(self, goals: Goals, must: Ints, budget: float | None, seed: int, told: Told | None) -> None:
+    def __init__(self, goals: Goals, must: Ints, budget: float | None, seed: int, progress: Progress | None) -> None:
         self.goals, self.must, self.seed, self.budget = goals, must, seed, budget
-        self.told = told or (lambda what, done, total: None)
+        self.progress = progress or (lambda what, done, total: None)
         self.stream = starts(seed, np.array([0]), ROWS)
         self.begun = self.search_begun = time.perf_counter()
         self.lost_before = goals.rules.lost_steps
@@ -184,7 +189,7 @@ class _Search:
         self.stages.append(Stage(name, len(rows), self.seconds))
         if len(self.stages) == 1 or len(rows) < len(self.best):
             self.best = rows
-            self.told(name, len(rows), self.fewest)
+            self.progress(name, len(rows), self.fewest)
 
     def others(self, most: int) -> Iterator[tuple[str, Ints]]:
         """Yield the arrays that need no rules and no must-have rows, constructed ones of fewer than `most` rows."""
@@ -226,7 +231,7 @@ class _Search:
                 missing[:n_missing] = left
                 if added is None:
                     n_missing -= 1  # the last one, which no row holds, is left out
-            self.told("grown row by row", n, self.fewest)
+            self.progress("grown row by row", n, self.fewest)
         return rows[:n].copy(), missing[:n_missing].copy()
 
     def may_grow(self) -> bool:
@@ -261,7 +266,7 @@ class _Search:
                     raise AssertionError("a repaired array holds everything")
                 self.best, table, spent_before = table.rows, None, spent
                 stage = Stage("fewer rows", len(self.best), self.seconds)
-                self.told("fewer rows", len(self.best), self.fewest)
+                self.progress("fewer rows", len(self.best), self.fewest)
             elif spent - spent_before > (n_starts + 1) * 4 * PATIENCE:
                 n_starts += 1
                 table = table_of(self.goals.layout, self.cut(self.grown()[0], len(self.best) - 1))

@@ -1,4 +1,4 @@
-"""Block counts become arrays that mathematics knows: no search, and often few rows.
+"""Arrays that mathematics knows for given block counts: no search, and often few rows.
 
 - Orthogonal arrays over a finite field: polynomials evaluated at its points (Bush, Ann. Math. Stat. 23, 1952).
 - Two blocks a parameter: sets of equal size, any two of which meet (Katona, 1973; Kleitman & Spencer, 1973); optimal.

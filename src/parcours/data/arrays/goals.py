@@ -1,4 +1,4 @@
-"""Block counts, sets of columns and rules become the combinations (tuples) that an array must hold, and their count.
+"""Numbers the combinations of blocks (tuples) that an array must hold, and counts those it holds.
 
 A tuple is a choice of one block for each column of a set. Tuples are numbered through: those of set s begin at
 `start[s]`, and within it count as digits do. So a table of rows is measured by one `bincount`, and the compiled

@@ -1,4 +1,4 @@
-"""Compiled: goals become an array row by row, each row the best of several greedy ones (after AETG, Cohen et al. 1997).
+"""Compiled: grows an array row by row, each row the best of several greedy ones (after AETG, Cohen et al. 1997).
 
 A candidate starts from a tuple that is still missing and takes the other columns in random order, each time the block
 that adds most tuples with the columns taken before.

@@ -1,4 +1,4 @@
-"""Goals become an array by covertable, a package of its own authors: a second opinion on small goals.
+"""Asks covertable, a package of other authors, for an array: a second opinion on small goals.
 
 Its greedy criterion often starts from fewer rows than ours. It takes seconds where there are many tuples or must-have
 rows, so goals with more than MAX_TUPLES or MAX_MUST are not given to it: a limit on its work that is the same on every

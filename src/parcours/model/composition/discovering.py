@@ -1,4 +1,4 @@
-"""A state space -> what is wrong in it: deadlocks, lost messages, faults, full queues, and what never happens."""
+"""Finds what is wrong in a state space: deadlocks, lost messages, faults, full queues, and what never happens."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A model -> its reachable configurations, breadth first, within bounds that are said when they are met."""
+"""Explores the reachable configurations of a model, breadth first, within bounds; says when it met one."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def explore(
         cefsm: a model without errors.
         max_states: most configurations to keep [1 .. 2^30].
         max_seconds: how long to go on [s]; what follows takes a fraction of it.
-        progress: told ("states", how many are known, max_states) now and then.
+        progress: gets ("states", how many are known, max_states) now and then.
 
     Raises:
         BadRequest: a bound is out of its range.

@@ -1,4 +1,4 @@
-"""What a machine sees -> the moves it can make by itself, each worked out once by the step relation.
+"""Works out, once for all that a machine can see, which moves it can make by itself.
 
 A machine is set free of the others: it stands alone in a configuration in which every other machine is nowhere,
 queues have room without end, and a rendezvous with another component is cut into a message left waiting and a

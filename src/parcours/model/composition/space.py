@@ -1,4 +1,4 @@
-"""What an exploration leaves: the configurations met, the moves between them, and what it came upon."""
+"""The state space that an exploration returns: configurations, the moves between them, and its discoveries."""
 
 from __future__ import annotations
 

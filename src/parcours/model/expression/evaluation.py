@@ -1,4 +1,4 @@
-"""A syntax tree and a valuation to a value.
+"""Evaluates expressions.
 
 Integers and reals are 64-bit: what leaves that range is an error, as is a division by zero. `/` divides as
 reals; `%` has the sign of its divisor; `&&` and `||` read their right side only when it matters.

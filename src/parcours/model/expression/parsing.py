@@ -1,4 +1,4 @@
-"""Text to syntax tree: the tokenizer and the parser of the guard and action language.
+"""The tokenizer and parser of the guard and action language.
 
     expression := unary (operator unary)*        precedence in syntax.LEVELS; comparisons do not chain
     unary      := ('!' | 'not' | '-') unary | atom

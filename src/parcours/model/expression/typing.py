@@ -1,4 +1,4 @@
-"""A syntax tree and the types of its names to its type, or the first thing wrong with it.
+"""Checks the types of expressions.
 
 A type is a base type, an enumeration with its values, a message class, or a list of one of these. An integer
 may stand where a real is expected; nothing else converts.
