@@ -110,7 +110,7 @@ def choose(
             no block or breaks a rule.
         BadDomain: the rules leave no row.
 
-    >>> from parcours.data.input_file import parse_input_model
+    >>> from parcours.data.schema import parse_input_model
     >>> model = parse_input_model('''
     ... parcours: data/1
     ... name: print

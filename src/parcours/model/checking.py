@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from itertools import pairwise
 
 from parcours.errors import BadModel
+from parcours.model.declarations import temporal_findings, variable_findings
 from parcours.model.expression import BOOL, Assignment, Expression, Type, type_of
 from parcours.model.expression.typing import accepts
 from parcours.model.finding import Finding, advice
@@ -13,8 +14,6 @@ from parcours.model.nodes import is_identifier, is_label
 from parcours.model.scope import Scopes, variable_type
 from parcours.model.structure import BASE_TYPES, ENVIRONMENT, Cefsm, Component, Machine, Transition, Variable
 from parcours.model.suspicion import suspicions
-from parcours.model.temporal import temporal_findings
-from parcours.model.variables import variable_findings
 
 
 def findings(cefsm: Cefsm, origin: str = "") -> list[Finding]:
