@@ -97,12 +97,10 @@ def choose(
     """Return the rows that satisfy a criterion within the rules of a model.
 
     Args:
-        model: domains, rules, groups.
         criterion: a name in MODEL_CRITERIA.
         must: values of rows that must be there and count, shape (n_must, n_inputs).
         budget: how long to search for a smaller covering array [s]; None for a fixed effort of a few seconds at
             most, whose result depends on the seed only.
-        seed: of the random choices.
         progress: follows the search of a covering array.
 
     Raises:

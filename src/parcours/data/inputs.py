@@ -68,11 +68,9 @@ def constraint_of(
     """Return the constraint that a condition stands for, after checking that its names and types are right.
 
     Args:
-        name: what it is called.
         rule: the condition; names of an enumeration, or of blocks, stand in it as texts.
         domains: the inputs that it may speak of.
         over: whether it speaks of values or of blocks.
-        doc: why it is there.
 
     Raises:
         BadModel: a name is unknown, or something is compared with what it cannot be.

@@ -32,11 +32,7 @@ class Choices:
     ) -> tuple[Values, ...]:
         """Return the choices under which the transition can be taken, one for each different effect.
 
-        Args:
-            configuration: where the model stands.
-            site: the transition.
-            arrived: the message it takes; fields that are not said are open.
-            given: choices already made, by term.
+        Fields of the message `arrived` that are not said are open; `given` are choices already made, by term.
 
         Raises:
             BadModel: a guard that reads nothing open has no value.
@@ -59,12 +55,7 @@ class Choices:
     ) -> tuple[dict[str, object], ...]:
         """Return the choices of what both transitions read, where a sender meets a receiver of its own component.
 
-        Args:
-            configuration: where the model stands.
-            sender: the transition that acts first.
-            receiver: the one that it meets.
-            arrived: the message that the sender takes.
-            given: choices already made, by term.
+        The sender acts first and takes the message `arrived`; `given` are choices already made, by term.
         """
         scopes, transitions = self.layout.scopes, (sender.transition, receiver.transition)
         inputs = scopes.types(sender.component)

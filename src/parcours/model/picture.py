@@ -43,7 +43,6 @@ def to_svg(model: Cefsm | Machine, title: str = "", covered: Collection[str] | N
     """Return a picture of a machine with its transitions, or of a model with its channels.
 
     Args:
-        model: a machine or model without errors.
         title: the heading; by default the model's name.
         covered: ids of transitions (names of channels) to draw in full; all others are drawn faint and
             dashed.

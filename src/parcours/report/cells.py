@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from parcours.errors import BadRequest
-from parcours.report.pieces import Cell, Column, Marked, Table
+from parcours.report.pieces import Cell, Column, Marked, Side, Table
 
 UNKNOWN = "–"
 """What stands for a value that is not known."""
@@ -39,7 +39,7 @@ def shown(cell: Cell, column: Column) -> str:
         ) from error
 
 
-def sides(table: Table) -> tuple[str, ...]:
+def sides(table: Table) -> tuple[Side, ...]:
     """Return the side each column's cells keep to: left, right or center.
 
     >>> sides(Table("", (Column("path"), Column("length")), (("tp11", 3), ("tp12", None))))

@@ -28,9 +28,6 @@ if TYPE_CHECKING:
 def to_html(page: Page) -> str:
     """Return the page as one HTML document that needs no network.
 
-    Args:
-        page: what to show.
-
     Raises:
         BadRequest: a column's format does not fit its numbers.
 

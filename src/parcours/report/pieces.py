@@ -17,7 +17,7 @@ from parcours.errors import BadRequest
 Tone: TypeAlias = Literal["good", "fair", "neutral", "poor", "bad", "worst"]
 """How welcome a value is: one scale, each step with a colour, for cells, findings and slices of charts."""
 
-Align: TypeAlias = Literal["auto", "left", "right", "center"]
+Side: TypeAlias = Literal["left", "right", "center"]
 
 Floats: TypeAlias = NDArray[np.float64]
 
@@ -50,7 +50,7 @@ class Column:
 
     name: str
     format: str = ""
-    align: Align = "auto"
+    align: Side | Literal["auto"] = "auto"
     group: str = ""
     unit: str = ""
     code: bool = False

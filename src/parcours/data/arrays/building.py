@@ -92,7 +92,6 @@ def covering_array(
         must: rows that stay, and come first, shape (n_must, n_columns).
         budget: how long to search [s], compiling not counted, though growing may take LEAST_GROWTH; None for a fixed
             effort. What growing did not come to is undecided.
-        seed: of the random choices.
         progress: gets every smaller array.
 
     Raises:

@@ -142,9 +142,6 @@ class Space:
     def path_to(self, state: int) -> tuple[Move, ...]:
         """Return a shortest run from the initial configuration, as moves that `parcours.model.step` takes.
 
-        Args:
-            state: the number of a configuration.
-
         Raises:
             BadRequest: no configuration has that number.
         """

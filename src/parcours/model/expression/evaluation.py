@@ -56,7 +56,6 @@ def evaluate(expression: Expression, valuation: Mapping[str, Value], where: str 
     """Return the value of an expression.
 
     Args:
-        expression: the syntax tree.
         valuation: a value for each name read: bool, int, float, str, or a Mapping for a message.
         where: what the expression belongs to, for the error message.
 

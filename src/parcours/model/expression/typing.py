@@ -41,7 +41,6 @@ def type_of(
     """Return the type of an expression.
 
     Args:
-        expression: the syntax tree.
         types: the type of each name.
         classes: the fields of each message class, with their types.
         where: what the expression belongs to, for the error message.
