@@ -66,10 +66,8 @@ def kernel(function: F) -> F:
     """
     if not IS_COMPILED:
         return _plain(function)
-    # Nobody takes a kernel's address, and the wrapper for that is a tenth of compilation.
-    options: dict[str, Any] = {
-        "error_model": "numpy", "fastmath": False, "cache": True, "nogil": True, "no_cfunc_wrapper": True,
-    }  # fmt: skip
+    options: dict[str, Any] = {"error_model": "numpy", "fastmath": False, "cache": True, "nogil": True}
+    options["no_cfunc_wrapper"] = True  # nobody takes a kernel's address, and that wrapper is a tenth of compilation
     return cast(F, numba.njit(**options)(function))
 
 

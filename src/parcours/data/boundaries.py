@@ -1,5 +1,8 @@
 """Turns blocks into boundary values: on, just inside and just outside the ends of each block.
 
+       below  min  min+          nominal          max-  max  above
+         x    [x    x               x               x    x]    x
+
 On the result every criterion does what it says: base choice from the nominal values is classical boundary value
 analysis (4 n + 1 rows for n inputs of one block), with the values just outside as negative tests its robust form (6 n +
 1), and all combinations the worst case (5 ** n). (Jorgensen, Software Testing: A Craftsman's Approach, ch. 5.)

@@ -132,6 +132,10 @@ def unrolled(values: NDArray[np.float64], span: Block) -> NDArray[np.float64]:
     >>> unrolled(np.array([-3.0, 3.0, 10.0]), Block(3.0, 4.0)).round(4).tolist()
     [3.2832, 3.0, 3.7168]
     """
+    # The block [3, 4] crosses pi, where angles jump to -pi; it is looked at as one piece of the number line:
+    #
+    #     -pi ──]────────────────────[── pi         ──[──pi──]──
+    #       4 - 2 pi                 3                3      4
     turn = 2.0 * math.pi
     with np.errstate(invalid="ignore"):
         plain = (values > -math.pi) & (values <= math.pi)

@@ -184,6 +184,7 @@ def measure(
             columns = {name: table[counts, column] for column, name in enumerate(model.names)}
             counts[counts] = meets(constraint, columns)
     missing = goals.missing(blocks[counts])
+    # Without listed rules the goals hold some combinations that no allowed row can hold: each is looked at here.
     if not rules.are_listed:
         missing = np.array([number for number in missing if _can_be_held(goals, int(number))], dtype=np.int64)
     uncounted = np.flatnonzero(~counts)[:most_shown]

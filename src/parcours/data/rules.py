@@ -219,6 +219,7 @@ class Rules:
         levels: list[tuple[_Masks, int, list[int]]] = []  # what was open, the column chosen there, blocks left to try
         while True:
             widths = [(int(np.count_nonzero(masks[c])), c) for c in ruled]
+            # The column with fewest blocks left fails first, if it fails: that cuts off most of the search.
             width, column = min((each for each in widths if each[0] > 1), default=(0, OPEN))
             if not width:
                 return masks

@@ -41,6 +41,7 @@ class Choices:
             return ((),)
         read = tuple(configuration.values[at] for _, at in site.reads)
         key = (site.transition.id, read, arrived, tuple(sorted(given.items(), key=lambda pair: pair[0])))
+        # What a choice depends on is a small part of the configuration, so most steps find it here.
         if key not in self._remembered:
             if len(self._remembered) >= _CACHED:
                 self._remembered.clear()

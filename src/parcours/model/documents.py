@@ -124,6 +124,7 @@ class _Builder:
             raise _refusal(self.origin, 0, "empty", "a model must have content, but the file is empty")
         return root
 
+    # Events, not yaml.load: an alias bomb is refused at its first alias, and a doubled key is seen before it is lost.
     def node(self, event: yaml.Event, events: Iterator[yaml.Event], depth: int) -> Node:
         line = _line(event)
         if isinstance(event, yaml.AliasEvent) or getattr(event, "anchor", None) is not None:

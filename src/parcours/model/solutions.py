@@ -232,7 +232,9 @@ def with_terms(known: Mapping[str, object], values: Mapping[str, object]) -> dic
 
 
 def _between(cuts: list[float]) -> Iterator[float]:
-    # One value below, at, between and above the cuts.
+    # One value below, at, between and above the cuts, since no guard changes in between:
+    #
+    #     ──x────|────x────|────x──    | cut, which is tried too    x one value for its whole interval
     if not cuts:
         yield 0.0
         return

@@ -44,6 +44,7 @@ def histogram(
     with canvas(0.5 + 1.05 * rows, rows, same_heights=True) as (figure, panels):
         for k, (name, values) in enumerate(series.items()):
             known = _known(values)
+            # Values beyond the edges count in the outermost bins, so that the shares of a series add up to 1.
             counts = np.histogram(np.clip(known, bins[0], bins[-1]), bins)[0] / max(known.size, 1)
             colour = SERIES[k % len(SERIES)]
             panels[k].bar(bins[:-1], counts, np.diff(bins), align="edge", color=colour, edgecolor=PAPER, linewidth=0.8)

@@ -36,6 +36,7 @@ def to_html(page: Page) -> str:
     >>> "A &lt;b&gt; page" in html, '<section id="why"' in html
     (True, True)
     """
+    # All scripts are one, so that one hash in the Content-Security-Policy admits ours and nothing else.
     animations = (p for section in page.sections for p in section.pieces if isinstance(p, Animation))
     script = "".join([_file("page.js"), *dict.fromkeys(animation.script for animation in animations)])
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode("ascii")

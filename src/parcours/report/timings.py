@@ -153,6 +153,7 @@ def _say_p99(panel: Axes, row: int, time: int, colour: str) -> None:
 
 def _density(values: Floats) -> tuple[Floats, Floats]:
     """Return places and how dense values are there, 1 where they are densest (a Gaussian sum, Silverman's width)."""
+    # Counts on a fine grid, then one convolution: a kernel for each of a million repeats would take minutes.
     spread = float(np.std(values))
     quartiles = np.quantile(values, (0.25, 0.75))
     robust = min(spread, float(quartiles[1] - quartiles[0]) / 1.34) or spread

@@ -220,6 +220,7 @@ class _Search:
             before = n
             n, n_missing = map(int, grow(layout, table, n, missing, n_missing, candidates, self.stream))
             rows = table
+            # Greedy candidates all ended in rules: ask the exact search for a row with one missing tuple.
             if n_missing and n == before:
                 added = self.completed(int(missing[n_missing - 1]))
                 if added is not None:
@@ -266,6 +267,7 @@ class _Search:
                 self.best, table, spent_before = table.rows, None, spent
                 stage = Stage("fewer rows", len(self.best), self.seconds)
                 self.progress("fewer rows", len(self.best), self.fewest)
+            # Long without success: start over from another greedy array, cut to the size that is wanted.
             elif spent - spent_before > (n_starts + 1) * 4 * PATIENCE:
                 n_starts += 1
                 table = table_of(self.goals.layout, self.cut(self.grown()[0], len(self.best) - 1))

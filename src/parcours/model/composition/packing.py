@@ -1,5 +1,8 @@
 """Packs a configuration into one integer: a small number for each machine's state, each value, each queue's content.
 
+    queue c | queue b | value y | value x | state B | state A
+    ........|........|..0000010|......01|....0011|....0001      least bits: the first machine
+
 Whatever stands somewhere is numbered when it is first met. A step then adds a constant to the integer, the same
 wherever it is taken, and what a machine sees of a configuration is the integer under a mask.
 """
