@@ -213,7 +213,7 @@ CASES = [
         "warning",
         "event: meet}",
         "message: reply(note)}",
-        "'s4' can repeat in 'open' for ever, beside s1",
+        "'s4' can repeat in 'open' without end, beside s1",
     ),
     ("undecided-guard", "warning", "guard: load < 3", "guard: load * load * load == 343", "could not decide"),
     (
