@@ -1,7 +1,7 @@
 """Searches the smallest covering array: constructions and greedy growth first, then it takes rows away one by one.
 
 Every stage's array is verified against the goals before it is used. Without a time budget the effort is a fixed amount
-of work, so that a seed gives the same array on every machine; with one, the clock decides when to stop.
+of work, so that a seed gives the same array on every machine that has numba; with one, the clock decides when to stop.
 """
 
 from __future__ import annotations
@@ -21,11 +21,14 @@ from parcours.data.arrays.shrinking import repair, table_of
 from parcours.data.rules import UndecidedError
 from parcours.data.streams import ROWS, starts
 from parcours.errors import BadRequest
+from parcours.kernels import IS_COMPILED
 
-EFFORT = 150_000_000
+_SHARE = 1 if IS_COMPILED else 100  # plain Python looks up a hundredth in the same time, and so gets no more to do
+
+EFFORT = 150_000_000 // _SHARE
 """Most tuples that are looked up without a time budget: a few seconds."""
 
-PATIENCE = 30_000_000
+PATIENCE = 30_000_000 // _SHARE
 """After how many tuples looked up in vain a size counts as the last, without a time budget; ten times what came before,
 if that is more."""
 
@@ -35,9 +38,9 @@ LEAST_GROWTH = 1.0
 LOST_STEPS = 30_000
 """Most choices that searches for allowed rows take back while an array grows without a time budget: a few seconds."""
 
-_PART = 20_000_000  # tuples looked up while growing between two looks at the clock
+_PART = 20_000_000 // _SHARE  # tuples looked up while growing between two looks at the clock
 _ANY = 1_000_000  # rows
-_PIECE = 3_000_000  # tuples looked up between two looks at the clock
+_PIECE = 3_000_000 // _SHARE  # tuples looked up between two looks at the clock
 _COUNTS = 4  # how often all tuples of an array are looked up to take a row away and to verify the result
 _CANDIDATES, _GROWTH = 50, 200_000_000
 
