@@ -1,4 +1,4 @@
-"""All compiled parts of Parcours -> machine code on disk, several at a time, so that nobody waits for it later.
+"""Compiles every kernel ahead of use, several at a time, so that nobody waits for it later.
 
 Each part runs something small in a process of its own; what it needs is compiled on the way and kept by
 `parcours.kernels`.
@@ -11,6 +11,9 @@ from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
 from importlib.metadata import entry_points
 from multiprocessing import get_context
+
+from parcours.errors import BadRequest
+from parcours.kernels import IS_COMPILED
 
 GROUP = "parcours.compiled"
 """Entry points of this group are mappings of names to parts, which packages add."""
@@ -30,23 +33,29 @@ class Part:
 
 
 def parts() -> Mapping[str, Part]:
-    """Return what is compiled, in this order: the longest first."""
+    """Return what is compiled, the longest first."""
     found: dict[str, Part] = {}
     for entry in sorted(entry_points(group=GROUP), key=lambda entry: entry.name):
         found |= entry.load()
     return dict(sorted(found.items(), key=lambda item: -item[1].seconds))
 
 
-def compile_all(workers: int, told: Callable[[str, int, int], None] = lambda part, done, total: None) -> None:
+def compile_all(workers: int, report: Callable[[str, int, int], None] = lambda part, done, total: None) -> None:
     """Compile every part that is not on disk yet.
 
     Args:
         workers: processes, at least 1.
-        told: told (part, done, in all) at the beginning, with no part, and when a part is done.
+        report: gets (part, done, in all) at the start, with no part, and when a part is done.
+
+    Raises:
+        BadRequest: numba is not installed.
     """
+    if not IS_COMPILED:
+        rule = "compiling needs numba, which is not installed: everything runs as plain Python, slowly"
+        raise BadRequest("compile", rule, "pip install numba", slug="no-numba")
     with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
         running: dict[Future[None], str] = {pool.submit(part.run): name for name, part in parts().items()}
-        told("", 0, len(running))
+        report("", 0, len(running))
         for done, finished in enumerate(as_completed(running), 1):
             finished.result()
-            told(running[finished], done, len(running))
+            report(running[finished], done, len(running))

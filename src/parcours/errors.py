@@ -75,8 +75,8 @@ Known: hub, all-states [unknown-policy]
 def one_of(given: str, known: Sequence[str]) -> str:
     """Return the remedy that lists what may be named, nearest first.
 
-    >>> one_of("ramp_sytem", ["ramp_components", "ramp_system"])
-    "did you mean 'ramp_system'? Known: ramp_components, ramp_system"
+    >>> one_of("lfit", ["lift", "crossing"])
+    "did you mean 'lift'? Known: lift, crossing"
     """
     import difflib
 

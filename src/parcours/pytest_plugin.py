@@ -173,7 +173,7 @@ class CaseFailedError(Exception):
 
 
 class CaseItem(pytest.Item):
-    """One case: executed anew and judged."""
+    """One case: executed and judged."""
 
     def __init__(self, *, case: Case, study: Study, settings: dict[str, Any], **keywords: Any) -> None:
         super().__init__(**keywords)

@@ -30,7 +30,7 @@ def mix(word: np.uint64) -> np.uint64:
 
 @kernel
 def start(stream: Stream, seed: np.uint64, case: np.uint64, purpose: np.uint64) -> None:
-    """Set the stream to its beginning for this seed, case and purpose."""
+    """Set the stream to its start for this seed, case and purpose."""
     stream[0] = mix(mix(mix(seed + _GOLDEN) ^ (case * _MIX_2 + _GOLDEN)) ^ (purpose * _MIX_1 + _GOLDEN))
 
 

@@ -11,8 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from parcours.data.arrays.bounds import fewest_rows
-from parcours.data.arrays.building import covering_array
+from parcours.data.arrays.building import covering_array, fewest_rows
 from parcours.data.arrays.constructions import constructions, field, halves, orthogonal, starter_vector, turned
 from parcours.data.arrays.goals import Ints, goals_of
 from parcours.data.arrays.other_engine import covertable_rows

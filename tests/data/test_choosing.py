@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from importlib.resources import files
 
 import numpy as np
 import pytest
@@ -11,16 +12,14 @@ from hypothesis import strategies as st
 
 from parcours.data import Constraint, InputModel, enumeration, parse_input_model, read_input_model, split
 from parcours.data.arrays import building
-from parcours.data.bases import base_rows
 from parcours.data.blocks import Block
 from parcours.data.boundaries import at_boundaries
-from parcours.data.choosing import LISTED, MODEL_CRITERIA, choose, set_size
+from parcours.data.choosing import LISTED, MODEL_CRITERIA, base_rows, choose, set_size
 from parcours.data.domains import Domain
 from parcours.data.inputs import constraint_of, rules_of
 from parcours.data.rules import Rules, UndecidedError
 from parcours.errors import BadDomain, BadRequest
 from parcours.model.expression import parse_expression
-from parcours.study.finding import find
 
 OBSTACLE = [3, 3, 2, 2, 1, 1]
 PRINTER = parse_input_model(
@@ -68,10 +67,10 @@ def test_set_sizes_are_those_of_the_reference(
 
 def test_the_studies_have_these_sizes_too() -> None:
     sizes = {
-        name: read_input_model(find(name).files["data"]).sizes  # type: ignore[attr-defined]
-        for name in ("ramp_system", "ramp_components")
+        name: read_input_model(str(files(package) / name / "domains.yaml")).sizes
+        for package, name in (("parcours_navigation", "cases"), ("parcours_ramp", "components"))
     }
-    assert sizes == {"ramp_system": tuple(OBSTACLE * 3), "ramp_components": (3, 1, 2, 1, 3)}
+    assert sizes == {"cases": tuple(OBSTACLE * 3), "components": (3, 1, 2, 1, 3)}
 
 
 @pytest.mark.parametrize("criterion", MODEL_CRITERIA)

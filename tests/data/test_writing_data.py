@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from importlib.resources import files
 
 import pytest
 from hypothesis import given, settings
@@ -12,7 +13,6 @@ from parcours.data import Block, Domain, InputModel, enumeration, parse_input_mo
 from parcours.data.boundaries import at_boundaries
 from parcours.data.writing import write_input_model
 from parcours.errors import BadRequest
-from parcours.study.finding import find
 
 WORDS = st.text("abé \"'\\:#[]{}-0,", min_size=1, max_size=6).filter(lambda text: text == text.strip())
 
@@ -26,9 +26,9 @@ def alike(model: InputModel) -> InputModel:
     return replace(model, source="", repeat=1, constraints=constraints)
 
 
-@pytest.mark.parametrize("name", ["ramp_system", "ramp_components"])
-def test_the_models_of_the_studies_read_back_equal(name: str) -> None:
-    model = read_input_model(find(name).files["data"])  # type: ignore[attr-defined]
+@pytest.mark.parametrize(("package", "name"), [("parcours_navigation", "cases"), ("parcours_ramp", "components")])
+def test_the_models_of_the_studies_read_back_equal(package: str, name: str) -> None:
+    model = read_input_model(str(files(package) / name / "domains.yaml"))
     assert alike(read_back(model)) == alike(model)
     boundaries = at_boundaries(model)
     assert alike(read_back(boundaries)) == alike(boundaries)

@@ -25,17 +25,50 @@ def test_an_edit_of_any_kernel_source_starts_a_fresh_folder_and_an_edit_elsewher
     tmp_path: Path,
 ) -> None:
     package = tmp_path / "copy"
-    for room in ("parcours", "parcours_ramp"):
-        shutil.copytree(Path(parcours.__file__).parents[1] / room, package / room)
+    shutil.copytree(Path(parcours.__file__).parent, package / "parcours")
     before = _cache_of(package, tmp_path)
     assert before.parent == tmp_path
     assert _cache_of(package, tmp_path / "other").name == before.name
-    plain = package / "parcours" / "suite" / "__init__.py"
+    plain = package / "parcours" / "filenames.py"
     plain.write_text(plain.read_text() + "# a remark\n")
     assert _cache_of(package, tmp_path) == before
-    source = package / "parcours_ramp" / "planner" / "profile.py"
+    source = package / "parcours" / "streams.py"
     source.write_text(source.read_text() + "# a remark\n")
     assert _cache_of(package, tmp_path) != before
+
+
+DRAWN = """
+import warnings, numpy as np
+from parcours import elementary, kernels, streams
+from parcours.data.arrays.building import covering_array
+from parcours.data.arrays.goals import goals_of
+warnings.simplefilter("error")
+
+@kernels.kernel
+def quotient(a, b):
+    return a / b
+
+stream = np.zeros(1, np.uint64)
+streams.start(stream, np.uint64(2**64 - 5), np.uint64(3), np.uint64(9))
+print(streams.lognormal(stream, 2.0, 0.3), streams.below(stream, 7), elementary.atan2(1.0, -3.0), elementary.log(10.0))
+print(covering_array(goals_of([3, 3, 3, 2], 2)).rows.tolist(), quotient(1.0, 0.0))
+"""
+
+
+def test_without_numba_kernels_give_the_same_results_and_nothing_is_to_be_compiled(tmp_path: Path) -> None:
+    (tmp_path / "numba.py").write_text("raise ImportError('not here')\n")
+    source = str(Path(parcours.__file__).parent.parent)
+    said = []
+    for path, is_compiled in ((source, True), (f"{tmp_path}{os.pathsep}{source}", False)):
+        code = DRAWN + f"assert kernels.IS_COMPILED == {is_compiled} and (kernels.IS_COMPILED or kernels.is_warm())"
+        script = tmp_path / "script.py"
+        script.write_text(code)
+        done = subprocess.run(
+            [sys.executable, str(script)], env={**os.environ, "PYTHONPATH": path}, capture_output=True, text=True,
+            check=True, timeout=300,
+        )  # fmt: skip
+        said.append(done.stdout)
+    assert said[0] == said[1] and said[0].endswith("inf\n")
 
 
 @kernel

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import re
+from importlib.resources import files
 from itertools import combinations
-from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
 
-import parcours_ramp
 from parcours.model import Machine, Transition, predicate, read_model, to_dot, to_svg, to_text
 from parcours.model.drawing import WIDTH
 
-MODEL = read_model(Path(parcours_ramp.__file__).parent / "components" / "model.yaml")
+MODEL = read_model(str(files("parcours_ramp") / "components" / "model.yaml"))
 MACHINES = [(component.name, machine) for component in MODEL.components for machine in component.machines]
 SVG = "{http://www.w3.org/2000/svg}"
 

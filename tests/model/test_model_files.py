@@ -5,6 +5,7 @@ from __future__ import annotations
 import random
 import time
 from collections.abc import Callable
+from importlib.resources import files
 from pathlib import Path
 from typing import Literal
 
@@ -12,7 +13,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-import parcours
 from parcours.errors import BadModel
 from parcours.model import (
     Cefsm,
@@ -37,8 +37,8 @@ from parcours.model import (
 from parcours.model.expression import Assignment, Call, Name, parse_expression
 from parcours.model.expression import Literal as Constant
 
-SRC = Path(parcours.__file__).parents[1]
-STUDIES = (SRC / "parcours_ramp/components/model.yaml", SRC / "parcours_navigation/cases/model.yaml")
+FOLDERS = files("parcours_ramp") / "components", files("parcours_navigation") / "cases"
+STUDIES = [Path(str(folder / "model.yaml")) for folder in FOLDERS]
 RAMP = STUDIES[0].read_text()
 
 names = st.from_regex(r"[A-Za-z][A-Za-z0-9_]{0,6}", fullmatch=True).filter(

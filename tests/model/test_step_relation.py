@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from importlib.resources import files
 from itertools import product
-from pathlib import Path
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-import parcours
 from parcours.errors import BadModel, BadRequest
 from parcours.model import (
     Cefsm,
@@ -34,7 +33,6 @@ from parcours.model import (
 )
 from parcours.model.expression import Assignment, evaluate, parse_expression
 
-SRC = Path(parcours.__file__).parents[1]
 GUARDS = [
     "true",
     "go",
@@ -131,7 +129,7 @@ def test_a_walk_sees_at_every_step_what_the_obvious_interpreter_sees(model: Cefs
 
 
 def test_obstacles_reach_every_combination_of_standing_and_moving() -> None:
-    model = read_model(SRC / "parcours_navigation" / "cases" / "model.yaml")
+    model = read_model(str(files("parcours_navigation") / "cases" / "model.yaml"))
     seen, border = {initial(model)}, [initial(model)]
     while border:
         here = border.pop()

@@ -14,10 +14,10 @@ import numpy as np
 import pytest
 
 from parcours.errors import BadRequest
-from parcours.report.distributions import cumulative, histogram
+from parcours.report.distributions import histogram
 from parcours.report.drawing import MARKERS, SERIES, TONES, label_ink
 from parcours.report.pieces import Figure
-from parcours.report.rates import coverage, intervals, shares
+from parcours.report.rates import intervals, shares
 from parcours.verdict.statistics import wilson
 
 SVG = "{http://www.w3.org/2000/svg}"
@@ -32,10 +32,6 @@ CHARTS: dict[str, Callable[[], Figure]] = {
     ),
     "histogram": lambda: histogram(
         "Time left", {"original": [1.0, 2.0, np.nan, 99.0]}, [0, 5, 10], "[s]", {"published": [(0.5, 4.8)]}
-    ),
-    "cumulative": lambda: cumulative("Time left", {"original": [1.0, 2.0]}, "[s]", {"published": [(0.5, 4.8)]}),
-    "coverage": lambda: coverage(
-        "Taken", {"Planner": {"p11": 3, "p12": 0}, "Large": dict.fromkeys("abcdefghijklmnopqrs", 1)}
     ),
 }  # fmt: skip
 
@@ -109,12 +105,6 @@ def test_shares_are_percentages_of_each_series() -> None:
     assert "1.0% stuck" in CHARTS["shares"]().alt, "what is too thin for a label is told in words"
 
 
-def test_coverage_names_what_was_not_met() -> None:
-    figure = CHARTS["coverage"]()
-    assert "Planner: 1 of 2 met, not p12" in figure.alt
-    assert {"p11", "p12", "1 of 2", "19 of 19"} <= set(texts(figure))
-
-
 def test_histogram_leaves_out_what_is_not_known_and_keeps_what_is_beyond() -> None:
     assert "original: 3 values, median 2, largest 99" in CHARTS["histogram"]().alt
 
@@ -127,7 +117,6 @@ def test_histogram_leaves_out_what_is_not_known_and_keeps_what_is_beyond() -> No
         (lambda: shares("t", ["a"], {"s": [-1]}, ["good"]), "not negative"),
         (lambda: shares("t", ["a"], {"s": [1]}, []), "'tones' must have one value a group"),
         (lambda: histogram("t", {"s": [1]}, [2, 1], "x"), "edges must increase"),
-        (lambda: coverage("t", {"g": {}}), "must have items"),
     ],
 )
 def test_a_chart_of_nonsense_is_refused(draw: Callable[[], Figure], rule: str) -> None:

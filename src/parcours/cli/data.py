@@ -71,7 +71,7 @@ def draw_rows(
         say_if_cold()
     with progress() as told:
         table = read_table(must, model, reading.titles) if must else None
-        chosen = choose(model, criterion, must=table, budget=budget, seed=seed, told=told)
+        chosen = choose(model, criterion, must=table, budget=budget, seed=seed, progress=told)
     values = chosen.values(seed, rows)
     hit = cover(model, values)
     if as_json:

@@ -1,15 +1,14 @@
-"""Input domains and a combination criterion become rows of values, drawn by seed within constraints."""
+"""Draws rows of test values from input domains: by a combination criterion and a seed, within constraints."""
 
 from parcours.data.blocks import Block
-from parcours.data.bookkeeping import BlockCoverage, cover
 from parcours.data.boundaries import at_boundaries
 from parcours.data.choosing import MODEL_CRITERIA, Selection, choose
 from parcours.data.constraints import Constraint
 from parcours.data.domains import Domain, enumeration, split
 from parcours.data.drawing import draw
-from parcours.data.input_file import parse_input_model, read_input_model
 from parcours.data.inputs import Group, InputModel
-from parcours.data.measuring import TupleCoverage, measure
+from parcours.data.measuring import BlockCoverage, TupleCoverage, cover, measure
+from parcours.data.schema import parse_input_model, read_input_model
 from parcours.data.selecting import CRITERIA, count, select
 
 __all__ = [

@@ -1,4 +1,7 @@
-"""An input model becomes one whose blocks are boundary values: on, just inside and just outside the ends of each block.
+"""Turns blocks into boundary values: on, just inside and just outside the ends of each block.
+
+       below  min  min+          nominal          max-  max  above
+         x    [x    x               x               x    x]    x
 
 On the result every criterion does what it says: base choice from the nominal values is classical boundary value
 analysis (4 n + 1 rows for n inputs of one block), with the values just outside as negative tests its robust form (6 n +
@@ -12,10 +15,10 @@ from dataclasses import replace
 from functools import reduce
 
 from parcours.data.blocks import Block, point
-from parcours.data.constraints import substitute
 from parcours.data.domains import Domain
 from parcours.data.inputs import InputModel, extent
 from parcours.model.expression import Binary, Expression, Literal, Name
+from parcours.model.expression.syntax import substitute
 
 POINTS = ("min", "min+", "nominal", "max-", "max")
 """What the values of a block are called: its ends, the values one step inside, and the middle."""

@@ -1,4 +1,4 @@
-"""A condition over values, and the least and greatest value of each input, become whether it can hold there.
+"""Tells by interval arithmetic whether a condition can hold where each input has a least and a greatest value.
 
 Interval arithmetic with the same floating-point operations as `constraints.meets`, each of which is monotone: what is
 called impossible here is false for every value between the bounds. The reverse is not promised, except for points.

@@ -1,4 +1,4 @@
-"""An input model and a combination criterion become the rows of blocks that satisfy it (Ammann & Offutt, 2008, ch. 4).
+"""Chooses rows of blocks that satisfy a criterion within the rules of a model (Ammann & Offutt, 2008, ch. 4).
 
 Unlike `selecting`, which knows block counts only, this keeps to the rules of the model, counts must-have rows, combines
 groups by their own strength, starts base choice from the bases, and adds a row for each invalid block.
@@ -7,6 +7,7 @@ groups by their own strength, starts base choice from the bases, and adds a row 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -14,17 +15,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parcours.data.arrays.goals import goals_of
-from parcours.data.bases import base_rows
 from parcours.data.constraints import meets
 from parcours.data.domains import OUTSIDE
 from parcours.data.drawing import draw
 from parcours.data.inputs import InputModel, rules_of
-from parcours.data.rules import OPEN, UndecidedError
+from parcours.data.rules import OPEN, Rules, UndecidedError
 from parcours.data.selecting import CRITERIA, LARGEST_LISTING, Rows, count, select
 from parcours.errors import BadRequest, require_known
 
 if TYPE_CHECKING:
-    from parcours.data.arrays.building import Stage, Told
+    from parcours.data.arrays.building import Progress, Stage
 
 STRENGTHS = {"each_choice": 1, "pairwise": 2, "3-wise": 3, "4-wise": 4, "5-wise": 5, "6-wise": 6}
 """Criteria by how many inputs they combine."""
@@ -77,7 +77,7 @@ class Selection:
         return np.concatenate([self.must[: len(blocks)], drawn])
 
     def extended(self, n: int, seed: int) -> Rows:
-        """Return n rows of blocks: the first ones, or these and the same again; each choice shuffles every set anew."""
+        """Return n rows of blocks: the first ones, or these and the same again; each choice shuffles each set."""
         is_free = not rules_of(self.model).tables and not self.model.groups and len(self.rows) == max(self.model.sizes)
         if self.criterion == "each_choice" and is_free and not len(self.must):
             return select("each_choice", self.model.sizes, np.arange(n), seed=seed)
@@ -92,25 +92,23 @@ def choose(
     must: NDArray[np.float64] | None = None,
     budget: float | None = None,
     seed: int = 0,
-    told: Told | None = None,
+    progress: Progress | None = None,
 ) -> Selection:
     """Return the rows that satisfy a criterion within the rules of a model.
 
     Args:
-        model: domains, rules, groups.
         criterion: a name in MODEL_CRITERIA.
         must: values of rows that must be there and count, shape (n_must, n_inputs).
         budget: how long to search for a smaller covering array [s]; None for a fixed effort of a few seconds at
             most, whose result depends on the seed only.
-        seed: of the random choices.
-        told: is told of the progress of a covering array.
+        progress: follows the search of a covering array.
 
     Raises:
         BadRequest: the criterion is unknown, there are too many rows or tuples to list, or a must-have row lies in
             no block or breaks a rule.
         BadDomain: the rules leave no row.
 
-    >>> from parcours.data.input_file import parse_input_model
+    >>> from parcours.data.schema import parse_input_model
     >>> model = parse_input_model('''
     ... parcours: data/1
     ... name: print
@@ -130,7 +128,7 @@ def choose(
     given = _must_blocks(model, values)
     is_negative = (given >= np.array(model.sizes)).any(axis=1)
     positive = given[~is_negative]
-    chosen = _positive(model, criterion, positive, budget, seed, told)
+    chosen = _positive(model, criterion, positive, budget, seed, progress)
     negative, forbidden, undecided = _negative(model, given[is_negative])
     return replace(
         chosen,
@@ -144,7 +142,7 @@ def choose(
 
 
 def _positive(
-    model: InputModel, criterion: str, must: Rows, budget: float | None, seed: int, told: Told | None
+    model: InputModel, criterion: str, must: Rows, budget: float | None, seed: int, progress: Progress | None
 ) -> Selection:
     rules = rules_of(model)
     is_free = not rules.tables and not len(must)
@@ -154,7 +152,7 @@ def _positive(
         goals = goals_of(model.sizes, STRENGTHS[criterion], groups, rules)
         from parcours.data.arrays.building import covering_array  # compiled code is loaded only where it runs
 
-        array = covering_array(goals, must, budget=budget, seed=seed, told=told)
+        array = covering_array(goals, must, budget=budget, seed=seed, progress=progress)
         infeasible, undecided = (
             tuple(model.in_words(goals.tuple_of(number)) for number in numbers)
             for numbers in (array.infeasible, array.undecided[:LISTED])
@@ -209,15 +207,61 @@ def _negative(model: InputModel, must: Rows) -> tuple[Rows, tuple[str, ...], tup
     return np.array(rows, dtype=np.int64).reshape(len(rows), len(sizes)), tuple(forbidden), tuple(undecided)
 
 
+def base_rows(
+    sizes: Sequence[int], bases: Sequence[Sequence[int]], rules: Rules
+) -> tuple[Rows, tuple[tuple[int, int], ...], tuple[tuple[int, int], ...]]:
+    """Return the rows of (multiple) base choice, the (column, block) pairs that no allowed row holds, those undecided.
+
+    Base rows hold one base of each input; every other row changes one input of a base row to one of its other blocks:
+    with at most m bases an input and m_i of B_i blocks being bases, m + m * sum (B_i - m_i) rows. Where the rules
+    forbid a row, other inputs leave their base, as few as the search happens to find.
+
+    >>> base_rows([3, 2], [[0, 1], [0]], Rules([3, 2]))[0].tolist()
+    [[0, 0], [2, 0], [0, 1], [1, 0], [1, 1]]
+    """
+    rows: dict[tuple[int, ...], None] = {}
+    forbidden: dict[tuple[int, int], None] = {}
+    undecided: dict[tuple[int, int], None] = {}
+    for index in range(max(len(each) for each in bases)):
+        base = np.array([each[index % len(each)] for each in bases], dtype=np.int64)
+        changes = [(c, b) for c, size in enumerate(sizes) for b in range(size) if b not in bases[c]]
+        for change in ((OPEN, OPEN), *changes):
+            try:
+                row = _allowed(base, change, rules)
+            except UndecidedError:
+                if change[0] == OPEN:
+                    rules.require_row()  # else each block would take as long, for nothing
+                else:
+                    undecided[change] = None
+                continue
+            if row is not None:
+                rows[tuple(row.tolist())] = None
+            elif change[0] != OPEN:
+                forbidden[change] = None
+    held = np.array(list(rows), dtype=np.int64).reshape(len(rows), len(sizes))
+    return held, tuple(forbidden), tuple(undecided)
+
+
+def _allowed(base: Rows, change: tuple[int, int], rules: Rules) -> Rows | None:
+    """Return the base row with one change, or a row that the rules allow in its place. Raises UndecidedError."""
+    column, block = change
+    row = base.copy()
+    if column != OPEN:
+        row[column] = block
+    if rules.hold(row[np.newaxis])[0]:
+        return row
+    open_ = np.full(len(base), OPEN)
+    if column != OPEN:
+        open_[column] = block
+    return rules.complete(open_, row)
+
+
 def _must_blocks(model: InputModel, values: NDArray[np.float64]) -> Rows:
     blocks = np.stack([domain.blocks_of(values[:, c]) for c, domain in enumerate(model.domains)], axis=1)
     for row, column in np.argwhere(blocks == OUTSIDE)[:1]:
         domain = model.domains[column]
-        raise BadRequest(
-            f"must-have row {row + 1}",
-            f"each value must lie in a block, but {domain.name} = {domain.shown(values[row, column])} lies in none",
-            slug="must-row",
-        )
+        rule = f"each value must lie in a block, but {domain.name} = {domain.shown(values[row, column])} lies in none"
+        raise BadRequest(f"must-have row {row + 1}", rule, slug="must-row")
     columns = {name: values[:, column] for column, name in enumerate(model.names)}
     for constraint in model.constraints:
         if constraint.over == "values" and len(values):

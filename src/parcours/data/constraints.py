@@ -1,4 +1,4 @@
-"""Rules between inputs, in the guard language, become yes or no for every row of a table at once."""
+"""Evaluates rules between inputs for all rows of a table at once."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parcours.errors import BadDomain
-from parcours.model.expression import Apply, Binary, Expression, Field, Literal, Name, Unary, names
+from parcours.model.expression import Apply, Binary, Expression, Literal, Name, Unary, names
 
 Columns = Mapping[str, NDArray[np.float64]]
 """The values of each input, by name, all of shape (n_rows,)."""
@@ -62,9 +62,6 @@ def meets(constraint: Constraint, columns: Columns) -> NDArray[np.bool_]:
     The answer is that of `evaluate` row by row, except that hypot is the root of the sum of squares here,
     whose bits IEEE 754 fixes on every machine: on rows within rounding of the limit the two may differ.
 
-    Raises:
-        BadDomain: the condition has no value on some row (a division by zero, the root of a negative number).
-
     >>> from parcours.model.expression import parse_expression
     >>> apart = Constraint("apart", parse_expression("x != 0 && 1 / x < 2"))
     >>> meets(apart, {"x": np.array([0.0, 0.25, 1.0])}).tolist()
@@ -81,29 +78,6 @@ def meets(constraint: Constraint, columns: Columns) -> NDArray[np.bool_]:
             "guard it: `x != 0 && 1 / x < 2` reads its right side only where the left holds",
             slug="constraint-undefined",
         ) from None
-
-
-def substitute(node: Expression, replace: Callable[[Expression], Expression | None]) -> Expression:
-    """Return the tree with every part replaced for which `replace` returns something, outermost first.
-
-    >>> from parcours.model.expression import parse_expression
-    >>> str(substitute(parse_expression("x - y"), lambda part: Literal(2) if part == Name("y") else None))
-    'x - 2'
-    """
-    new = replace(node)
-    if new is not None:
-        return new
-    match node:
-        case Field(of, name):
-            return Field(substitute(of, replace), name)
-        case Unary(operator, operand):
-            return Unary(operator, substitute(operand, replace))
-        case Binary(operator, left, right):
-            return Binary(operator, substitute(left, replace), substitute(right, replace))
-        case Apply(function, arguments):
-            return Apply(function, tuple(substitute(argument, replace) for argument in arguments))
-        case _:
-            return node
 
 
 def _truth(node: Expression, columns: Columns) -> NDArray[np.bool_]:

@@ -1,4 +1,4 @@
-"""The node of one parameter of a data file becomes its domains, or findings about what keeps it from them."""
+"""Reads the parameters of a data file as domains."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from dataclasses import replace
 from typing import get_args
 
 from parcours.data.blocks import Block, point
-from parcours.data.constraints import substitute
 from parcours.data.domains import Closed, Domain, Kind, split
 from parcours.errors import BadDomain, ParcoursError, one_of
 from parcours.model.documents import Mapping, Node, Scalar
 from parcours.model.expression import Expression, Literal, Name, Unary, evaluate, parse_expression
+from parcours.model.expression.syntax import substitute
 from parcours.model.finding import Finding
 from parcours.model.nodes import NodeReader, brief, is_label
 
@@ -188,12 +188,8 @@ class DomainReader(NodeReader):
             return point(value) if math.isfinite(value) else None
         parts = _INTERVAL.fullmatch(text)
         if not parts:
-            self.add(
-                node,
-                "interval",
-                f"{what}: a block must be written like (1, 1.5], but is {brief(text)}",
-                "square brackets hold their end, round ones do not",
-            )
+            rule = f"{what}: a block must be written like (1, 1.5], but is {brief(text)}"
+            self.add(node, "interval", rule, "square brackets hold their end, round ones do not")
             return None
         before = len(self.findings)
         low, high = self.value(parts[2].strip(), node, what), self.value(parts[3].strip(), node, what)

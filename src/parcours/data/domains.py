@@ -16,8 +16,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from parcours.data.blocks import Block
-from parcours.data.partition import check_blocks, check_enumeration, check_invalid
+from parcours.data.blocks import Block, check_blocks, check_enumeration, check_invalid
 from parcours.errors import BadDomain
 
 Kind: TypeAlias = Literal["real", "integer", "angle", "enumeration"]
@@ -103,11 +102,7 @@ class Domain:
         return int(self.blocks_of(np.array([value]))[0])
 
     def blocks_of(self, values: NDArray[np.float64]) -> NDArray[np.int64]:
-        """Return the index among `choices` of the block that holds each value, or OUTSIDE.
-
-        Args:
-            values: [unit], any shape.
-        """
+        """Return the index among `choices` of the block that holds each value, or OUTSIDE."""
         if self.kind == "angle":
             values = unrolled(values, self.span)
         firsts, lasts = (np.array([getattr(b, end) for b in self.blocks]) for end in ("first", "last"))
@@ -137,6 +132,10 @@ def unrolled(values: NDArray[np.float64], span: Block) -> NDArray[np.float64]:
     >>> unrolled(np.array([-3.0, 3.0, 10.0]), Block(3.0, 4.0)).round(4).tolist()
     [3.2832, 3.0, 3.7168]
     """
+    # The block [3, 4] crosses pi, where angles jump to -pi; it is looked at as one piece of the number line:
+    #
+    #     -pi ──]────────────────────[── pi         ──[──pi──]──
+    #       4 - 2 pi                 3                3      4
     turn = 2.0 * math.pi
     with np.errstate(invalid="ignore"):
         plain = (values > -math.pi) & (values <= math.pi)
@@ -173,7 +172,7 @@ def split(name: str, unit: str, edges: Sequence[float], *, closed: Closed = "rig
     Raises:
         BadDomain: the edges are too few, or do not increase.
 
-    Example: linear velocity of an obstacle, cut at the robot's own top speed.
+    Example: the speed of a lift, cut where it counts as fast.
 
     >>> v = split("v", "m/s", [0.0, 0.25, 0.5])
     >>> [0.25 in block for block in v.blocks]
@@ -186,12 +185,8 @@ def split(name: str, unit: str, edges: Sequence[float], *, closed: Closed = "rig
         raise BadDomain(where, f"a domain needs at least two edges, but {len(edges)} given", slug="edges-few")
     for low, high in pairwise(edges):
         if not low < high:
-            raise BadDomain(
-                where,
-                f"edges must increase, but {high:g} {unit} follows {low:g} {unit}",
-                "sort the edges and drop doubles",
-                slug="edges-order",
-            )
+            rule = f"edges must increase, but {high:g} {unit} follows {low:g} {unit}"
+            raise BadDomain(where, rule, "sort the edges and drop doubles", slug="edges-order")
     n = len(edges) - 1
     is_circle = kind == "angle" and abs(edges[-1] - edges[0] - 2.0 * math.pi) < 1e-9
     blocks = tuple(

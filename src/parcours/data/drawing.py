@@ -1,4 +1,4 @@
-"""Rows of block indices become rows of values: by seed, uniform in their blocks, within the constraints.
+"""Draws values for rows of blocks: by seed, uniform in their blocks, within the constraints.
 
 Each case draws from a stream of its own, fixed by (campaign seed, case number). A row that breaks a
 constraint is drawn again as a whole, inside the same blocks; so values are uniform over that part of the
@@ -45,7 +45,7 @@ def draw(
     Raises:
         BadRequest: the shapes do not fit together, or a block index, a case number or the seed is out of
             range; a row breaks a rule over blocks.
-        BadDomain: the constraints were not met within the blocks of some case in so many tries.
+        BadDomain: the constraints were not met within the blocks of some case in `tries` draws.
 
     >>> from parcours.data.domains import split
     >>> speed, number = split("v", "m/s", [0.0, 0.25, 0.5]), split("n", "1", [1, 6], kind="integer")

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol, cast
 
-from parcours.data.input_file import read_input_model
 from parcours.data.inputs import InputModel
+from parcours.data.schema import read_input_model
 from parcours.data.writing import write_input_model
 from parcours.errors import BadRequest
 from parcours.model.conversion import Loss, Writing

@@ -13,7 +13,7 @@ from parcours.data.blocks import Block
 from parcours.data.bounds import Bounds, may_hold
 from parcours.data.constraints import Constraint, Over, meets
 from parcours.data.domains import Domain
-from parcours.data.rule_names import flat, numbered_words
+from parcours.data.naming import flat, numbered_words
 from parcours.data.rules import MAX_CELLS, Rules, RuleTable
 from parcours.errors import BadDomain, BadModel
 from parcours.model.expression import BOOL, INT, REAL, Expression, Type, names, type_of
@@ -53,11 +53,6 @@ class InputModel:
         """The number of valid blocks of each input, in column order."""
         return tuple(len(domain.blocks) for domain in self.domains)
 
-    @property
-    def has_invalid(self) -> bool:
-        """Whether some input has blocks for negative tests."""
-        return any(domain.invalid for domain in self.domains)
-
     def column(self, name: str) -> int:
         """Return the column of an input."""
         return self.names.index(name)
@@ -73,11 +68,9 @@ def constraint_of(
     """Return the constraint that a condition stands for, after checking that its names and types are right.
 
     Args:
-        name: what it is called.
         rule: the condition; names of an enumeration, or of blocks, stand in it as texts.
         domains: the inputs that it may speak of.
         over: whether it speaks of values or of blocks.
-        doc: why it is there.
 
     Raises:
         BadModel: a name is unknown, or something is compared with what it cannot be.

@@ -1,7 +1,7 @@
-"""A table of values becomes its t-wise coverage: combinations of blocks held and missing, and the rows that count.
+"""Measures the coverage of a table of values: blocks hit, combinations of blocks held and missing.
 
-A row counts only if each of its values lies in a valid block and it breaks no rule: what a test of invalid values meets
-besides says nothing about valid ones. Combinations that the rules forbid are not wanted.
+For combinations, a row counts only if each of its values lies in a valid block and it breaks no rule: what a test of
+invalid values meets besides says nothing about valid ones. Combinations that the rules forbid are not wanted.
 """
 
 from __future__ import annotations
@@ -21,6 +21,89 @@ from parcours.errors import BadRequest
 
 MOST_SHOWN = 100
 """Most missing combinations, and most rows that do not count, that are put in words unless asked for more."""
+
+
+@dataclass(frozen=True, slots=True)
+class BlockCoverage:
+    """How often each block of each parameter was hit, and how many values lay in no block.
+
+    `model` says which parameters and blocks are meant; `counts` has one entry a block, the invalid ones last;
+    `outside` one entry a parameter. Coverages of parts of a campaign add up: `whole = first + second`.
+    """
+
+    model: InputModel
+    counts: tuple[tuple[int, ...], ...]
+    outside: tuple[int, ...]
+    n_rows: int
+
+    def __add__(self, other: BlockCoverage) -> BlockCoverage:
+        """Return the coverage of both tables together. Raises BadRequest if their input models differ."""
+        if self.model != other.model:
+            raise BadRequest(
+                "block coverage",
+                f"only coverages of one input model add up, but these are of"
+                f" {self.model.name!r} and {other.model.name!r}, or of different versions of it",
+                slug="coverage-model",
+            )
+        counts = tuple(
+            tuple(a + b for a, b in zip(mine, theirs, strict=True))
+            for mine, theirs in zip(self.counts, other.counts, strict=True)
+        )
+        outside = tuple(a + b for a, b in zip(self.outside, other.outside, strict=True))
+        return BlockCoverage(self.model, counts, outside, self.n_rows + other.n_rows)
+
+    @property
+    def n_blocks(self) -> int:
+        """The number of blocks there are to hit, those for negative tests included."""
+        return sum(len(domain.choices) for domain in self.model.domains)
+
+    @property
+    def n_hit(self) -> int:
+        """The number of blocks hit at least once."""
+        return sum(count > 0 for counts in self.counts for count in counts)
+
+    @property
+    def uncovered(self) -> tuple[str, ...]:
+        """The blocks that no value hit, as `parameter in block unit`, or `parameter = name`."""
+        return tuple(
+            f"{domain.name} = {block.name}" if block.name else f"{domain.name} in {block} {domain.unit}"
+            for domain, counts in zip(self.model.domains, self.counts, strict=True)
+            for block, count in zip(domain.choices, counts, strict=True)
+            if not count
+        )
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether every block was hit and no value lay outside: these values satisfy Each Choice."""
+        return not self.uncovered and not any(self.outside)
+
+
+def cover(model: InputModel, table: NDArray[np.float64]) -> BlockCoverage:
+    """Return which blocks a table of values hits.
+
+    Args:
+        model: the input model whose blocks are meant.
+        table: values in the units of the domains, shape (n_rows, n_parameters); no row at all is a table too.
+
+    Raises:
+        BadRequest: the table has another number of columns than the model has parameters.
+
+    >>> from parcours.data.domains import split
+    >>> model = InputModel("m", (split("v", "m/s", [0.0, 0.25, 0.5]),))
+    >>> coverage = cover(model, np.array([[0.1], [0.25], [0.9]]))
+    >>> coverage.counts, coverage.outside, coverage.uncovered
+    (((2, 0),), (1,), ('v in (0.25, 0.5] m/s',))
+    """
+    if table.ndim != 2 or table.shape[1] != len(model.domains):
+        rule = f"a table must have {len(model.domains)} columns, but its shape is {table.shape}"
+        raise BadRequest("block coverage", rule, slug="table-shape")
+    counts, outside = [], []
+    for column, domain in enumerate(model.domains):
+        index = domain.blocks_of(table[:, column])
+        hits = np.bincount(index[index != OUTSIDE], minlength=len(domain.choices))
+        counts.append(tuple(int(hit) for hit in hits))
+        outside.append(int(np.sum(index == OUTSIDE)))
+    return BlockCoverage(model, tuple(counts), tuple(outside), len(table))
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,11 +169,8 @@ def measure(
     (3, 4, ('v = (0.25, 0.5], x = [0, 1]',), ((4, 'v = 0.9 lies in no block'),))
     """
     if table.ndim != 2 or table.shape[1] != len(model.domains):
-        raise BadRequest(
-            "coverage of a table",
-            f"a table must have {len(model.domains)} columns, but its shape is {table.shape}",
-            slug="table-shape",
-        )
+        rule = f"a table must have {len(model.domains)} columns, but its shape is {table.shape}"
+        raise BadRequest("coverage of a table", rule, slug="table-shape")
     if strength < 1:
         raise BadRequest("coverage of a table", f"the strength must be at least 1, but is {strength}", slug="strength")
     rules = rules_of(model)
@@ -104,6 +184,7 @@ def measure(
             columns = {name: table[counts, column] for column, name in enumerate(model.names)}
             counts[counts] = meets(constraint, columns)
     missing = goals.missing(blocks[counts])
+    # Without listed rules the goals hold some combinations that no allowed row can hold: each is looked at here.
     if not rules.are_listed:
         missing = np.array([number for number in missing if _can_be_held(goals, int(number))], dtype=np.int64)
     uncounted = np.flatnonzero(~counts)[:most_shown]

@@ -1,4 +1,4 @@
-"""Rules as tables of allowed block combinations become answers: is a row allowed, can a part of one be completed.
+"""Decides which rows of blocks the rules allow, and whether a part of a row can be completed.
 
 A rule speaks of a few columns and allows some of the combinations of their blocks. Rules that share columns form a
 component; the allowed rows of a component are listed where they are few enough, so that what can be combined is read
@@ -219,6 +219,7 @@ class Rules:
         levels: list[tuple[_Masks, int, list[int]]] = []  # what was open, the column chosen there, blocks left to try
         while True:
             widths = [(int(np.count_nonzero(masks[c])), c) for c in ruled]
+            # The column with fewest blocks left fails first, if it fails: that cuts off most of the search.
             width, column = min((each for each in widths if each[0] > 1), default=(0, OPEN))
             if not width:
                 return masks

@@ -1,20 +1,26 @@
-"""The nodes of a data file become an input model, or findings about everything that keeps them from it."""
+"""Reads an input model from a YAML file of format `data/1`: domains, their blocks, and constraints.
+
+The file may be hostile: it is read as plain data of bounded size, numbers and rules through the guard language, and
+everything wrong with it is said at once, each finding with its line. docs/test-data.md describes the format.
+"""
 
 from __future__ import annotations
 
 import math
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
 
 from parcours.data.constraints import Constraint
 from parcours.data.domain_schema import DomainReader
 from parcours.data.domains import Domain
 from parcours.data.inputs import Group, InputModel, constraint_of
-from parcours.data.replicas import SCOPES, Scope, instances, n_instances, numbered, numbered_name
-from parcours.errors import BadRequest, ParcoursError, one_of
-from parcours.model.documents import Node
+from parcours.data.naming import SCOPES, Scope, copies, instances, numbered_name
+from parcours.errors import BadDomain, BadRequest, ParcoursError, one_of
+from parcours.model.documents import MAX_BYTES, Node, read_document
 from parcours.model.expression import parse_expression
-from parcours.model.finding import Finding
+from parcours.model.finding import Finding, complaint
 from parcours.model.nodes import brief
 
 FORMAT = "data/1"
@@ -31,6 +37,69 @@ MAX_STRENGTH = 6
 
 OVER_BLOCKS = "blocks"
 """The key of a rule that speaks of the blocks of a row, not of its values."""
+
+
+def read_input_model(path: Path | str, constants: Mapping[str, float] | None = None) -> InputModel:
+    """Return the input model that a file describes.
+
+    Args:
+        path: a YAML file of format data/1, UTF-8, at most 1 MB.
+        constants: values that replace those of the file's constants, by name, in the units the file gives.
+
+    Raises:
+        BadDomain: the file cannot be read or is no input model; the message lists all findings with their
+            lines.
+        BadRequest: a constant to be replaced is not in the file, or its new value is not finite.
+
+    """
+    try:
+        with Path(path).open("rb") as file:
+            text = file.read(MAX_BYTES + 1).decode()
+    except (OSError, ValueError) as error:
+        said = error.strerror if isinstance(error, OSError) else "its bytes are no UTF-8 text"
+        raise BadDomain(
+            str(path), f"an input model must be a readable file, but: {said}", "check the path", slug="unreadable-file"
+        ) from None
+    return parse_input_model(text, str(path), constants)
+
+
+def parse_input_model(text: str, origin: str, constants: Mapping[str, float] | None = None) -> InputModel:
+    """Return the input model that a text describes.
+
+    Args:
+        text: YAML of format data/1.
+        origin: the file's name, for messages and as the model's source.
+        constants: values that replace those of the text's constants, by name, in the units the text gives.
+
+    Raises:
+        BadDomain: the text is no input model; the message lists all findings with their lines.
+        BadRequest: a constant to be replaced is not in the text, or its new value is not finite.
+
+    >>> model = parse_input_model('''
+    ... parcours: data/1
+    ... name: two_discs
+    ... repeat: 2
+    ... parameters:
+    ...   x: {unit: m, blocks: ["[0, 1]", "(1, 2]"]}
+    ... constraints:
+    ...   apart: {pairs: "abs(a.x - b.x) >= 0.2"}
+    ... ''', "here")
+    >>> model.names, [str(constraint) for constraint in model.constraints]
+    (('x1', 'x2'), ['apart(1, 2): abs(x1 - x2) >= 0.2'])
+    """
+    root, findings = read_document(text, origin)
+    if root is None:
+        raise _complaint(findings)
+    reader = InputModelReader(origin, constants or {})
+    model = reader.model(root)
+    if findings or reader.findings:
+        raise _complaint(findings + reader.findings)
+    return model
+
+
+def _complaint(findings: list[Finding]) -> BadDomain:
+    error = complaint(tuple(sorted(findings)))
+    return BadDomain(error.where, error.rule, error.remedy, slug=error.slug)
 
 
 class InputModelReader(DomainReader):
@@ -68,15 +137,14 @@ class InputModelReader(DomainReader):
                 "repeat it less often",
             )
             once = []
-        domains = [numbered(domain, i) for i in range(1, replicas + 1) for domain in once] if replicas else once
+        domains = once
+        if replicas:
+            numbers = range(1, replicas + 1)
+            domains = [replace(domain, name=numbered_name(domain.name, i)) for i in numbers for domain in once]
         for double, n in Counter(domain.name for domain in domains).items():
             if n > 1:
-                self.add(
-                    top["parameters"],
-                    "duplicate-name",
-                    f"a name must be unique, but {n} parameters become {double!r} when numbered",
-                    "rename one",
-                )
+                rule = f"a name must be unique, but {n} parameters become {double!r} when numbered"
+                self.add(top["parameters"], "duplicate-name", rule, "rename one")
         return InputModel(
             self.text(top.get("name"), "name"),
             tuple(domains),
@@ -102,12 +170,8 @@ class InputModelReader(DomainReader):
         for name, value in self.replaced.items():
             own = sorted(self.constants.keys() - {"pi"})
             if name not in own:
-                raise BadRequest(
-                    f"constant {name!r}",
-                    f"only constants of {self.origin} can be replaced",
-                    one_of(name, own),
-                    slug="unknown-constant",
-                )
+                rule = f"only constants of {self.origin} can be replaced"
+                raise BadRequest(f"constant {name!r}", rule, one_of(name, own), slug="unknown-constant")
             if not math.isfinite(value):
                 raise BadRequest(f"constant {name!r}", f"it must be finite, but {value} given", slug="constant")
 
@@ -157,7 +221,7 @@ class InputModelReader(DomainReader):
                 continue
             (key,) = keys
             scope: Scope = "each" if key == "each" else "pairs" if key == "pairs" else "row"
-            left -= n_instances(scope, replicas)
+            left -= len(copies(scope, replicas))
             if left < 0:
                 self.add(entry, "columns", f"a file stands for at most {MAX_COLUMNS} constraints, but has more")
                 return

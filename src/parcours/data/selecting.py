@@ -1,7 +1,7 @@
-"""Block counts and a combination criterion become rows of block indices (Ammann & Offutt, 2008, ch. 4).
+"""Lists the rows of blocks that satisfy a criterion, of block counts alone (Ammann & Offutt, 2008, ch. 4).
 
 The rows of a criterion stand in an endless table: its first `n_rows` satisfy the criterion, so do the next
-`n_rows`, and so on. Each Choice shuffles every repetition anew by seed, so that blocks meet in ever new
+`n_rows`, and so on. Each Choice shuffles every repetition by seed, so that blocks meet in ever new
 pairings; so do pair-wise and t-wise, by exchanging the blocks of each column. Any row is found by its number
 alone; nothing is listed that was not asked for.
 """
@@ -50,10 +50,7 @@ def count(criterion: str, sizes: Sequence[int]) -> int:
     Raises:
         BadRequest: the criterion is unknown, or there is no parameter, or one without a block.
 
-    Three obstacles of six parameters each (Table VII):
-
-    >>> obstacle = [3, 3, 2, 2, 1, 1]
-    >>> [count(name, obstacle * 3) for name in ("each_choice", "base_choice", "all_combinations")]
+    >>> [count(name, [3, 3, 2, 2, 1, 1] * 3) for name in ("each_choice", "base_choice", "all_combinations")]
     [3, 19, 46656]
     """
     return _found(criterion, sizes).n_rows(sizes)
@@ -81,12 +78,8 @@ def select(criterion: str, sizes: Sequence[int], numbers: NDArray[np.int64] | No
     if numbers is None:
         n = found.n_rows(sizes)
         if n > LARGEST_LISTING:
-            raise BadRequest(
-                f"criterion {criterion!r}",
-                f"at most {LARGEST_LISTING} rows are listed at once, but it has {n}",
-                "ask for rows by number",
-                slug="rows-too-many",
-            )
+            rule = f"at most {LARGEST_LISTING} rows are listed at once, but it has {n}"
+            raise BadRequest(f"criterion {criterion!r}", rule, "ask for rows by number", slug="rows-too-many")
         numbers = np.arange(n)
     if numbers.size and numbers.min() < 0:
         raise BadRequest("rows", f"a row number must not be negative, but {numbers.min()} given", slug="row-number")
@@ -96,11 +89,8 @@ def select(criterion: str, sizes: Sequence[int], numbers: NDArray[np.int64] | No
 def _found(criterion: str, sizes: Sequence[int]) -> Criterion:
     require_known(criterion, list(CRITERIA), "combination criterion", slug="unknown-criterion")
     if not sizes or min(sizes) < 1:
-        raise BadRequest(
-            "combination criterion",
-            f"every parameter must have a block, but the counts are {list(sizes)}",
-            slug="blocks-none",
-        )
+        rule = f"every parameter must have a block, but the counts are {list(sizes)}"
+        raise BadRequest("combination criterion", rule, slug="blocks-none")
     return CRITERIA[criterion]
 
 
@@ -145,7 +135,7 @@ def _array(sizes: tuple[int, ...], strength: int) -> Rows:
 
 
 def _combined(strength: int) -> Criterion:
-    """Return the criterion under which the blocks of every so many parameters meet in all combinations."""
+    """Return the criterion under which the blocks of every `strength` parameters meet in all combinations."""
 
     def n_rows(sizes: Sequence[int]) -> int:
         return len(_array(tuple(sizes), strength))

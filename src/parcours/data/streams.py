@@ -47,14 +47,6 @@ def starts(seed: int, cases: NDArray[np.int64], purpose: int) -> NDArray[np.uint
 def uniforms(start: NDArray[np.uint64], first: int, n: int) -> NDArray[np.float64]:
     """Return numbers first .. first + n - 1 of each stream, uniform on [0, 1) in steps of 2**-53.
 
-    Args:
-        start: where the streams begin, shape (n_cases,).
-        first: number of the first word wanted, from 0.
-        n: how many words of each stream.
-
-    Returns:
-        Shape (n_cases, n).
-
     >>> beginnings = starts(7, np.array([0, 1]), VALUES)
     >>> bool((uniforms(beginnings, 0, 3)[:, 2] == uniforms(beginnings, 2, 1)[:, 0]).all())
     True

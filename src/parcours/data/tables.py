@@ -1,4 +1,4 @@
-"""A file of rows (CSV, JSON Lines or JSON) becomes a table of values in the columns of an input model.
+"""Reads a file of rows (CSV, JSON Lines or JSON) as a table of values in the columns of an input model.
 
 The file may come from anywhere: columns are found by name, further ones are left aside, and a cell that is no value of
 its input becomes NaN, which lies in no block. Numbers are read as numbers, names of an enumeration as their places.

@@ -1,4 +1,4 @@
-"""An input model becomes a YAML file of format data/1 that reads back to an equal one."""
+"""Writes an input model as a YAML file of format data/1 that reads back to an equal one."""
 
 from __future__ import annotations
 
@@ -19,9 +19,6 @@ _NO_NAME = re.compile(r"[^A-Za-z0-9_]+", re.ASCII)
 
 def write_input_model(model: InputModel) -> str:
     """Return the text of a model: replicas and constants written out, names of constraints without brackets.
-
-    Raises:
-        BadRequest: inputs with a dot in their names are no components of one vector.
 
     >>> from parcours.data.domains import split
     >>> print(write_input_model(InputModel("m", (split("v", "m/s", [0.0, 0.5]),))), end="")

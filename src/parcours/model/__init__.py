@@ -1,4 +1,4 @@
-"""Models: a YAML file to a checked Cefsm, its guard language, its step relation and its drawings."""
+"""Models: reading and checking a YAML file, the guard language, the step relation, drawings."""
 
 from parcours.model.checking import findings
 from parcours.model.configuration import Configuration, Layout, Move

@@ -1,4 +1,4 @@
-"""A guard that does more with open values than compare them -> values under which it holds, found by solving for each.
+"""Solves guards that do more with open values than compare them, for one value after the other.
 
 A comparison such as `credit + c.value <= 20` is taken as linear in one open term at a time, the others being fixed:
 two evaluations give the value at which it changes, and that value and its neighbours are tried. Where the guard has
@@ -12,10 +12,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from itertools import islice, pairwise
 
 from parcours.errors import BadModel
-from parcours.model.expression import Apply, Binary, Expression, Field, Literal, Name, Type, Unary, evaluate
+from parcours.model.expression import Binary, Expression, Literal, Type, Unary, evaluate
 from parcours.model.expression.evaluation import INTEGER_LIMIT
 from parcours.model.expression.syntax import COMPARISONS, walk
-from parcours.model.solutions import ENUMERABLE, Question, Values, with_terms
+from parcours.model.solutions import Question, Values, comparisons, hold, is_boxed, term_of, with_terms
 
 MOST_TRIED = 1 << 12
 """Most valuations that are tried for one guard."""
@@ -24,7 +24,7 @@ Chosen = dict[str, object]
 
 
 def may_hold(guard: Expression, known: Mapping[str, object]) -> bool:
-    """Return whether a guard holds; also if it reads what has no value, so that nobody can say."""
+    """Return whether a guard holds, or reads what has no value, so that it might."""
     try:
         return evaluate(guard, known) is True
     except BadModel as error:
@@ -42,61 +42,30 @@ def likely(question: Question, guard: Expression) -> Iterator[Values]:
     search = _Search(question, guard)
     for order in search.orders():
         for chosen in islice(search.filled({}, order), MOST_TRIED):
-            if holds(guard, with_terms(question.known, chosen)):
+            if hold([guard], with_terms(question.known, chosen)):
                 yield tuple(sorted(chosen.items()))
-
-
-def holds(guard: Expression, known: Mapping[str, object]) -> bool:
-    """Return whether a guard has a value, and holds."""
-    try:
-        return evaluate(guard, known) is True
-    except BadModel:
-        return False
-
-
-def endless(question: Question, terms: Mapping[str, Type]) -> list[str]:
-    """Return those terms whose values are not all tried."""
-    return [term for term, type_ in terms.items() if not listed(question, term, type_)]
-
-
-def listed(question: Question, term: str, type_: Type) -> Sequence[object]:
-    """Return all values of a term where they are few enough to be tried one by one, else none."""
-    if type_.name == "bool":
-        return (False, True)
-    domain = question.domains.get(term) or type_.values
-    return domain if len(domain) <= ENUMERABLE else ()
 
 
 def is_linear(question: Question, guard: Expression) -> bool:
     """Return whether a guard has one open integer whose values are not all tried, and compares what is linear in it."""
-    terms = question.terms([guard])
-    cut = endless(question, terms)
-    return len(cut) == 1 and terms[cut[0]].name == "int" and _linear_guard(guard, cut[0])
+    cut = question.endless([guard])
+    return [type_.name for type_ in cut.values()] == ["int"] and _linear_guard(guard, *cut)
 
 
 def is_plain(question: Question, guard: Expression) -> bool:
     """Return whether a guard compares its open terms, where they cannot all be tried, alone with what is not such."""
-    cut = set(endless(question, question.terms([guard])))
-    for node in walk(guard):
-        if isinstance(node, Binary) and node.operator in COMPARISONS:
-            within = [any(_term(part) in cut for part in walk(side)) for side in (node.left, node.right)]
-            alone = _term(node.left) in cut or _term(node.right) in cut
-            if any(within) and (not alone or all(within)):
-                return False
-    return True
+    return is_boxed(guard, question.endless([guard]))
 
 
 class _Search:
     def __init__(self, question: Question, guard: Expression) -> None:
         self._question, self._guard = question, guard
         self._terms = question.terms([guard])
-        self._comparisons = [
-            (node.left, node.right) for node in walk(guard) if isinstance(node, Binary) and node.operator in COMPARISONS
-        ]
+        self._comparisons = comparisons(guard)
         self._literals = [node.value for node in walk(guard) if isinstance(node, Literal)]
 
     def orders(self) -> list[list[str]]:
-        cut = endless(self._question, self._terms)
+        cut = list(self._question.endless([self._guard]))
         few = [term for term in self._terms if term not in cut]
         return [few + cut, few + cut[::-1]] if len(cut) > 1 else [few + cut]
 
@@ -109,7 +78,7 @@ class _Search:
 
     def _values(self, term: str, chosen: Chosen) -> Sequence[object]:
         type_ = self._terms[term]
-        if few := listed(self._question, term, type_):
+        if few := self._question.listed(term, type_):
             return few
         if type_.name in ("text", "enum"):
             said = sorted({each for each in self._literals if isinstance(each, str)} | set(self._texts(chosen)))
@@ -180,7 +149,7 @@ def _reals(cuts: list[float]) -> list[object]:
 
 def _linear_guard(node: Expression, term: str) -> bool:
     match node:
-        case _ if not any(_term(part) == term for part in walk(node)):
+        case _ if not any(term_of(part) == term for part in walk(node)):
             return True
         case Binary(operator, left, right) if operator in COMPARISONS:
             return _is_affine(left, term) and _is_affine(right, term)
@@ -193,7 +162,7 @@ def _linear_guard(node: Expression, term: str) -> bool:
 
 
 def _is_affine(node: Expression, term: str) -> bool:
-    if _term(node) == term or not any(_term(part) == term for part in walk(node)):
+    if term_of(node) == term or not any(term_of(part) == term for part in walk(node)):
         return not any(isinstance(part, Literal) and isinstance(part.value, float) for part in walk(node))
     match node:
         case Unary("-", operand):
@@ -201,19 +170,7 @@ def _is_affine(node: Expression, term: str) -> bool:
         case Binary("+" | "-", left, right):
             return _is_affine(left, term) and _is_affine(right, term)
         case Binary("*", left, right):
-            held = [any(_term(part) == term for part in walk(side)) for side in (left, right)]
+            held = [any(term_of(part) == term for part in walk(side)) for side in (left, right)]
             return not all(held) and _is_affine(left, term) and _is_affine(right, term)
         case _:
             return False
-
-
-def _term(node: Expression) -> str | None:
-    match node:
-        case Name():
-            return str(node)
-        case Field(of, name):
-            return None if (inner := _term(of)) is None else f"{inner}.{name}"
-        case Apply("size", (Name() | Field() as chain,)):
-            return f"size({_term(chain)})"
-        case _:
-            return None

@@ -1,4 +1,4 @@
-"""A Cefsm to all that is wrong with it: names, directions and types here, doubtful choices in `suspicion`."""
+"""Finds what is wrong with a model: names, directions and types here, doubtful choices in `suspicion`."""
 
 from __future__ import annotations
 
@@ -6,23 +6,14 @@ from collections.abc import Iterable, Mapping, Sequence
 from itertools import pairwise
 
 from parcours.errors import BadModel
+from parcours.model.declarations import temporal_findings, variable_findings
 from parcours.model.expression import BOOL, Assignment, Expression, Type, type_of
 from parcours.model.expression.typing import accepts
 from parcours.model.finding import Finding, advice
 from parcours.model.nodes import is_identifier, is_label
 from parcours.model.scope import Scopes, variable_type
-from parcours.model.structure import (
-    BASE_TYPES,
-    ENVIRONMENT,
-    Cefsm,
-    Component,
-    Machine,
-    Transition,
-    Variable,
-)
+from parcours.model.structure import BASE_TYPES, ENVIRONMENT, Cefsm, Component, Machine, Transition, Variable
 from parcours.model.suspicion import suspicions
-from parcours.model.temporal import temporal_findings
-from parcours.model.variables import variable_findings
 
 
 def findings(cefsm: Cefsm, origin: str = "") -> list[Finding]:
@@ -48,10 +39,6 @@ def findings(cefsm: Cefsm, origin: str = "") -> list[Finding]:
 
 def errors(cefsm: Cefsm, origin: str = "") -> list[Finding]:
     """Return what is wrong, in the order of the lines, without looking for what is doubtful, which takes longer.
-
-    Args:
-        cefsm: any model.
-        origin: what to call the file; by default where the model was read from.
 
     >>> print(*errors(Cefsm("empty", ())))
     empty: error: a model must have a component, but this one has none; add one [no-component]
@@ -268,11 +255,7 @@ class _Check:
             self.all_typed(transition, send.payload, types, f"message of {transition.id!r}")
 
     def assignment(
-        self,
-        transition: Transition,
-        action: Assignment,
-        types: Mapping[str, Type],
-        variables: dict[str, Variable],
+        self, transition: Transition, action: Assignment, types: Mapping[str, Type], variables: dict[str, Variable]
     ) -> None:
         where = f"action of {transition.id!r}"
         given = self.typed(transition, action.value, types, where)

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections import ChainMap
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from math import prod
 
-from parcours.model.candidates import endless, holds, is_linear, is_plain, likely, may_hold
+from parcours.model.candidates import is_linear, is_plain, likely, may_hold
 from parcours.model.configuration import Configuration, Layout, Message, Site
-from parcours.model.exactness import inexact, keeps
 from parcours.model.expression import Binary, Expression, evaluate
-from parcours.model.solutions import Question, Values, with_terms
+from parcours.model.solutions import EFFORT, Question, Values, comparisons, hold, with_terms
 
 _CACHED = 100_000
 
@@ -32,11 +32,7 @@ class Choices:
     ) -> tuple[Values, ...]:
         """Return the choices under which the transition can be taken, one for each different effect.
 
-        Args:
-            configuration: where the model stands.
-            site: the transition.
-            arrived: the message it takes; fields that are not said are open.
-            given: choices already made, by term.
+        Fields of the message `arrived` that are not said are open; `given` are choices already made, by term.
 
         Raises:
             BadModel: a guard that reads nothing open has no value.
@@ -45,6 +41,7 @@ class Choices:
             return ((),)
         read = tuple(configuration.values[at] for _, at in site.reads)
         key = (site.transition.id, read, arrived, tuple(sorted(given.items(), key=lambda pair: pair[0])))
+        # What a choice depends on is a small part of the configuration, so most steps find it here.
         if key not in self._remembered:
             if len(self._remembered) >= _CACHED:
                 self._remembered.clear()
@@ -59,12 +56,7 @@ class Choices:
     ) -> tuple[dict[str, object], ...]:
         """Return the choices of what both transitions read, where a sender meets a receiver of its own component.
 
-        Args:
-            configuration: where the model stands.
-            sender: the transition that acts first.
-            receiver: the one that it meets.
-            arrived: the message that the sender takes.
-            given: choices already made, by term.
+        The sender acts first and takes the message `arrived`; `given` are choices already made, by term.
         """
         scopes, transitions = self.layout.scopes, (sender.transition, receiver.transition)
         inputs = scopes.types(sender.component)
@@ -141,7 +133,7 @@ class Choices:
                 found.setdefault(_of(all_, kept), all_)
             if not kept:
                 break
-        if is_linear(question, guard) or (found and endless(question, kept)):
+        if is_linear(question, guard) or (found and question.endless(effects)):
             return found
         # What nobody can decide counts as possible, but no choice that is wrong for sure.
         for values, _ in question.valuations((), effects):
@@ -155,6 +147,37 @@ class Choices:
         if site.transition.event is not None and site.transition.event.name:
             known[site.transition.event.name] = dict(arrived)
         return known
+
+
+def inexact(question: Question, guards: Sequence[Expression], effects: Sequence[Expression], id: str) -> str:
+    """Return why the step relation may not try every different choice at a transition; empty if it does.
+
+    >>> from parcours.model.expression import INT, parse_expression
+    >>> question = Question({"v": INT}, {})
+    >>> inexact(question, [parse_expression("v > 0")], [], "t1")
+    ''
+    >>> inexact(question, [parse_expression("v > 0")], [parse_expression("v + 1")], "t1")
+    "t1 keeps the open value 'v'"
+    """
+    kept = question.terms(effects)
+    if why := keeps(question, effects, kept, id):
+        return why
+    # An open number is tried at, and beside, each value that it is compared with.
+    tried = 9 + 8 * sum(len(comparisons(guard)) for guard in guards)
+    terms = question.terms([*guards, *effects]).items()
+    if prod(len(question.listed(term, type_)) or tried for term, type_ in terms) > EFFORT:
+        return f"{id} has too many open values to try them all"
+    if kept and not all(is_plain(question, guard) for guard in guards):
+        return f"{id} computes with open values, and not all that it may keep are found"
+    return ""
+
+
+def keeps(question: Question, effects: Sequence[Expression], among: Collection[str], id: str) -> str:
+    """Return which of these open terms, that cannot all be tried, lives on in the effects, in words; empty if none."""
+    for term in question.endless(effects):
+        if term in among:
+            return f"{id} keeps the open value {term!r}"
+    return ""
 
 
 def _of(values: Values, kept: Collection[str]) -> Values:
@@ -171,7 +194,7 @@ def _is_all(question: Question, guard: Expression, effects: list[Expression], fo
     tried = {value for values in found.values() for _, value in values}
     beside = {value + step for value in tried if isinstance(value, int) for step in (-1, 1)} - tried
     return not any(
-        holds(guard, with_terms(question.known, {term: value})) for value in beside if not domain or value in domain
+        hold([guard], with_terms(question.known, {term: value})) for value in beside if not domain or value in domain
     )
 
 

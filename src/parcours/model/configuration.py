@@ -11,16 +11,7 @@ from parcours.model.expression import Assignment, Expression, Field, names, type
 from parcours.model.expression.evaluation import INTEGER_LIMIT
 from parcours.model.expression.typing import accepts
 from parcours.model.scope import Scopes, is_local
-from parcours.model.structure import (
-    BASE_TYPES,
-    ENVIRONMENT,
-    Cefsm,
-    Component,
-    Machine,
-    Send,
-    Transition,
-    Variable,
-)
+from parcours.model.structure import BASE_TYPES, ENVIRONMENT, Cefsm, Component, Machine, Send, Transition, Variable
 
 Message = tuple[tuple[str, object], ...]
 """The fields of a message whose values the model says, by name; the others are open."""
@@ -182,11 +173,7 @@ class Layout:
 
 
 def stored(variable: Variable, value: object, owner: str) -> object:
-    """Return the value as the variable keeps it: an integer becomes a real where one is declared.
-
-    Raises:
-        BadModel: the value lies outside the variable's domain or 64 bits.
-    """
+    """Return the value as the variable keeps it: an integer becomes a real where one is declared."""
     if variable.type == "real" and isinstance(value, int | float):
         value = float(value)
     outside = bool(variable.domain) and value not in variable.domain

@@ -1,4 +1,4 @@
-"""The text of a YAML file to a tree of nodes that know their lines, for files that may be hostile.
+"""Parses YAML, which may be hostile, into a tree of nodes that know their lines.
 
 Only plain data passes: no anchors, aliases or tags, no doubled keys, bounded size and nesting. Scalars stay
 text; who reads a node says what kind of value it wants there, so that a state may be called `on` or `1`.
@@ -124,16 +124,12 @@ class _Builder:
             raise _refusal(self.origin, 0, "empty", "a model must have content, but the file is empty")
         return root
 
+    # Events, not yaml.load: an alias bomb is refused at its first alias, and a doubled key is seen before it is lost.
     def node(self, event: yaml.Event, events: Iterator[yaml.Event], depth: int) -> Node:
         line = _line(event)
         if isinstance(event, yaml.AliasEvent) or getattr(event, "anchor", None) is not None:
             name = getattr(event, "anchor", "")
-            self.refuse(
-                event,
-                "yaml-alias",
-                f"a model has no anchors or aliases, but here is {name!r}",
-                "write it out",
-            )
+            self.refuse(event, "yaml-alias", f"a model has no anchors or aliases, but here is {name!r}", "write it out")
         tag = getattr(event, "tag", None)
         if tag is not None:
             self.refuse(event, "yaml-tag", f"a model has no tags, but here is {tag!r}", "delete the tag")

@@ -1,4 +1,4 @@
-"""A model to text: tables for the terminal, and Graphviz' DOT."""
+"""Prints a model as tables for the terminal, and as Graphviz' DOT."""
 
 from __future__ import annotations
 

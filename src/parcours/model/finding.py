@@ -1,4 +1,4 @@
-"""What is wrong with a model, one frozen record a complaint, and all of them together as one error."""
+"""Findings: complaints about a model, and all of them together as one error."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ class Finding:
         message: the rule and what was given instead.
         remedy: what to do about it; may be empty.
 
-    >>> print(Finding("robot.yaml", 7, "warning", "unreachable-state", "no path leads to 'lost'"))
-    robot.yaml:7: warning: no path leads to 'lost' [unreachable-state]
+    >>> print(Finding("lift.yaml", 7, "warning", "unreachable-state", "no path leads to 'lost'"))
+    lift.yaml:7: warning: no path leads to 'lost' [unreachable-state]
     """
 
     file: str

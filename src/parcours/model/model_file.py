@@ -1,4 +1,4 @@
-"""A YAML model (docs/model-format.md) to a Cefsm, or to all that is wrong with it.
+"""Reads a model from a YAML file (docs/model-format.md), or returns all that is wrong with it.
 
 Reading proper says what the file holds; `checking` says whether that makes sense. Both report everything at
 once.

@@ -1,11 +1,11 @@
-"""One YAML node to one value of the kind that is wanted there, or a finding and a stand-in of that kind."""
+"""Reads single YAML nodes: a value of the kind that is wanted there, or a finding and a stand-in of that kind."""
 
 from __future__ import annotations
 
 import math
 import re
 from collections.abc import Callable, Iterator
-from typing import Protocol, TypeVar
+from typing import TypeVar
 
 from parcours.errors import BadModel
 from parcours.model.documents import Mapping, Node, Scalar, Sequence
@@ -37,10 +37,6 @@ def is_label(name: str) -> bool:
     (True, False, False)
     """
     return 0 < len(name) <= MAX_LABEL and name.isprintable() and name == name.strip()
-
-
-class _Name(Protocol):
-    def __call__(self, node: Node | None, what: str) -> str: ...
 
 
 class NodeReader:
@@ -79,7 +75,9 @@ class NodeReader:
                 self.add(node, "missing-key", f"{what} must have the key {name!r}, but has not", "add it")
         return items
 
-    def entries(self, node: Node | None, what: str, name: _Name | None = None) -> Iterator[tuple[str, Node, int]]:
+    def entries(
+        self, node: Node | None, what: str, name: Callable[[Node, str], str] | None = None
+    ) -> Iterator[tuple[str, Node, int]]:
         """Yield name, value and line of each entry of a mapping from names of the user's choice."""
         if node is None or (isinstance(node, Scalar) and node.plain and node.text in ("", "~", "null")):
             return

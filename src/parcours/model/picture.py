@@ -1,4 +1,4 @@
-"""A machine, or the components of a model, to one self-contained SVG picture.
+"""Draws a machine, or the components of a model, as one self-contained SVG picture.
 
 Nodes stand on a circle, the first one left, or around the one that most arrows touch; arrows between the same
 two nodes bow apart; loops point outwards; long labels go to a legend below. The same model gives the same
@@ -43,7 +43,6 @@ def to_svg(model: Cefsm | Machine, title: str = "", covered: Collection[str] | N
     """Return a picture of a machine with its transitions, or of a model with its channels.
 
     Args:
-        model: a machine or model without errors.
         title: the heading; by default the model's name.
         covered: ids of transitions (names of channels) to draw in full; all others are drawn faint and
             dashed.
@@ -138,10 +137,7 @@ class _Picture:
         dx, dy = end[0] - start[0], end[1] - start[1]
         length = math.hypot(dx, dy)
         # The control point lies left of the way, seen along it, so that the way back bows to the other side.
-        control = (
-            (start[0] + end[0]) / 2 + dy / length * 2 * bend,
-            (start[1] + end[1]) / 2 - dx / length * 2 * bend,
-        )
+        control = ((start[0] + end[0]) / 2 + dy / length * 2 * bend, (start[1] + end[1]) / 2 - dx / length * 2 * bend)
         first = self.rim(arrow.source, control)
         last = self.rim(arrow.target, control, gap=2.0)
         self.line(f"M{_at(first)} Q{_at(control)} {_at(last)}", arrow.faint)

@@ -1,4 +1,4 @@
-"""A tree of YAML nodes to a Cefsm: which keys stand where, with what kind of value (docs/model-format.md)."""
+"""Reads a tree of YAML nodes as a model: which keys stand where, with what kind of value (docs/model-format.md)."""
 
 from __future__ import annotations
 

@@ -6,7 +6,7 @@ from collections import ChainMap
 from collections.abc import Mapping, Sequence
 
 from parcours.model.expression.typing import REAL, Type
-from parcours.model.structure import BASE_TYPES, CLOCK, Cefsm, Field, Transition, Variable
+from parcours.model.structure import BASE_TYPES, CLOCK, Cefsm, Transition, Variable
 
 Classes = Mapping[str, Mapping[str, Type]]
 """The fields of each message class, with their types."""
@@ -15,19 +15,15 @@ Classes = Mapping[str, Mapping[str, Type]]
 def classes_of(cefsm: Cefsm) -> dict[str, dict[str, Type]]:
     """Return the fields of each message class, with their types; of equal names the first counts.
 
-    >>> from parcours.model.structure import MessageClass
+    >>> from parcours.model.structure import Field, MessageClass
     >>> pose = MessageClass("Pose", (Field("x", "real"), Field("path", "Pose", shape=("n",))))
     >>> {name: str(type_) for name, type_ in classes_of(Cefsm("m", (), (), (pose,)))["Pose"].items()}
     {'x': 'real', 'path': 'list of Pose'}
     """
     found: dict[str, dict[str, Type]] = {}
     for message in cefsm.messages:
-        found.setdefault(message.name, {field.name: _field_type(field) for field in message.fields})
+        found.setdefault(message.name, {f.name: Type(f.type, rank=len(f.shape)) for f in message.fields})
     return found
-
-
-def _field_type(field: Field) -> Type:
-    return Type(field.type, rank=len(field.shape))
 
 
 def variable_type(variable: Variable) -> Type:
@@ -39,14 +35,9 @@ def variable_type(variable: Variable) -> Type:
     return Type("enum", tuple(str(value) for value in variable.domain))
 
 
-def is_computed(variable: Variable) -> bool:
-    """Return whether the model computes its value; a message is carried, and a clock goes by itself."""
-    return variable.type in BASE_TYPES
-
-
 def is_local(variable: Variable) -> bool:
-    """Return whether the model says the variable's value: a local one that is computed. Any other is open."""
-    return variable.role == "local" and is_computed(variable)
+    """Return whether the model says the variable's value; inputs, messages that are carried, and clocks are open."""
+    return variable.role == "local" and variable.type in BASE_TYPES
 
 
 class Scopes:
@@ -71,9 +62,7 @@ class Scopes:
     def types(self, component: str, transition: Transition | None = None) -> Mapping[str, Type]:
         """Return the type of each name that a guard or action of the transition may read.
 
-        Args:
-            component: whose variables.
-            transition: whose event may bind a name to a message; None for the variables alone.
+        The event of the transition may bind a name to a message; without a transition, these are the variables alone.
         """
         variables = self._types[component]
         if transition is None or transition.event is None or not transition.event.name:

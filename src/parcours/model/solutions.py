@@ -1,4 +1,4 @@
-"""Guards to values under which they hold together, or to the fact that there are none.
+"""Finds values under which guards hold together, or that there are none.
 
 Finite domains are enumerated. Reals, large integers and texts that the guards only compare with other values
 are cut at those values, which is exact too: between two neighbouring cuts no guard changes. Anything else is
@@ -13,9 +13,9 @@ from dataclasses import dataclass, field
 from itertools import product
 
 from parcours.errors import BadModel
-from parcours.model.expression import Apply, Binary, Expression, Field, Literal, Name, Type, Unary, evaluate
+from parcours.model.expression import Apply, Binary, Expression, Field, Literal, Name, Type, evaluate
 from parcours.model.expression.evaluation import INTEGER_LIMIT
-from parcours.model.expression.syntax import COMPARISONS, walk
+from parcours.model.expression.syntax import COMPARISONS, parts, walk
 from parcours.model.scope import Classes
 
 ENUMERABLE = 64
@@ -90,9 +90,9 @@ class Question:
         When the search was not complete and found nothing, the last and only one is empty, with None.
         """
         terms = self.terms([*guards, *others])
-        finite = {term: domain for term, type_ in terms.items() if (domain := self._domain(term, type_))}
+        finite = {term: domain for term, type_ in terms.items() if (domain := self.listed(term, type_))}
         cut = {term: type_ for term, type_ in terms.items() if term not in finite}
-        exact, found, tried = all(_boxed(guard, cut) for guard in guards), False, 0
+        exact, found, tried = all(is_boxed(guard, cut) for guard in guards), False, 0
         for combination in product(*finite.values()):
             chosen = dict(zip(finite, combination, strict=True))
             sides = self._sides(guards, cut, chosen, exact)
@@ -106,7 +106,7 @@ class Question:
                         yield (), None
                     return
                 valuation = chosen | dict(zip(cut, values, strict=True))
-                if self._hold(guards, valuation):
+                if hold(guards, with_terms(self.known, valuation)):
                     found = True
                     yield tuple(sorted(valuation.items())), True
         if not found and not exact:
@@ -115,13 +115,6 @@ class Question:
     def terms(self, expressions: Sequence[Expression]) -> dict[str, Type]:
         """Return the open terms that the expressions read, with their types, sorted by name."""
         return dict(sorted((pair for each in expressions for pair in self._free(each)), key=lambda pair: pair[0]))
-
-    def _hold(self, guards: Sequence[Expression], values: Mapping[str, object]) -> bool:
-        full = with_terms(self.known, values)
-        try:
-            return all(evaluate(guard, full) is True for guard in guards)
-        except BadModel:
-            return False
 
     def _free(self, node: Expression) -> Iterator[tuple[str, Type]]:
         match node:
@@ -134,16 +127,9 @@ class Question:
             case Apply("size", (Name() | Field() as chain,)):
                 if not self._is_known(path := _path(chain)):
                     yield f"size({'.'.join(path)})", Type("int")
-            case Unary(_, operand):
-                yield from self._free(operand)
-            case Binary(_, left, right):
-                yield from self._free(left)
-                yield from self._free(right)
-            case Apply(_, arguments):
-                for argument in arguments:
-                    yield from self._free(argument)
             case _:
-                pass
+                for part in parts(node):
+                    yield from self._free(part)
 
     def _typed(self, path: list[str]) -> Type | None:
         type_ = self.types.get(path[0])
@@ -159,11 +145,16 @@ class Question:
             place = place[part]
         return True
 
-    def _domain(self, term: str, type_: Type) -> Sequence[object]:
+    def listed(self, term: str, type_: Type) -> Sequence[object]:
+        """Return all values of a term where they are few enough to be tried one by one, else nothing."""
         if type_.name == "bool":
             return (False, True)
         domain = self.domains.get(term) or type_.values
         return domain if len(domain) <= ENUMERABLE else ()
+
+    def endless(self, expressions: Sequence[Expression]) -> dict[str, Type]:
+        """Return those open terms of expressions whose values cannot all be tried."""
+        return {term: type_ for term, type_ in self.terms(expressions).items() if not self.listed(term, type_)}
 
     def _sides(
         self, guards: Sequence[Expression], cut: Mapping[str, Type], chosen: Mapping[str, object], exact: bool
@@ -174,11 +165,9 @@ class Question:
             return found
         full = with_terms(self.known, chosen)
         for guard in guards:
-            for node in walk(guard):
-                if not (isinstance(node, Binary) and node.operator in COMPARISONS):
-                    continue
-                for side, other in ((node.left, node.right), (node.right, node.left)):
-                    if (term := _term(side)) in found and not any(_term(part) in cut for part in walk(other)):
+            for left, right in comparisons(guard):
+                for side, other in ((left, right), (right, left)):
+                    if (term := term_of(side)) in found and not any(term_of(part) in cut for part in walk(other)):
                         try:
                             found[term].add(evaluate(other, full))
                         except BadModel:
@@ -215,6 +204,14 @@ class Question:
         return [value for value in sorted(near) if low <= value <= high]
 
 
+def hold(guards: Sequence[Expression], known: Mapping[str, object]) -> bool:
+    """Return whether all guards have a value, and hold."""
+    try:
+        return all(evaluate(guard, known) is True for guard in guards)
+    except BadModel:
+        return False
+
+
 def with_terms(known: Mapping[str, object], values: Mapping[str, object]) -> dict[str, object]:
     """Return the known values with those of terms added, messages as nested mappings, for `evaluate`.
 
@@ -235,7 +232,9 @@ def with_terms(known: Mapping[str, object], values: Mapping[str, object]) -> dic
 
 
 def _between(cuts: list[float]) -> Iterator[float]:
-    # One value below, at, between and above the cuts.
+    # One value below, at, between and above the cuts, since no guard changes in between:
+    #
+    #     ──x────|────x────|────x──    | cut, which is tried too    x one value for its whole interval
     if not cuts:
         yield 0.0
         return
@@ -247,22 +246,24 @@ def _between(cuts: list[float]) -> Iterator[float]:
     yield min(cuts[-1] + max(1.0, abs(cuts[-1])), 1.7e308)
 
 
-def _boxed(guard: Expression, cut: Mapping[str, Type]) -> bool:
-    # Whether each cut term is only compared, alone, with something that holds no cut term.
-    match guard:
-        case Binary(operator, left, right) if operator in COMPARISONS:
-            mixed = [any(_term(part) in cut for part in walk(side)) for side in (left, right)]
-            alone = _term(left) in cut or _term(right) in cut
-            return not any(mixed) or (alone and not all(mixed))
-        case Unary(_, operand):
-            return _boxed(operand, cut)
-        case Binary(_, left, right):
-            return _boxed(left, cut) and _boxed(right, cut)
-        case _:
-            return True
+def is_boxed(guard: Expression, cut: Mapping[str, Type]) -> bool:
+    """Return whether each cut term is only compared, alone, with what holds no cut term."""
+    for left, right in comparisons(guard):
+        within = [any(term_of(part) in cut for part in walk(side)) for side in (left, right)]
+        alone = term_of(left) in cut or term_of(right) in cut
+        if any(within) and (not alone or all(within)):
+            return False
+    return True
 
 
-def _term(node: Expression) -> str | None:
+def comparisons(guard: Expression) -> list[tuple[Expression, Expression]]:
+    """Return both sides of each comparison in a guard."""
+    binaries = (node for node in walk(guard) if isinstance(node, Binary))
+    return [(node.left, node.right) for node in binaries if node.operator in COMPARISONS]
+
+
+def term_of(node: Expression) -> str | None:
+    """Return the term that a node spells out, or None if it is not one."""
     match node:
         case Name() | Field():
             return ".".join(_path(node))

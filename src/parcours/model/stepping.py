@@ -1,4 +1,4 @@
-"""What a model does: a configuration and a move to the next one. Every later stage agrees with this relation.
+"""The step relation of a model, with which every later stage agrees: a configuration and a move give the next one.
 
 One move is one transition, or the two of a rendezvous. A transition takes its message, needs its guard, does
 its actions in order, and then sends. What the model leaves open is the tester's choice:
@@ -28,9 +28,6 @@ _RECENT = 8
 
 def initial(cefsm: Cefsm) -> Configuration:
     """Return the configuration in which every machine stands in its initial state and every queue is empty.
-
-    Args:
-        cefsm: a model without errors.
 
     Example: a lamp that only switches when there is power.
     >>> from parcours.model import parse_model
@@ -73,8 +70,6 @@ def enabled(
     domain, and for some representatives of an infinite one.
 
     Args:
-        cefsm: a model without errors.
-        configuration: where it stands.
         inputs: values of input variables, as 'Component.variable'; those left out are open.
         opened: channels at both ends of which the tester stands in.
 
@@ -89,8 +84,6 @@ def step(cefsm: Cefsm, configuration: Configuration, move: Move, opened: Set[str
     """Return the configuration after a move.
 
     Args:
-        cefsm: a model without errors.
-        configuration: where it stands.
         move: what to do, as `enabled` returned it with the same `opened`.
         opened: channels at both ends of which the tester stands in.
 

@@ -1,4 +1,4 @@
-"""The tables of one model -> the moves of a configuration and the configuration after each (`stepping` says how)."""
+"""Computes the moves of a configuration and the configuration after each, from the tables of one model."""
 
 from __future__ import annotations
 
@@ -133,6 +133,10 @@ class Steps:
         arrived: Message,
         given: Mapping[str, Mapping[str, object]],
     ) -> Iterator[Move]:
+        # Sender and receiver act in one step, but the receiver reads what the sender has just assigned:
+        #
+        #     sender    guard ── actions ── send ─┐
+        #     receiver                            └─ guard ── actions
         for chosen in self.choices.of(configuration, site, arrived, given.get(site.component, {})):
             move = Move(site.transition.id, "", _qualified(site, chosen))
             after, met = self._fire(configuration, site, arrived, move)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Literal, TypeVar
 
 from parcours.model.expression import Assignment, Call, Expression
 
@@ -151,6 +151,9 @@ class Component:
             yield from machine.transitions
 
 
+_Named = TypeVar("_Named", Component, Channel)
+
+
 @dataclass(frozen=True, slots=True)
 class Cefsm:
     """A checked model: components, the channels between them and the classes of what flows there."""
@@ -170,17 +173,11 @@ class Cefsm:
 
     def component(self, name: str) -> Component:
         """Return the component called `name`. Raises KeyError if there is none."""
-        for component in self.components:
-            if component.name == name:
-                return component
-        raise KeyError(name)
+        return _named(self.components, name)
 
     def channel(self, name: str) -> Channel:
         """Return the channel called `name`. Raises KeyError if there is none."""
-        for channel in self.channels:
-            if channel.name == name:
-                return channel
-        raise KeyError(name)
+        return _named(self.channels, name)
 
     def transition(self, id: str) -> tuple[Component, Machine, Transition]:
         """Return the transition called `id` with its component and machine, or raise KeyError."""
@@ -190,3 +187,10 @@ class Cefsm:
                     if transition.id == id:
                         return component, machine, transition
         raise KeyError(id)
+
+
+def _named(elements: tuple[_Named, ...], name: str) -> _Named:
+    for element in elements:
+        if element.name == name:
+            return element
+    raise KeyError(name)

@@ -1,11 +1,12 @@
-"""A Cefsm to what it says but perhaps does not mean: warnings on reachability, choice and communication."""
+"""Warns of what a model says but perhaps does not mean: reachability, choice and communication."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Set
 from itertools import combinations, islice
 
-from parcours.model.expression import Apply, Binary, Expression, Field, Literal, Name, Unary
+from parcours.model.expression import Expression, Name
+from parcours.model.expression.syntax import substitute
 from parcours.model.finding import Finding
 from parcours.model.scope import Scopes
 from parcours.model.solutions import Answer, Budget, Question
@@ -16,13 +17,7 @@ MAX_PAIRS = 500
 
 
 def suspicions(cefsm: Cefsm, origin: str, unsound: Set[str] = frozenset()) -> list[Finding]:
-    """Return the warnings of a model.
-
-    Args:
-        cefsm: the model; names and ids must be distinct.
-        origin: what to call the file.
-        unsound: ids of transitions whose guards are not well typed, and so mean nothing.
-    """
+    """Return the warnings of a model."""
     search = _Search(cefsm, origin, unsound)
     search.channels()
     for component in cefsm.components:
@@ -127,7 +122,7 @@ class _Search:
         for loop in rivals:
             if loop.is_loop and loop.event is None and loop.guard is None and others:
                 beside = ", ".join(others)
-                rule = f"a loop must end, but {loop.id!r} can repeat in {state!r} for ever, beside {beside}"
+                rule = f"a loop must end, but {loop.id!r} can repeat in {state!r} without end, beside {beside}"
                 self.warn(loop.line, "endless-loop", rule, "give it a guard or an event")
 
     def ask(self, component: Component, transition: Transition, guards: list[Expression]) -> Answer:
@@ -144,23 +139,8 @@ def _renamed(guard: Expression, owner: Transition, other: Transition) -> Express
     # Both receive the same message, perhaps under different names.
     if owner.event is None or other.event is None or not (owner.event.name and other.event.name):
         return guard
-    return _replaced(guard, owner.event.name, other.event.name)
-
-
-def _replaced(node: Expression, old: str, new: str) -> Expression:
-    match node:
-        case Name(id):
-            return Name(new) if id == old else node
-        case Literal():
-            return node
-        case Field(of, name):
-            return Field(_replaced(of, old, new), name)
-        case Unary(operator, operand):
-            return Unary(operator, _replaced(operand, old, new))
-        case Binary(operator, left, right):
-            return Binary(operator, _replaced(left, old, new), _replaced(right, old, new))
-        case Apply(function, arguments):
-            return Apply(function, tuple(_replaced(each, old, new) for each in arguments))
+    old, new = Name(owner.event.name), Name(other.event.name)
+    return substitute(guard, lambda part: new if part == old else None)
 
 
 def _closure(start: str, edges: Iterable[tuple[str, str]]) -> set[str]:

@@ -1,4 +1,4 @@
-"""A Cefsm to its YAML text, which reads back to an equal Cefsm."""
+"""Writes a model as YAML text, which reads back to an equal model."""
 
 from __future__ import annotations
 
@@ -16,8 +16,7 @@ _WORDS = {"true", "false", "null", "yes", "no", "on", "off", "y", "n"}
 def write_model(cefsm: Cefsm) -> str:
     """Return the model as text in the format `parcours: model/1`.
 
-    Args:
-        cefsm: a model without errors. Lines and the name of the file it came from are not written.
+    Lines and the name of the file that it came from are not written.
 
     Example:
     >>> from parcours.model import parse_model

@@ -1,1 +1,1 @@
-"""Results become tables, charts and pages: for the terminal, for build servers, and as one HTML file."""
+"""Reports: tables, charts and pages, for the terminal, for build servers, and as one HTML file."""

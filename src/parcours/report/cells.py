@@ -1,11 +1,11 @@
-"""A table's values -> the text of its cells, the same on every medium."""
+"""The text of a table's cells, the same on every medium."""
 
 from __future__ import annotations
 
 import math
 
 from parcours.errors import BadRequest
-from parcours.report.pieces import Cell, Column, Marked, Table
+from parcours.report.pieces import Cell, Column, Marked, Side, Table
 
 UNKNOWN = "–"
 """What stands for a value that is not known."""
@@ -18,13 +18,6 @@ def value_of(cell: Cell) -> str | int | float | None:
 
 def shown(cell: Cell, column: Column) -> str:
     """Return the text of a cell.
-
-    Args:
-        cell: a value; text stays as it is, numbers follow the column's format.
-        column: where it stands.
-
-    Raises:
-        BadRequest: the column's format does not fit the number.
 
     >>> stuck = Column("stuck", format=".1%")
     >>> [shown(cell, stuck) for cell in (0.0773, Marked(0.5), "none", None, float("nan"))]
@@ -40,15 +33,13 @@ def shown(cell: Cell, column: Column) -> str:
     try:
         return format(value, column.format).replace("-", "\N{MINUS SIGN}")
     except (ValueError, TypeError) as error:
+        rule = f"its format must fit its numbers, but {column.format!r} does not fit {value!r}: {error}"
         raise BadRequest(
-            f"column {column.name!r}",
-            f"its format must fit its numbers, but {column.format!r} does not fit {value!r}: {error}",
-            "give a format such as '.1%' or ',d'",
-            slug="column-format",
+            f"column {column.name!r}", rule, "give a format such as '.1%' or ',d'", slug="column-format"
         ) from error
 
 
-def sides(table: Table) -> tuple[str, ...]:
+def sides(table: Table) -> tuple[Side, ...]:
     """Return the side each column's cells keep to: left, right or center.
 
     >>> sides(Table("", (Column("path"), Column("length")), (("tp11", 3), ("tp12", None))))

@@ -1,7 +1,4 @@
-"""Rates at several settings of a dial -> curves with bands for their intervals, in a grid of small panels.
-
-The chart says its numbers in words too (`alt`).
-"""
+"""Draws rates over the settings of a dial: curves with bands for their intervals, in a grid of small panels."""
 
 from __future__ import annotations
 
@@ -11,9 +8,9 @@ from textwrap import fill
 
 from parcours.report.drawing import INK, MARKERS, PAPER, SERIES, bad_data, canvas, percent, require_data, svg_of
 from parcours.report.pieces import Figure
-from parcours.report.rates import Interval
+from parcours.verdict.statistics import Rate
 
-Curves = Mapping[str, Sequence[Interval]]
+Curves = Mapping[str, Sequence[Rate]]
 """Name of a series -> one rate a setting."""
 
 _LABEL = 20
@@ -21,20 +18,14 @@ _LABEL = 20
 
 
 def curves(
-    title: str,
-    at: Sequence[float],
-    panels: Mapping[str, Mapping[str, Curves]],
-    axis: str,
-    note: str = "",
+    title: str, at: Sequence[float], panels: Mapping[str, Mapping[str, Curves]], axis: str, note: str = ""
 ) -> Figure:
     """Return rates over a dial: a row of panels for each thing counted, a column for each dial, a curve a series.
 
     Args:
-        title: what the chart shows.
         at: settings of the dial, increasing, shape (n_settings,).
         panels: what is counted -> dial -> series -> one rate a setting; each row has the same dials and series.
         axis: what the dial says, with unit.
-        note: small print below it.
 
     Raises:
         BadRequest: there is nothing to draw, the settings do not increase, or rows, columns and series do not agree.
@@ -67,14 +58,14 @@ def curves(
             axes[k * len(dials)].set_ylim(bottom=0.0)
         figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper left", ncols=len(series))
         svg = svg_of(figure)
-    told = (
+    words = (
         f"{counted}, {dial}, {name}: "
         + ", ".join(f"{rate.share:.1%} at {x:g}" for x, rate in zip(at, rates, strict=True))
         for counted, row in panels.items()
         for dial, group in row.items()
         for name, rates in group.items()
     )
-    return Figure(title, svg, f"{axis}. " + "; ".join(told), note)
+    return Figure(title, svg, f"{axis}. " + "; ".join(words), note)
 
 
 def _common(title: str, n: int, panels: Mapping[str, Mapping[str, Curves]]) -> tuple[list[str], list[str]]:

@@ -1,4 +1,6 @@
-"""A matplotlib drawing -> an <svg> element that a page can adopt; and the one style of all charts.
+"""What all charts share: their style, and how a matplotlib drawing becomes an <svg> element that a page can adopt.
+
+Of every chart, `title` says what it shows and `note` is the small print below it; its `alt` tells the numbers in words.
 
 The element carries no date, no random id and no address. Its colours are CSS variables with a fallback, so
 that a chart follows the page into the dark and stands alone as well; its text stays text.
@@ -155,6 +157,12 @@ def percent(value: float, _: float = 0.0) -> str:
     ('25 %', '0.5 %')
     """
     return f"{100.0 * value:g} %"
+
+
+def set_rows(panel: Axes, names: Sequence[str]) -> None:
+    """Let a panel hold one row a name, from top to bottom."""
+    panel.set_yticks(range(len(names)), names)
+    panel.set_ylim(len(names) - 0.5, -0.5)
 
 
 def require_data(title: str, groups: Sequence[object], series: Mapping[str, object]) -> None:

@@ -1,4 +1,4 @@
-"""Judged cases -> JUnit XML, the form in which build servers read test results.
+"""Writes judged cases as JUnit XML, the form in which build servers read test results.
 
 There is no one schema; this keeps to what Jenkins (junit-10.xsd), GitLab and Maven Surefire all read.
 """
@@ -48,13 +48,13 @@ def to_junit(suite: str, results: Iterable[CaseResult]) -> str:
     Raises:
         BadRequest: a duration is negative or not finite.
 
-    >>> print(to_junit("ramp", [CaseResult("ramp/abtc1/0", Verdict.PASS, 20.0),
-    ...                         CaseResult("ramp/abtc1/1", Verdict.FAIL, 0.5, "stuck at 3 s")]), end="")
+    >>> print(to_junit("lift", [CaseResult("lift/abtc1/0", Verdict.PASS, 20.0),
+    ...                         CaseResult("lift/abtc1/1", Verdict.FAIL, 0.5, "stuck at 3 s")]), end="")
     <?xml version="1.0" encoding="UTF-8"?>
-    <testsuites name="ramp" tests="2" failures="1" errors="0" time="20.500">
-      <testsuite name="ramp" tests="2" failures="1" errors="0" skipped="0" time="20.500">
-        <testcase classname="ramp" name="abtc1/0" time="20.000"/>
-        <testcase classname="ramp" name="abtc1/1" time="0.500">
+    <testsuites name="lift" tests="2" failures="1" errors="0" time="20.500">
+      <testsuite name="lift" tests="2" failures="1" errors="0" skipped="0" time="20.500">
+        <testcase classname="lift" name="abtc1/0" time="20.000"/>
+        <testcase classname="lift" name="abtc1/1" time="0.500">
           <failure message="stuck at 3 s" type="fail">stuck at 3 s</failure>
         </testcase>
       </testsuite>
@@ -63,11 +63,8 @@ def to_junit(suite: str, results: Iterable[CaseResult]) -> str:
     listed = list(results)
     for result in listed:
         if not (math.isfinite(result.seconds) and result.seconds >= 0.0):
-            raise BadRequest(
-                f"case {result.id!r}",
-                f"its duration must be finite and not negative, but is {result.seconds} s",
-                slug="junit-seconds",
-            )
+            rule = f"its duration must be finite and not negative, but is {result.seconds} s"
+            raise BadRequest(f"case {result.id!r}", rule, slug="junit-seconds")
     count = {verdict: sum(result.verdict is verdict for result in listed) for verdict in Verdict}
     total = sum(result.seconds for result in listed)
     counts = f'tests="{len(listed)}" failures="{count[Verdict.FAIL]}" errors="{count[Verdict.ERROR]}"'

@@ -1,4 +1,4 @@
-"""A page's pieces -> one HTML file with style, script, charts and replay data inside; it loads nothing.
+"""Renders a page as one HTML file with style, scripts, charts and data inside; it loads nothing.
 
 The same page gives the same bytes. The template escapes all text from outside, and a Content-Security-Policy
 lets only our own script run, whatever a title may hold.
@@ -19,9 +19,7 @@ from markupsafe import Markup
 
 from parcours.report import prose
 from parcours.report.cells import group_spans, shown, sides
-from parcours.report.pieces import Cell, Column, Figure, Marked, Page, Piece, anchors
-from parcours.report.recording import embedded
-from parcours.report.still import described, still
+from parcours.report.pieces import Animation, Cell, Column, Figure, Marked, Page, Piece, anchors
 
 if TYPE_CHECKING:
     from jinja2 import Template
@@ -29,9 +27,6 @@ if TYPE_CHECKING:
 
 def to_html(page: Page) -> str:
     """Return the page as one HTML document that needs no network.
-
-    Args:
-        page: what to show.
 
     Raises:
         BadRequest: a column's format does not fit its numbers.
@@ -41,7 +36,9 @@ def to_html(page: Page) -> str:
     >>> "A &lt;b&gt; page" in html, '<section id="why"' in html
     (True, True)
     """
-    script = _file("replay.js")
+    # All scripts are one, so that one hash in the Content-Security-Policy admits ours and nothing else.
+    animations = (p for section in page.sections for p in section.pieces if isinstance(p, Animation))
+    script = "".join([_file("page.js"), *dict.fromkeys(animation.script for animation in animations)])
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode("ascii")
     numbers = itertools.count(1)
     return _template().render(
@@ -55,14 +52,14 @@ def to_html(page: Page) -> str:
 
 
 def blocks(pieces: tuple[Piece, ...]) -> Iterator[tuple[str, list[Piece]]]:
-    """Return runs of pieces as the template lays them out: replays that follow each other share a grid.
+    """Return runs of pieces as the template lays them out: animations that follow each other share a grid.
 
     >>> from parcours.report.pieces import Code, Text
     >>> [(kind, len(run)) for kind, run in blocks((Text("a"), Text("b"), Code("c")))]
     [('Text', 1), ('Text', 1), ('Code', 1)]
     """
     for kind, run in itertools.groupby(pieces, lambda piece: type(piece).__name__):
-        if kind == "Replay":
+        if kind == "Animation":
             yield kind, list(run)
         else:
             yield from ((kind, [piece]) for piece in run)
@@ -79,9 +76,8 @@ def _template() -> Template:
         cells=_cells,
         spans=group_spans,
         sides=sides,
-        json=lambda replay: Markup(embedded(replay)),  # numbers and fixed keys only: no text can end the element
-        still=lambda replay: Markup(_bare(still(replay))),
-        described=described,
+        json=lambda data: Markup(data.replace("<", "\\u003c")),  # so that no text can end the element
+        still=lambda svg: Markup(_bare(svg)),
     )
     return environment.from_string(_file("page.html"))
 

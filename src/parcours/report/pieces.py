@@ -1,4 +1,4 @@
-"""What a report page is made of: pieces of plain data, whoever draws them later on paper, screen or terminal.
+"""The pieces of a report page: plain data, the same for paper, screen and terminal.
 
 A study composes these; the rest of report/ turns them into HTML (page), text (terminal) and pictures (still).
 """
@@ -17,7 +17,7 @@ from parcours.errors import BadRequest
 Tone: TypeAlias = Literal["good", "fair", "neutral", "poor", "bad", "worst"]
 """How welcome a value is: one scale, each step with a colour, for cells, findings and slices of charts."""
 
-Align: TypeAlias = Literal["auto", "left", "right", "center"]
+Side: TypeAlias = Literal["left", "right", "center"]
 
 Floats: TypeAlias = NDArray[np.float64]
 
@@ -50,7 +50,7 @@ class Column:
 
     name: str
     format: str = ""
-    align: Align = "auto"
+    align: Side | Literal["auto"] = "auto"
     group: str = ""
     unit: str = ""
     code: bool = False
@@ -92,11 +92,9 @@ class Table:
     def __post_init__(self) -> None:
         for number, row in enumerate(self.rows, 1):
             if len(row) != len(self.columns):
+                rule = f"it must have one cell a column, {len(self.columns)}, but has {len(row)}"
                 raise BadRequest(
-                    f"table {self.title!r}, row {number}",
-                    f"it must have one cell a column, {len(self.columns)}, but has {len(row)}",
-                    "use None for what is not known",
-                    slug="table-width",
+                    f"table {self.title!r}, row {number}", rule, "use None for what is not known", slug="table-width"
                 )
 
 
@@ -143,85 +141,28 @@ class Findings:
     items: tuple[Finding, ...]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Replay:
-    """One recorded run of a disc robot among disc obstacles.
+@dataclass(frozen=True, slots=True)
+class Animation:
+    """A recording that a script plays on the page; those that follow each other stand side by side.
 
     Attributes:
-        title: the case, e.g. its id.
+        title: what is shown.
         subtitle: what became of it, in words.
-        times: strictly increasing [s], shape (n_times,).
-        x, y: robot centre [m], shape (n_times,).
-        heading: counter-clockwise from x [rad], shape (n_times,).
-        halted: whether the robot was held for imminent collision, shape (n_times,).
-        obstacle_x, obstacle_y: obstacle centres [m], shape (n_times, n_obstacles).
-        robot_radius: [m].
-        obstacle_radii: [m], shape (n_obstacles,).
-        arena: width and height of the area, which starts at the origin [m].
-        goal: x and y [m].
-        goal_tolerance: distance to the goal that counts as reached [m].
+        still: an <svg> element of our own making, so trusted: for paper and for readers without scripts.
+        data: what the script plays, as JSON.
+        script: JavaScript of our own making, once on the page; it finds `data` in each `figure.replay`.
         note: small print below it.
-
-    Raises:
-        BadRequest: there is no sample, the shapes disagree, a number is not finite, a size is not positive,
-            or the times do not increase.
     """
 
     title: str
     subtitle: str
-    times: Floats
-    x: Floats
-    y: Floats
-    heading: Floats
-    halted: NDArray[np.bool_]
-    obstacle_x: Floats
-    obstacle_y: Floats
-    robot_radius: float
-    obstacle_radii: tuple[float, ...]
-    arena: tuple[float, float]
-    goal: tuple[float, float]
-    goal_tolerance: float
+    still: str
+    data: str
+    script: str
     note: str = ""
 
-    def __post_init__(self) -> None:
-        n, m = len(self.times), len(self.obstacle_radii)
-        self._require(n > 0, "it must have at least one sample, but has none", "replay-shape")
-        for name in ("times", "x", "y", "heading", "halted", "obstacle_x", "obstacle_y"):
-            values = getattr(self, name)
-            due = (n, m) if name.startswith("obstacle") else (n,)
-            self._require(values.shape == due, f"{name} must have shape {due}, but has {values.shape}", "replay-shape")
-            self._require(
-                bool(np.isfinite(values).all()),
-                f"{name} must be finite, but is not everywhere",
-                "replay-values",
-            )
-        self._require(bool((np.diff(self.times) > 0.0).all()), "times must increase, but do not", "replay-values")
-        for size in (self.robot_radius, self.goal_tolerance, *self.obstacle_radii, *self.arena):
-            self._require(
-                bool(np.isfinite(size)) and size > 0.0,
-                f"sizes must be finite and above 0 m, but {size:g} given",
-                "replay-values",
-            )
-        self._require(
-            bool(np.isfinite(self.goal).all()),
-            f"the goal must be finite, but is {self.goal}",
-            "replay-values",
-        )
 
-    def _require(self, holds: bool, rule: str, slug: str) -> None:
-        if not holds:
-            raise BadRequest(f"replay {self.title!r}", rule, "check what was recorded", slug=slug)
-
-    def clearance(self) -> Floats:
-        """Return the least gap to an obstacle at each time [m], shape (n_times,); infinite without any."""
-        if not self.obstacle_radii:
-            return np.full(len(self.times), np.inf)
-        gap = np.hypot(self.obstacle_x - self.x[:, None], self.obstacle_y - self.y[:, None])
-        least: Floats = (gap - self.robot_radius - np.asarray(self.obstacle_radii)).min(axis=1)
-        return least
-
-
-Piece: TypeAlias = Table | Figure | Text | Code | Findings | Replay
+Piece: TypeAlias = Table | Figure | Text | Code | Findings | Animation
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,4 @@
-"""Paragraphs with a few marks of emphasis -> HTML in which everything else is escaped, or plain text.
+"""Paragraphs with a few marks of emphasis, as HTML in which everything else is escaped, or as plain text.
 
 The marks are a part of Markdown: **strong**, *stressed*, `code`, [words](#anchor), lists of lines "- item".
 """

@@ -1,7 +1,4 @@
-"""Contenders on the same cases -> charts: who arrives when, and who beats whom.
-
-Each chart says its numbers in words too (`alt`).
-"""
+"""Draws contenders on the same cases: who arrives when, and who beats whom."""
 
 from __future__ import annotations
 
@@ -11,7 +8,18 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from parcours.report.drawing import INK, SERIES, TONES, bad_data, canvas, label_ink, percent, require_data, svg_of
+from parcours.report.drawing import (
+    INK,
+    SERIES,
+    TONES,
+    bad_data,
+    canvas,
+    label_ink,
+    percent,
+    require_data,
+    set_rows,
+    svg_of,
+)
 from parcours.report.pieces import Figure, Floats
 
 _LINES = ("-", "--", ":", "-.")
@@ -24,16 +32,14 @@ def arrivals(title: str, series: Mapping[str, ArrayLike], axis: str, note: str =
     look fast.
 
     Args:
-        title: what the chart shows.
         series: name -> one value a case in the unit of `axis`, NaN where it has none, shape (n_cases,).
         axis: what the values are, with unit.
-        note: small print below it.
 
     Raises:
         BadRequest: there is no series.
     """
     require_data(title, list(series), series)
-    told = []
+    words = []
     with canvas(2.9) as (figure, (panel,)):
         for k, (name, values) in enumerate(series.items()):
             cases = np.asarray(values, dtype=np.float64).ravel()
@@ -45,24 +51,22 @@ def arrivals(title: str, series: Mapping[str, ArrayLike], axis: str, note: str =
                 linestyle=_LINES[k // len(SERIES) % len(_LINES)], label=f"{name} ({known.size} of {len(cases)})",
             )  # fmt: skip
             middle = f", median of these {np.median(known):.3g}" if known.size else ""
-            told.append(f"{name}: {known.size} of {len(cases)} cases{middle}")
+            words.append(f"{name}: {known.size} of {len(cases)} cases{middle}")
         panel.set_ylim(0.0, 1.02)
         panel.margins(x=0.01)
         panel.yaxis.set_major_formatter(percent)
         panel.set_xlabel(axis)
         figure.legend(loc="outside upper left", ncols=3)
         svg = svg_of(figure)
-    return Figure(title, svg, f"{axis}. " + "; ".join(told), note)
+    return Figure(title, svg, f"{axis}. " + "; ".join(words), note)
 
 
 def dominance(title: str, names: Sequence[str], beats: ArrayLike, note: str = "") -> Figure:
     """Return a square of tiles: in how many of the cases the one of the row does better than the one of the column.
 
     Args:
-        title: what the chart shows.
         names: of the contenders.
         beats: shares in [0, 1], shape (n, n); the diagonal is not shown.
-        note: small print below it.
 
     Raises:
         BadRequest: there are no names, or the shares are not one a pair, or not in [0, 1].
@@ -72,7 +76,7 @@ def dominance(title: str, names: Sequence[str], beats: ArrayLike, note: str = ""
     n = len(names)
     if shares.shape != (n, n) or not ((shares >= 0.0) & (shares <= 1.0)).all():
         raise bad_data(title, f"one share in [0, 1] a pair is needed, shape {(n, n)}, but shape {shares.shape} given")
-    told = []
+    words = []
     largest = max(float((shares - np.diag(np.diag(shares))).max(initial=0.0)), 1e-9)
     with canvas(0.9 + 0.4 * n) as (figure, (panel,)):
         for row in range(n):
@@ -83,17 +87,15 @@ def dominance(title: str, names: Sequence[str], beats: ArrayLike, note: str = ""
                 colour = _tint(share / largest)
                 panel.barh(row, 0.94, height=0.88, left=column - 0.47, color=colour, linewidth=0)
                 panel.text(column, row, f"{share:.1%}", ha="center", va="center", color=label_ink(colour), fontsize=8.0)
-                told.append(f"{names[row]} over {names[column]} {share:.1%}")
+                words.append(f"{names[row]} over {names[column]} {share:.1%}")
         panel.set_xticks(range(n), [_short(name) for name in names], color=INK)
-        panel.set_yticks(range(n), list(names))
+        set_rows(panel, names)
         panel.xaxis.tick_top()
         panel.set_xlim(-0.5, n - 0.5)
-        panel.set_ylim(n - 0.5, -0.5)
         panel.grid(visible=False)
-        for side in ("left", "bottom"):
-            panel.spines[side].set_visible(False)
+        panel.spines[:].set_visible(False)
         svg = svg_of(figure)
-    return Figure(title, svg, "; ".join(told) or "one contender only", note)
+    return Figure(title, svg, "; ".join(words) or "one contender only", note)
 
 
 def _tint(share: float) -> str:

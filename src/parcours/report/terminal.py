@@ -1,14 +1,14 @@
-"""Tables and pages -> text: coloured on a terminal, plain where nobody watches, and as Markdown.
+"""Prints tables and pages: coloured on a terminal, plain elsewhere, and as Markdown.
 
 Colour is left out when the NO_COLOR environment variable is set (no-color.org) or the output is no terminal.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Literal, TextIO
+from typing import TYPE_CHECKING, TextIO
 
 from parcours.report.cells import group_spans, shown, sides, text_rows
-from parcours.report.pieces import Code, Figure, Finding, Findings, Marked, Page, Replay, Table, Text, Tone
+from parcours.report.pieces import Animation, Code, Figure, Finding, Findings, Marked, Page, Table, Text, Tone
 from parcours.report.prose import plain
 
 if TYPE_CHECKING:
@@ -24,16 +24,11 @@ _STYLE: dict[Tone, str] = {
     "worst": "bold magenta",
 }
 
-_PAD: dict[str, Literal["<", ">", "^"]] = {"left": "<", "right": ">", "center": "^"}
+_PAD = {"left": "<", "right": ">", "center": "^"}
 
 
 def print_table(table: Table, to: TextIO | None = None) -> None:
-    """Print a table: drawn and coloured on a terminal, otherwise as `to_text` writes it.
-
-    Args:
-        table: what to print.
-        to: where; standard output when None.
-    """
+    """Print a table: drawn and coloured on a terminal, otherwise as `to_text` writes it."""
     console = _console(to)
     if console.is_terminal:
         console.print(_drawn(table))
@@ -44,12 +39,7 @@ def print_table(table: Table, to: TextIO | None = None) -> None:
 
 
 def print_page(page: Page, to: TextIO | None = None) -> None:
-    """Print what a page says in words and tables; charts, replays and folded tables by their titles.
-
-    Args:
-        page: what to print.
-        to: where; standard output when None.
-    """
+    """Print what a page says in words and tables; charts, animations and folded tables by their titles."""
     console = _console(to)
     _raw(console, f"{page.title}\n{plain(page.subtitle)}".strip())
     _raw(console, "  ".join(f"{key}: {value}" for key, value in page.facts))
@@ -116,7 +106,7 @@ def _said(piece: object) -> str:
         return "\n".join(map(_finding, piece.items))
     if isinstance(piece, Figure):
         return f"chart: {piece.title}"
-    if isinstance(piece, Replay):
+    if isinstance(piece, Animation):
         return f"replay {piece.title}: {plain(piece.subtitle)}"
     if isinstance(piece, Table):
         return f"{piece.title}: {len(piece.rows)} rows"
@@ -135,7 +125,7 @@ def _drawn(table: Table) -> RichTable:
 
     drawn = RichTable(title=RichText(table.title), title_justify="left", title_style="bold", box=box.SIMPLE_HEAD)
     for at, side in enumerate(sides(table)):
-        drawn.add_column(RichText(_full_heading(table, at)), justify=_JUSTIFY[side], overflow="fold")
+        drawn.add_column(RichText(_full_heading(table, at)), justify=side, overflow="fold")
     for row in table.rows:
         drawn.add_row(
             *(
@@ -144,13 +134,6 @@ def _drawn(table: Table) -> RichTable:
             )
         )
     return drawn
-
-
-_JUSTIFY: dict[str, Literal["left", "right", "center"]] = {
-    "left": "left",
-    "right": "right",
-    "center": "center",
-}
 
 
 def _full_heading(table: Table, at: int) -> str:

@@ -1,4 +1,4 @@
-"""Durations of interactions with their limits and verdicts -> Fig. 5a of Abdelgawad et al., and the table beside it."""
+"""Draws durations of interactions beside their limits and verdicts (Fig. 5a of Abdelgawad et al.), and lists them."""
 
 from __future__ import annotations
 
@@ -54,17 +54,15 @@ def timing_figure(title: str, cases: Sequence[Timed], noise: Noise | None = None
     for the limit of every case, whose shape and colour are the verdict. Noise has a row of its own.
 
     Args:
-        title: what the chart shows.
         cases: at least one; a duration above 0 ns.
         noise: of the same run.
-        note: small print below it.
 
     Raises:
         BadRequest: there is no case, or a duration is not above 0 ns.
     """
     groups = _by_name(cases)
     require_data(title, cases, groups)
-    told = []
+    words = []
     rows = len(groups) + (noise is not None)
     with canvas(1.0 + 0.62 * rows) as (figure, (panel,)):
         for row, (name, members) in enumerate(groups.items()):
@@ -74,19 +72,13 @@ def timing_figure(title: str, cases: Sequence[Timed], noise: Noise | None = None
                 raise bad_data(title, f"durations must be above 0 ns on a logarithmic axis, but {name} has one of 0")
             _distribution(panel, row, ended * 1e-6, SERIES[3])
             _limits(panel, row, members)
-            panel.annotate(
-                f"p99 {_ms(timing.p99)}", (1.0, row - 0.12), xycoords=("axes fraction", "data"),
-                xytext=(6, 0), textcoords="offset points", va="center", color=INK, annotation_clip=False,
-            )  # fmt: skip
-            told.append(f"{name}: {_words(timing)}; limits {_range(members)}, {_counts(members)}")
+            _say_p99(panel, row, timing.p99, INK)
+            words.append(f"{name}: {_words(timing)}; limits {_range(members)}, {_counts(members)}")
         if noise is not None:
             row = len(groups)
             _distribution(panel, row, np.asarray([t for t in noise.times if t > 0]) * 1e-6, SERIES[2])
-            panel.annotate(
-                f"p99 {_ms(noise.p99)}", (1.0, row - 0.12), xycoords=("axes fraction", "data"),
-                xytext=(6, 0), textcoords="offset points", va="center", color=MUTED, annotation_clip=False,
-            )  # fmt: skip
-            told.append(f"noise: {noise.samples} samples, p50 {_ms(noise.p50)}, p99 {_ms(noise.p99)}, "
+            _say_p99(panel, row, noise.p99, MUTED)
+            words.append(f"noise: {noise.samples} samples, p50 {_ms(noise.p50)}, p99 {_ms(noise.p99)}, "
                         f"max {_ms(noise.max)}")  # fmt: skip
         panel.set_xscale("log")
         panel.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
@@ -97,17 +89,11 @@ def timing_figure(title: str, cases: Sequence[Timed], noise: Noise | None = None
         panel.set_xlabel("duration [ms], logarithmic")
         _legend(figure, {case.judgement.verdict for case in cases})
         svg = svg_of(figure)
-    return Figure(title, svg, ". ".join(told), note)
+    return Figure(title, svg, ". ".join(words), note)
 
 
 def timing_table(title: str, cases: Sequence[Timed], note: str = "") -> Table:
-    """Return one row an interaction: repeats, quantiles, jitter, misses of each case's own limit, and verdicts.
-
-    Args:
-        title: what the table shows.
-        cases: in the order of their names' rows.
-        note: small print below it.
-    """
+    """Return one row an interaction: repeats, quantiles, jitter, misses of each case's own limit, and verdicts."""
     rows: list[tuple[Cell, ...]] = []
     for name, members in _by_name(cases).items():
         timing = summary(_joined(members))
@@ -158,8 +144,16 @@ def _distribution(panel: Axes, row: int, times: Floats, colour: str) -> None:
     panel.plot([times.max()], [row], ">", color=colour, markersize=4.5, zorder=4)
 
 
+def _say_p99(panel: Axes, row: int, time: int, colour: str) -> None:
+    panel.annotate(
+        f"p99 {_ms(time)}", (1.0, row - 0.12), xycoords=("axes fraction", "data"),
+        xytext=(6, 0), textcoords="offset points", va="center", color=colour, annotation_clip=False,
+    )  # fmt: skip
+
+
 def _density(values: Floats) -> tuple[Floats, Floats]:
     """Return places and how dense values are there, 1 where they are densest (a Gaussian sum, Silverman's width)."""
+    # Counts on a fine grid, then one convolution: a kernel for each of a million repeats would take minutes.
     spread = float(np.std(values))
     quartiles = np.quantile(values, (0.25, 0.75))
     robust = min(spread, float(quartiles[1] - quartiles[0]) / 1.34) or spread

@@ -1,4 +1,4 @@
-"""A finished report -> a file that is whole or absent."""
+"""Writes a finished report, so that the file is whole or absent."""
 
 from __future__ import annotations
 

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from parcours.errors import BadRequest, BadResults
 from parcours.report.junit import CaseResult
-from parcours.report.pieces import Replay
 from parcours.run.store import open_results
 from parcours.study.campaign.running import facts_of
 from parcours_navigation.cases.family import Protocol, SystemCases
@@ -22,6 +21,7 @@ from parcours_navigation.guests.planner_facts import FACTS, PlannerFault
 from parcours_navigation.guests.scenario import Scenario
 from parcours_navigation.outcomes import VERDICT_OF, Outcome, explain, outcomes
 from parcours_navigation.protocol import Limits
+from parcours_navigation.study.replay import Replay
 from parcours_navigation.study.study import NavigationStudy
 
 

@@ -19,6 +19,7 @@ from parcours_navigation.study.analysis import analyse
 from parcours_navigation.study.campaigns import Campaign, case_results, load_results
 from parcours_navigation.study.distribution import SHOWN, measured
 from parcours_navigation.study.outcome_tables import error_table, measure_table, outcome_figure, outcome_table
+from parcours_navigation.study.still import animation
 
 _RATES = {
     "contacts": Outcome.COLLIDED,
@@ -82,7 +83,7 @@ class CampaignResults:
         id = self.found.cases.id(number)
         title, subtitle = (text.replace(id, self._id(id)) for text in (drawn.title, drawn.subtitle))
         drawn = dataclasses.replace(drawn, title=title, subtitle=subtitle)
-        section = Section("Replay", "Run again from the case number: the same bits as in the campaign.", (drawn,))
+        section = Section("Replay", "Run again from the case number: the same bits as in the campaign.", (animation(drawn),))
         return Page(title, subtitle, (("folder", str(self._folder)), ("case", str(number))), (section,))
 
     def _number(self, case: str) -> int:
@@ -141,5 +142,5 @@ def failed_replays(campaigns: Mapping[str, Campaign]) -> list[Piece]:
     pieces: list[Piece] = []
     for campaign in campaigns.values():
         failed = np.isin(outcomes(campaign.facts), [int(o) for o in Outcome if VERDICT_OF[o] is Verdict.FAIL])
-        pieces += [campaign.replay(int(number)) for number in campaign.facts["number"][failed][:2]]
+        pieces += [animation(campaign.replay(int(number))) for number in campaign.facts["number"][failed][:2]]
     return pieces

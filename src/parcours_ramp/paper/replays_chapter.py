@@ -13,6 +13,7 @@ from parcours_navigation.outcomes import (
     outcomes,
     published,
 )
+from parcours_navigation.study.still import animation
 from parcours_ramp.paper.results import PaperResults
 from parcours_ramp.system.campaigns import SystemResults, replay
 
@@ -36,7 +37,7 @@ def replays_chapter(results: PaperResults) -> Section:
     success = _first((outcomes(original.facts) == Outcome.REACHED) & (original.facts["n_halts"] > 0), solved)
     if success is not None:
         picks.append(("Paused, then reached the goal", original, success))
-    pieces = tuple(replay(campaign, number, words) for words, campaign, number in picks)
+    pieces = tuple(animation(replay(campaign, number, words)) for words, campaign, number in picks)
     lead = "Cases run again from their numbers. Orange: halted for imminent collision."
     return Section("Replays", lead, pieces, "replays")
 

@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parcours.errors import BadRequest, BadResults
-from parcours.report.pieces import Replay
 from parcours.run.store import open_results
 from parcours.study.campaign.running import facts_of
 from parcours_navigation.cases.family import Protocol, SystemCases
 from parcours_navigation.facts import FACTS as BASE
 from parcours_navigation.outcomes import explain
+from parcours_navigation.study.replay import Replay
 from parcours_ramp.planner.latency import Duration, Latencies
 from parcours_ramp.planner.parameters import Parameters
 from parcours_ramp.system.ramp_facts import FACTS

@@ -1,1 +1,1 @@
-"""Goals (which combinations of blocks must stand in a row) become few rows that hold them all, each array verified."""
+"""Covering arrays: few rows that hold every wanted combination of blocks, each array verified."""

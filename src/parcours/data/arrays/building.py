@@ -1,7 +1,7 @@
-"""Goals become the smallest array found: constructions and greedy growth first, then one row less as often as it goes.
+"""Searches the smallest covering array: constructions and greedy growth first, then it takes rows away one by one.
 
 Every stage's array is verified against the goals before it is used. Without a time budget the effort is a fixed amount
-of work, so that a seed gives the same array on every machine; with one, the clock decides when to stop.
+of work, so that a seed gives the same array on every machine that has numba; with one, the clock decides when to stop.
 """
 
 from __future__ import annotations
@@ -13,8 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from parcours.data.arrays.bounds import fewest_rows
-from parcours.data.arrays.constructions import constructions
+from parcours.data.arrays.constructions import constructions, fewest_halves
 from parcours.data.arrays.goals import Goals, Ints
 from parcours.data.arrays.growing import grow
 from parcours.data.arrays.other_engine import MAX_MUST, MAX_TUPLES, covertable_rows
@@ -22,11 +21,14 @@ from parcours.data.arrays.shrinking import repair, table_of
 from parcours.data.rules import UndecidedError
 from parcours.data.streams import ROWS, starts
 from parcours.errors import BadRequest
+from parcours.kernels import IS_COMPILED
 
-EFFORT = 150_000_000
+_SHARE = 1 if IS_COMPILED else 100  # plain Python looks up a hundredth in the same time, and so gets no more to do
+
+EFFORT = 150_000_000 // _SHARE
 """Most tuples that are looked up without a time budget: a few seconds."""
 
-PATIENCE = 30_000_000
+PATIENCE = 30_000_000 // _SHARE
 """After how many tuples looked up in vain a size counts as the last, without a time budget; ten times what came before,
 if that is more."""
 
@@ -36,14 +38,18 @@ LEAST_GROWTH = 1.0
 LOST_STEPS = 30_000
 """Most choices that searches for allowed rows take back while an array grows without a time budget: a few seconds."""
 
-_PART = 20_000_000  # tuples looked up while growing between two looks at the clock
+_PART = 20_000_000 // _SHARE  # tuples looked up while growing between two looks at the clock
 _ANY = 1_000_000  # rows
-_PIECE = 3_000_000  # tuples looked up between two looks at the clock
+_PIECE = 3_000_000 // _SHARE  # tuples looked up between two looks at the clock
 _COUNTS = 4  # how often all tuples of an array are looked up to take a row away and to verify the result
 _CANDIDATES, _GROWTH = 50, 200_000_000
 
-Told = Callable[[str, int, int], None]
-"""Is told what goes on, the number of rows found, and the fewest there can be."""
+_THREES = (11, 15)
+"""From 11 three-block columns on, pair-wise arrays have at least 15 rows (Izquierdo-Marquez & Torres-Jimenez,
+"New optimal covering arrays using an orderly algorithm", 2018: 15 is the optimum of 11 to 20 columns)."""
+
+Progress = Callable[[str, int, int], None]
+"""Gets what goes on, the number of rows found, and the fewest there can be."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,7 +81,12 @@ class CoveringArray:
 
 
 def covering_array(
-    goals: Goals, must: Ints | None = None, *, budget: float | None = None, seed: int = 0, told: Told | None = None
+    goals: Goals,
+    must: Ints | None = None,
+    *,
+    budget: float | None = None,
+    seed: int = 0,
+    progress: Progress | None = None,
 ) -> CoveringArray:
     """Return few rows that are allowed and hold every tuple of the goals that an allowed row can hold.
 
@@ -84,8 +95,7 @@ def covering_array(
         must: rows that stay, and come first, shape (n_must, n_columns).
         budget: how long to search [s], compiling not counted, though growing may take LEAST_GROWTH; None for a fixed
             effort. What growing did not come to is undecided.
-        seed: of the random choices.
-        told: is told of every smaller array.
+        progress: gets every smaller array.
 
     Raises:
         BadRequest: a row of `must` is not allowed.
@@ -105,15 +115,39 @@ def covering_array(
         )
     if not len(must):
         goals.rules.require_row()
-    return _Search(goals, must, budget, seed, told).array()
+    return _Search(goals, must, budget, seed, progress).array()
+
+
+def fewest_rows(goals: Goals) -> int:
+    """Return a lower bound: each row holds one tuple of every set, and more where theory knows more.
+
+    >>> from parcours.data.arrays.goals import goals_of
+    >>> [fewest_rows(goals_of(sizes, 2)) for sizes in ([3] * 4, [3] * 5, [2] * 100, [9, 3, 3, 2])]
+    [9, 10, 10, 27]
+    """
+    needed, start = goals.layout.needed, goals.layout.start
+    fewest = max((int(needed[start[i] : start[i + 1]].sum()) for i in range(len(goals.sets))), default=1)
+    strengths = {len(each) for each in goals.sets}
+    if goals.rules.tables or strengths != {2}:
+        return max(fewest, 1)
+    paired = len({column for each in goals.sets for column in each})
+    if len(goals.sets) != paired * (paired - 1) // 2:
+        return fewest
+    for v in range(3, max(goals.sizes) + 1):
+        wide = sum(size >= v for size in goals.sizes)
+        if wide > v + 1:  # v * v rows would be v - 1 Latin squares and more, but there are v - 1 at most
+            fewest = max(fewest, v * v + 1)
+        if v == 3 and wide >= _THREES[0]:
+            fewest = max(fewest, _THREES[1])
+    return max(fewest, fewest_halves(wide)) if (wide := sum(size >= 2 for size in goals.sizes)) >= 2 else fewest
 
 
 class _Search:
     """One search; `best` is the smallest verified array so far."""
 
-    def __init__(self, goals: Goals, must: Ints, budget: float | None, seed: int, told: Told | None) -> None:
+    def __init__(self, goals: Goals, must: Ints, budget: float | None, seed: int, progress: Progress | None) -> None:
         self.goals, self.must, self.seed, self.budget = goals, must, seed, budget
-        self.told = told or (lambda what, done, total: None)
+        self.progress = progress or (lambda what, done, total: None)
         self.stream = starts(seed, np.array([0]), ROWS)
         self.begun = self.search_begun = time.perf_counter()
         self.lost_before = goals.rules.lost_steps
@@ -157,7 +191,7 @@ class _Search:
         self.stages.append(Stage(name, len(rows), self.seconds))
         if len(self.stages) == 1 or len(rows) < len(self.best):
             self.best = rows
-            self.told(name, len(rows), self.fewest)
+            self.progress(name, len(rows), self.fewest)
 
     def others(self, most: int) -> Iterator[tuple[str, Ints]]:
         """Yield the arrays that need no rules and no must-have rows, constructed ones of fewer than `most` rows."""
@@ -189,6 +223,7 @@ class _Search:
             before = n
             n, n_missing = map(int, grow(layout, table, n, missing, n_missing, candidates, self.stream))
             rows = table
+            # Greedy candidates all ended in rules: ask the exact search for a row with one missing tuple.
             if n_missing and n == before:
                 added = self.completed(int(missing[n_missing - 1]))
                 if added is not None:
@@ -199,7 +234,7 @@ class _Search:
                 missing[:n_missing] = left
                 if added is None:
                     n_missing -= 1  # the last one, which no row holds, is left out
-            self.told("grown row by row", n, self.fewest)
+            self.progress("grown row by row", n, self.fewest)
         return rows[:n].copy(), missing[:n_missing].copy()
 
     def may_grow(self) -> bool:
@@ -234,7 +269,8 @@ class _Search:
                     raise AssertionError("a repaired array holds everything")
                 self.best, table, spent_before = table.rows, None, spent
                 stage = Stage("fewer rows", len(self.best), self.seconds)
-                self.told("fewer rows", len(self.best), self.fewest)
+                self.progress("fewer rows", len(self.best), self.fewest)
+            # Long without success: start over from another greedy array, cut to the size that is wanted.
             elif spent - spent_before > (n_starts + 1) * 4 * PATIENCE:
                 n_starts += 1
                 table = table_of(self.goals.layout, self.cut(self.grown()[0], len(self.best) - 1))

@@ -1,4 +1,4 @@
-"""Block counts become arrays that mathematics knows: no search, and often few rows.
+"""Arrays that mathematics knows for given block counts: no search, and often few rows.
 
 - Orthogonal arrays over a finite field: polynomials evaluated at its points (Bush, Ann. Math. Stat. 23, 1952).
 - Two blocks a parameter: sets of equal size, any two of which meet (Katona, 1973; Kleitman & Spencer, 1973); optimal.
@@ -25,12 +25,6 @@ def constructions(
     sizes: Sequence[int], strength: int, seed: int = 0, most: int = _MOST_ROWS
 ) -> Iterator[tuple[str, Ints]]:
     """Yield name and rows of each construction that fits; blocks are those of `sizes`.
-
-    Args:
-        sizes: the number of blocks of each column; columns of one block are filled up.
-        strength: how many columns are combined.
-        most: only constructions of fewer rows are of use.
-        seed: fills cells that are free, and finds starter vectors.
 
     >>> [(name, len(rows)) for name, rows in constructions([3, 3, 3, 3], 2)]
     [('orthogonal', 9)]

@@ -1,4 +1,4 @@
-"""Block counts, sets of columns and rules become the combinations (tuples) that an array must hold, and their count.
+"""Numbers the combinations of blocks (tuples) that an array must hold, and counts those it holds.
 
 A tuple is a choice of one block for each column of a set. Tuples are numbered through: those of set s begin at
 `start[s]`, and within it count as digits do. So a table of rows is measured by one `bincount`, and the compiled
@@ -108,11 +108,7 @@ class Goals:
         return bool(self.rules.hold(rows).all()) and not len(self.missing(rows))
 
     def row_with(self, number: int) -> Ints | None:
-        """Return an allowed row that holds the tuple with that number, or None if there is none; then it is not needed.
-
-        Raises:
-            UndecidedError: the search for a row took too long.
-        """
+        """Return an allowed row that holds the tuple with that number; None if there is none: then it is not needed."""
         row = np.full(len(self.sizes), OPEN)
         for column, block in self.tuple_of(number):
             row[column] = block
@@ -134,10 +130,7 @@ class Goals:
 
 
 def goals_of(
-    sizes: Sequence[int],
-    strength: int,
-    groups: Iterable[tuple[Sequence[int], int]] = (),
-    rules: Rules | None = None,
+    sizes: Sequence[int], strength: int, groups: Iterable[tuple[Sequence[int], int]] = (), rules: Rules | None = None
 ) -> Goals:
     """Return the goals of t-wise coverage: all combinations of blocks of every t columns.
 

@@ -1,4 +1,4 @@
-"""Compiled: goals become an array row by row, each row the best of several greedy ones (after AETG, Cohen et al. 1997).
+"""Compiled: grows an array row by row, each row the best of several greedy ones (after AETG, Cohen et al. 1997).
 
 A candidate starts from a tuple that is still missing and takes the other columns in random order, each time the block
 that adds most tuples with the columns taken before.
@@ -119,6 +119,7 @@ def grow(layout: Layout, rows: Ints, n: int, missing: Ints, n_missing: int, cand
         The number of rows, and how many tuples are still missing: the first ones of `missing`.
     """
     place = np.full(layout.start[-1], -1, dtype=np.int64)
+    # `missing` is a set in an array: what is found swaps places with the last entry, so taking it out costs nothing.
     for index in range(n_missing):
         place[missing[index]] = index
     best, row, order = np.empty_like(rows[0]), np.empty_like(rows[0]), np.empty_like(rows[0])

@@ -1,4 +1,4 @@
-"""Goals become an array by covertable, a package of its own authors: a second opinion on small goals.
+"""Asks covertable, a package of other authors, for an array: a second opinion on small goals.
 
 Its greedy criterion often starts from fewer rows than ours. It takes seconds where there are many tuples or must-have
 rows, so goals with more than MAX_TUPLES or MAX_MUST are not given to it: a limit on its work that is the same on every
@@ -23,14 +23,7 @@ MAX_MUST = 3_000
 
 
 def covertable_rows(goals: Goals, must: Ints, *, seed: int, deadline: float) -> Ints | None:
-    """Return the rows that covertable finds for these goals, or None if it found none in time.
-
-    Args:
-        goals: what must be held.
-        must: rows that come first, shape (n_must, n_columns).
-        seed: salts the order in which tuples are taken.
-        deadline: when to stop [s], by `time.perf_counter`; `math.inf` where the user gave no time.
-    """
+    """Return the rows that covertable finds for these goals, or None if it found none in time."""
     from covertable import Controller
 
     factors = [list(range(size)) for size in goals.sizes]

@@ -1,4 +1,4 @@
-"""Compiled: an array with one row less than one that holds everything, repaired by tabu search (after Lin et al. 2015).
+"""Compiled: repairs an array that lost a row, by tabu search, until it holds everything again (after Lin et al. 2015).
 
 Each move takes a missing tuple at random and looks at all rows that lack it in one column only; it changes the cell
 after which fewest tuples are missing, but none that was changed just before. Now and then it writes a tuple into any
@@ -22,7 +22,7 @@ TENURE = 1
 """For how many moves a changed cell stays as it is."""
 
 WALK = 1000
-"""One move in so many writes a tuple into any row."""
+"""One move in this many writes a tuple into any row."""
 
 _NEVER = -(1 << 40)
 
@@ -127,7 +127,7 @@ def _write(layout: Layout, table: Table, row: int, set_: int, rest: int) -> None
 
 @kernel
 def repair(layout: Layout, table: Table, fixed: int, work: int, stream: Stream) -> bool:
-    """Change cells until no tuple is missing, or so many tuples were looked up.
+    """Change cells until no tuple is missing, or `work` tuples were looked up.
 
     Args:
         layout: the goals.

@@ -1,4 +1,4 @@
-"""The composition of a model's components: its reachable configurations, and what is wrong among them."""
+"""The reachable configurations of a model, and what is wrong among them."""
 
 from parcours.model.composition.exploring import explore
 from parcours.model.composition.space import SEVERITY, Discovery, Space

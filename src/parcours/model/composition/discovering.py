@@ -1,4 +1,4 @@
-"""A state space -> what is wrong in it: deadlocks, lost messages, faults, full queues, and what never happens."""
+"""Finds what is wrong in a state space: deadlocks, lost messages, faults, full queues, and what never happens."""
 
 from __future__ import annotations
 
@@ -19,14 +19,7 @@ Flags = NDArray[np.bool_]
 
 
 def discoveries(space: Space, local: LocalMoves, record: Record, band: Sequence[Actor]) -> tuple[Discovery, ...]:
-    """Return what is wrong in a space, gravest kinds first, nearest to the initial configuration first.
-
-    Args:
-        space: the space, its findings still empty.
-        local: what its components can do by themselves.
-        record: what the actors came upon.
-        band: the actors.
-    """
+    """Return what is wrong in a space, gravest kinds first, nearest to the initial configuration first."""
     faulty = _faulty(space, band) if record.faults else np.zeros(space.n_states, dtype=bool)
     ends = _ends(space, faulty)
     rests = {*space.rests()} if ends else set()
@@ -143,28 +136,23 @@ class _Backwards:
     """The edges of a space turned round, once for many questions."""
 
     def __init__(self, space: Space) -> None:
-        self.n_states = space.n_states
         order = np.argsort(space.targets, kind="stable")
         self.sources = space.sources[order]
-        counts = np.bincount(space.targets, minlength=space.n_states)
-        self.offsets = np.concatenate(([0], np.cumsum(counts, dtype=np.int64)))
+        self.counts = np.bincount(space.targets, minlength=space.n_states)
+        self.offsets = np.concatenate(([0], np.cumsum(self.counts, dtype=np.int64)))
 
     def reaching(self, goal: Flags) -> Flags:
         """Return which configurations lie in a goal or have a run that leads there."""
-        from scipy.sparse import csr_array
-        from scipy.sparse.csgraph import breadth_first_order
-
-        # One more node, from which an edge leads to each configuration of the goal.
-        starts = np.flatnonzero(goal).astype(np.int32)
-        if len(starts) in (0, self.n_states):
-            return goal
-        indices = np.concatenate((self.sources, starts))
-        offsets = np.concatenate((self.offsets, [len(indices)])).astype(np.int32)
-        size = self.n_states + 1
-        edges = csr_array((np.ones(len(indices), dtype=np.int8), indices, offsets), shape=(size, size))
-        found = np.zeros(size, dtype=bool)
-        found[breadth_first_order(edges, self.n_states, return_predecessors=False)] = True
-        return found[:-1]
+        found, border = goal.copy(), np.flatnonzero(goal)
+        while len(border):
+            # The edges into each configuration of the border stand side by side: all of them as one list of places.
+            first, counts = self.offsets[border], self.counts[border]
+            places = np.repeat(first - np.cumsum(counts) + counts, counts) + np.arange(counts.sum())
+            before = self.sources[places]
+            before = before[~found[before]]
+            found[before] = True
+            border = np.unique(before)
+        return found
 
 
 def _never(space: Space) -> Iterator[Discovery]:

@@ -1,11 +1,11 @@
-"""A model -> its reachable configurations, breadth first, within bounds that are said when they are met."""
+"""Explores the reachable configurations of a model, breadth first, within bounds; says when it met one."""
 
 from __future__ import annotations
 
 import time
 from array import array
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -28,10 +28,7 @@ Progress = Callable[[str, int, int], None]
 
 
 def explore(
-    cefsm: Cefsm,
-    max_states: int = 1_000_000,
-    max_seconds: float = 120.0,
-    progress: Progress | None = None,
+    cefsm: Cefsm, max_states: int = 1_000_000, max_seconds: float = 120.0, progress: Progress | None = None
 ) -> Space:
     """Return the state space of a model: what the step relation reaches, with everything wrong in it.
 
@@ -42,7 +39,7 @@ def explore(
         cefsm: a model without errors.
         max_states: most configurations to keep [1 .. 2^30].
         max_seconds: how long to go on [s]; what follows takes a fraction of it.
-        progress: told ("states", how many are known, max_states) now and then.
+        progress: gets ("states", how many are known, max_states) now and then.
 
     Raises:
         BadRequest: a bound is out of its range.
@@ -88,43 +85,17 @@ def explore(
     packing, record = Packing(Layout(cefsm)), Record()
     local = LocalMoves(cefsm, packing)
     band = actors(packing, local, record)
-    found = _search(band, max_states, max_seconds, progress)
-    space = Space(
-        cefsm,
-        packing,
-        found.packed,
-        np.asarray(found.parents),
-        np.asarray(found.arrivals),
-        tuple(record.moves),
-        np.concatenate(([0], np.cumsum(np.asarray(found.degrees), dtype=np.int64))),
-        np.asarray(found.targets),
-        np.asarray(found.labels),
-        found.seconds,
-        found.stopped,
-        doubts=local.doubts,
-    )
+    space = replace(_search(packing, band, record, max_states, max_seconds, progress), doubts=local.doubts)
     return replace(space, findings=discoveries(space, local, record, band))
 
 
-@dataclass(slots=True)
-class _Found:
-    packed: list[int] = field(default_factory=lambda: [0])
-    parents: array[int] = field(default_factory=lambda: array("i", [0]))
-    arrivals: array[int] = field(default_factory=lambda: array("i", [-1]))
-    degrees: array[int] = field(default_factory=lambda: array("i"))
-    targets: array[int] = field(default_factory=lambda: array("i"))
-    labels: array[int] = field(default_factory=lambda: array("i"))
-    seconds: float = 0.0
-    stopped: str = ""
-
-
-def _search(band: list[Actor], max_states: int, max_seconds: float, progress: Progress | None) -> _Found:
+def _search(
+    packing: Packing, band: list[Actor], record: Record, max_states: int, max_seconds: float, progress: Progress | None
+) -> Space:
     # The inner loop does nothing but look up, add and append: it runs once for each edge.
-    begun = time.monotonic()
-    found = _Found()
-    packed, parents, arrivals, targets, labels = (
-        found.packed, found.parents, found.arrivals, found.targets, found.labels,
-    )  # fmt: skip
+    begun, stopped = time.monotonic(), ""
+    packed, parents, arrivals = [0], array("i", [0]), array("i", [-1])
+    degrees, targets, labels = array("i"), array("i"), array("i")
     index = {0: 0}
     views = [(actor.mask, actor.table, actor) for actor in band]
     state, is_fresh = 0, True
@@ -132,10 +103,10 @@ def _search(band: list[Actor], max_states: int, max_seconds: float, progress: Pr
         if is_fresh or not state % _BETWEEN_LOOKS:
             is_fresh = False
             if time.monotonic() - begun > max_seconds:
-                found.stopped = f"after {max_seconds:g} s"
+                stopped = f"after {max_seconds:g} s"
                 break
             if len(targets) > MOST_TRANSITIONS:
-                found.stopped = f"at {len(targets)} transitions"
+                stopped = f"at {len(targets)} transitions"
                 break
             if progress is not None:
                 progress("states", len(packed), max_states)
@@ -156,12 +127,14 @@ def _search(band: list[Actor], max_states: int, max_seconds: float, progress: Pr
         if len(packed) > max_states:
             # Take back what this configuration led to, so that what is kept is exactly within the bound.
             del packed[known:], parents[known:], arrivals[known:], targets[before:], labels[before:]
-            found.stopped = f"at the bound of {max_states} states"
+            stopped = f"at the bound of {max_states} states"
             break
-        found.degrees.append(len(targets) - before)
+        degrees.append(len(targets) - before)
         state += 1
     left = len(packed) - state
-    if found.stopped:
-        found.stopped = f"stopped {found.stopped}: {len(packed)} states known, {left} of them not expanded"
-    found.seconds = time.monotonic() - begun
-    return found
+    if stopped:
+        stopped = f"stopped {stopped}: {len(packed)} states known, {left} of them not expanded"
+    offsets = np.concatenate(([0], np.cumsum(np.asarray(degrees), dtype=np.int64)))
+    tree, edges = (np.asarray(parents), np.asarray(arrivals)), (offsets, np.asarray(targets), np.asarray(labels))
+    moves, seconds = tuple(record.moves), time.monotonic() - begun
+    return Space(packing.layout.cefsm, packing, packed, *tree, moves, *edges, seconds, stopped)

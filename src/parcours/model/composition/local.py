@@ -1,9 +1,15 @@
-"""What a machine sees -> the moves it can make by itself, each worked out once by the step relation.
+"""Works out, once for all that a machine can see, which moves it can make by itself.
 
 A machine is set free of the others: it stands alone in a configuration in which every other machine is nowhere,
 queues have room without end, and a rendezvous with another component is cut into a message left waiting and a
 message found waiting. What `Steps` then says of it holds wherever its state and the variables that it reads are
-the same. Two machines of one component that meet share variables, so they are set free together.
+the same.
+
+    as modelled       A ──c──> B            c is a rendezvous: neither moves without the other
+    A set free        A ──c──> [message]    an offer, which the search gives to B
+    B set free        [message] ──c──> B    the answer to each offer, looked up
+
+Two machines of one component that meet share variables, so they are set free together.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What a machine, or two that meet, see of a packed configuration -> the numbers that their moves add to it.
+"""Expresses the moves of a machine, or of two that meet, as numbers that are added to a packed configuration.
 
 An actor sees the states of its machines and the variables and queues that they read and write, nothing else:
 under its mask two configurations that it cannot tell apart are the same integer, and its acts are looked up.
@@ -15,7 +15,7 @@ from parcours.model.configuration import Move
 from parcours.model.structure import Machine
 
 REMEMBERED = 1 << 18
-"""Most views that an actor remembers; then it forgets them all and begins anew."""
+"""Most views that an actor remembers; then it forgets them all and starts again."""
 
 Acts = tuple[tuple[int, int], ...]
 """For each move what it adds to the packed configuration, and its number in `Record.moves`."""
@@ -66,12 +66,7 @@ class Actor:
         self.faulty: set[int] = set()
 
     def work_out(self, view: int, state: int) -> Acts:
-        """Return the acts of a view that is not in the table, and remember them.
-
-        Args:
-            view: a packed configuration under the mask.
-            state: the number of the configuration that shows it, for the record.
-        """
+        """Return the acts of a view that is not in the table, and remember them."""
         found = []
         for moves in self._meetings(view) if self._second else self._own(view):
             added = self._added(view, moves, state)
@@ -137,10 +132,10 @@ class Actor:
 
 def actors(packing: Packing, local: LocalMoves, record: Record) -> list[Actor]:
     """Return an actor for each machine, and one for each sender and receiver that can meet."""
-    told = [{send.channel for each in machine.transitions for send in each.sends} for machine in packing.machines]
+    spoken = [{send.channel for each in machine.transitions for send in each.sends} for machine in packing.machines]
     heard = [{each.event.channel for each in machine.transitions if each.event} for machine in packing.machines]
     bands: list[tuple[int, ...]] = [(at,) for at in range(len(packing.machines))]
-    for sender, sent in enumerate(told):
+    for sender, sent in enumerate(spoken):
         sent &= packing.layout.meetings
         bands += [(sender, at) for at, received in enumerate(heard) if at != sender and sent & received]
     return [Actor(machines, packing, local, record) for machines in bands]

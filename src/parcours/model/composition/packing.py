@@ -1,4 +1,7 @@
-"""A configuration -> one integer and back: a small number for each machine's state, each value, each queue's content.
+"""Packs a configuration into one integer: a small number for each machine's state, each value, each queue's content.
+
+    queue c | queue b | value y | value x | state B | state A
+    ........|........|..0000010|......01|....0011|....0001      least bits: the first machine
 
 Whatever stands somewhere is numbered when it is first met. A step then adds a constant to the integer, the same
 wherever it is taken, and what a machine sees of a configuration is the integer under a mask.
@@ -102,7 +105,7 @@ def _size(variable: Variable) -> int:
 
 
 def _bits(size: int) -> int:
-    # Of a cell for so many things; 0 stands for a number that is not known.
+    # Of a cell for `size` things; 0 stands for a number that is not known.
     return max(1, min(WIDEST, (size - 1).bit_length())) if size else WIDEST
 
 

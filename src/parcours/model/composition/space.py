@@ -1,4 +1,4 @@
-"""What an exploration leaves: the configurations met, the moves between them, and what it came upon."""
+"""The state space that an exploration returns: configurations, the moves between them, and its discoveries."""
 
 from __future__ import annotations
 
@@ -141,9 +141,6 @@ class Space:
 
     def path_to(self, state: int) -> tuple[Move, ...]:
         """Return a shortest run from the initial configuration, as moves that `parcours.model.step` takes.
-
-        Args:
-            state: the number of a configuration.
 
         Raises:
             BadRequest: no configuration has that number.

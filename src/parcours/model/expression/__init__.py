@@ -1,4 +1,4 @@
-"""The guard and action language: text to syntax tree, tree to canonical text, value and type.
+"""The guard and action language: its parser, syntax tree, types and values.
 
 It knows nothing of machines, so constraints over test data are written in it too.
 """

@@ -1,4 +1,4 @@
-"""A syntax tree and a valuation to a value.
+"""Evaluates expressions.
 
 Integers and reals are 64-bit: what leaves that range is an error, as is a division by zero. `/` divides as
 reals; `%` has the sign of its divisor; `&&` and `||` read their right side only when it matters.
@@ -11,16 +11,7 @@ from collections.abc import Callable, Mapping, Sized
 from typing import NoReturn, TypeAlias
 
 from parcours.errors import BadModel
-from parcours.model.expression.syntax import (
-    Apply,
-    Binary,
-    Expression,
-    Field,
-    Literal,
-    Name,
-    Unary,
-    render,
-)
+from parcours.model.expression.syntax import Apply, Binary, Expression, Field, Literal, Name, Unary, render
 
 Value: TypeAlias = object
 """bool, int, float or str; a Mapping from field names for a message; anything sized for a list."""
@@ -65,7 +56,6 @@ def evaluate(expression: Expression, valuation: Mapping[str, Value], where: str 
     """Return the value of an expression.
 
     Args:
-        expression: the syntax tree.
         valuation: a value for each name read: bool, int, float, str, or a Mapping for a message.
         where: what the expression belongs to, for the error message.
 
@@ -126,11 +116,7 @@ class _Evaluation:
             case Apply(function, arguments):
                 compute, fewest, most = FUNCTIONS[function]
                 if not fewest <= len(arguments) <= most:
-                    self.fail(
-                        node,
-                        f"{function} takes {fewest} to {most} arguments, but got {len(arguments)}",
-                        "arity",
-                    )
+                    self.fail(node, f"{function} takes {fewest} to {most} arguments, but got {len(arguments)}", "arity")
                 return self.bounded(node, lambda: compute(*map(self.number, arguments)))
 
     def truth(self, node: Expression) -> bool:

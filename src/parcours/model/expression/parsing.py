@@ -1,4 +1,4 @@
-"""Text to syntax tree: the tokenizer and the parser of the guard and action language.
+"""The tokenizer and parser of the guard and action language.
 
     expression := unary (operator unary)*        precedence in syntax.LEVELS; comparisons do not chain
     unary      := ('!' | 'not' | '-') unary | atom
@@ -100,9 +100,6 @@ def parse_actions(text: str, where: str = "action") -> tuple[Assignment | Call, 
 
 def parse_calls(text: str, where: str = "message") -> tuple[Call, ...]:
     """Return the calls of a text such as `"request(path); stop"`; parentheses may be left out when empty.
-
-    Raises:
-        BadModel: as for parse_expression.
 
     Example:
     >>> [str(call) for call in parse_calls("request(path, 3); stop")]
@@ -269,9 +266,7 @@ class _Parser:
                 hints = {"=": "compare with ==, assign with :=", "&": "write &&", "|": "write ||"}
                 hints |= dict.fromkeys("'\"", "close the text with the same quote")
                 self._fail_at(
-                    at,
-                    f"a sign of the language must stand at the caret, but found {bad!r}",
-                    hints.get(bad, ""),
+                    at, f"a sign of the language must stand at the caret, but found {bad!r}", hints.get(bad, "")
                 )
             if match.lastgroup != "blank":
                 tokens.append(_Token(str(match.lastgroup), match.group(), at))

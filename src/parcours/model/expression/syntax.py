@@ -6,9 +6,9 @@ solver, an exporter) translates the language in one page.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import TypeAlias, cast
 
 LEVELS: dict[str, int] = {
     "||": 1,
@@ -23,8 +23,15 @@ COMPARISONS = frozenset(("==", "!=", "<", "<=", ">", ">="))
 _UNARY_LEVEL, _ATOM_LEVEL = 6, 7
 
 
+class _Node:
+    __slots__ = ()
+
+    def __str__(self) -> str:
+        return render(cast("Expression", self))
+
+
 @dataclass(frozen=True, slots=True, eq=False)
-class Literal:
+class Literal(_Node):
     """A constant: true or false, an integer, a real or a text. Not negative: -1 is `Unary('-', Literal(1))`.
 
     >>> Literal(1) == Literal(1.0), Literal(1) == Literal(True)
@@ -41,63 +48,45 @@ class Literal:
     def __hash__(self) -> int:
         return hash((type(self.value).__name__, self.value))
 
-    def __str__(self) -> str:
-        return render(self)
-
 
 @dataclass(frozen=True, slots=True)
-class Name:
+class Name(_Node):
     """A variable, or the name an event gave to the message it received."""
 
     id: str
 
-    def __str__(self) -> str:
-        return render(self)
-
 
 @dataclass(frozen=True, slots=True)
-class Field:
+class Field(_Node):
     """The field `name` of the message that `of` stands for."""
 
     of: Expression
     name: str
 
-    def __str__(self) -> str:
-        return render(self)
-
 
 @dataclass(frozen=True, slots=True)
-class Unary:
+class Unary(_Node):
     """`!` (not) or `-` (negative) before an operand."""
 
     operator: str
     operand: Expression
 
-    def __str__(self) -> str:
-        return render(self)
-
 
 @dataclass(frozen=True, slots=True)
-class Binary:
+class Binary(_Node):
     """Two operands joined by one of the operators of LEVELS."""
 
     operator: str
     left: Expression
     right: Expression
 
-    def __str__(self) -> str:
-        return render(self)
-
 
 @dataclass(frozen=True, slots=True)
-class Apply:
+class Apply(_Node):
     """One of the built-in functions, applied: `hypot(x, y)`."""
 
     function: str
     arguments: tuple[Expression, ...]
-
-    def __str__(self) -> str:
-        return render(self)
 
 
 Expression: TypeAlias = Literal | Name | Field | Unary | Binary | Apply
@@ -174,22 +163,47 @@ def _escaped(character: str) -> str:
     return character if character.isprintable() else f"\\u{{{ord(character):x}}}"
 
 
+def parts(node: Expression) -> tuple[Expression, ...]:
+    """Return what a node is directly made of, left to right."""
+    match node:
+        case Field(of, _):
+            return (of,)
+        case Unary(_, operand):
+            return (operand,)
+        case Binary(_, left, right):
+            return left, right
+        case Apply(_, arguments):
+            return arguments
+        case _:
+            return ()
+
+
 def walk(node: Expression) -> Iterator[Expression]:
     """Yield the node and everything below it, outermost first, left to right."""
     yield node
+    for part in parts(node):
+        yield from walk(part)
+
+
+def substitute(node: Expression, replace: Callable[[Expression], Expression | None]) -> Expression:
+    """Return the tree with every part replaced for which `replace` returns something, outermost first.
+
+    >>> str(substitute(Binary("-", Name("x"), Name("y")), lambda part: Literal(2) if part == Name("y") else None))
+    'x - 2'
+    """
+    if (new := replace(node)) is not None:
+        return new
     match node:
-        case Field(of, _):
-            yield from walk(of)
-        case Unary(_, operand):
-            yield from walk(operand)
-        case Binary(_, left, right):
-            yield from walk(left)
-            yield from walk(right)
-        case Apply(_, arguments):
-            for argument in arguments:
-                yield from walk(argument)
+        case Field(of, name):
+            return Field(substitute(of, replace), name)
+        case Unary(operator, operand):
+            return Unary(operator, substitute(operand, replace))
+        case Binary(operator, left, right):
+            return Binary(operator, substitute(left, replace), substitute(right, replace))
+        case Apply(function, arguments):
+            return Apply(function, tuple(substitute(argument, replace) for argument in arguments))
         case _:
-            pass
+            return node
 
 
 def names(node: Expression) -> frozenset[str]:

@@ -1,4 +1,4 @@
-"""A syntax tree and the types of its names to its type, or the first thing wrong with it.
+"""Checks the types of expressions.
 
 A type is a base type, an enumeration with its values, a message class, or a list of one of these. An integer
 may stand where a real is expected; nothing else converts.
@@ -13,16 +13,7 @@ from typing import NoReturn
 
 from parcours.errors import BadModel, one_of
 from parcours.model.expression.evaluation import FUNCTIONS
-from parcours.model.expression.syntax import (
-    Apply,
-    Binary,
-    Expression,
-    Field,
-    Literal,
-    Name,
-    Unary,
-    render,
-)
+from parcours.model.expression.syntax import Apply, Binary, Expression, Field, Literal, Name, Unary, render
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +41,6 @@ def type_of(
     """Return the type of an expression.
 
     Args:
-        expression: the syntax tree.
         types: the type of each name.
         classes: the fields of each message class, with their types.
         where: what the expression belongs to, for the error message.
@@ -89,11 +79,7 @@ def accepts(target: Type, value: Type) -> bool:
 
 class _Typing:
     def __init__(
-        self,
-        root: Expression,
-        types: Mapping[str, Type],
-        classes: Mapping[str, Mapping[str, Type]],
-        where: str,
+        self, root: Expression, types: Mapping[str, Type], classes: Mapping[str, Mapping[str, Type]], where: str
     ) -> None:
         self.root, self.types, self.classes, self.where = root, types, classes, where
 
@@ -104,12 +90,8 @@ class _Typing:
                 return Type("text", (value,)) if isinstance(value, str) else _CONSTANTS[type(value)]
             case Name(id):
                 if id not in self.types:
-                    self.fail(
-                        node,
-                        f"a name must be declared, but {id!r} is not",
-                        self.known(id, sorted(self.types)),
-                        "unknown-name",
-                    )
+                    rule = f"a name must be declared, but {id!r} is not"
+                    self.fail(node, rule, self.known(id, sorted(self.types)), "unknown-name")
                 return self.types[id]
             case Field(of, name):
                 return self.field(node, self.of(of), name)
@@ -171,10 +153,7 @@ class _Typing:
             word = next((side.values[0] for side in (left, right) if side.name == "text"), "")
             remedy = one_of(word, enums[0].values) if word else ""
             self.fail(
-                node,
-                f"{operator} must be able to hold, but {left} and {right} share no value",
-                remedy,
-                "enum-value",
+                node, f"{operator} must be able to hold, but {left} and {right} share no value", remedy, "enum-value"
             )
 
     def known(self, given: str, names: list[str]) -> str:

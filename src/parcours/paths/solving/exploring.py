@@ -13,8 +13,8 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 
 from parcours.errors import BadModel
+from parcours.model.choice import inexact
 from parcours.model.configuration import Move, Site
-from parcours.model.exactness import inexact
 from parcours.model.solutions import Question
 from parcours.model.structure import Cefsm
 from parcours.paths.criteria.requirement import Requirement

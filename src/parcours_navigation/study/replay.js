@@ -113,7 +113,7 @@
         return make("span", {}, `${label} `, b);
       };
       output.replaceChildren(cell("time", `${now.toFixed(1)} s`), cell("clearance", clear),
-        cell("least", isFinite(least) ? `${least.toFixed(3)} m` : "–"), cell("", halted[i] ? "halted" : "free", halted[i] ? "halted" : ""));
+        cell("least", isFinite(least) ? `${least.toFixed(3)} m` : "–"), cell("", halted[i] ? "halted" : "free", halted[i] ? "alert" : ""));
       slider.value = now;
       slider.setAttribute("aria-valuetext", `${now.toFixed(1)} s, clearance ${clear}${halted[i] ? ", halted" : ""}`);
     }
@@ -178,17 +178,6 @@
     draw();
   }
 
-  document.documentElement.classList.add("js");
   for (const figure of document.querySelectorAll("figure.replay")) player(figure);
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => redraws.forEach((draw) => draw()));
-
-  // the contents list shows where the reader is
-  const links = new Map([...document.querySelectorAll("nav a")].map((link) => [link.hash.slice(1), link]));
-  const seen = new IntersectionObserver((entries) => {
-    for (const entry of entries) links.get(entry.target.id)?.classList.toggle("here", entry.isIntersecting);
-  }, { rootMargin: "-30% 0px -65% 0px" });
-  for (const section of document.querySelectorAll("main > section")) seen.observe(section);
-
-  // paper has no folds
-  addEventListener("beforeprint", () => { for (const fold of document.querySelectorAll("details")) fold.open = true; });
 })();

@@ -1,4 +1,4 @@
-"""A replay -> one still picture of it, for paper and for readers without scripts.
+"""Draws a replay for the page of a report: a still picture for paper, which a script turns into a player.
 
 ╭───────────────╮
 │  ○ ○ ○     ◎  │   ◎ goal    ● robot every second, with its heading; coloured while halted
@@ -10,11 +10,14 @@
 from __future__ import annotations
 
 import math
+from functools import cache
+from importlib import resources
 
 import numpy as np
 from markupsafe import escape
 
-from parcours.report.pieces import Floats, Replay
+from parcours.report.pieces import Animation, Floats
+from parcours_navigation.study.replay import Replay, embedded
 
 PIXELS = 420
 """Length of the longer side of the picture [px]."""
@@ -31,6 +34,16 @@ _INK = {
     "obstacle": "var(--ink, #1c2430)",
     "goal": "var(--c3, #00805c)",
 }
+
+
+def animation(replay: Replay) -> Animation:
+    """Return the replay as a piece of a report's page."""
+    return Animation(replay.title, replay.subtitle, still(replay), embedded(replay), _script(), replay.note)
+
+
+@cache
+def _script() -> str:
+    return resources.files("parcours_navigation.study").joinpath("replay.js").read_text(encoding="utf-8")
 
 
 def margin(replay: Replay) -> float:
@@ -75,10 +88,7 @@ def still(replay: Replay) -> str:
         ink = _INK["halted"] if replay.halted[first : last + 1].any() else _INK["robot"]
         x0, y0, heading = float(replay.x[last]), float(replay.y[last]), float(replay.heading[last])
         parts.append(_disc(x0, y0, replay.robot_radius, ink, 0.7, 0.12))
-        tip = (
-            x0 + replay.robot_radius * math.cos(heading),
-            y0 + replay.robot_radius * math.sin(heading),
-        )
+        tip = (x0 + replay.robot_radius * math.cos(heading), y0 + replay.robot_radius * math.sin(heading))
         parts.append(_line(np.array([x0, tip[0]]), np.array([y0, tip[1]]), ink, 0.8))
     body = "".join(parts)
     # y grows upwards in the arena and downwards on the screen
