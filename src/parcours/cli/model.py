@@ -53,10 +53,7 @@ def check(file: Path, as_json: bool) -> None:
 @command.command("show")
 @model_file
 @click.option(
-    "--svg",
-    "folder",
-    type=click.Path(path_type=Path),
-    help="Draw each machine as an SVG file into this folder.",
+    "--svg", "folder", type=click.Path(path_type=Path), help="Draw each machine as an SVG file into this folder."
 )
 @click.option("--dot", is_flag=True, help="Print the model in the DOT language.")
 def show(file: Path, folder: Path | None, dot: bool) -> None:

@@ -148,31 +148,16 @@ def _cases(path: Path) -> Iterator[Case]:
             record = _record(path, line, raw)
             if "cases" in record:
                 if record != {"cases": n} or isinstance(record["cases"], bool):
-                    _bad(
-                        path,
-                        line,
-                        f"the last line must count the cases before it, which are {n}",
-                        "suite-cut",
-                    )
+                    _bad(path, line, f"the last line must count the cases before it, which are {n}", "suite-cut")
                 if file.read(1):
                     _bad(path, line + 1, "nothing may follow the line that counts the cases", "suite-cut")
                 return
             case = _case(path, line, record)
             if case.number <= last:
-                _bad(
-                    path,
-                    line,
-                    f"numbers of cases must ascend, but {case.number} follows {last}",
-                    "suite-order",
-                )
+                _bad(path, line, f"numbers of cases must ascend, but {case.number} follows {last}", "suite-order")
             n, last = n + 1, case.number
             yield case
-        _bad(
-            path,
-            line,
-            f"a suite must end with the number of its cases, but this one stops after {n}",
-            "suite-cut",
-        )
+        _bad(path, line, f"a suite must end with the number of its cases, but this one stops after {n}", "suite-cut")
 
 
 def _record(path: Path, line: int, raw: bytes) -> dict[str, object]:
@@ -246,4 +231,4 @@ def _real(record: dict[str, object], key: str) -> float:
 
 
 def _bad(path: Path, line: int, rule: str, slug: str) -> NoReturn:
-    raise BadSuite(f"{path}:{line}", rule, "write the suite anew", slug=slug)
+    raise BadSuite(f"{path}:{line}", rule, "write the suite again", slug=slug)

@@ -20,27 +20,9 @@ from numpy.typing import NDArray
 from parcours.data import InputModel
 from parcours.errors import BadRequest, BadSuite
 from parcours.run.campaign import run_campaign
-from parcours.study.campaign.calling import (
-    REASON_LENGTH,
-    Alarm,
-    PythonCaller,
-    Target,
-    rows_of,
-    shown,
-    words_of,
-)
+from parcours.study.campaign.calling import REASON_LENGTH, Alarm, PythonCaller, Target, rows_of, shown, words_of
 from parcours.study.campaign.results import Trace, read_results, report_results
-from parcours.study.campaign.rules import (
-    ABSTRACT,
-    KINDS,
-    Fact,
-    Rows,
-    Rule,
-    Worse,
-    clashes,
-    outcome_of,
-    types_of,
-)
+from parcours.study.campaign.rules import ABSTRACT, KINDS, Fact, Rows, Rule, Worse, clashes, outcome_of, types_of
 from parcours.study.campaign.running import ChosenStrangers, run_numbered
 from parcours.study.campaign.simulating import Simulation
 from parcours.study.components.isolation import Done, Place, run_apart

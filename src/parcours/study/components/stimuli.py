@@ -19,17 +19,7 @@ from typing import TypeAlias, Union, cast
 
 from parcours.abtc import Event
 from parcours.errors import BadModel, BadRequest
-from parcours.model.expression import (
-    Apply,
-    Assignment,
-    Binary,
-    Expression,
-    Field,
-    Literal,
-    Name,
-    Unary,
-    evaluate,
-)
+from parcours.model.expression import Apply, Assignment, Binary, Expression, Field, Literal, Name, Unary, evaluate
 from parcours.model.scope import Scopes, is_local, variable_type
 from parcours.model.structure import BASE_TYPES, Cefsm, Send, Transition
 from parcours.study.components.conditions import Conditions, solved

@@ -1,4 +1,4 @@
-"""Cases -> a Python file that pytest runs: one test a case, its id the case's, its failure explained.
+"""Writes cases as a Python file that pytest runs: one test a case, its id the case's, its failure explained.
 
 What stands in the script is written with `repr` from checked values, so a hostile suite cannot put code into
 it. The cases stand in the script itself, or it names the suite file and remembers its checksum.
@@ -6,11 +6,13 @@ it. The cases stand in the script itself, or it names the suite file and remembe
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Mapping, Sequence
-from pathlib import PurePath
+from pathlib import Path, PurePath
 
-from parcours.errors import BadRequest
+from parcours.errors import BadRequest, BadSuite
 from parcours.suite.cases import Case
+from parcours.suite.files import read_suite
 
 MOST_EMBEDDED = 10_000
 """Most cases that a script holds itself."""
@@ -118,3 +120,42 @@ def _embedded(cases: Sequence[Case]) -> str:
 def _plain(name: str) -> str:
     # A file may be called anything; only letters and the like stand in the docstring.
     return "".join(each if each.isalnum() or each in "_.-" else "_" for each in PurePath(name).name)
+
+
+def checksum(path: Path | str) -> str:
+    """Return the SHA-256 of a file in hexadecimal digits.
+
+    Raises:
+        BadSuite: the file cannot be read.
+    """
+    try:
+        with Path(path).open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except OSError as error:
+        rule = f"a suite must be a readable file, but: {error.strerror or error}"
+        raise BadSuite(str(path), rule, "check the path", slug="unreadable-file") from None
+
+
+def sealed_cases(path: Path | str, sha256: str) -> list[Case]:
+    """Return the cases of a suite file that has not changed since a script was written for it.
+
+    Args:
+        path: the suite file.
+        sha256: its checksum then, in hexadecimal digits.
+
+    Raises:
+        BadSuite: the file cannot be read, is no suite, or is another than that.
+
+    >>> import tempfile
+    >>> from parcours.suite import write_suite
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = Path(folder, "suite.jsonl")
+    ...     n = write_suite(path, [Case("demo", 0, "together", 0, ("v",), (0.1,), 20.0, seed=7)])
+    ...     [case.id for case in sealed_cases(path, checksum(path))]
+    ['demo/together/0']
+    """
+    found = checksum(path)
+    if found != sha256:
+        rule = f"the suite must have the checksum {sha256[:16]}..., but has {found[:16]}..."
+        raise BadSuite(str(path), rule, "export the script again", slug="suite-changed")
+    return list(read_suite(path))
