@@ -34,12 +34,7 @@ def command(folder: Path, kind: str) -> None:
 
 
 def next_commands(folder: Path, name: str) -> list[str]:
-    """Return what to type next for a study in a folder.
-
-    Args:
-        folder: as the user named it.
-        name: of the study, or what else to call its results.
-    """
+    """Return what to type next for a study in a folder."""
     import shlex
 
     from parcours.study.finding import registered

@@ -25,11 +25,7 @@ seed = click.option("--seed", type=click.IntRange(0, 2**63 - 1), default=1, show
 
 
 class StudyFile(_Type):
-    """A file of a kind that studies have: its path, or a study that has one.
-
-    Args:
-        kind: model or data.
-    """
+    """A file of a kind that studies have: its path, or a study that has one."""
 
     name = "file"
 

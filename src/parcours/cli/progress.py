@@ -91,13 +91,6 @@ class _Lines:
 def progress_line(what: str, done: int, total: int, seconds: float, before: int = 0) -> str:
     """Return how far a work is, how long it took, and about how long it will take on.
 
-    Args:
-        what: its name.
-        done: units that are done.
-        total: units in all; there may turn out to be more.
-        seconds: since it began [s].
-        before: units that were done when it began.
-
     >>> progress_line("navigation, orca", 3200, 10_000, 41.0)
     'navigation, orca: 3200 of 10000, 32 %, 41 s, about 87 s left'
     >>> progress_line("states", 300, 200, 4000.0), progress_line("checks", 0, 9, 0.0)

@@ -84,12 +84,7 @@ def runnable(contents: Mapping[PurePosixPath, bytes]) -> frozenset[PurePosixPath
 
 
 def from_template(root: Traversable, name: str) -> dict[PurePosixPath, bytes]:
-    """Return the files of a study that a template makes, by their place.
-
-    Args:
-        root: folder of the template.
-        name: of the study.
-    """
+    """Return the files of a study that a template makes, by their place."""
     made = {}
     for place, file in tree(root).items():
         written = in_yaml(name) if place.suffix in (".yaml", ".yml") else name
@@ -98,16 +93,7 @@ def from_template(root: Traversable, name: str) -> dict[PurePosixPath, bytes]:
 
 
 def write_new(folder: Path, contents: Mapping[PurePosixPath, bytes], runnable: frozenset[PurePosixPath]) -> None:
-    """Write files into a folder, which is made if need be: all of them, or none.
-
-    Args:
-        folder: other files in it stay as they are.
-        contents: what to write, by place in the folder.
-        runnable: places of the files that may be executed.
-
-    Raises:
-        BadRequest: a file is there already, and all such files are named; or the folder cannot be written to.
-    """
+    """Write files into a folder, which is made if need be: all of them, or none."""
     there = [place for place in contents if os.path.lexists(folder / place)]
     if there:
         named = ", ".join(map(str, there[:5])) + ("" if len(there) <= 5 else f" and {len(there) - 5} more")

@@ -62,11 +62,7 @@ def find(given: str) -> Study:
 
 
 def find_components(where: str) -> ComponentStudy:
-    """Return a component study by where it is; for nodes, which make its components in processes of their own.
-
-    Raises:
-        BadRequest: there is no such component study.
-    """
+    """Return a component study by where it is; for nodes, which make its components in processes of their own."""
     from parcours.study.components.study import ComponentStudy
 
     found = find(where) if where else None

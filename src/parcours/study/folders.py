@@ -51,11 +51,7 @@ def _where(folder: Path) -> str:
 
 
 def read_all(folders: Sequence[Path], given: str = "") -> list[tuple[Study, dict[str, Results]]]:
-    """Return the results of folders, those of one family of studies together, with a study of that family.
-
-    Raises:
-        BadRequest, BadResults: a folder's study is not found, or its results cannot be read.
-    """
+    """Return the results of folders, those of one family of studies together, with a study of that family."""
     families: dict[str, tuple[Study, dict[str, Results]]] = {}
     for folder in folders:
         study = study_of(folder, given)

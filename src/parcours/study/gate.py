@@ -160,9 +160,6 @@ def check_conditions(conditions: Sequence[Condition], results: Results) -> list[
 
     A case that ended in an error has no contact and does not get stuck: without this, a system that raises at once
     would pass most gates. A condition on `errors` decides instead, where one is given.
-
-    Raises:
-        BadRequest: the results have no such measure.
     """
     checked = [check_condition(condition, results) for condition in conditions]
     n = sum(case.verdict is Verdict.ERROR for case in results.cases())
@@ -246,11 +243,7 @@ def _listed(what: str, ids: Sequence[str]) -> str:
 
 
 def compare_with_baseline(now: Results, earlier: Results) -> Baseline:
-    """Return the comparison of two runs on the cases that both have, by their ids.
-
-    Raises:
-        BadRequest: they have no case in common.
-    """
+    """Return the comparison of two runs on the cases that both have, by their ids."""
     ids = {result.id: k for k, result in enumerate(earlier.cases())}
     pairs = [(k, ids[result.id]) for k, result in enumerate(now.cases()) if result.id in ids]
     if not pairs:

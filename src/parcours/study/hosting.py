@@ -78,11 +78,7 @@ def started(nodes: Nodes, host: str, graph: str = "") -> Iterator[Hosted]:
 
 
 def isolate(host: str, graph: str) -> None:
-    """Move this process into a network of its own, if it is to run a ROS graph of its own; before it has threads.
-
-    Raises:
-        HostFailure: the machine forbids it.
-    """
+    """Move this process into a network of its own, if it is to run a ROS graph of its own; before it has threads."""
     if host in ("ros1", "ros2") and not graph:
         from parcours.run.hosts.isolation import enter_own_network
 

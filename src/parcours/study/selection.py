@@ -12,11 +12,7 @@ _MOST = 1_000_000
 
 
 def ids_of(given: Sequence[str], file: Path | None) -> tuple[str, ...]:
-    """Return the ids that were given, and those in a file: one a line, `#` begins a remark.
-
-    Raises:
-        BadRequest: the file cannot be read, or holds none.
-    """
+    """Return the ids that were given, and those in a file: one a line, `#` begins a remark."""
     ids = list(given)
     if file is not None:
         try:
@@ -37,9 +33,6 @@ def chosen_cases(plan: Plan, chosen: Sequence[str], study: str) -> list[Case]:
 
     An id may leave out the study: `ITP1-tp11.tp21-0.0/3`. One that names an abstract case alone is all its rows; a
     number is that of a case in the plan, from 0.
-
-    Raises:
-        BadRequest: an id is none of the study's; all of them are named.
     """
     if not chosen:
         return list(plan.cases())

@@ -35,14 +35,7 @@ Nodes = Mapping[str, Node]
 
 
 def read_study(path: Path) -> Study:
-    """Return the study that a file describes. No code that it names is run: that happens when its cases are.
-
-    Args:
-        path: a YAML file of format study/1; files that it names count from its folder.
-
-    Raises:
-        BadRequest: the file cannot be read, or it or what it names is wrong; all findings, each with file and line.
-    """
+    """Return the study that a file describes. No code that it names is run: that happens when its cases are."""
     study, found = check_study_file(path)
     if study is None:
         raise refusal(found)
@@ -50,11 +43,7 @@ def read_study(path: Path) -> Study:
 
 
 def check_study_file(path: Path) -> tuple[Study | None, tuple[Finding, ...]]:
-    """Return the study of a file, None if it has errors, and every finding.
-
-    Raises:
-        BadRequest: the file cannot be read.
-    """
+    """Return the study of a file, None if it has errors, and every finding."""
     try:
         with path.open("rb") as file:
             text = file.read(MAX_BYTES + 1).decode("utf-8-sig")

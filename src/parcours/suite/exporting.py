@@ -53,17 +53,6 @@ def to_pytest(
 ) -> str:
     """Return the text of a pytest file for some cases.
 
-    Args:
-        cases: those of one suite, at least one, all of one study.
-        name: what the file will be called, for its docstring.
-        study: how a command line names the study; a file or folder counts from the script. The cases' name if empty.
-        settings: of the study's parameters, where they differ from the defaults.
-        suite: the suite file's place relative to the script; if empty, the cases stand in the script.
-        sha256: checksum of the suite file.
-
-    Raises:
-        BadRequest: there are no cases or those of several studies, or too many to stand in the script.
-
     >>> case = Case("demo", 0, "together", 0, ("v",), (0.1,), 20.0, seed=7)
     >>> print("\\n".join(to_pytest([case], "test_demo.py").splitlines()[9:19]))
     import pytest
@@ -138,13 +127,6 @@ def checksum(path: Path | str) -> str:
 
 def sealed_cases(path: Path | str, sha256: str) -> list[Case]:
     """Return the cases of a suite file that has not changed since a script was written for it.
-
-    Args:
-        path: the suite file.
-        sha256: its checksum then, in hexadecimal digits.
-
-    Raises:
-        BadSuite: the file cannot be read, is no suite, or is another than that.
 
     >>> import tempfile
     >>> from parcours.suite import write_suite

@@ -166,12 +166,7 @@ def _function(reader: StudyReader, node: Node, what: str, known: Sequence[str]) 
 
 
 def check_campaign(study: CampaignStudy, progress: Progress) -> list[Finding]:
-    """Return what is wrong with a study, as a few cases show: run, run again, in another order, and judged.
-
-    Args:
-        study: with the defaults of its parameters.
-        progress: told how far it is.
-    """
+    """Return what is wrong with a study, as a few cases show: run, run again, in another order, and judged."""
     settings = settings_of(study.parameters, {})
     order = tuple(range(_TRIED))
     found: list[Finding] = []

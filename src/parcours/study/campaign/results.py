@@ -116,11 +116,7 @@ def _value(value: np.generic) -> object:
 
 
 def read_results(study: CampaignStudy, folder: Path) -> CampaignResults:
-    """Return the finished cases in a folder; the simulation itself is not loaded.
-
-    Raises:
-        BadResults: the folder holds no results, damaged ones, or those of other facts, test inputs or parameters.
-    """
+    """Return the finished cases in a folder; the simulation itself is not loaded."""
     store = open_results(folder)
     campaign = store.campaign
     theirs = {"study": campaign.study, "facts": campaign.dtype, "test inputs": campaign.parameters.get("inputs")}

@@ -42,14 +42,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Simulation:
-    """The cases of a study with its parameters set; callable as a campaign's `simulate`, in worker processes.
-
-    Args:
-        study: whose cases.
-        settings: of its parameters.
-        seed: of the campaign.
-        lost: cases that are not simulated, because that hangs or takes the process down.
-    """
+    """The cases of a study with its parameters set; callable as a campaign's `simulate`, in worker processes."""
 
     study: CampaignStudy
     settings: Settings
@@ -117,11 +110,7 @@ class Simulation:
         return self.run(np.arange(first, first + count))
 
     def run(self, numbers: NDArray[np.int64]) -> Rows:
-        """Return the facts of the cases of these numbers, array of the study's dtype, shape (n,).
-
-        Raises:
-            BadRequest, HostFailure: the simulation cannot be loaded or started.
-        """
+        """Return the facts of the cases of these numbers, array of the study's dtype, shape (n,)."""
         study, lost = self.study, {one.number: one for one in self.lost}
         rows = np.zeros(len(numbers), study.dtype)
         with Alarm() as alarm:

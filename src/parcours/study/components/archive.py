@@ -29,18 +29,7 @@ _WRITE = {"mcap": write_mcap, "bag": write_bag}
 
 
 class Archive:
-    """A folder of recordings of component cases.
-
-    Args:
-        study: whose cases they are.
-        folder: made if it is not there.
-        form: the format of the recordings, mcap or bag.
-        host: where the components are.
-        settings: of the study.
-
-    Raises:
-        BadRequest: the folder cannot be written to.
-    """
+    """A folder of recordings of component cases."""
 
     def __init__(self, study: ComponentStudy, folder: Path, form: str, host: str, settings: Settings) -> None:
         self._study, self._folder, self._host, self._settings = study, folder, host, settings

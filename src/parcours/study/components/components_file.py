@@ -249,13 +249,7 @@ def wanted(model: Cefsm, component: Component) -> tuple[str, ...]:
 
 @dataclass(frozen=True)
 class PythonOracle:
-    """An oracle that a user wrote: `function(case, trace)` returns True, None, a reason to fail, or a Judgement.
-
-    Args:
-        target: `file.py:name` or the function.
-        folder: from which a file counts.
-        interaction: judge the cases of this interaction path only; all if empty.
-    """
+    """An oracle that a user wrote: `function(case, trace)` returns True, None, a reason to fail, or a Judgement."""
 
     target: str
     folder: Path

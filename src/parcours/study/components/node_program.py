@@ -18,12 +18,7 @@ if TYPE_CHECKING:
 
 
 class StudyNodeProgram:
-    """One component of a study.
-
-    Args:
-        component: its name in the model.
-        where: how a command line names the study.
-    """
+    """One component of a study."""
 
     def __init__(self, component: str, where: str) -> None:
         from parcours.study.finding import find_components

@@ -302,11 +302,7 @@ def quoted(line: bytes | bytearray) -> str:
 
 
 def command_of(part: ProgramPart, component: str) -> list[str]:
-    """Return a part's command with the program's path.
-
-    Raises:
-        HostFailure: there is no such program, or it is not executable.
-    """
+    """Return a part's command with the program's path."""
     first = part.command[0] if part.command else ""
     path = part.environment.get("PATH")
     found = shutil.which(str(part.folder.absolute() / first) if "/" in first else first, path=path)

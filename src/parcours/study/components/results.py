@@ -205,13 +205,7 @@ def timing_pieces(given: ComponentResults, where: str) -> tuple[Table | Figure, 
 
 
 class StudyResults:
-    """The results of one run as every command wants them (`parcours.study.protocol.Results`).
-
-    Args:
-        study: its name.
-        found: what the folder holds.
-        replay: makes the page of one case.
-    """
+    """The results of one run as every command wants them (`parcours.study.protocol.Results`)."""
 
     def __init__(self, study: str, found: ComponentResults, replay: Callable[[str], Page]) -> None:
         self.study, self.found, self._replay = study, found, replay

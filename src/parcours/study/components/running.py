@@ -59,13 +59,7 @@ Kept = tuple[ComponentResult, "Noise | None"]
 
 
 def run_study(study: ComponentStudy, request: Request, progress: Progress) -> Run:
-    """Execute the cases that are missing in a folder, functional ones first, then those that are timed.
-
-    Raises:
-        BadRequest: the folder cannot be written to, or a chosen case is none of the study's.
-        BadResults: it holds another run.
-        HostFailure: the host cannot be had here.
-    """
+    """Execute the cases that are missing in a folder, functional ones first, then those that are timed."""
     settings = request.settings
     host = str(settings["host"])
     plan = study.plan(request.seed, request.n_cases)

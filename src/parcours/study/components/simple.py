@@ -54,12 +54,7 @@ Answer = Took | Iterable[Took] | None
 
 
 class Simple:
-    """An object with a method for each message -> a component.
-
-    Args:
-        modelled: the component in the model.
-        make: makes a fresh object.
-    """
+    """An object with a method for each message -> a component."""
 
     def __init__(self, modelled: Modelled, make: Callable[[], object]) -> None:
         self._modelled, self._make = modelled, make

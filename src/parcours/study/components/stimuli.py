@@ -54,15 +54,7 @@ class _Unknown(Exception):
 
 
 class Chooser:
-    """Chooses the stimuli of a model's cases.
-
-    Args:
-        cefsm: the model.
-        messages: its messages.
-        supply: channel -> field -> formula.
-        inputs: transition -> input variable -> formula.
-        limits: test input -> least and greatest value of its domain; what is chosen in its place lies between, too.
-    """
+    """Chooses the stimuli of a model's cases."""
 
     def __init__(
         self, cefsm: Cefsm, messages: Messages, supply: Formulas, inputs: Formulas,
@@ -79,15 +71,7 @@ class Chooser:
         }
 
     def stimuli(self, events: Sequence[Event], values: Mapping[str, object]) -> Stimuli:
-        """Return the stimuli of a case.
-
-        Args:
-            events: of the case, serialised.
-            values: test inputs and parameters, by name.
-
-        Raises:
-            BadRequest: a formula has no value, or gives a field something that it cannot hold.
-        """
+        """Return the stimuli of a case."""
         conditions = Conditions()
         scopes: dict[int, Record] = {}
         posted: dict[tuple[int, str], list[Record]] = {}

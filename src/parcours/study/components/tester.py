@@ -46,16 +46,7 @@ class Sent(msgspec.Struct, frozen=True):
 
 
 class StudyTester:
-    """The tester of a study whose stimuli were chosen beforehand.
-
-    Args:
-        system: makes components of this process.
-        components: of the model, by name.
-        case: the case.
-        settings: of the study.
-        known: settings and test inputs, for the makers of components.
-        stimuli: by the position of the event.
-    """
+    """The tester of a study whose stimuli were chosen beforehand."""
 
     def __init__(
         self, system: System, components: Mapping[str, Modelled], case: Case, settings: Settings, known: Settings,

@@ -62,12 +62,7 @@ class _Closed(BaseException):
 
 
 class _Desk:
-    """What the tester and the thread share: the baton, the time, and what has arrived.
-
-    Args:
-        name: the component's.
-        transitions: its transitions.
-    """
+    """What the tester and the thread share: the baton, the time, and what has arrived."""
 
     def __init__(self, name: str, transitions: frozenset[str]) -> None:
         self.name, self._transitions = name, transitions
@@ -124,11 +119,7 @@ class Port:
         return self._desk.arrived.popleft()
 
     def took(self, transition: str, *sends: Send, **messages: object) -> None:
-        """Take a transition with its messages, as `parcours.study.took`; return when the tester permits the next.
-
-        Raises:
-            ValueError: the component has no such transition, or sends more than 10 000 messages.
-        """
+        """Take a transition with its messages, as `parcours.study.took`; return when the tester permits the next."""
         self._desk.take(transition, sends, messages)
 
     def sleep(self, seconds: float) -> None:
