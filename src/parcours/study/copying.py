@@ -1,4 +1,4 @@
-"""A tree of packaged files -> a folder of the user's: all of them or none, and nothing that is there is overwritten."""
+"""Copies packaged files into a folder of the user's: all of them or none, and nothing there is overwritten."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from importlib.resources.abc import Traversable
 from pathlib import Path, PurePosixPath
 
 from parcours.errors import BadRequest
+from parcours.run.atomic import unwritable
 
 GROUP = "parcours.templates"
 """Entry points of this group bring templates of further kinds of study: `kind = package:FOLDER`, FOLDER lying in it."""
@@ -68,14 +69,11 @@ def tree(root: Traversable) -> dict[PurePosixPath, Traversable]:
             continue
         if one.is_dir():
             found |= {PurePosixPath(one.name) / place: file for place, file in tree(one).items()}
-        elif one.is_file() and not _is_built(one):
-            found[PurePosixPath(one.name)] = one
+        elif one.is_file():
+            with one.open("rb") as opened:
+                if opened.read(len(_BUILT)) != _BUILT:
+                    found[PurePosixPath(one.name)] = one
     return found
-
-
-def _is_built(file: Traversable) -> bool:
-    with file.open("rb") as opened:
-        return opened.read(len(_BUILT)) == _BUILT
 
 
 def runnable(contents: Mapping[PurePosixPath, bytes]) -> frozenset[PurePosixPath]:
@@ -118,8 +116,6 @@ def write_new(folder: Path, contents: Mapping[PurePosixPath, bytes], runnable: f
             with contextlib.suppress(OSError):
                 path.rmdir()
         if isinstance(error, OSError):
-            from parcours.run.atomic import unwritable
-
             raise unwritable(folder, error) from error
         raise
 

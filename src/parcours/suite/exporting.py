@@ -7,12 +7,13 @@ it. The cases stand in the script itself, or it names the suite file and remembe
 from __future__ import annotations
 
 import hashlib
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path, PurePath
 
 from parcours.errors import BadRequest, BadSuite
 from parcours.suite.cases import Case
-from parcours.suite.files import read_suite
+from parcours.suite.files import read_suite, unreadable
 
 MOST_EMBEDDED = 10_000
 """Most cases that a script holds itself."""
@@ -43,14 +44,9 @@ def test_case(case: Case) -> None:
 
 
 def to_pytest(
-    cases: Sequence[Case],
-    name: str,
-    *,
-    study: str = "",
-    settings: Mapping[str, object] | None = None,
-    suite: str = "",
+    cases: Sequence[Case], name: str, *, study: str = "", settings: Mapping[str, object] | None = None, suite: str = "",
     sha256: str = "",
-) -> str:
+) -> str:  # fmt: skip
     """Return the text of a pytest file for some cases.
 
     >>> case = Case("demo", 0, "together", 0, ("v",), (0.1,), 20.0, seed=7)
@@ -81,18 +77,15 @@ def to_pytest(
         imports = ["from pathlib import Path", "", *imports]
     arguments = [f"study=str(Path(__file__).parent / {study!r})" if is_place else f"study={study!r}"] if study else []
     arguments += [f"{key}={value!r}" for key, value in (settings or {}).items()]
+    where = f"SUITE = Path(__file__).parent / {suite!r}\nSHA256 = {sha256!r}\n\nCASES = sealed_cases(SUITE, SHA256)"
     return _SCRIPT.format(
         title=f"{len(cases)} cases of {studies[0]}, {len({case.abstract for case in cases})} abstract cases.",
-        name=_plain(name),
+        name=re.sub(r"[^\w.-]", "_", PurePath(name).name),  # a file may be called anything
         some=f"{cases[0].abstract!r}    those of one abstract case",
         imports="\n".join(imports),
-        cases=_referred(suite, sha256) if suite else _embedded(cases),
+        cases=where if suite else _embedded(cases),
         arguments="".join(f", {one}" for one in arguments),
     )
-
-
-def _referred(suite: str, sha256: str) -> str:
-    return f"SUITE = Path(__file__).parent / {suite!r}\nSHA256 = {sha256!r}\n\nCASES = sealed_cases(SUITE, SHA256)"
 
 
 def _embedded(cases: Sequence[Case]) -> str:
@@ -106,11 +99,6 @@ def _embedded(cases: Sequence[Case]) -> str:
     return "\n".join([*lines, "]"])
 
 
-def _plain(name: str) -> str:
-    # A file may be called anything; only letters and the like stand in the docstring.
-    return "".join(each if each.isalnum() or each in "_.-" else "_" for each in PurePath(name).name)
-
-
 def checksum(path: Path | str) -> str:
     """Return the SHA-256 of a file in hexadecimal digits.
 
@@ -121,8 +109,7 @@ def checksum(path: Path | str) -> str:
         with Path(path).open("rb") as file:
             return hashlib.file_digest(file, "sha256").hexdigest()
     except OSError as error:
-        rule = f"a suite must be a readable file, but: {error.strerror or error}"
-        raise BadSuite(str(path), rule, "check the path", slug="unreadable-file") from None
+        raise unreadable(path, error) from None
 
 
 def sealed_cases(path: Path | str, sha256: str) -> list[Case]:

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from parcours.report.pieces import Cell, Column, Marked, Table
 from parcours.report.terminal import to_markdown
-from parcours.verdict.statistics import Rate, compare_pairs, quantiles, wilson
-from parcours_navigation.comparison.pairing import holm, time_difference
+from parcours.verdict.statistics import Rate, compare_pairs, holm, quantiles, wilson
+from parcours_navigation.comparison.pairing import time_difference
 from parcours_navigation.comparison.results import Contender, Facts, Flags, Results, contact, struck
 from parcours_navigation.comparison.rivalry import p_text
 from parcours_navigation.comparison.tables import interval, measure_table, outcome_table

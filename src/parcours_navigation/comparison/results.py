@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parcours.errors import BadRequest
+from parcours.verdict.statistics import holm
 from parcours_navigation.arena.solvability import SOLVABLE, UNSOLVABLE
 from parcours_navigation.comparison.pairing import (
     RateDifference,
     TimeDifference,
-    holm,
     rate_difference,
     time_difference,
 )

@@ -1,4 +1,4 @@
-"""A program in any language that speaks the component protocol (docs/programs.md) -> a component.
+"""Components that are programs in any language, which speak the component protocol (docs/programs.md).
 
 One JSON object a line, on the program's standard streams or on a Unix socket. It speaks only when asked:
 
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 PROTOCOL = "component/1"
 
 MOST = 64_000_000
-"""All lines that answer one permit have at most so many bytes."""
+"""Most bytes of all lines that answer one permit."""
 
 _MAY_HAVE = {"reset": "wake", "took": "wake"}
 _QUOTED = 80

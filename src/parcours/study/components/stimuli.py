@@ -1,4 +1,4 @@
-"""A serialised case -> what the tester chooses for it: the environment's messages, and values of input variables.
+"""Chooses what the tester gives in a case: the environment's messages, and values of input variables.
 
 The case is followed with symbols in the place of what is open: each field of a message that the environment sends, each
 input variable at each event. What the references send each other is said by the model's payloads, so a guard anywhere
