@@ -13,9 +13,8 @@ from click.testing import CliRunner
 
 from parcours.cli import parcours
 
-STUDIES = Path(str(files("parcours_ramp")))
-MODEL = STUDIES / "ramp_components" / "model.yaml"
-OBSTACLES = STUDIES / "ramp_system" / "model.yaml"
+MODEL = Path(str(files("parcours_ramp"))) / "components" / "model.yaml"
+OBSTACLES = Path(str(files("parcours_navigation"))) / "cases" / "model.yaml"
 
 SUPPER = """
 parcours: model/1

@@ -15,7 +15,9 @@ import parcours
 from parcours.study.copying import tree
 
 _REFERENCE = re.compile(r"\.\./[\w./-]*\w")
-_SOURCES = "../src/parcours/"
+_SOURCES = re.compile(r"\.\./src/(parcours\w*)/(.+)")
+"""Where an example refers to a file of an installed package."""
+
 _ENDS = re.compile(r"(?<=[^.])\.(?:\s|$)")
 
 
@@ -66,9 +68,9 @@ def contents_of(example: Traversable) -> dict[PurePosixPath, bytes]:
 
 def _elsewhere(place: str) -> Traversable | None:
     """Return the file at a place that counts from the folder of all examples; None if there is none."""
-    inside = place.startswith(_SOURCES)
-    file = files("parcours").joinpath(place.removeprefix(_SOURCES)) if inside else _root().joinpath(place)
-    return file if (inside or not place.startswith("..")) and file.is_file() else None
+    source = _SOURCES.fullmatch(place)
+    file = files(source[1]).joinpath(source[2]) if source else _root().joinpath(place)
+    return file if (source or not place.startswith("..")) and file.is_file() else None
 
 
 def _text(file: Traversable) -> str:
