@@ -15,9 +15,7 @@ import parcours
 from parcours.study.copying import tree
 
 _REFERENCE = re.compile(r"\.\./[\w./-]*\w")
-_SOURCES = re.compile(r"\.\./src/(parcours\w*)/(.+)")
-"""Where an example refers to a file of an installed package."""
-
+_SOURCES = "../src/"
 _ENDS = re.compile(r"(?<=[^.])\.(?:\s|$)")
 
 
@@ -68,9 +66,13 @@ def contents_of(example: Traversable) -> dict[PurePosixPath, bytes]:
 
 def _elsewhere(place: str) -> Traversable | None:
     """Return the file at a place that counts from the folder of all examples; None if there is none."""
-    source = _SOURCES.fullmatch(place)
-    file = files(source[1]).joinpath(source[2]) if source else _root().joinpath(place)
-    return file if (source or not place.startswith("..")) and file.is_file() else None
+    inside = place.startswith(_SOURCES)
+    file: Traversable = (
+        Path(parcours.__file__).absolute().parents[1].joinpath(place.removeprefix(_SOURCES))
+        if inside
+        else _root().joinpath(place)
+    )
+    return file if (inside or not place.startswith("..")) and file.is_file() else None
 
 
 def _text(file: Traversable) -> str:
