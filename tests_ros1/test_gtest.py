@@ -17,7 +17,7 @@ from xml.etree import ElementTree
 
 import pytest
 
-import parcours.suite.exporting
+import parcours_ramp.gtest
 from parcours.run.enforcement import Execution, enforce
 from parcours.run.hosts.live_enforcement import DrivenInstances
 from parcours.run.hosts.node_program import nodes_of
@@ -29,19 +29,19 @@ from parcours.run.hosts.ros1.transport import Ros1Transport
 from parcours.run.noise import Noise
 from parcours.run.port import links
 from parcours.suite import Case, write_suite
-from parcours.suite.exporting.gtest_tables import GtestLimit, identifier
 from parcours.verdict.judgement import Verdict
 from parcours.verdict.timing import NEVER, Bound, judge, parse_bound
 from parcours_ramp.components.model import component_model
 from parcours_ramp.components.ros1 import CODEC
 from parcours_ramp.components.study import component_plan, component_study, run_functional
 from parcours_ramp.components.tester import ComponentTester
-from parcours_ramp.gtest_export import Repeats, export_gtest, gtest_channels, timing_limits
-from parcours_ramp.persistent_nodes import NODE_PROGRAM
+from parcours_ramp.gtest.export import Repeats, export_gtest, gtest_channels, timing_limits
+from parcours_ramp.gtest.persistent_nodes import NODE_PROGRAM
+from parcours_ramp.gtest.tables import GtestLimit, identifier
 
 CASES = list(component_plan(0, 1).cases(0, 67))
 TIMED = ":".join(f"Timing.ITP{itp}_*_0_0_0_row0" for itp in (1, 2, 3)) + ":Timing.ITP6_*_0_0_0_0_0_0_0_row0"
-HEADERS = Path(parcours.suite.exporting.__file__).parent / "cpp"
+HEADERS = Path(parcours_ramp.gtest.__file__).parent / "cpp"
 
 
 @pytest.fixture(scope="module")

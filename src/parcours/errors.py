@@ -75,8 +75,8 @@ Known: hub, all-states [unknown-policy]
 def one_of(given: str, known: Sequence[str]) -> str:
     """Return the remedy that lists what may be named, nearest first.
 
-    >>> one_of("lfit", ["lift", "crossing"])
-    "did you mean 'lift'? Known: lift, crossing"
+    >>> one_of("lift_thread", ["lift", "lift_threads"])
+    "did you mean 'lift_threads'? Known: lift, lift_threads"
     """
     import difflib
 

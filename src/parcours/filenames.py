@@ -21,8 +21,8 @@ _DIGEST = 32  # hexadecimal digits
 def file_name(name: str) -> str:
     r"""Return a file name for any name: different names get different ones, and no part of it leads to another folder.
 
-    >>> file_name("Doors-main loop"), file_name("lift/ITP1-tp1.0/3")
-    ('Doors-main loop', 'lift~ITP1-tp1.0~3')
+    >>> file_name("Door-main loop"), file_name("lift/ITP1-tp1.0/3")
+    ('Door-main loop', 'lift~ITP1-tp1.0~3')
     >>> file_name("../../etc"), file_name("a~b"), file_name("two\nlines"), file_name("")
     ('%2E.~..~etc', 'a%7Eb', 'two%0Alines', '%')
     """

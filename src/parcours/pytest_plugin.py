@@ -1,4 +1,4 @@
-"""The cases of a study -> pytest items: `pytest --parcours-study examples/lift --parcours-cases 50`.
+"""Collects the cases of a study as pytest items: `pytest --parcours-study examples/lift --parcours-cases 50`.
 
 Inert unless a study or a suite is asked for. Nothing of Parcours but the options is loaded before that.
 """
@@ -29,17 +29,11 @@ def pytest_addoption(parser: pytest.Parser) -> None:
                     help="the planner under test: module:Name or file.py:Name, for a study that has one")  # fmt: skip
     group.addoption("--parcours-set", metavar="NAME=VALUE", action="append", default=[],
                     help="a parameter of the study; may be repeated")  # fmt: skip
-    group.addoption(
-        "--parcours-case", metavar="ID", action="append", default=[], help="this case only; may be repeated"
-    )
+    group.addoption("--parcours-case", metavar="ID", action="append", default=[], help="this case only; repeatable")
     group.addoption("--parcours-cases", metavar="N", type=int, help=f"how many, the first N [{DEFAULT_CASES}]")
     group.addoption("--parcours-seed", metavar="N", type=int, default=1, help="campaign seed of the study [1]")
-    group.addoption(
-        "--parcours-inconclusive",
-        choices=("xfail", "fail"),
-        default="xfail",
-        help="how a case that cannot be judged is reported [xfail]",
-    )
+    group.addoption("--parcours-inconclusive", choices=("xfail", "fail"), default="xfail",
+                    help="how a case that cannot be judged is reported [xfail]")  # fmt: skip
 
 
 def _is_asked(config: pytest.Config) -> bool:
@@ -113,11 +107,11 @@ def _study(config: pytest.Config) -> Study | None:
 
 
 def _settings(config: pytest.Config, study: Study) -> dict[str, Any]:
-    from parcours.study.parameters import settings_from
+    from parcours.study.parameters import pairs_of, settings_of
 
     planner = config.getoption("--parcours-planner")
     given = [*config.getoption("--parcours-set"), *([f"planner={planner}"] if planner else [])]
-    return settings_from(study.parameters, given, study.name)
+    return settings_of(study.parameters, pairs_of(given), study.name)
 
 
 def _cases(config: pytest.Config) -> Iterator[tuple[Case, Study, dict[str, Any]]]:

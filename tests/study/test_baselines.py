@@ -15,8 +15,9 @@ from parcours.report.junit import CaseResult
 from parcours.report.pieces import Page
 from parcours.report.terminal import to_text
 from parcours.study import Measure
-from parcours.study.gate import Compared, _holm, compare_with_baseline
+from parcours.study.gate import Compared, compare_with_baseline
 from parcours.verdict.judgement import Verdict
+from parcours.verdict.statistics import holm
 
 PASS, FAIL, ERROR, INCONCLUSIVE = Verdict.PASS, Verdict.FAIL, Verdict.ERROR, Verdict.INCONCLUSIVE
 
@@ -113,7 +114,7 @@ def test_many_rates_are_tested_with_a_correction_for_their_number() -> None:
 
 @given(st.lists(st.floats(0.0, 1.0), max_size=8))
 def test_holms_correction_is_that_of_its_definition(p_values: list[float]) -> None:
-    adjusted, n = _holm(p_values), len(p_values)
+    adjusted, n = holm(p_values), len(p_values)
     order = sorted(range(n), key=lambda k: p_values[k])
     for rank, k in enumerate(order):
         assert adjusted[k] == max(min(1.0, (n - j) * p_values[order[j]]) for j in range(rank + 1))

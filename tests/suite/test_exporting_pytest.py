@@ -87,7 +87,7 @@ def test_a_suite_that_changed_since_is_refused(tmp_path: Path) -> None:
     seal = checksum(path)
     assert len(sealed_cases(path, seal)) == 1
     write_suite(path, [Case("demo", 0, "together", 0, ("v",), (0.2,), 20.0, seed=7)])
-    with pytest.raises(BadSuite, match=r"export the script anew \[suite-changed\]"):
+    with pytest.raises(BadSuite, match=r"export the script again \[suite-changed\]"):
         sealed_cases(path, seal)
     with pytest.raises(BadSuite, match=r"unreadable-file"):
         checksum(tmp_path / "nothing.jsonl")

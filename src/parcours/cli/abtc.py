@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from parcours.cli.options import as_json, model_file, print_json
+from parcours.cli.options import as_json, count, model_file, print_json, print_rows
 
 if TYPE_CHECKING:
     from parcours.abtc import AbstractCase, Order
@@ -31,8 +31,8 @@ _MOST_COUNTED = 1_000_000
     type=click.Choice(["count", "sample", "all"]),
     help="Serialised execution sequences (APSESCC) of each combination, or of --case.",
 )
-@click.option("--number", type=click.IntRange(1), default=10, show_default=True, help="How many sequences to sample.")
-@click.option("--seed", type=click.IntRange(0, 2**63 - 1), default=1, show_default=True, help="Of the sample.")
+@count("--number", default=10, help="How many sequences to sample.")
+@count("--seed", default=1, least=0, most=2**63 - 1, help="Of the sample.")
 @as_json
 def command(
     file: Path, policy: str | None, policies: bool, counted: bool, wanted: str | None, dropped: bool, symmetric: bool,
@@ -117,13 +117,12 @@ def _count(
     if as_json:
         print_json(counts)
     else:
-        click.echo("\n".join(f"{name}  {count}" for name, count in counts.items()))
+        click.echo("\n".join(f"{name}  {n}" for name, n in counts.items()))
 
 
 def _compare(cefsm: Cefsm, as_json: bool) -> None:
     from parcours.abtc import POLICIES, case_counts
-    from parcours.report.pieces import Cell, Column, Table
-    from parcours.report.terminal import print_table
+    from parcours.report.pieces import Cell
 
     counts = {name: case_counts(cefsm, name) for name in POLICIES}
     if as_json:
@@ -134,8 +133,8 @@ def _compare(cefsm: Cefsm, as_json: bool) -> None:
         (name, *(found[each] for each in interactions), sum(found.values()), POLICIES[name].doc)
         for name, found in counts.items()
     )
-    columns = (*map(Column, ["policy", *interactions, "total"]), Column("points of a path"))
-    print_table(Table(f"Abstract test cases of {cefsm.name} by policy", columns, rows))
+    columns = ("policy", *interactions, "total", "points of a path")
+    print_rows(f"Abstract test cases of {cefsm.name} by policy", columns, rows)
 
 
 def _orders(cefsm: Cefsm, wanted: str | None) -> Iterator[tuple[str, Order]]:
@@ -155,9 +154,9 @@ def _sequences(orders: Iterator[tuple[str, Order]], mode: str, number: int, seed
     if mode == "count":
         counts = ((title, count_sequences(order)) for title, order in orders)
         if as_json:
-            _stream({"of": title, "sequences": count} for title, count in counts)
-        for title, count in () if as_json else counts:
-            click.echo(f"{title}  {count}")
+            _stream({"of": title, "sequences": n} for title, n in counts)
+        for title, n in () if as_json else counts:
+            click.echo(f"{title}  {n}")
         return
     found = (
         (title, order.spelled(each))
@@ -172,7 +171,7 @@ def _sequences(orders: Iterator[tuple[str, Order]], mode: str, number: int, seed
 
 
 def _stream(items: Iterable[dict[str, object]]) -> None:
-    # A JSON list, written item by item: its length does not matter.
+    """Print a JSON list item by item: it may be longer than memory."""
     lead = "[\n"
     for item in items:
         click.echo(lead + " " + json.dumps(item, ensure_ascii=False), nl=False)

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import click
 
-from parcours.cli.options import as_json, print_json
+from parcours.cli.options import PATH, as_json, print_json
 
 
 @click.command("compare")
-@click.argument("folders", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.argument("folders", nargs=-1, required=True, type=PATH)
 @as_json
 def command(folders: tuple[Path, ...], as_json: bool) -> None:
     """Compare FOLDERS of runs of one study with the first of them: rates are tested on the cases that they share.
@@ -28,7 +28,7 @@ def compare_folders(folders: Sequence[Path], as_json: bool) -> None:
     from parcours.cli.verdicts import require_same_cases
     from parcours.errors import BadRequest
     from parcours.report.terminal import print_table
-    from parcours.study.folders import study_of
+    from parcours.study.finding import study_of
     from parcours.study.gate import compare_with_baseline
 
     if len(folders) < 2:

@@ -8,40 +8,24 @@ from typing import TYPE_CHECKING
 
 import click
 
-from parcours.cli.options import StudyFile, as_json, print_json
+from parcours.cli.options import PATH, StudyFile, as_json, choice, count, print_json
 
 if TYPE_CHECKING:
     from parcours.verdict.conformance import Conformance, Expectation
 
 
 @click.command("conform")
-@click.argument("trace", type=click.Path(path_type=Path))
-@click.option(
-    "--model", "model", type=StudyFile("model"), required=True, help="The model file, or a study that has one."
-)
-@click.option(
-    "--component", "components", multiple=True, help="Follow this component only; repeatable.  [default: all]"
-)
-@click.option(
-    "--observes",
-    type=click.Choice(["transitions", "messages"]),
-    default="transitions",
-    show_default=True,
-    help="Whether the trace names the transitions taken, or only messages count.",
-)
+@click.argument("trace", type=PATH)
+@click.option("--model", type=StudyFile("model"), required=True, help="The model file, or a study that has one.")
+@click.option("--component", "components", multiple=True, help="Follow this component only; repeatable. [default: all]")
+@choice("--observes", "transitions", "messages", help="Whether the trace names transitions, or only messages count.")
 @click.option("--quiet", "quiet", multiple=True, metavar="CHANNEL=MS", help="A message owed there may take so long.")
 @click.option(
     "--until", type=click.FloatRange(0.0), help="How long the system was watched [ms].  [default: last event]"
 )
 @click.option("--unmodelled", multiple=True, metavar="CHANNEL", help="Sends there need no transition; repeatable.")
 @click.option("--conversations", is_flag=True, help="An answer counts for the latest question only.")
-@click.option(
-    "--hidden",
-    type=click.IntRange(1),
-    default=2000,
-    show_default=True,
-    help="Most states followed through steps nobody sees.",
-)
+@count("--hidden", default=2000, help="Most states followed through steps nobody sees.")
 @as_json
 def command(
     trace: Path, model: Path, components: tuple[str, ...], observes: str, quiet: tuple[str, ...], until: str | None,

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import click
 
-from parcours.cli.options import as_json, print_json
+from parcours.cli.options import PATH, as_json, print_json
 
 
 @click.command("convert")
-@click.argument("source", metavar="IN", type=click.Path(path_type=Path))
-@click.argument("target", metavar="OUT", type=click.Path(path_type=Path))
+@click.argument("source", metavar="IN", type=PATH)
+@click.argument("target", metavar="OUT", type=PATH)
 @click.option("--from", "source_format", default="", help="Format of IN, where its suffix does not tell it.")
 @click.option("--to", "target_format", default="", help="Format of OUT, where its suffix does not tell it.")
 @as_json
@@ -43,6 +43,5 @@ def command(source: Path, target: Path, source_format: str, target_format: str, 
         for loss in found:
             click.echo(f"{file}: {loss}")
     count = sum(len(found) for _, found in sides)
-    click.echo(
-        f"wrote {target} ({formats()[name].title}), {count} losses" if count else f"wrote {target}, nothing lost"
-    )
+    lost = f" ({formats()[name].title}), {count} losses" if count else ", nothing lost"
+    click.echo(f"wrote {target}{lost}")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 from click.exceptions import Exit
 
-from parcours.cli.options import as_json, data_file, print_json, seed
+from parcours.cli.options import PATH, as_json, count, data_file, print_json, print_rows, seed
 
 if TYPE_CHECKING:
     import numpy as np
@@ -17,12 +17,6 @@ if TYPE_CHECKING:
     from parcours.data import InputModel
     from parcours.data.choosing import Selection
     from parcours.data.formats import DataReading
-
-budget = click.option(
-    "--budget",
-    type=click.FloatRange(0.0, 86_400.0),
-    help="Seconds to search for a smaller array; by default a fixed effort, the same on every machine.",
-)
 
 
 @click.group("data")
@@ -36,22 +30,16 @@ def command() -> None:
 @command.command("draw")
 @data_file
 @click.option("--criterion", default="each_choice", show_default=True, help="How blocks are combined.")
-@click.option("--rows", type=click.IntRange(1, 1_000_000), help="How many rows; by default one set of the criterion.")
-@click.option("--must", type=click.Path(path_type=Path), help="Table of rows that must be there, and count.")
+@count("--rows", most=1_000_000, help="How many rows; by default one set of the criterion.")
+@click.option("--must", type=PATH, help="Table of rows that must be there, and count.")
 @click.option("--boundaries", is_flag=True, help="Values on, just inside and just outside the ends of the blocks.")
-@budget
+@click.option("--budget", type=click.FloatRange(0.0, 86_400.0), help="Seconds to search; by default a fixed effort.")
 @seed
 @as_json
 def draw_rows(
-    file: Path,
-    criterion: str,
-    rows: int | None,
-    must: Path | None,
-    boundaries: bool,
-    budget: float | None,
-    seed: int,
+    file: Path, criterion: str, rows: int | None, must: Path | None, boundaries: bool, budget: float | None, seed: int,
     as_json: bool,
-) -> None:
+) -> None:  # fmt: skip
     """Draw rows of values from the blocks of an input model, and say which blocks they hit.
 
     With --rows, further sets of the criterion follow the first one, or it is cut off. Exit code 3 if combinations were
@@ -65,7 +53,7 @@ def draw_rows(
     from parcours.data.choosing import choose
     from parcours.data.tables import read_table
 
-    reading = _told(file)
+    reading = _read(file)
     model = at_boundaries(reading.model) if boundaries else reading.model
     if criterion.endswith("wise"):
         say_if_cold()
@@ -100,17 +88,13 @@ def _cells(model: InputModel, values: NDArray[np.float64]) -> list[list[float | 
 
 
 def _print_rows(chosen: Selection, values: NDArray[np.float64]) -> None:
-    from parcours.report.pieces import Column, Table
-    from parcours.report.terminal import print_table
+    from parcours.report.pieces import Column
 
     model = chosen.model
     formats = {"real": ".3f", "angle": ".3f"}
-    columns = (
-        Column("row"),
-        *(Column(d.name, formats.get(d.kind, ""), unit=d.unit if d.unit != "1" else "") for d in model.domains),
-    )
-    shown = tuple((number, *row) for number, row in enumerate(_cells(model, values)))
-    print_table(Table(f"{model.name}, {chosen.criterion}", columns, shown))
+    columns = (Column(d.name, formats.get(d.kind, ""), unit=d.unit if d.unit != "1" else "") for d in model.domains)
+    shown = ((number, *row) for number, row in enumerate(_cells(model, values)))
+    print_rows(f"{model.name}, {chosen.criterion}", ("row", *columns), shown)
     positive = len(chosen.rows) - chosen.n_negative
     if chosen.n_undecided:
         click.echo(f"{positive} rows; {chosen.n_undecided} combinations not decided within the budget")
@@ -131,14 +115,10 @@ def _print_rows(chosen: Selection, values: NDArray[np.float64]) -> None:
 
 
 @command.command("measure")
-@click.argument("table", type=click.Path(path_type=Path))
-@click.option(
-    "--model", "file", required=True, type=click.Path(path_type=Path), help="Whose blocks and rules are meant."
-)
-@click.option(
-    "--strength", type=click.IntRange(1, 6), default=2, show_default=True, help="How many inputs are combined."
-)
-@click.option("--show", type=click.IntRange(0, 1_000_000), default=20, show_default=True, help="How much to list.")
+@click.argument("table", type=PATH)
+@click.option("--model", "file", required=True, type=PATH, help="Whose blocks and rules are meant.")
+@count("--strength", default=2, most=6, help="How many inputs are combined.")
+@count("--show", default=20, least=0, most=1_000_000, help="How much to list.")
 @as_json
 def measure_table(table: Path, file: Path, strength: int, show: int, as_json: bool) -> None:
     """Say which combinations of blocks a table of values holds: CSV, JSON Lines, a suite, or `draw --json`.
@@ -150,7 +130,7 @@ def measure_table(table: Path, file: Path, strength: int, show: int, as_json: bo
     from parcours.data.measuring import measure
     from parcours.data.tables import read_table
 
-    reading = _told(file)
+    reading = _read(file)
     model = reading.model
     found = measure(read_table(table, model, reading.titles), model, strength, most_shown=show)
     if as_json:
@@ -182,10 +162,8 @@ def compare_criteria(file: Path, as_json: bool) -> None:
     """
     from parcours.cli.progress import say_if_cold
     from parcours.data.choosing import set_size
-    from parcours.report.pieces import Column, Table
-    from parcours.report.terminal import print_table
 
-    model = _model(file)
+    model = _read(file).model
     say_if_cold()
     names = ["each_choice", "base_choice", "pairwise", "3-wise", "all_combinations"]
     if any(len(domain.bases) > 1 for domain in model.domains):
@@ -195,41 +173,30 @@ def compare_criteria(file: Path, as_json: bool) -> None:
         print_json([{"criterion": name, "rows": rows, "fewest": fewest} for name, rows, fewest in sizes])
         return
     title = f"{model.name}: {len(model.domains)} inputs, {sum(model.sizes)} blocks"
-    print_table(Table(title, (Column("criterion"), Column("rows", ",d"), Column("fewest", ",d")), tuple(sizes)))
+    print_rows(title, ("criterion", ("rows", ",d"), ("fewest", ",d")), sizes)
 
 
 @command.command("convert")
-@click.argument("source", type=click.Path(path_type=Path))
-@click.argument("target", type=click.Path(path_type=Path))
+@click.argument("source", type=PATH)
+@click.argument("target", type=PATH)
 def convert(source: Path, target: Path) -> None:
     """Turn a PICT model (.pict, .txt) into an input model (.yaml, .yml), or back, and say what is lost.
 
     Example: parcours data convert printer.pict printer.yaml
     """
     from parcours.data.formats import read_data, write_data
-    from parcours.errors import BadRequest
+    from parcours.run.atomic import write_atomically
 
     reading = read_data(source)
     model, written = reading.model, write_data(reading.model, target)
-    text, losses = written.text, [*reading.losses, *written.losses]
-    try:
-        target.write_text(text, encoding="utf-8")
-    except OSError as error:
-        rule = f"a file must be writable there, but: {error.strerror}"
-        raise BadRequest(str(target), rule, "name another place", slug="folder-unwritable") from None
-    click.echo(
-        f"{target}: {len(model.domains)} inputs, {sum(model.sizes)} blocks, {len(model.constraints)} constraints"
-    )
-    for loss in losses:
+    write_atomically(target, written.text.encode())
+    counts = f"{len(model.domains)} inputs, {sum(model.sizes)} blocks, {len(model.constraints)} constraints"
+    click.echo(f"{target}: {counts}")
+    for loss in (*reading.losses, *written.losses):
         click.echo(f"lost: {loss}")
 
 
-def _model(path: Path) -> InputModel:
-    """Return the input model of a file; what of the file it lacks is said on standard error."""
-    return _told(path).model
-
-
-def _told(path: Path) -> DataReading:
+def _read(path: Path) -> DataReading:
     """Return the input model of a file; what of the file it lacks is said on standard error."""
     from parcours.data.formats import read_data
 

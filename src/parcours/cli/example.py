@@ -6,12 +6,12 @@ from pathlib import Path
 
 import click
 
-from parcours.cli.options import as_json, print_json
+from parcours.cli.options import PATH, as_json, print_json, print_rows
 
 
 @click.command("example")
 @click.argument("name", required=False)
-@click.argument("folder", required=False, type=click.Path(path_type=Path))
+@click.argument("folder", required=False, type=PATH)
 @as_json
 def command(name: str | None, folder: Path | None, as_json: bool) -> None:
     """List the shipped examples, or copy the one called NAME into FOLDER (by default, one of its name).
@@ -22,15 +22,14 @@ def command(name: str | None, folder: Path | None, as_json: bool) -> None:
 
     Example: parcours example lift && parcours run lift --out out/lift
     """
+    from parcours.errors import require_known
+    from parcours.study.copying import runnable, write_new
     from parcours.study.examples import contents_of, examples
 
     if name is None:
-        _tell(as_json)
+        _list(as_json)
         return
     known = examples()
-    from parcours.errors import require_known
-    from parcours.study.copying import runnable, write_new
-
     require_known(name, list(known), "example", slug="unknown-example")
     contents = contents_of(known[name])
     folder = folder or Path(name)
@@ -46,17 +45,16 @@ def command(name: str | None, folder: Path | None, as_json: bool) -> None:
         click.echo("Next:\n" + "\n".join(f"  {one}" for one in commands))
 
 
-def _tell(as_json: bool) -> None:
+def _list(as_json: bool) -> None:
     """Print each example with a line about it."""
-    from parcours.report.pieces import Column, Table
-    from parcours.report.terminal import print_table
+    from parcours.report.pieces import Column
     from parcours.study.examples import about, examples
 
     rows = tuple((name, about(one)) for name, one in examples().items())
     if as_json:
         print_json([{"name": name, "doc": doc} for name, doc in rows])
         return
-    print_table(Table("Examples", (Column("example", code=True), Column("what it shows")), rows))
+    print_rows("Examples", (Column("example", code=True), "what it shows"), rows)
     click.echo("Copy one: parcours example NAME [FOLDER]")
 
 

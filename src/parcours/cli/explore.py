@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from parcours.cli.options import as_json, model_file, print_json
+from parcours.cli.options import as_json, count, model_file, print_json, read_model
 
 if TYPE_CHECKING:
     from parcours.model import Move
@@ -19,24 +19,11 @@ _SHOWN = 3
 
 @click.command("explore")
 @model_file
+@count("--max-states", default=1_000_000, most=1 << 30, help="Most states to keep.")
 @click.option(
-    "--max-states", type=click.IntRange(1, 1 << 30), default=1_000_000, show_default=True, help="Most states to keep."
+    "--max-seconds", type=click.FloatRange(0.0, 1e9), default=120.0, help="Longest search [s].  [default: 120]"
 )
-@click.option(
-    "--max-seconds",
-    type=click.FloatRange(0.0, 1e9),
-    default=120.0,
-    show_default=True,
-    help="Longest time for the search [s].",
-)
-@click.option(
-    "--witness",
-    "witnesses",
-    type=click.IntRange(0),
-    default=3,
-    show_default=True,
-    help="How many findings to show with a shortest run that leads there.",
-)
+@count("--witness", "witnesses", default=3, least=0, help="How many findings to show with a shortest run to them.")
 @as_json
 def command(file: Path, max_states: int, max_seconds: float, witnesses: int, as_json: bool) -> None:
     """Explore the composition of a model's components: every state and move, deadlocks, lost messages, dead parts.
@@ -47,13 +34,10 @@ def command(file: Path, max_states: int, max_seconds: float, witnesses: int, as_
     """
     from parcours.cli.progress import progress
     from parcours.model.composition import explore
-    from parcours.model.formats import read_any
 
-    reading = read_any(file)
-    for loss in reading.losses:
-        click.echo(f"not kept: {loss}", err=True)
+    cefsm = read_model(file)
     with progress() as report:
-        space = explore(reading.cefsm, max_states, max_seconds, report)
+        space = explore(cefsm, max_states, max_seconds, report)
     if as_json:
         print_json(_as_data(space, witnesses))
     else:
@@ -113,20 +97,20 @@ def _as_data(space: Space, witnesses: int) -> dict[str, object]:
         "stopped": space.stopped,
         "expanded": space.n_expanded,
         "seconds": round(space.seconds, 3),
-        "findings": [
-            {
-                "kind": each.kind,
-                "severity": each.severity,
-                "message": each.message,
-                "states": each.count,
-                "steps": None if each.state is None else len(space.path_to(each.state)),
-                "witness": [_move(move) for move in space.path_to(each.state)]
-                if each in shown and each.state is not None
-                else None,
-                "move": None if each.move is None else _move(each.move),
-            }
-            for each in space.findings
-        ],
+        "findings": [_finding(space, each, each in shown) for each in space.findings],
+    }
+
+
+def _finding(space: Space, each: Discovery, is_shown: bool) -> dict[str, object]:
+    path = None if each.state is None else space.path_to(each.state)
+    return {
+        "kind": each.kind,
+        "severity": each.severity,
+        "message": each.message,
+        "states": each.count,
+        "steps": None if path is None else len(path),
+        "witness": None if path is None or not is_shown else list(map(_move, path)),
+        "move": None if each.move is None else _move(each.move),
     }
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import click
 
 from parcours.cli.extending import Extensible
-from parcours.cli.options import set_parameters
+from parcours.cli.options import PATH, set_parameters
 
 
 @click.group("export", cls=Extensible)
@@ -20,8 +20,8 @@ def command() -> None:
 
 
 @command.command("pytest")
-@click.argument("suite", type=click.Path(path_type=Path))
-@click.option("--out", type=click.Path(path_type=Path), required=True, help="Python file to write: test_*.py.")
+@click.argument("suite", type=PATH)
+@click.option("--out", type=PATH, required=True, help="Python file to write: test_*.py.")
 @click.option("--study", default="", metavar="STUDY", help="Where the study is, if it is not a registered one.")
 @set_parameters
 @click.option("--refer", is_flag=True, help="Let the script read the suite file, and check it, instead of holding it.")
@@ -30,9 +30,7 @@ def export_pytest(suite: Path, out: Path, study: str, settings: tuple[str, ...],
 
     Example: parcours export pytest suite.jsonl --out test_suite.py
 
-    Example: parcours export pytest suite.jsonl --study examples/lift --out test_lift.py
-
-    Example: parcours export pytest suite.jsonl --set schedule=guarded --out test_guarded.py
+    Example: parcours export pytest suite.jsonl --study examples/lift --set repeats=20 --out test_lift.py
     """
     from parcours.report.writing import write_text
     from parcours.study.finding import find

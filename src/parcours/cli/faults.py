@@ -6,18 +6,18 @@ from pathlib import Path
 
 import click
 
-from parcours.cli.options import as_json, print_json, seed, set_parameters, workers
+from parcours.cli.options import PATH, as_json, count, print_json, seed, set_parameters, workers
 
 
 @click.command("faults")
 @click.argument("study")
 @set_parameters
-@click.option("--cases", type=click.IntRange(1, 1000), default=5, show_default=True, help="How many cases a fault.")
+@count("--cases", default=5, most=1000, help="How many cases a fault.")
 @click.option("--only", default="", help="Only faults whose line contains this: a channel, a component, a kind.")
 @click.option("--list", "listed", is_flag=True, help="Print the catalogue and run nothing.")
 @seed
 @workers
-@click.option("--out", type=click.Path(path_type=Path), default=None, help="Folder for faults.json and faults.html.")
+@click.option("--out", type=PATH, help="Folder for faults.json and faults.html.")
 @as_json
 def command(
     study: str, settings: tuple[str, ...], cases: int, only: str, listed: bool, seed: int, workers: int,
@@ -25,9 +25,7 @@ def command(
 ) -> None:  # fmt: skip
     """Strike a study's channels and components, one fault at a time, and see what becomes of its cases.
 
-    Example: parcours faults examples/lift --only Door
-
-    Example: parcours faults ramp_system --set schedule=guarded --only Planner --cases 10 --out out/faults
+    Example: parcours faults examples/lift --only Door --cases 10 --out out/faults
     """
     import json
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from parcours.cli.options import as_json, model_file, print_json, seed
+from parcours.cli.options import as_json, model_file, print_json, seconds, seed
 
 if TYPE_CHECKING:
     from parcours.model.structure import Cefsm
@@ -24,13 +24,7 @@ Decided = tuple[str, str, "Executability"]
 @click.option("--criterion", default="edge", show_default=True, help="What to cover: node, edge, edge-pair, prime, ...")
 @click.option("--component", default="", help="Only this component.")
 @click.option("--machine", default="", help="Only this machine.")
-@click.option(
-    "--budget",
-    type=click.FloatRange(0.0, min_open=True),
-    default=10.0,
-    show_default=True,
-    help="Longest time for all machines together [s].",
-)
+@seconds("--budget", default=10.0, help="Longest time for all machines together")
 @click.option("--anywhere", is_flag=True, help="Let paths end anywhere, not only where a test may end.")
 @seed
 @as_json

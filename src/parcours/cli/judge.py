@@ -6,11 +6,11 @@ from pathlib import Path
 
 import click
 
-from parcours.cli.options import as_json, named_study, print_json
+from parcours.cli.options import PATH, as_json, named_study, print_json
 
 
 @click.command("judge")
-@click.argument("recordings", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.argument("recordings", nargs=-1, required=True, type=PATH)
 @named_study
 @as_json
 def command(recordings: tuple[Path, ...], study: str, as_json: bool) -> None:
@@ -18,7 +18,7 @@ def command(recordings: tuple[Path, ...], study: str, as_json: bool) -> None:
 
     A folder stands for the recordings in it.
 
-    Example: parcours judge out/components/recordings
+    Example: parcours judge out/lift/recordings
     """
     from parcours.errors import BadResults
     from parcours.run.recording import read_recording

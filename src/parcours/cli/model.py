@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from parcours.cli.options import as_json, model_file, print_json
+from parcours.cli.options import PATH, as_json, model_file, print_json
 
 
 @click.group("model")
@@ -26,7 +26,7 @@ def check(file: Path, as_json: bool) -> None:
 
     Of a file of another tool it also says what the model does not hold.
 
-    Example: parcours model check src/parcours_ramp/components/model.yaml
+    Example: parcours model check examples/lift/model.yaml
     """
     from parcours.model import check_file, findings
     from parcours.model.formats import format_of, read_any
@@ -52,12 +52,7 @@ def check(file: Path, as_json: bool) -> None:
 
 @command.command("show")
 @model_file
-@click.option(
-    "--svg",
-    "folder",
-    type=click.Path(path_type=Path),
-    help="Draw each machine as an SVG file into this folder.",
-)
+@click.option("--svg", "folder", type=PATH, help="Draw each machine as an SVG file into this folder.")
 @click.option("--dot", is_flag=True, help="Print the model in the DOT language.")
 def show(file: Path, folder: Path | None, dot: bool) -> None:
     """Draw the machines of a model: as tables, as pictures, or as DOT.

@@ -6,11 +6,12 @@ from pathlib import Path
 
 import click
 
+from parcours.cli.options import PATH
 from parcours.study.copying import templates
 
 
 @click.command("new")
-@click.argument("folder", type=click.Path(path_type=Path))
+@click.argument("folder", type=PATH)
 @click.option("--kind", type=click.Choice(list(templates())), default="components", show_default=True,
               help="What the study tests.")  # fmt: skip
 def command(folder: Path, kind: str) -> None:
@@ -34,12 +35,7 @@ def command(folder: Path, kind: str) -> None:
 
 
 def next_commands(folder: Path, name: str) -> list[str]:
-    """Return what to type next for a study in a folder.
-
-    Args:
-        folder: as the user named it.
-        name: of the study, or what else to call its results.
-    """
+    """Return what to type next for a study in a folder."""
     import shlex
 
     from parcours.study.finding import registered

@@ -10,8 +10,10 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
 
+    from parcours.model import Cefsm
+    from parcours.report.pieces import Cell, Column
     from parcours.study import Parameter
 
     _Type = click.ParamType[Any]
@@ -19,17 +21,35 @@ else:
     _Type = click.ParamType  # not generic in older releases
 
 F = TypeVar("F", bound=Callable[..., Any])
+PATH = click.Path(path_type=Path)
+
+
+def count(
+    *names: str, help: str, default: int | None = None, least: int = 1, most: int | None = None
+) -> Callable[[F], F]:
+    """Return an option for a whole number."""
+    range = click.IntRange(least, most)
+    return click.option(*names, type=range, default=default, show_default=default is not None, help=help)
+
+
+def seconds(*names: str, help: str, default: float) -> Callable[[F], F]:
+    """Return an option for a time above 0 [s]."""
+    range = click.FloatRange(0.0, min_open=True)
+    return click.option(*names, type=range, default=default, show_default=True, help=f"{help} [s].")
+
+
+def choice(*names: str, help: str) -> Callable[[F], F]:
+    """Return an option for one of the names that follow its own; the first is the default."""
+    option, *values = names
+    return click.option(option, type=click.Choice(values), default=values[0], show_default=True, help=help)
+
 
 as_json = click.option("--json", "as_json", is_flag=True, help="Print JSON instead of tables.")
 seed = click.option("--seed", type=click.IntRange(0, 2**63 - 1), default=1, show_default=True, help="Campaign seed.")
 
 
 class StudyFile(_Type):
-    """A file of a kind that studies have: its path, or a study that has one.
-
-    Args:
-        kind: model or data.
-    """
+    """A file of a kind that studies have: its path, or a study that has one."""
 
     name = "file"
 
@@ -49,7 +69,7 @@ class StudyFile(_Type):
             files = getattr(find(str(value)), "files", {})
         except BadRequest as error:
             if error.slug == "unknown-study" or (error.slug == "unreadable-file" and path.suffix):
-                return path  # whoever reads it says that it is not there
+                return path  # what reads it will say that it is not there
             raise
         if self._kind not in files:
             raise BadRequest(str(value), f"this study has no {self._kind} file", slug="study-file")
@@ -64,10 +84,10 @@ set_parameters = click.option(
 )
 fail_if = click.option(
     "--fail-if", "fail_if", multiple=True, metavar="CONDITION",
-    help='Exit 1 if it holds, such as "stuck > 1%"; may be repeated. Verdicts of cases then do not decide.',
+    help='Exit 1 if it holds, such as "failed > 1%"; may be repeated. Verdicts of cases then do not decide.',
 )  # fmt: skip
 baseline = click.option(
-    "--baseline", type=click.Path(path_type=Path), metavar="FOLDER",
+    "--baseline", type=PATH, metavar="FOLDER",
     help="Exit 1 if a rate got worse than in that run beyond chance. Verdicts of cases then do not decide.",
 )  # fmt: skip
 
@@ -76,14 +96,31 @@ def workers(function: F) -> F:
     """Add --workers: by default one process a processor."""
     from parcours.study.parameters import workers_parameter
 
-    option = click.option(
-        "--workers",
-        type=click.IntRange(1, 1024),
-        default=workers_parameter().default,
-        show_default="one a processor",
-        help="Processes.",
+    range, default = click.IntRange(1, 1024), workers_parameter().default
+    return click.option("--workers", type=range, default=default, show_default="one a processor", help="Processes.")(
+        function
     )
-    return option(function)
+
+
+def print_rows(
+    title: str, columns: Iterable[str | tuple[str, str] | Column], rows: Iterable[tuple[Cell, ...]], note: str = ""
+) -> None:
+    """Print a table; a column is a name, a name with the format of its numbers, or a `Column`."""
+    from parcours.report.pieces import Column, Table
+    from parcours.report.terminal import print_table
+
+    heads = (one if isinstance(one, Column) else Column(*((one,) if isinstance(one, str) else one)) for one in columns)
+    print_table(Table(title, tuple(heads), tuple(rows), note))
+
+
+def read_model(file: Path) -> Cefsm:
+    """Return the model of a file of any format; what the file says beyond it is noted on standard error."""
+    from parcours.model.formats import read_any
+
+    reading = read_any(file)
+    for loss in reading.losses:
+        click.echo(f"not kept: {loss}", err=True)
+    return reading.cefsm
 
 
 def print_json(value: object) -> None:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import dataclasses
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import click
 
-from parcours.cli.options import as_json, model_file, print_json
+from parcours.cli.options import PATH, as_json, choice, count, model_file, print_json, print_rows, read_model, seconds
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -16,8 +16,9 @@ if TYPE_CHECKING:
     from parcours.model.structure import Cefsm
     from parcours.paths.covering import MachineCover
     from parcours.paths.criteria import Criterion, Limits
+    from parcours.paths.criteria.requirement import Requirement
     from parcours.paths.measuring import Tours
-    from parcours.report.pieces import Table
+    from parcours.paths.visiting import Cover, Shape
 
 
 @click.command("paths")
@@ -35,24 +36,10 @@ if TYPE_CHECKING:
 @click.option("--walk", is_flag=True, help="One walk that ends anywhere, instead of tests that end in final states.")
 @click.option("--max-length", type=click.IntRange(1), help="Most transitions of a path.")
 @click.option("--requirements", "listed", is_flag=True, help="List what is required, and cover nothing.")
-@click.option(
-    "--measure", "runs", type=click.Path(path_type=Path), help="Measure the runs in this file, cover nothing."
-)
-@click.option(
-    "--tours",
-    type=click.Choice(["direct", "sidetrips", "detours"]),
-    default="direct",
-    show_default=True,
-    help="How a run may tour what is required, for --measure.",
-)
-@click.option("--most", type=click.IntRange(1), default=1_000_000, show_default=True, help="Most requirements.")
-@click.option(
-    "--seconds",
-    type=click.FloatRange(0.0, min_open=True),
-    default=8.0,
-    show_default=True,
-    help="Longest search for the requirements of a machine [s].",
-)
+@click.option("--measure", "runs", type=PATH, help="Measure the runs in this file, cover nothing.")
+@choice("--tours", "direct", "sidetrips", "detours", help="How a run may tour what is required, for --measure.")
+@count("--most", default=1_000_000, help="Most requirements.")
+@seconds("--seconds", default=8.0, help="Longest search for the requirements of a machine")
 @as_json
 def command(
     file: Path, criterion: str, component: str, machine: str, composition: bool, walk: bool, max_length: int | None,
@@ -64,13 +51,10 @@ def command(
 
     Example: parcours paths model.yaml --criterion prime --component Planner
     """
-    from parcours.model.formats import read_any
-    from parcours.paths.covering import machine_covers
+    from parcours.paths.covering import machine_covers, only
     from parcours.paths.criteria import Limits, parse_criterion
 
-    reading = read_any(file)
-    for loss in reading.losses:
-        click.echo(f"not kept: {loss}", err=True)
+    cefsm = read_model(file)
     chosen = parse_criterion(criterion)
     limits = Limits(most, 20 * most, seconds)
     together = composition or chosen.family == "communication"
@@ -83,74 +67,62 @@ def command(
     if together and (component or machine):
         raise click.UsageError("--component and --machine choose among machines; a composition has all of them")
     if runs is not None:
-        _measure(reading.cefsm, chosen, limits, runs, tours, component, machine, as_json)
+        _measure(cefsm, only(cefsm, component, machine), chosen, limits, runs, tours, as_json)
     elif listed:
-        _list(reading.cefsm, chosen, limits, component, machine, as_json)
+        _list(cefsm, only(cefsm, component, machine), chosen, limits, as_json)
     elif together:
-        _cover_composition(reading.cefsm, chosen, limits, walk, max_length, as_json)
+        _cover_composition(cefsm, chosen, limits, walk, max_length, as_json)
     else:
-        _show(
-            machine_covers(
-                reading.cefsm, chosen, component=component, machine=machine,
-                shape="open" if walk else "tests", max_length=max_length, limits=limits,
-            ),
-            chosen, as_json,
-        )  # fmt: skip
+        shape: Shape = "open" if walk else "tests"
+        covers = machine_covers(
+            cefsm, chosen, component=component, machine=machine, shape=shape, max_length=max_length, limits=limits
+        )
+        _show(covers, chosen, as_json)
 
 
 def _show(covers: Sequence[MachineCover], criterion: Criterion, as_json: bool) -> None:
-    from parcours.report.pieces import Column, Table
-    from parcours.report.terminal import print_table
-
     if as_json:
-        print_json(
-            [
-                {
-                    "component": each.component,
-                    "machine": each.machine,
-                    "requirements": each.required,
-                    "fewest": each.fewest,
-                    "length": each.length,
-                    "shortest": each.shortest,
-                    "paths": [{"name": path.name, "transitions": path.ids} for path in each.paths],
-                }
-                for each in covers
-            ]
-        )
+        documents: list[dict[str, object]] = []
+        for each in covers:
+            paths = [{"name": path.name, "transitions": path.ids} for path in each.paths]
+            whose = {"component": each.component, "machine": each.machine}
+            documents.append({**whose, **_bounds(each.required, each), "paths": paths})
+        print_json(documents)
         return
     rows = tuple((p.component, p.name, " ".join(p.ids), len(p.ids)) for each in covers for p in each.paths)
-    columns = (Column("component"), Column("path"), Column("transitions"), Column("length"))
-    print_table(Table(f"Internal test paths, {criterion} coverage", columns, rows))
+    columns = ("component", "path", "transitions", "length")
+    print_rows(f"Internal test paths, {criterion} coverage", columns, rows)
+    _print_optimum(*(_reached(f"{one.component}.{one.machine}", one.required, one) for one in covers))
+
+
+def _bounds(required: int, found: MachineCover | Cover) -> dict[str, object]:
+    return {"requirements": required, "fewest": found.fewest, "length": found.length, "shortest": found.shortest}
+
+
+class _Reached(NamedTuple):
+    """A cover beside what is possible."""
+
+    machine: str
+    requirements: int
+    paths: int
+    fewest: int
+    length: int
+    shortest: int
+
+
+def _reached(name: str, required: int, found: MachineCover | Cover) -> _Reached:
+    return _Reached(name, required, len(found.paths), found.fewest, found.length, found.shortest)
+
+
+def _print_optimum(*rows: _Reached) -> None:
+    columns = ("machine", "requirements", "paths", "fewest", "length", "at least", ("gap", ".1%"))
+    gaps = ((*row, (row.length - row.shortest) / row.shortest if row.shortest else 0.0) for row in rows)
+    note = (
+        "No cover has fewer paths than fewest; none with so few paths has fewer transitions than at least. "
+        "Where a requirement can be met in several ways, that is true of the shortest one."
+    )
     click.echo()
-    print_table(
-        _optimum(
-            [
-                (
-                    f"{each.component}.{each.machine}",
-                    each.required,
-                    len(each.paths),
-                    each.fewest,
-                    each.length,
-                    each.shortest,
-                )
-                for each in covers
-            ]
-        )
-    )
-
-
-def _optimum(rows: Sequence[tuple[str, int, int, int, int, int]]) -> Table:
-    """Return the table of what was reached beside what is possible."""
-    from parcours.report.pieces import Column, Table
-
-    columns = ("machine", "requirements", "paths", "fewest", "length", "at least", "gap")
-    return Table(
-        "How far from the optimum",
-        tuple(Column(name, format=".1%" if name == "gap" else "") for name in columns),
-        tuple((*row, (row[4] - row[5]) / row[5] if row[5] else 0.0) for row in rows),
-        note="No cover has fewer paths than fewest; none with so few paths has fewer transitions than at least. "
-        "Where a requirement can be met in several ways, that is true of the shortest one.",
-    )
+    print_rows("How far from the optimum", columns, gaps, note)
 
 
 def _cover_composition(
@@ -161,8 +133,6 @@ def _cover_composition(
     from parcours.model.composition import explore
     from parcours.paths.covering import cover_demand
     from parcours.paths.criteria.composed import composition_demand
-    from parcours.report.pieces import Column, Table
-    from parcours.report.terminal import print_table
 
     with progress() as report:
         space = explore(cefsm, progress=report)
@@ -170,79 +140,47 @@ def _cover_composition(
     found = cover_demand(asked, shape="open" if walk else "tests", max_length=max_length)
     paths = [[asked.graph.edges[edge] for edge in path] for path in found.paths]
     if as_json:
-        print_json(
-            {
-                "requirements": len(asked.goals) + len(unmet),
-                "impossible": [str(each) for each in unmet] if space.exact else [],
-                "unmet": [str(each) for each in unmet],
-                "exact": space.exact,
-                "fewest": found.fewest,
-                "length": found.length,
-                "shortest": found.shortest,
-                "paths": paths,
-            }
-        )
+        missed = [str(each) for each in unmet]
+        known = {"impossible": missed if space.exact else [], "unmet": missed, "exact": space.exact}
+        print_json({**_bounds(len(asked.goals) + len(unmet), found), **known, "paths": paths})
         return
     rows = tuple((place, " ".join(path), len(path)) for place, path in enumerate(paths, start=1))
-    columns = (Column("path"), Column("moves"), Column("length"))
-    print_table(Table(f"Paths of the composition, {criterion} coverage", columns, rows))
-    click.echo()
-    reached = (cefsm.name, len(asked.goals), len(paths), found.fewest, found.length, found.shortest)
-    print_table(_optimum([reached]))
+    print_rows(f"Paths of the composition, {criterion} coverage", ("path", "moves", "length"), rows)
+    _print_optimum(_reached(cefsm.name, len(asked.goals), found))
     for each in unmet:
         click.echo(f"no run can meet: {each}" if space.exact else f"not met: {each}")
     if unmet and space.doubts:
         click.echo(f"not met for the values tried: {', '.join(space.doubts)}")
 
 
-def _list(cefsm: Cefsm, criterion: Criterion, limits: Limits, component: str, machine: str, as_json: bool) -> None:
+def _list(cefsm: Cefsm, part: Cefsm, criterion: Criterion, limits: Limits, as_json: bool) -> None:
     from parcours.paths import requirements
-    from parcours.paths.covering import only
-    from parcours.report.pieces import Column, Table
-    from parcours.report.terminal import print_table
 
-    needs = requirements(only(cefsm, component, machine), criterion, limits=limits)
+    needs = requirements(part, criterion, limits=limits)
     if as_json:
         print_json([dataclasses.asdict(need) for need in needs])
         return
-    rows = tuple((need.machine or cefsm.name, need.kind, str(need)) for need in needs)
-    columns = (Column("machine"), Column("kind"), Column("requirement"))
-    print_table(Table(f"{len(needs)} requirements, {criterion} coverage", columns, rows))
+    _print_needs(f"{len(needs)} requirements, {criterion} coverage", cefsm, needs)
+
+
+def _print_needs(title: str, cefsm: Cefsm, needs: Sequence[Requirement]) -> None:
+    rows = ((need.machine or cefsm.name, need.kind, str(need)) for need in needs)
+    print_rows(title, ("machine", "kind", "requirement"), rows)
 
 
 def _measure(
-    cefsm: Cefsm,
-    criterion: Criterion,
-    limits: Limits,
-    runs: Path,
-    tours: Tours,
-    component: str,
-    machine: str,
-    as_json: bool,
+    cefsm: Cefsm, part: Cefsm, criterion: Criterion, limits: Limits, runs: Path, tours: Tours, as_json: bool
 ) -> None:
     from parcours.paths import measure
-    from parcours.paths.covering import only
     from parcours.paths.measuring.files import read_sequences
-    from parcours.report.pieces import Column, Table
-    from parcours.report.terminal import print_table
 
-    kept = {
-        f"{owner.name}.{each.name}" for owner in only(cefsm, component, machine).components for each in owner.machines
-    }
+    kept = {f"{owner.name}.{one.name}" for owner in part.components for one in owner.machines}
     coverage = measure(cefsm, criterion, *read_sequences(runs), tours=tours, limits=limits)
     met, missed = ([need for need in side if need.machine in {"", *kept}] for side in (coverage.met, coverage.missed))
     if as_json:
-        print_json(
-            {
-                "criterion": coverage.criterion,
-                "tours": tours,
-                "ratio": len(met) / (len(met) + len(missed)) if met or missed else 1.0,
-                "met": [dataclasses.asdict(need) for need in met],
-                "missed": [dataclasses.asdict(need) for need in missed],
-            }
-        )
+        ratio = len(met) / (len(met) + len(missed)) if met or missed else 1.0
+        sides = {"met": list(map(dataclasses.asdict, met)), "missed": list(map(dataclasses.asdict, missed))}
+        print_json({"criterion": coverage.criterion, "tours": tours, "ratio": ratio, **sides})
         return
-    rows = tuple((need.machine or cefsm.name, need.kind, str(need)) for need in missed)
-    columns = (Column("machine"), Column("kind"), Column("requirement"))
-    print_table(Table(f"Missed, {criterion} coverage, {tours} tours", columns, rows))
+    _print_needs(f"Missed, {criterion} coverage, {tours} tours", cefsm, missed)
     click.echo(f"met {len(met)} of {len(met) + len(missed)}")

@@ -1,4 +1,4 @@
-"""How far the work is: a bar on the terminal, and elsewhere a plain line now and then, both on standard error."""
+"""Shows how far the work is: a bar on the terminal, and elsewhere a plain line now and then, both on standard error."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 
 PERIOD = 10.0
-"""So long at least lies between two lines about the same work [s]."""
+"""Least time between two lines about the same work [s]."""
 
 Report = Callable[[str, int, int], None]
-"""Told (what, done, in all)."""
+"""Reports (what, how many are done, how many in all)."""
 
 
 @contextmanager
@@ -46,14 +46,21 @@ def progress(clock: Callable[[], float] = time.monotonic) -> Iterator[Report]:
 
 @dataclass(slots=True)
 class _Work:
-    """One kind of work: when it began and with how much done, what was told last, and when a line was printed."""
+    """One kind of work: when it began and with how much done, how far it is, and when a line was printed."""
 
-    begun: float
+    what: str
+    began: float
     done_before: int
     done: int
     total: int
     printed: float
-    is_printed: bool = True
+    is_printed: bool = False
+
+    def show(self, now: float) -> None:
+        import click
+
+        click.echo(progress_line(self.what, self.done, self.total, now - self.began, self.done_before), err=True)
+        self.printed, self.is_printed = now, True
 
 
 class _Lines:
@@ -65,41 +72,25 @@ class _Lines:
 
     def report(self, what: str, done: int, total: int) -> None:
         now = self._clock()
-        work = self._works.get(what)
-        if work is None:
-            work = self._works[what] = _Work(now, done, done, total, now)
-            self._print(what, work, now)
-            return
-        is_new = (done, total) != (work.done, work.total)
-        work.done, work.total, work.is_printed = done, total, work.is_printed and not is_new
-        if not work.is_printed and (now - work.printed >= PERIOD or done == total):
-            self._print(what, work, now)
+        is_first = what not in self._works
+        work = self._works.setdefault(what, _Work(what, now, done, done, total, now))
+        work.is_printed = work.is_printed and (done, total) == (work.done, work.total)
+        work.done, work.total = done, total
+        if is_first or (not work.is_printed and (now - work.printed >= PERIOD or done == total)):
+            work.show(now)
 
     def end(self) -> None:
         now = self._clock()
-        for what, work in self._works.items():
+        for work in self._works.values():
             if not work.is_printed:
-                self._print(what, work, now)
-
-    def _print(self, what: str, work: _Work, now: float) -> None:
-        import click
-
-        click.echo(progress_line(what, work.done, work.total, now - work.begun, work.done_before), err=True)
-        work.printed, work.is_printed = now, True
+                work.show(now)
 
 
 def progress_line(what: str, done: int, total: int, seconds: float, before: int = 0) -> str:
     """Return how far a work is, how long it took, and about how long it will take on.
 
-    Args:
-        what: its name.
-        done: units that are done.
-        total: units in all; there may turn out to be more.
-        seconds: since it began [s].
-        before: units that were done when it began.
-
-    >>> progress_line("navigation, orca", 3200, 10_000, 41.0)
-    'navigation, orca: 3200 of 10000, 32 %, 41 s, about 87 s left'
+    >>> progress_line("lift, simulated", 3200, 10_000, 41.0)
+    'lift, simulated: 3200 of 10000, 32 %, 41 s, about 87 s left'
     >>> progress_line("states", 300, 200, 4000.0), progress_line("checks", 0, 9, 0.0)
     ('states: 300 of 200, 67 min', 'checks: 0 of 9')
     """

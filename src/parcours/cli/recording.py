@@ -6,11 +6,13 @@ from pathlib import Path
 
 import click
 
+from parcours.cli.options import PATH
+
 
 @click.command("recording")
-@click.argument("file", type=click.Path(path_type=Path))
-@click.option("--to", "target", type=click.Path(path_type=Path), help="Write it as this *.mcap or *.bag.")
-@click.option("--trace", "trace_file", type=click.Path(path_type=Path), help="Write its events as JSON Lines.")
+@click.argument("file", type=PATH)
+@click.option("--to", "target", type=PATH, help="Write it as this *.mcap or *.bag.")
+@click.option("--trace", "trace_file", type=PATH, help="Write its events as JSON Lines.")
 def command(file: Path, target: Path | None, trace_file: Path | None) -> None:
     """Tell what a recording (MCAP, ROS 1 bag) of a run holds, and whether it is whole.
 

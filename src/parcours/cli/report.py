@@ -6,13 +6,13 @@ from pathlib import Path
 
 import click
 
-from parcours.cli.options import as_json, baseline, fail_if, named_study
+from parcours.cli.options import PATH, as_json, baseline, fail_if, named_study
 
 
 @click.command("report")
-@click.argument("folders", nargs=-1, required=True, type=click.Path(path_type=Path))
-@click.option("--html", type=click.Path(path_type=Path), help="Write one self-contained page.")
-@click.option("--junit", type=click.Path(path_type=Path), help="Write the verdicts as JUnit XML.")
+@click.argument("folders", nargs=-1, required=True, type=PATH)
+@click.option("--html", type=PATH, help="Write one self-contained page.")
+@click.option("--junit", type=PATH, help="Write the verdicts as JUnit XML.")
 @named_study
 @fail_if
 @baseline
@@ -25,10 +25,10 @@ def command(
 
     Exit code as of `parcours run`: 0 if all cases passed, 1 if one failed, 3 if some are inconclusive and none failed.
 
-    Example: parcours report out/original out/guarded --html out/report.html --junit out/junit.xml
+    Example: parcours report out/lift-before out/lift --html out/report.html --junit out/junit.xml
     """
     from parcours.cli.verdicts import conclude, tell
-    from parcours.study.folders import read_all
+    from parcours.study.finding import read_all
     from parcours.study.gate import parse_condition
 
     conditions = [parse_condition(text) for text in fail_if]

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from parcours.cli.options import as_json, baseline, fail_if, seed
+from parcours.cli.options import PATH, as_json, baseline, count, fail_if, seed
 
 if TYPE_CHECKING:
     from parcours.study import Study
@@ -19,20 +19,14 @@ _FRESH = (
 )  # fmt: skip
 """What runs leave in their folders."""
 
-_path = click.Path(path_type=Path)
 _COMMON = (
-    click.option(
-        "--cases",
-        "n_cases",
-        type=click.IntRange(1, 100_000_000),
-        help="How many, the first ones.  [default: the study's]",
-    ),
+    count("--cases", "n_cases", most=100_000_000, help="How many, the first ones.  [default: the study's]"),
     click.option("--case", "chosen", multiple=True, metavar="ID", help="Run this case only; may be repeated."),
-    click.option("--cases-from", type=_path, metavar="FILE", help="Run the cases of this list only, an id a line."),
+    click.option("--cases-from", type=PATH, metavar="FILE", help="Run the cases of this list only, an id a line."),
     seed,
-    click.option("--out", type=_path, required=True, help="Folder for the results; resumed if it holds some."),
+    click.option("--out", type=PATH, required=True, help="Folder for the results; resumed if it holds some."),
     click.option("--fresh", is_flag=True, help="Discard the results in that folder, and start again."),
-    click.option("--junit", type=_path, help="Write the verdicts as JUnit XML."),
+    click.option("--junit", type=PATH, help="Write the verdicts as JUnit XML."),
     fail_if,
     baseline,
     as_json,
@@ -77,9 +71,7 @@ def command() -> None:
 
     Example: parcours run examples/lift --out out/lift
 
-    Example: parcours run ramp_system --schedule guarded --cases 905 --out out/guarded --fail-if "contacts > 0"
-
-    Example: parcours run navigation --planner orca --cases 905 --out out/orca --baseline out/orca-last-week
+    Example: parcours run examples/lift --cases 905 --out out/lift --fail-if "failed > 1%" --baseline out/lift-last-week
     """
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from parcours.cli.options import as_json, print_json
+from parcours.cli.options import as_json, print_json, print_rows
 
 
 @click.command("studies")
@@ -15,8 +15,7 @@ def command(as_json: bool) -> None:
     Example: parcours studies
     """
     from parcours.errors import ParcoursError
-    from parcours.report.pieces import Column, Table
-    from parcours.report.terminal import print_table
+    from parcours.report.pieces import Column
     from parcours.study.finding import find, registered
 
     rows = []
@@ -29,6 +28,5 @@ def command(as_json: bool) -> None:
     if as_json:
         print_json([dict(zip(("name", "kind", "package", "doc"), row, strict=True)) for row in rows])
         return
-    columns = (Column("study", code=True), Column("kind"), Column("package"), Column("what it tests"))
-    print_table(Table("Studies", columns, tuple(rows)))
+    print_rows("Studies", (Column("study", code=True), "kind", "package", "what it tests"), rows)
     click.echo("One of your own: parcours new FOLDER")

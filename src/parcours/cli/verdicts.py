@@ -40,9 +40,12 @@ def conclude(
     """
     from parcours.study.gate import check_conditions, compare_with_baseline, exit_code
 
-    everything = {folder: one for _, results in families for folder, one in results.items()}
     if junit is not None:
-        _write_junit(junit, families)
+        from parcours.report.junit import to_junit
+        from parcours.report.writing import write_text
+
+        write_text(junit, to_junit("parcours", junit_rows(families)))
+        click.echo(f"wrote {junit}", err=True)
     failed = False
     for study, runs in families:
         for folder, results in runs.items():
@@ -54,8 +57,7 @@ def conclude(
                 failed |= _is_worse(compare_with_baseline(results, study.read(baseline)), baseline)
     if conditions or baseline is not None:
         raise click.exceptions.Exit(1 if failed else 0)
-    code = exit_code(everything)
-    if code:
+    if code := exit_code(one for _, results in families for one in results.values()):
         raise click.exceptions.Exit(code)
 
 
@@ -85,14 +87,6 @@ def require_same_cases(ours: Path, theirs: Path) -> None:
         if one.get(key) != other.get(key):
             rule = f"both runs must be of the same cases, but their {key} is {one.get(key)!r} and {other.get(key)!r}"
             raise BadRequest("--baseline", rule, "run the same study with the same seed", slug="baseline-cases")
-
-
-def _write_junit(path: Path, families: Families) -> None:
-    from parcours.report.junit import to_junit
-    from parcours.report.writing import write_text
-
-    write_text(path, to_junit("parcours", junit_rows(families)))
-    click.echo(f"wrote {path}", err=True)
 
 
 def junit_rows(families: Families) -> list[CaseResult]:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, TextIO
 
 import click
 
-from parcours.cli.options import as_json, model_file, seed
+from parcours.cli.options import PATH, as_json, model_file, seconds, seed
 
 if TYPE_CHECKING:
     from parcours.model import Cefsm
@@ -31,15 +31,9 @@ _SHOWN = 20
 @click.option("--machine", default="", help="Walk this machine only.")
 @click.option("--ignore-guards", is_flag=True, help="Walk the bare graphs: no guards, no messages.")
 @click.option("--at-dead-end", default="restart", show_default=True, help="restart or stop.")
-@click.option(
-    "--budget",
-    type=click.FloatRange(0.0, min_open=True),
-    default=60.0,
-    show_default=True,
-    help="Longest time where the condition sets no bound by steps or time [s].",
-)
+@seconds("--budget", default=60.0, help="Longest time where the condition sets no bound by steps or time")
 @click.option("--states", is_flag=True, help="Say after each step where the machines stand.")
-@click.option("--out", type=click.Path(path_type=Path), help="File for the steps (JSON Lines) instead of the terminal.")
+@click.option("--out", type=PATH, help="File for the steps (JSON Lines) instead of the terminal.")
 @seed
 @as_json
 def command(
@@ -133,12 +127,8 @@ def _json_line(step: Step, states: bool) -> str:
 
 def _text_line(step: Step, states: bool) -> str:
     inputs = ", ".join(f"{name} = {json.dumps(value, ensure_ascii=False)}" for name, value in step.move.inputs)
-    parts = [
-        f"{step.number:>7}",
-        "restart," if step.is_restart else "",
-        str(step.move),
-        f"[{inputs}]" if inputs else "",
-    ]
+    restart = "restart," if step.is_restart else ""
+    parts = [f"{step.number:>7}", restart, str(step.move), f"[{inputs}]" if inputs else ""]
     stands = " -> " + ", ".join(step.after.states) if states else ""
     return " ".join(part for part in parts if part) + stands + "\n"
 
@@ -146,26 +136,16 @@ def _text_line(step: Step, states: bool) -> str:
 def _summarise(walk: Walk, seed: int, as_json: bool) -> None:
     """Say on standard error why the walk ended and what it covered; standard output holds steps only."""
     tallies = walk.tallies.of.values()
+    missing = {each.name: [f"{need.machine}: {need}" for need in each.missed] for each in tallies}
     if as_json:
-        summary = {
-            "ended": walk.ended.name.lower() if walk.ended else "",
-            "steps": walk.steps,
-            "restarts": walk.restarts,
-            "seed": seed,
-            "coverage": {
-                each.name: {
-                    "met": each.met,
-                    "required": each.size,
-                    "missed": [f"{n.machine}: {n}" for n in each.missed],
-                }
-                for each in tallies
-            },
-        }
-        click.echo(json.dumps(summary, ensure_ascii=False), err=True)
+        ended = walk.ended.name.lower() if walk.ended else ""
+        coverage = {one.name: {"met": one.met, "required": one.size, "missed": missing[one.name]} for one in tallies}
+        counts = {"steps": walk.steps, "restarts": walk.restarts, "seed": seed}
+        click.echo(json.dumps({"ended": ended, **counts, "coverage": coverage}, ensure_ascii=False), err=True)
         return
     click.echo(f"{walk.ended}: {walk.steps} steps, {walk.restarts} restarts, seed {seed}", err=True)
     for each in tallies:
-        missed = [f"{need.machine}: {need}" for need in each.missed]
+        missed = missing[each.name]
         more = f" and {len(missed) - _SHOWN} more" if len(missed) > _SHOWN else ""
         tail = f"; missed {', '.join(missed[:_SHOWN])}{more}" if missed else ""
         click.echo(f"{each.name}: {each.met} of {each.size}{tail}", err=True)

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from parcours.study.campaign.study import CampaignStudy
     from parcours.study.components.study import ComponentStudy, Limit
     from parcours.study.components.systems import python_system
-    from parcours.study.judging import judge_case
+    from parcours.study.finding import judge_case
     from parcours.study.parameters import Parameter, Settings
     from parcours.study.protocol import Judged, Measure, Reported, Request, Results, Run, Study
 
@@ -31,7 +31,7 @@ _ROOMS = {
     "Run": "protocol",
     "Settings": "parameters",
     "Study": "protocol",
-    "judge_case": "judging",
+    "judge_case": "finding",
     "python_system": "components.systems",
 }
 """Name -> the module that has it: a component that only says what it `took` loads none of them."""

@@ -1,4 +1,4 @@
-"""A tree of packaged files -> a folder of the user's: all of them or none, and nothing that is there is overwritten."""
+"""Copies packaged files into a folder of the user's: all of them or none, and nothing there is overwritten."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from importlib.resources.abc import Traversable
 from pathlib import Path, PurePosixPath
 
 from parcours.errors import BadRequest
+from parcours.run.atomic import unwritable
 
 GROUP = "parcours.templates"
 """Entry points of this group bring templates of further kinds of study: `kind = package:FOLDER`, FOLDER lying in it."""
@@ -68,14 +69,11 @@ def tree(root: Traversable) -> dict[PurePosixPath, Traversable]:
             continue
         if one.is_dir():
             found |= {PurePosixPath(one.name) / place: file for place, file in tree(one).items()}
-        elif one.is_file() and not _is_built(one):
-            found[PurePosixPath(one.name)] = one
+        elif one.is_file():
+            with one.open("rb") as opened:
+                if opened.read(len(_BUILT)) != _BUILT:
+                    found[PurePosixPath(one.name)] = one
     return found
-
-
-def _is_built(file: Traversable) -> bool:
-    with file.open("rb") as opened:
-        return opened.read(len(_BUILT)) == _BUILT
 
 
 def runnable(contents: Mapping[PurePosixPath, bytes]) -> frozenset[PurePosixPath]:
@@ -84,12 +82,7 @@ def runnable(contents: Mapping[PurePosixPath, bytes]) -> frozenset[PurePosixPath
 
 
 def from_template(root: Traversable, name: str) -> dict[PurePosixPath, bytes]:
-    """Return the files of a study that a template makes, by their place.
-
-    Args:
-        root: folder of the template.
-        name: of the study.
-    """
+    """Return the files of a study that a template makes, by their place."""
     made = {}
     for place, file in tree(root).items():
         written = in_yaml(name) if place.suffix in (".yaml", ".yml") else name
@@ -98,16 +91,7 @@ def from_template(root: Traversable, name: str) -> dict[PurePosixPath, bytes]:
 
 
 def write_new(folder: Path, contents: Mapping[PurePosixPath, bytes], runnable: frozenset[PurePosixPath]) -> None:
-    """Write files into a folder, which is made if need be: all of them, or none.
-
-    Args:
-        folder: other files in it stay as they are.
-        contents: what to write, by place in the folder.
-        runnable: places of the files that may be executed.
-
-    Raises:
-        BadRequest: a file is there already, and all such files are named; or the folder cannot be written to.
-    """
+    """Write files into a folder, which is made if need be: all of them, or none."""
     there = [place for place in contents if os.path.lexists(folder / place)]
     if there:
         named = ", ".join(map(str, there[:5])) + ("" if len(there) <= 5 else f" and {len(there) - 5} more")
@@ -132,8 +116,6 @@ def write_new(folder: Path, contents: Mapping[PurePosixPath, bytes], runnable: f
             with contextlib.suppress(OSError):
                 path.rmdir()
         if isinstance(error, OSError):
-            from parcours.run.atomic import unwritable
-
             raise unwritable(folder, error) from error
         raise
 

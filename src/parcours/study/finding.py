@@ -1,9 +1,10 @@
-"""What a user writes on a command line -> the study: a registered name, a folder, a study.yaml, or a Python object."""
+"""Finds the study that a user names, the study that wrote a folder of results, and judges a case of either."""
 
 from __future__ import annotations
 
 import dataclasses
 import hashlib
+import json
 import os
 import sys
 from collections.abc import Sequence
@@ -11,9 +12,12 @@ from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
-from parcours.errors import BadRequest, ParcoursError, one_of
+from parcours.errors import BadRequest, BadResults, ParcoursError, one_of
+from parcours.study.journal import RUN, read_question
 from parcours.study.loading import NEIGHBOURS, is_target, load
-from parcours.study.protocol import Described, Study
+from parcours.study.parameters import settings_of
+from parcours.study.protocol import Described, Judged, Results, Study
+from parcours.suite import Case
 
 if TYPE_CHECKING:
     from parcours.study.components.study import ComponentStudy
@@ -40,7 +44,7 @@ def find(given: str) -> Study:
         given: a registered name, a folder with a study.yaml, such a file, `file.py:STUDY` or `module:STUDY`.
 
     Raises:
-        BadRequest: there is no such study, or what is found is none.
+        BadRequest: there is no such study, or what is found is not a study.
         BadModel: a study.yaml, or a file that it names, is wrong.
     """
     points = {point.name: point for point in entry_points(group=GROUP)}
@@ -62,11 +66,7 @@ def find(given: str) -> Study:
 
 
 def find_components(where: str) -> ComponentStudy:
-    """Return a component study by where it is; for nodes, which make its components in processes of their own.
-
-    Raises:
-        BadRequest: there is no such component study.
-    """
+    """Return a component study by where it is; for nodes, which make its components in processes of their own."""
     from parcours.study.components.study import ComponentStudy
 
     found = find(where) if where else None
@@ -132,3 +132,74 @@ def _loaded(point: EntryPoint) -> Study:
         )
         raise BadRequest(f"study {point.name!r}", rule, "repair or remove the package", slug="study-broken") from error
     return checked(found, point.name)
+
+
+def study_of(folder: Path, given: str = "") -> Study:
+    """Return the study that wrote a folder.
+
+    Args:
+        folder: of results.
+        given: how the user names the study; what the folder says if empty.
+
+    Raises:
+        BadRequest: the study is not where the folder says.
+        BadResults: the folder holds no results.
+    """
+    if given:
+        return find(given)
+    where = _where(folder)
+    try:
+        return find(where)
+    except BadRequest as error:
+        if error.slug not in ("unknown-study", "unreadable-file", "target-missing"):
+            raise
+        rule = f"its study must be found, but {where!r} names none here"
+        raise BadRequest(str(folder), rule, "say where it is: --study FOLDER", slug="results-where") from error
+
+
+def _where(folder: Path) -> str:
+    from parcours.study.components.results import FILE as COMPONENTS
+    from parcours.study.components.results import read_components
+
+    if (folder / RUN).exists():
+        return str(read_question(folder)["where"])
+    try:  # results without run.json: of the demo, or of a Parcours that did not write it
+        if (folder / "campaign.json").exists():
+            return str(json.loads((folder / "campaign.json").read_bytes())["study"])
+        if (folder / COMPONENTS).exists():
+            return read_components(folder).results[0].id.partition("/")[0]
+    except (OSError, ValueError, KeyError, TypeError, IndexError) as error:
+        raise BadResults(str(folder), f"must say what was run, but: {error}", slug="results-manifest") from error
+    rule = "a results folder holds what `parcours run` wrote, but this one does not"
+    raise BadResults(str(folder), rule, "name a folder that was given as --out", slug="results-manifest")
+
+
+def read_all(folders: Sequence[Path], given: str = "") -> list[tuple[Study, dict[str, Results]]]:
+    """Return the results of folders, those of one family of studies together, with a study of that family."""
+    families: dict[str, tuple[Study, dict[str, Results]]] = {}
+    for folder in folders:
+        study = study_of(folder, given)
+        _, results = families.setdefault(study.family, (study, {}))
+        results[str(folder)] = study.read(folder)
+    return list(families.values())
+
+
+def judge_case(case: Case, study: str = "", **settings: object) -> Judged:
+    """Execute one case in simulated time and judge it.
+
+    Args:
+        case: of a study, as its plan or a suite file holds it.
+        study: how a command line names the study; by default the name in the case, which must be registered.
+        settings: of the study's parameters, where they differ from the defaults.
+
+    Raises:
+        BadRequest: the study or a parameter is unknown, or a value is not allowed.
+        BadSuite: the study has no such case, or other values than its number and seed give.
+
+    >>> case = next(find("examples/lift").suite({}, 1))
+    >>> judged = judge_case(case, "examples/lift")
+    >>> judged.verdict.value, judged.case.study
+    ('pass', 'lift')
+    """
+    found = find(study or case.study)
+    return found.judge(case, settings_of(found.parameters, settings, f"study {found.name}"))

@@ -1,4 +1,4 @@
-"""`--fail-if "stuck > 1%"` and `--baseline FOLDER`: results -> whether a build may pass, and why not.
+"""Decides whether a build may pass, and why not: `--fail-if "failed > 1%"` and `--baseline FOLDER`.
 
     condition = [statistic "("] measure [")"] ("<" | "<=" | ">" | ">=") number ["%"] ["with" number "% confidence"]
     statistic = "mean" | "median" | "min" | "max" | "p" number
@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,7 +22,7 @@ from parcours.errors import BadRequest, one_of
 from parcours.report.pieces import Column, Table
 from parcours.study.protocol import Measure, Results
 from parcours.verdict.judgement import Verdict
-from parcours.verdict.statistics import mcnemar, wilson
+from parcours.verdict.statistics import holm, mcnemar, wilson
 
 _CONDITION = re.compile(
     r"\s*(?:(?P<statistic>mean|median|min|max|p[0-9]{1,2}(?:\.[0-9]+)?)\s*\(\s*)?(?P<measure>[A-Za-z_][A-Za-z0-9_]*)\s*\)?"
@@ -48,7 +48,7 @@ class Figure:
 class Condition:
     """A condition under which a build fails.
 
-    >>> condition = parse_condition("stuck > 1%")
+    >>> condition = parse_condition("failed > 1%")
     >>> measure = Measure(np.array([0.0] * 95 + [1.0] * 5))
     >>> condition.holds(condition.figure(measure))
     True
@@ -110,13 +110,12 @@ def _figure(values: NDArray[np.float64], statistic: str, confidence: float) -> F
 
 
 def parse_condition(text: str) -> Condition:
-    """Return the condition of a text. Raises BadRequest if it is none."""
+    """Return the condition of a text. Raises BadRequest if it is not one."""
     match = _CONDITION.fullmatch(text)
     if match is None or (match["statistic"] is None) != (")" not in text.partition("with")[0]):
         rule = f"must be a measure compared with a number, but is {text!r}"
-        raise BadRequest(
-            "--fail-if", rule, 'write "stuck > 1%", "contacts > 0" or "p95(duration) > 0.02"', slug="gate-form"
-        )
+        remedy = 'write "failed > 1%", "errors > 0" or "p95(duration) > 0.02"'
+        raise BadRequest("--fail-if", rule, remedy, slug="gate-form")
     confidence = float(match["confidence"]) / 100.0 if match["confidence"] else None
     if confidence is not None and not 0.5 <= confidence < 1.0:
         rule = f"a confidence must be from 50 % to below 100 %, but is {match['confidence']} %"
@@ -158,11 +157,8 @@ def check_condition(condition: Condition, results: Results) -> Checked:
 def check_conditions(conditions: Sequence[Condition], results: Results) -> list[Checked]:
     """Return what became of each condition; and of cases in error, which no other condition may hide.
 
-    A case that ended in an error has no contact and does not get stuck: without this, a system that raises at once
+    A case that ended in an error shows nothing else that is bad: without this, a system that raises at once
     would pass most gates. A condition on `errors` decides instead, where one is given.
-
-    Raises:
-        BadRequest: the results have no such measure.
     """
     checked = [check_condition(condition, results) for condition in conditions]
     n = sum(case.verdict is Verdict.ERROR for case in results.cases())
@@ -236,21 +232,16 @@ class Baseline:
         """Return the cases that flipped, in words."""
         listed = [("no longer pass", self.flipped), ("now pass", self.repaired)]
         listed += [(f"made {one.name} worse", one.flipped) for one in self.rows if one.worse and one.name != "failed"]
-        return [_listed(what, ids) for what, ids in listed if ids]
-
-
-def _listed(what: str, ids: Sequence[str]) -> str:
-    """Return a line that counts cases and names the first of them."""
-    more = f" and {len(ids) - _NAMED} more" if len(ids) > _NAMED else ""
-    return f"{len(ids)} case{'s' * (len(ids) != 1)} {what}: {', '.join(ids[:_NAMED])}{more}"
+        lines = []
+        for what, ids in listed:
+            if ids:
+                more = f" and {len(ids) - _NAMED} more" if len(ids) > _NAMED else ""
+                lines.append(f"{len(ids)} case{'s' * (len(ids) != 1)} {what}: {', '.join(ids[:_NAMED])}{more}")
+        return lines
 
 
 def compare_with_baseline(now: Results, earlier: Results) -> Baseline:
-    """Return the comparison of two runs on the cases that both have, by their ids.
-
-    Raises:
-        BadRequest: they have no case in common.
-    """
+    """Return the comparison of two runs on the cases that both have, by their ids."""
     ids = {result.id: k for k, result in enumerate(earlier.cases())}
     pairs = [(k, ids[result.id]) for k, result in enumerate(now.cases()) if result.id in ids]
     if not pairs:
@@ -270,35 +261,22 @@ def compare_with_baseline(now: Results, earlier: Results) -> Baseline:
         ids_worse = tuple(listed[here[k]].id for k in np.flatnonzero(which))
         shares = float(old.mean()), float(new.mean())
         found.append((name, *shares, only_old, only_new, mcnemar(only_old, only_new), grew, ids_worse))
-    adjusted = _holm([row[5] for row in found])
-    rows = tuple(
-        Compared(*row[:5], p, row[6] and p < _SIGNIFICANT, row[7]) for row, p in zip(found, adjusted, strict=True)
+    adjusted = zip(found, holm([row[5] for row in found]), strict=True)
+    rows = tuple(Compared(*row[:5], p, row[6] and p < _SIGNIFICANT, row[7]) for row, p in adjusted)
+    passed = [(listed[k].verdict is Verdict.PASS, listed_before[j].verdict is Verdict.PASS) for k, j in pairs]
+    flipped, repaired = (
+        tuple(listed[k].id for (k, _), both in zip(pairs, passed, strict=True) if both == change)
+        for change in ((False, True), (True, False))
     )
-    flipped, repaired = [], []
-    for k, j in pairs:
-        passed, passed_before = (one.verdict is Verdict.PASS for one in (listed[k], listed_before[j]))
-        if passed_before and not passed:
-            flipped.append(listed[k].id)
-        elif passed and not passed_before:
-            repaired.append(listed[k].id)
-    return Baseline(len(pairs), rows, tuple(flipped), tuple(repaired))
+    return Baseline(len(pairs), rows, flipped, repaired)
 
 
-def _holm(p_values: Sequence[float]) -> list[float]:
-    """Return p-values adjusted for their number by Holm's method."""
-    adjusted, running = [0.0] * len(p_values), 0.0
-    for rank, k in enumerate(sorted(range(len(p_values)), key=lambda k: p_values[k])):
-        running = max(running, min(1.0, p_values[k] * (len(p_values) - rank)))
-        adjusted[k] = running
-    return adjusted
-
-
-def exit_code(results: Mapping[str, Results]) -> int:
+def exit_code(results: Iterable[Results]) -> int:
     """Return 0 if all cases passed, 1 if one failed, 3 if some are inconclusive and none failed.
 
     A run without any case has passed nothing: 3.
     """
-    verdicts = {case.verdict for result in results.values() for case in result.cases()}
+    verdicts = {case.verdict for result in results for case in result.cases()}
     if verdicts & {Verdict.FAIL, Verdict.ERROR}:
         return 1
     return 3 if Verdict.INCONCLUSIVE in verdicts or not verdicts else 0

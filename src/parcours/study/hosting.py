@@ -1,4 +1,4 @@
-"""The name of a host -> its transport, with a node for each component, in real time."""
+"""Starts the nodes of a real-time host, one for each component."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def started(nodes: Nodes, host: str, graph: str = "") -> Iterator[Hosted]:
 
     require_known(host, [name for name in HOSTS if name != "simulated"], "host", slug="unknown-host")
     with real_time():
-        hosted = {"processes": _processes, "ros1": _ros1, "ros2": _ros2}[host](nodes, graph)
+        hosted = _start(nodes, host, graph)
         try:
             yield hosted
         finally:
@@ -78,44 +78,35 @@ def started(nodes: Nodes, host: str, graph: str = "") -> Iterator[Hosted]:
 
 
 def isolate(host: str, graph: str) -> None:
-    """Move this process into a network of its own, if it is to run a ROS graph of its own; before it has threads.
-
-    Raises:
-        HostFailure: the machine forbids it.
-    """
+    """Move this process into a network of its own, if it is to run a ROS graph of its own; before it has threads."""
     if host in ("ros1", "ros2") and not graph:
         from parcours.run.hosts.isolation import enter_own_network
 
         enter_own_network()
 
 
-def _processes(nodes: Nodes, graph: str) -> Hosted:
+def _start(nodes: Nodes, host: str, graph: str) -> Hosted:
+    preload, codec = list(nodes.preload), nodes.codec
+    if host == "ros1":
+        from importlib import import_module
+
+        from parcours.run.hosts.ros1.interfaces import interfaces
+        from parcours.run.hosts.ros1.transport import Ros1Transport
+
+        module, _, name = nodes.ros1_codec.partition(":")
+        make = getattr(import_module(module), name)
+        ros1 = make(nodes.given) if nodes.given else make()
+        started = nodes_of(nodes.links, nodes.components, nodes.ros1_node_program, nodes.given)
+        preload = [nodes.ros1_node_program.partition(":")[0], *preload]
+        types = interfaces(nodes.model, nodes.links)
+        return Hosted(Ros1Transport(started, types, ros1, preload, master=graph or None), ros1)
+    started = nodes_of(nodes.links, nodes.components, nodes.node_program, nodes.given)
+    if host == "ros2":
+        from parcours.run.hosts.ros2.names import topics_of
+        from parcours.run.hosts.ros2.transport import Ros2Transport
+
+        domain = int(graph) if graph else None
+        return Hosted(Ros2Transport(started, topics_of(nodes.model), preload, domain=domain), codec)
     from parcours.run.hosts.processes import ProcessTransport
 
-    started = nodes_of(nodes.links, nodes.components, nodes.node_program, nodes.given)
-    return Hosted(ProcessTransport(started, list(nodes.preload)), nodes.codec)
-
-
-def _ros1(nodes: Nodes, graph: str) -> Hosted:
-    from importlib import import_module
-
-    from parcours.run.hosts.ros1.interfaces import interfaces
-    from parcours.run.hosts.ros1.transport import Ros1Transport
-
-    module, _, name = nodes.ros1_codec.partition(":")
-    make = getattr(import_module(module), name)
-    codec = make(nodes.given) if nodes.given else make()
-    started = nodes_of(nodes.links, nodes.components, nodes.ros1_node_program, nodes.given)
-    preload = [nodes.ros1_node_program.partition(":")[0], *nodes.preload]
-    return Hosted(
-        Ros1Transport(started, interfaces(nodes.model, nodes.links), codec, preload, master=graph or None), codec
-    )
-
-
-def _ros2(nodes: Nodes, graph: str) -> Hosted:
-    from parcours.run.hosts.ros2.names import topics_of
-    from parcours.run.hosts.ros2.transport import Ros2Transport
-
-    started = nodes_of(nodes.links, nodes.components, nodes.node_program, nodes.given)
-    domain = int(graph) if graph else None
-    return Hosted(Ros2Transport(started, topics_of(nodes.model), list(nodes.preload), domain=domain), nodes.codec)
+    return Hosted(ProcessTransport(started, preload), codec)

@@ -1,4 +1,4 @@
-"""A folder that a run writes: what was asked (run.json), and each finished case as a line (cases.jsonl).
+"""Keeps a run in a folder: what was asked (run.json), and each finished case as a line (cases.jsonl).
 
 A line is written as soon as its case is finished, so that whatever ends a run, finished work survives. A last line that
 was cut short is dropped when the run is resumed. A run that asks something else is refused with the keys that differ.
@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import shutil
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
@@ -137,17 +138,7 @@ def _entries(path: Path) -> Iterator[tuple[str, dict[str, object], int]]:
 
 
 def discard(folder: Path, known: tuple[str, ...]) -> None:
-    """Remove what an earlier run of a study left in a folder, and nothing else.
-
-    Args:
-        folder: of results.
-        known: patterns of the files and folders that a run writes.
-
-    Raises:
-        BadRequest: something cannot be removed.
-    """
-    import shutil
-
+    """Remove what an earlier run of a study left in a folder: what `known` patterns match, and nothing else."""
     try:
         for pattern in known:
             for path in sorted(folder.glob(pattern)):

@@ -1,4 +1,4 @@
-"""`path/to/file.py:Name` or `package.module:Name` -> the object that is defined there."""
+"""Loads the object that `path/to/file.py:Name` or `package.module:Name` names."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from parcours.errors import BadRequest, one_of
 def is_target(text: str) -> bool:
     """Return whether the text names something to load: `file.py:Name` or `module:Name`.
 
-    >>> is_target("mine.py:STUDY"), is_target("package.module:STUDY"), is_target("ramp_system"), is_target("a/b")
+    >>> is_target("mine.py:STUDY"), is_target("package.module:STUDY"), is_target("lift"), is_target("a/b")
     (True, True, False, False)
     """
     where, colon, name = text.rpartition(":")
@@ -65,9 +65,8 @@ def _module(target: str, where: str, folder: Path) -> ModuleType:
             return _guarded(target, lambda: importlib.import_module(where))
     path = path.absolute()
     if not path.is_file():
-        raise BadRequest(
-            target, f"its file must exist, but there is no {path}", "check the path", slug="target-missing"
-        )
+        rule = f"its file must exist, but there is no {path}"
+        raise BadRequest(target, rule, "check the path", slug="target-missing")
     try:
         digest = hashlib.sha256(str(path.resolve()).encode() + b"\0" + path.read_bytes()).hexdigest()[:16]
     except OSError as error:

@@ -1,4 +1,4 @@
-"""A study's own parameters: what may be set, in which unit and range, and the settings that a user's words make."""
+"""A study's own parameters: what may be set, in which unit and range, and the settings that a user gives."""
 
 from __future__ import annotations
 
@@ -99,13 +99,17 @@ class Parameter:
         if isinstance(given, bool) or not isinstance(given, int | float | str):
             return None
         try:
-            return float(given) if self.kind == "real" else int(given, 10) if isinstance(given, str) else _whole(given)
+            return (
+                float(given)
+                if self.kind == "real"
+                else int(given, 10)
+                if isinstance(given, str)
+                else int(given)
+                if given == int(given)
+                else None
+            )
         except (ValueError, OverflowError):
             return None
-
-
-def _whole(given: float) -> int | None:
-    return int(given) if given == int(given) else None
 
 
 def settings_of(
@@ -122,20 +126,6 @@ def settings_of(
             rule = f"it has no parameter {name!r}"
             raise BadRequest(where, rule, one_of(name, names) if names else "it has none", slug="parameter-unknown")
     return {one.name: one.read(given[one.name]) if one.name in given else one.default for one in parameters}
-
-
-def settings_from(parameters: Sequence[Parameter], given: Sequence[str], where: str) -> dict[str, Scalar]:
-    """Return the settings that NAME=VALUE texts give, and the defaults of the rest.
-
-    Args:
-        parameters: of a study.
-        given: texts; `added-stop` and `added_stop` are the same name.
-        where: the study, for messages.
-
-    Raises:
-        BadRequest: a text has no `=`, or names no parameter, or its value is not allowed.
-    """
-    return settings_of(parameters, pairs_of(given), where)
 
 
 def pairs_of(given: Sequence[str]) -> dict[str, str]:

@@ -1,8 +1,8 @@
 """What a study offers to every command, and what a command gets back: structural types and plain values only.
 
 A study joins a model, test data, a system under test and oracles. Commands know no study by name: they find one
-(`parcours.study.finding`) and ask it. Whoever needs full control writes an object of this protocol; everybody else
-writes `study.yaml`, from which `parcours.study.study_file` makes one.
+(`parcours.study.finding`) and ask it. An author who needs full control writes an object of this protocol; all others
+write `study.yaml`, from which `parcours.study.study_file` makes one.
 """
 
 from __future__ import annotations
@@ -165,11 +165,14 @@ class Rejudged:
         return self.recorded == str(self.judgement.verdict)
 
 
+Level = Literal["error", "warning", "note"]
+
+
 @dataclass(frozen=True, slots=True)
 class Finding:
     """Something that the battery for authors found: how bad, where, which rule, what to do."""
 
-    level: Literal["error", "warning", "note"]
+    level: Level
     where: str
     rule: str
     remedy: str = ""

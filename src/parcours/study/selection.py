@@ -1,8 +1,9 @@
-"""`--case ID` and `--cases-from FILE` -> cases of a plan."""
+"""The cases that `--case ID` and `--cases-from FILE` choose."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from parcours.errors import BadRequest, one_of
@@ -12,11 +13,7 @@ _MOST = 1_000_000
 
 
 def ids_of(given: Sequence[str], file: Path | None) -> tuple[str, ...]:
-    """Return the ids that were given, and those in a file: one a line, `#` begins a remark.
-
-    Raises:
-        BadRequest: the file cannot be read, or holds none.
-    """
+    """Return the ids that were given, and those in a file: one a line, `#` begins a remark."""
     ids = list(given)
     if file is not None:
         try:
@@ -37,9 +34,6 @@ def chosen_cases(plan: Plan, chosen: Sequence[str], study: str) -> list[Case]:
 
     An id may leave out the study: `ITP1-tp11.tp21-0.0/3`. One that names an abstract case alone is all its rows; a
     number is that of a case in the plan, from 0.
-
-    Raises:
-        BadRequest: an id is none of the study's; all of them are named.
     """
     if not chosen:
         return list(plan.cases())
@@ -62,14 +56,15 @@ def chosen_cases(plan: Plan, chosen: Sequence[str], study: str) -> list[Case]:
         rule = f"chosen cases must be the study's, but it has no {named}"
         remedy = one_of(wrong[0].split("/")[-2] if "/" in wrong[0] else wrong[0], plan.abstracts[:200])
         raise BadRequest(f"study {study!r}", rule, remedy[:300], slug="case-unknown")
-    return [plan.case(number) for number in sorted(numbers)] if max(numbers) < len(plan) else _beyond(plan, numbers)
+    longer = replace(plan, n_cases=max(len(plan), max(numbers) + 1))  # rows beyond the plan have values, too
+    return [longer.case(number) for number in sorted(numbers)]
 
 
 def named(cases: Iterable[Case], chosen: Sequence[str]) -> Iterator[Case]:
     """Yield those of the cases that are named: by id, with or without the study, by abstract case, or by number.
 
     Raises:
-        BadRequest: a name is none of theirs; all such names are said.
+        BadRequest: a name is not one of theirs; all such names are said.
     """
     left = set(chosen)
     for case in cases:
@@ -80,11 +75,3 @@ def named(cases: Iterable[Case], chosen: Sequence[str]) -> Iterator[Case]:
     if left:
         rule = f"chosen cases must be among those of the study or suite, but there is no {', '.join(sorted(left)[:5])}"
         raise BadRequest("cases", rule, "see `parcours suite` for their ids", slug="case-unknown")
-
-
-def _beyond(plan: Plan, numbers: set[int]) -> list[Case]:
-    """Return cases of rows that lie beyond the plan: any row has values."""
-    from dataclasses import replace
-
-    longer = replace(plan, n_cases=max(numbers) + 1)
-    return [longer.case(number) for number in sorted(numbers)]

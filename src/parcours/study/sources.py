@@ -1,4 +1,4 @@
-"""Python source -> what it lacks, without running it: names at its top level, methods of its classes."""
+"""Says which names and methods Python source lacks, without running it."""
 
 from __future__ import annotations
 

@@ -1,9 +1,9 @@
-"""A study.yaml (docs/studies.md) -> a study, or all that is wrong with the file and the files it names."""
+"""Reads a study.yaml (docs/studies.md), and finds all that is wrong with it and the files it names."""
 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from importlib.metadata import entry_points
 from pathlib import Path
@@ -35,14 +35,7 @@ Nodes = Mapping[str, Node]
 
 
 def read_study(path: Path) -> Study:
-    """Return the study that a file describes. No code that it names is run: that happens when its cases are.
-
-    Args:
-        path: a YAML file of format study/1; files that it names count from its folder.
-
-    Raises:
-        BadRequest: the file cannot be read, or it or what it names is wrong; all findings, each with file and line.
-    """
+    """Return the study that a file describes. No code that it names is run: that happens when its cases are."""
     study, found = check_study_file(path)
     if study is None:
         raise refusal(found)
@@ -50,20 +43,15 @@ def read_study(path: Path) -> Study:
 
 
 def check_study_file(path: Path) -> tuple[Study | None, tuple[Finding, ...]]:
-    """Return the study of a file, None if it has errors, and every finding.
-
-    Raises:
-        BadRequest: the file cannot be read.
-    """
+    """Return the study of a file, None if it has errors, and every finding."""
     try:
         with path.open("rb") as file:
             text = file.read(MAX_BYTES + 1).decode("utf-8-sig")
     except (OSError, ValueError) as error:
         said = error.strerror if isinstance(error, OSError) else "its bytes are no UTF-8 text"
         rule = f"a study must be a readable file, but: {said}"
-        raise BadRequest(
-            str(path), rule, "check the path, or write one with `parcours new`", slug="unreadable-file"
-        ) from None
+        remedy = "check the path, or write one with `parcours new`"
+        raise BadRequest(str(path), rule, remedy, slug="unreadable-file") from None
     document, unread = read_document(text, str(path))
     found = [replace(one, message=one.message.replace("a model", "a study", 1)) for one in unread]
     study: Study | None = None
@@ -211,16 +199,12 @@ class StudyReader(QuantityReader):
         for name, inner, line in self.entries(node, what, self.label):
             allowed = fields(name)
             if allowed is None:
-                self.findings.append(
-                    Finding(self.origin, line, "error", "study-name", f"{what}: there is no {owner} {brief(name)}")
-                )
+                rule = f"{what}: there is no {owner} {brief(name)}"
+                self.findings.append(Finding(self.origin, line, "error", "study-name", rule))
                 continue
             for part, value, at in self.entries(inner, f"{what} of {name}", self.label):
                 if part not in allowed:
-                    rule = f"{what} of {name}: it has no {brief(part)}"
-                    self.findings.append(
-                        Finding(self.origin, at, "error", "study-name", rule, advice(part, allowed, self.findings))
-                    )
+                    self.unknown(at, part, f"{what} of {name}: it has no {brief(part)}", allowed)
                     continue
                 formula = self.formula(value, f"{what} of {name}, {part}", known)
                 if formula is not None:
@@ -235,9 +219,29 @@ class StudyReader(QuantityReader):
         formula = self.parsed(node, what, parse_expression, nothing)
         for name in sorted(names(formula) - set(known)):
             rule = f"{what}: a formula reads test inputs and parameters, but there is no {brief(name)}"
-            self.add(node, "study-name", rule, advice(name, known, self.findings))
+            self.unknown(node.line, name, rule, known)
             return None
         return formula
+
+    def unknown(self, line: int, name: str, rule: str, known: Sequence[str]) -> None:
+        """Note that a name is not known."""
+        remedy = advice(name, known, self.findings)
+        self.findings.append(Finding(self.origin, line, "error", "study-name", rule, remedy))
+
+    def named(self, node: Node | None, what: str, known: Sequence[str], absent: str) -> str:
+        """Return one of a few names."""
+        text = self.text(node, what, absent)
+        if node is None or text in known:
+            return text
+        self.unknown(node.line, text, f"{what} must be a known name, but is {brief(text)}", known)
+        return absent
+
+    def complain(self, error: ParcoursError) -> None:
+        """Note what is wrong with another file, at the line that the error names."""
+        where, _, line = error.where.rpartition(":")
+        at = int(line) if line.isdecimal() else 0
+        found = Finding(where if at else error.where, at, "error", error.slug, error.rule, error.remedy)
+        self.findings.append(found)
 
     def count(self, node: Node | None, what: str, absent: int | None) -> int | None:
         """Return a whole number of at least 1."""
@@ -303,6 +307,3 @@ def _lazy(name: str, load: Callable[[], Reader]) -> Reader:
         return found(reader, root)
 
     return read
-
-
-__all__ = ["BadModel", "Nodes", "StudyReader", "check_study_file", "kinds_of_study", "read_study", "refusal"]

@@ -35,13 +35,12 @@ class Case:
         seed: the campaign's seed; every stream of the run derives from it and `number`.
 
     Raises:
-        BadSuite: a part of the id has other characters than an id may have, a number is out of its range, or
-            names
-            and values do not match.
+        BadSuite: a part of the id has other characters than an id may have, a number is out of its range, or names and
+            values do not match.
 
-    >>> case = Case("ramp_system", 4, "DOPS-0.1.2", 0, ("x1", "y1"), (0.5, 1.25), 20.0, seed=7)
-    >>> case.id, case["y1"]
-    ('ramp_system/DOPS-0.1.2/0', 1.25)
+    >>> case = Case("lift", 4, "ITP1-tp11.tp21-0.0", 0, ("floor", "load"), (3.0, 1.25), 20.0, seed=7)
+    >>> case.id, case["load"]
+    ('lift/ITP1-tp11.tp21-0.0/0', 1.25)
     """
 
     study: str
@@ -57,34 +56,21 @@ class Case:
         where = f"case {self.number}"
         for what, part in (("study", self.study), ("abstract case", self.abstract)):
             if not is_part(part):
-                raise BadSuite(
-                    where,
-                    f"the id of its {what} must consist of letters, digits and _ . + @ = , -, but is {part[:60]!r}",
-                    slug="case-id",
-                )
+                rule = f"the id of its {what} must consist of letters, digits and _ . + @ = , -, but is {part[:60]!r}"
+                raise BadSuite(where, rule, slug="case-id")
         if not (0 <= self.number < 2**63 and 0 <= self.row < 2**63) or not 0 <= self.seed < 2**64:
-            raise BadSuite(
-                where,
-                "number and row must lie in 0 .. 2**63 - 1 and the seed in 0 .. 2**64 - 1, but"
-                f" they are {self.number}, {self.row} and {self.seed}",
-                slug="case-number",
-            )
+            rule = "number and row must lie in 0 .. 2**63 - 1 and the seed in 0 .. 2**64 - 1, but they are"
+            raise BadSuite(where, f"{rule} {self.number}, {self.row} and {self.seed}", slug="case-number")
         if not (math.isfinite(self.time_budget) and self.time_budget > 0):
             raise BadSuite(where, f"a time budget must be positive, but is {self.time_budget} s", slug="time-budget")
-        if len(self.names) != len(self.values) or len(set(self.names)) != len(self.names):
-            raise BadSuite(
-                where,
-                f"every input must have one value, but there are {len(self.values)} values for"
-                f" {len(set(self.names))} different names",
-                slug="case-values",
-            )
+        names = set(self.names)
+        if len(self.names) != len(self.values) or len(names) != len(self.names):
+            rule = f"every input must have one value, but there are {len(self.values)} values for {len(names)}"
+            raise BadSuite(where, f"{rule} different names", slug="case-values")
         for name, value in zip(self.names, self.values, strict=True):
             if not (name.isidentifier() and math.isfinite(value)):
-                raise BadSuite(
-                    where,
-                    f"a value must be finite and its name an identifier, but {name[:60]!r} is {value}",
-                    slug="case-values",
-                )
+                rule = f"a value must be finite and its name an identifier, but {name[:60]!r} is {value}"
+                raise BadSuite(where, rule, slug="case-values")
 
     @property
     def id(self) -> str:

@@ -1,4 +1,4 @@
-"""Abstract cases x rows of data x time budgets become a plan whose cases are found by their numbers alone.
+"""Combines abstract cases, rows of data and time budgets into a plan whose cases are found by their numbers alone.
 
 Numbers run over the abstract cases first, then over the time budgets, then over the rows of data; so any
 stretch of a plan treats all abstract cases alike, and the first `len(abstracts) * n_rows` data rows satisfy
@@ -52,12 +52,9 @@ class Plan:
             BadRequest: there is no such abstract case, or the plan ends before that row.
         """
         if abstract not in self.abstracts:
-            raise BadRequest(
-                f"study {self.study!r}",
-                f"an abstract case must be known, but {abstract!r} is not",
-                one_of(abstract, self.abstracts[:20]),
-                slug="unknown-abstract",
-            )
+            rule = f"an abstract case must be known, but {abstract!r} is not"
+            remedy = one_of(abstract, self.abstracts[:20])
+            raise BadRequest(f"study {self.study!r}", rule, remedy, slug="unknown-abstract")
         number = row * len(self.abstracts) + self.abstracts.index(abstract)
         self._check(np.array([number]))
         return number
@@ -119,12 +116,9 @@ class Plan:
 
     def _check(self, numbers: NDArray[np.int64]) -> None:
         if numbers.size and not (numbers.min() >= 0 and numbers.max() < self.n_cases):
-            raise BadRequest(
-                f"study {self.study!r}",
-                f"case numbers must lie in 0 .. {self.n_cases - 1}, but"
-                f" {numbers.min()} .. {numbers.max()} are asked for",
-                slug="case-number",
-            )
+            asked = f"{numbers.min()} .. {numbers.max()}"
+            rule = f"case numbers must lie in 0 .. {self.n_cases - 1}, but {asked} are asked for"
+            raise BadRequest(f"study {self.study!r}", rule, slug="case-number")
 
 
 def combine(
@@ -146,8 +140,7 @@ def combine(
         criterion: how blocks are combined, a name in `parcours.data.CRITERIA`.
         time_budgets: how long a run may take [s]; every row of data is run with each, shape (n_budgets,).
         seed: the campaign's seed, 0 <= seed < 2**64.
-        n_cases: how many cases; by default as many as satisfy the criterion for every abstract case and
-            budget.
+        n_cases: how many cases; by default as many as satisfy the criterion for every abstract case and budget.
 
     Raises:
         BadRequest: no case is asked for, an abstract case is missing or doubled, or the criterion is unknown.
@@ -164,28 +157,18 @@ def combine(
     where = f"study {study!r}"
     ids = tuple(each if isinstance(each, str) else each.id for each in abstracts)
     if not ids or len(set(ids)) != len(ids) or not time_budgets:
-        raise BadRequest(
-            where,
-            f"a plan needs a time budget and different abstract cases, but has {len(time_budgets)}"
-            f" and {len(ids)}, {len(set(ids))} of them different",
-            slug="plan-empty",
-        )
+        has = f"{len(time_budgets)} and {len(ids)}, {len(set(ids))} of them different"
+        rule = f"a plan needs a time budget and different abstract cases, but has {has}"
+        raise BadRequest(where, rule, slug="plan-empty")
     for part in (study, *ids):
         if not is_part(part):
-            raise BadSuite(
-                where,
-                f"an id must consist of letters, digits and _ . + @ = , -, but one is {part[:60]!r}",
-                slug="case-id",
-            )
+            rule = f"an id must consist of letters, digits and _ . + @ = , -, but one is {part[:60]!r}"
+            raise BadSuite(where, rule, slug="case-id")
     least = len(ids) * len(time_budgets) * _rows(criterion, inputs)
     wanted = least if n_cases is None else n_cases
     if not 1 <= wanted < 2**63:
-        raise BadRequest(
-            where,
-            f"the number of cases must lie in 1 .. 2**63 - 1, but is {wanted}",
-            "ask for at least one",
-            slug="case-count",
-        )
+        rule = f"the number of cases must lie in 1 .. 2**63 - 1, but is {wanted}"
+        raise BadRequest(where, rule, "ask for at least one", slug="case-count")
     for budget in time_budgets:  # an impossible one is refused here, not when its first case is built
         Case(study, 0, ids[0], 0, (), (), budget, seed)
     return Plan(study, ids, inputs, criterion, tuple(map(float, time_budgets)), seed, wanted)

@@ -1,4 +1,4 @@
-"""Cases to a file and back: JSON Lines with a version in the first line and the number of cases in the last.
+"""Writes and reads suites: JSON Lines with a version in the first line and the number of cases in the last.
 
 Both ways are streams, so a suite may be larger than memory. A file is written beside its place and renamed
 into it when it is whole; one that was cut short is noticed by its missing last line.
@@ -44,12 +44,10 @@ def write_suite(path: Path | str, cases: Iterable[Case]) -> int:
     True
     """
     path = Path(path)
+    partial: Path | None = None
     try:
         handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".partial", dir=path.parent)
-    except OSError as error:
-        _unwritable(path, error)
-    partial = Path(name)
-    try:
+        partial = Path(name)
         with os.fdopen(handle, "wb") as file:
             n = _write(file, cases)
             file.flush()
@@ -57,10 +55,12 @@ def write_suite(path: Path | str, cases: Iterable[Case]) -> int:
         partial.chmod(0o644)
         partial.replace(path)
     except OSError as error:
-        _unwritable(path, error)
+        rule = f"a suite must be writable there, but: {error.strerror or error}"
+        raise BadSuite(str(path), rule, "name another place, or make the folder", slug="suite-unwritable") from None
     finally:
-        with contextlib.suppress(OSError):
-            partial.unlink(missing_ok=True)
+        if partial is not None:
+            with contextlib.suppress(OSError):
+                partial.unlink(missing_ok=True)
     return n
 
 
@@ -69,26 +69,10 @@ def _write(file: BinaryIO, cases: Iterable[Case]) -> int:
     n, last = 0, -1
     for case in cases:
         if case.number <= last:
-            raise BadSuite(
-                f"case {case.number}",
-                f"numbers of cases must ascend, but it follows {last}",
-                "sort the cases",
-                slug="suite-order",
-            )
-        file.write(
-            _line(
-                {
-                    "id": case.id,
-                    "study": case.study,
-                    "number": case.number,
-                    "abstract": case.abstract,
-                    "row": case.row,
-                    "values": dict(zip(case.names, case.values, strict=True)),
-                    "time_budget": case.time_budget,
-                    "seed": case.seed,
-                }
-            )
-        )
+            rule = f"numbers of cases must ascend, but it follows {last}"
+            raise BadSuite(f"case {case.number}", rule, "sort the cases", slug="suite-order")
+        values = dict(zip(case.names, case.values, strict=True))
+        file.write(_line({key: values if key == "values" else getattr(case, key) for key in _KEYS}))
         n, last = n + 1, case.number
     file.write(_line({"cases": n}))
     return n
@@ -98,15 +82,6 @@ def _line(record: dict[str, object]) -> bytes:
     return json.dumps(record, allow_nan=False, separators=(",", ":")).encode() + b"\n"
 
 
-def _unwritable(path: Path, error: OSError) -> NoReturn:
-    raise BadSuite(
-        str(path),
-        f"a suite must be writable there, but: {error.strerror or error}",
-        "name another place, or make the folder",
-        slug="suite-unwritable",
-    ) from None
-
-
 def read_suite(path: Path | str) -> Iterator[Case]:
     """Yield the cases of a file, in the order of their numbers; memory stays flat.
 
@@ -114,8 +89,7 @@ def read_suite(path: Path | str) -> Iterator[Case]:
         path: a file that `write_suite` has written.
 
     Raises:
-        BadSuite: at once if the file cannot be opened or is no suite of this version; when the line is
-            reached, if a
+        BadSuite: at once if the file cannot be opened or is no suite of this version; when the line is reached, if a
             line is not a case, or the file was cut short or continues after its end.
     """
     path = Path(path)
@@ -123,20 +97,17 @@ def read_suite(path: Path | str) -> Iterator[Case]:
         with path.open("rb") as file:
             header = _record(path, 1, file.readline(MAX_LINE + 1))
     except OSError as error:
-        raise BadSuite(
-            str(path),
-            f"a suite must be a readable file, but: {error.strerror or error}",
-            "check the path",
-            slug="unreadable-file",
-        ) from None
+        raise unreadable(path, error) from None
     if header.get("parcours") != FORMAT or len(header) != 1:
-        raise BadSuite(
-            f"{path}:1",
-            f"a suite must begin with its format, {FORMAT}, but this begins otherwise",
-            "write it with this version of Parcours",
-            slug="suite-format",
-        )
+        rule = f"a suite must begin with its format, {FORMAT}, but this begins otherwise"
+        raise BadSuite(f"{path}:1", rule, "write it with this version of Parcours", slug="suite-format")
     return _cases(path)
+
+
+def unreadable(path: Path | str, error: OSError) -> BadSuite:
+    """Return the complaint about a file that cannot be read."""
+    rule = f"a suite must be a readable file, but: {error.strerror or error}"
+    return BadSuite(str(path), rule, "check the path", slug="unreadable-file")
 
 
 def _cases(path: Path) -> Iterator[Case]:
@@ -148,31 +119,16 @@ def _cases(path: Path) -> Iterator[Case]:
             record = _record(path, line, raw)
             if "cases" in record:
                 if record != {"cases": n} or isinstance(record["cases"], bool):
-                    _bad(
-                        path,
-                        line,
-                        f"the last line must count the cases before it, which are {n}",
-                        "suite-cut",
-                    )
+                    _bad(path, line, f"the last line must count the cases before it, which are {n}", "suite-cut")
                 if file.read(1):
                     _bad(path, line + 1, "nothing may follow the line that counts the cases", "suite-cut")
                 return
             case = _case(path, line, record)
             if case.number <= last:
-                _bad(
-                    path,
-                    line,
-                    f"numbers of cases must ascend, but {case.number} follows {last}",
-                    "suite-order",
-                )
+                _bad(path, line, f"numbers of cases must ascend, but {case.number} follows {last}", "suite-order")
             n, last = n + 1, case.number
             yield case
-        _bad(
-            path,
-            line,
-            f"a suite must end with the number of its cases, but this one stops after {n}",
-            "suite-cut",
-        )
+        _bad(path, line, f"a suite must end with the number of its cases, but this one stops after {n}", "suite-cut")
 
 
 def _record(path: Path, line: int, raw: bytes) -> dict[str, object]:
@@ -182,8 +138,9 @@ def _record(path: Path, line: int, raw: bytes) -> dict[str, object]:
     try:
         record = json.loads(raw.decode(), object_pairs_hook=_without_doubles, parse_constant=_no_constant)
     except (ValueError, RecursionError) as error:
-        said = str(error) if str(error) else type(error).__name__
-        _bad(path, line, f"a line must be a JSON object, but: {said[:120]}", "suite-line")
+        _bad(
+            path, line, f"a line must be a JSON object, but: {(str(error) or type(error).__name__)[:120]}", "suite-line"
+        )
     if not isinstance(record, dict):
         _bad(path, line, "a line must be a JSON object, but this one is not", "suite-line")
     return record
@@ -207,16 +164,10 @@ def _case(path: Path, line: int, record: dict[str, object]) -> Case:
     if not isinstance(values, dict):
         _bad(path, line, "the values of a case must be an object", "suite-case")
     try:
-        case = Case(
-            _text(record, "study"),
-            _whole(record, "number"),
-            _text(record, "abstract"),
-            _whole(record, "row"),
-            tuple(values),
-            tuple(_real(values, name) for name in values),
-            _real(record, "time_budget"),
-            _whole(record, "seed"),
-        )
+        numbers = tuple(_real(values, name) for name in values)
+        number, row, seed = (_whole(record, key) for key in ("number", "row", "seed"))
+        study, abstract = _text(record, "study"), _text(record, "abstract")
+        case = Case(study, number, abstract, row, tuple(values), numbers, _real(record, "time_budget"), seed)
     except BadSuite as error:
         raise BadSuite(f"{path}:{line}", f"{error.where}: {error.rule}", error.remedy, slug=error.slug) from None
     if record["id"] != case.id:
@@ -246,4 +197,4 @@ def _real(record: dict[str, object], key: str) -> float:
 
 
 def _bad(path: Path, line: int, rule: str, slug: str) -> NoReturn:
-    raise BadSuite(f"{path}:{line}", rule, "write the suite anew", slug=slug)
+    raise BadSuite(f"{path}:{line}", rule, "write the suite again", slug=slug)

@@ -9,7 +9,6 @@ median difference; many tests by Holm's step-down rule (S. Holm, Scand. J. Stati
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -148,27 +147,3 @@ def _median_interval(ordered: NDArray[np.float64]) -> tuple[float, float]:
     if k == 0:
         return -math.inf, math.inf
     return float(ordered[k - 1]), float(ordered[ordered.size - k])
-
-
-def holm(p_values: Sequence[float]) -> tuple[float, ...]:
-    """Return the p-values of a family of tests, corrected for their number; in the order given.
-
-    Args:
-        p_values: in [0, 1], one a test.
-
-    Raises:
-        BadRequest: one lies outside [0, 1].
-
-    Example: four tests, of which the smallest counts fourfold, the next threefold, and none less than the one before.
-
-    >>> [round(p, 2) for p in holm([0.01, 0.04, 0.03, 0.005])]
-    [0.03, 0.06, 0.06, 0.02]
-    """
-    if wrong := [p for p in p_values if not 0.0 <= p <= 1.0]:
-        raise BadRequest("Holm's correction", f"a p-value lies in [0, 1], but {wrong[0]:g} given", slug="p-value")
-    corrected = [0.0] * len(p_values)
-    worst = 0.0
-    for place, k in enumerate(sorted(range(len(p_values)), key=lambda at: p_values[at])):
-        worst = max(worst, min(1.0, (len(p_values) - place) * p_values[k]))
-        corrected[k] = worst
-    return tuple(corrected)

@@ -22,7 +22,7 @@ def command(suite: Path, out: Path, repeats: int, warm_up: int, percent: float) 
 
     Example: parcours export gtest suite.jsonl --out gtest
     """
-    from parcours_ramp.gtest_export import Repeats, export_gtest
+    from parcours_ramp.gtest.export import Repeats, export_gtest
 
     done = export_gtest(suite, out, Repeats(repeats, warm_up, percent))
     click.echo(f"wrote {done.n_functional} functional and {done.n_timing} timing tests to {out}")

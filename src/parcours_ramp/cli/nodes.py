@@ -18,7 +18,7 @@ def command(study: str, master: str, program: str) -> None:
     import contextlib
     import signal
 
-    from parcours_ramp.persistent_nodes import NODE_PROGRAM, StandingNodes
+    from parcours_ramp.gtest.persistent_nodes import NODE_PROGRAM, StandingNodes
 
     for number in (signal.SIGINT, signal.SIGTERM):  # a shell's background jobs inherit that Ctrl-C is ignored
         signal.signal(number, signal.default_int_handler)

@@ -1,4 +1,4 @@
-"""A simulation, a Python function or a program, called with a case -> its facts; or why there are none, in words."""
+"""Calls a simulation, a Python function or a program, for the facts of a case; or says why there are none."""
 
 from __future__ import annotations
 
@@ -43,6 +43,7 @@ _LOADING = 60.0
 _PURPOSE = 0x73696D756C617465
 """Of the random stream from which simulations get their seeds (ASCII for `simulate`)."""
 
+HUNG = "hung: no facts within {:g} s"
 _ADDRESS = re.compile(r"\b0x[0-9a-fA-F]{6,}")
 _MOST_ROWS = 100_000
 
@@ -92,7 +93,7 @@ class Alarm:
         if self._left:
             self._left -= 1
             if not self._left:
-                self._left = 1  # code that catches this is told again
+                self._left = 1  # code that catches this is interrupted again
                 raise Overdue
 
 
@@ -209,9 +210,8 @@ def wanted(function: Function, known: Sequence[str]) -> tuple[tuple[str, ...], t
         parameters = inspect.signature(function).parameters.values()
     except (TypeError, ValueError):
         return ("case",), ()
-    plain = [
-        one for one in parameters if one.kind not in (inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD)
-    ]
+    variadic = (inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD)
+    plain = [one for one in parameters if one.kind not in variadic]
     taken = [one for one in plain if one.name in known and one.kind is not inspect.Parameter.POSITIONAL_ONLY]
     lacking = [one.name for one in plain if one not in taken and one.default is inspect.Parameter.empty]
     return tuple(one.name for one in taken), tuple(lacking)
@@ -254,14 +254,11 @@ def _kind(value: object) -> str:
     return "None" if value is None else f"of type {type(value).__name__}"
 
 
-def hung(patience: float) -> str:
-    """Return the reason of a case that gave no facts in time."""
-    return f"hung: no facts within {patience:g} s"
-
-
 def lost_reason(case: heartbeat.LostCase, patience: float) -> tuple[Fault, str]:
     """Return why a case was lost whose process hung or died."""
-    return (Fault.HUNG, hung(patience)) if case.how == "hung" else (Fault.DIED, f"died: its process {case.detail}")
+    return (
+        (Fault.HUNG, HUNG.format(patience)) if case.how == "hung" else (Fault.DIED, f"died: its process {case.detail}")
+    )
 
 
 def reason_bytes(text: str) -> bytes:
@@ -287,24 +284,15 @@ def words_of(error: BaseException, file: str) -> str:
     return (said if len(said.encode()) <= room else said[: max(room // 4, 20)] + "...") + place
 
 
-def name_of_function(function: object) -> str:
-    """Return what a function is called."""
-    return str(getattr(function, "__qualname__", type(function).__qualname__))
-
-
 def shown(value: object) -> str:
     """Return a value as a reader of a reason or a table sees it."""
-    return (
-        ("true" if value else "false")
-        if isinstance(value, bool)
-        else f"{value:.6g}"
-        if isinstance(value, float)
-        else str(value)
-    )
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
 def rows_of(given: object) -> Trace:
-    """Return a trace as names and rows of plain values. Raises TypeError, ValueError or KeyError if it is none."""
+    """Return a trace as names and rows of plain values. Raises TypeError, ValueError or KeyError if it is not one."""
     if isinstance(given, tuple) and len(given) == 2 and all(isinstance(name, str) for name in given[0]):
         names, rows = tuple(given[0]), list(given[1])
     else:

@@ -1,4 +1,4 @@
-"""What the author of a campaign study wrote -> the study, or what is wrong: read, then seen in a few cases."""
+"""Reads a campaign study, and checks it: first the file, then what a few cases show."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from parcours.model.finding import advice
 from parcours.model.nodes import brief
 from parcours.study.campaign.rules import GIVEN, KINDS, Fact, Fault, Rows, Rule, Worse, clashes, types_of
 from parcours.study.campaign.study import PATIENCE, CampaignStudy
-from parcours.study.components.components_file import inputs_of, known_name, program_part
+from parcours.study.components.components_file import inputs_of, program_part
 from parcours.study.loading import file_of
 from parcours.study.parameters import Settings, settings_of
 from parcours.study.protocol import Finding, Progress, Study
@@ -53,7 +53,7 @@ def read_campaign(reader: StudyReader, root: Node) -> Study | None:
     for parameter, _, line in reader.entries(top.get("parameters"), "parameters") if "parameters" in top else ():
         lines.setdefault(parameter, line)
     for taken, rule, remedy in clashes(facts, inputs, own):
-        _note(reader, lines.get(taken, 0), "study-double", rule, remedy)
+        reader.findings.append(Complaint(reader.origin, lines.get(taken, 0), "error", "study-double", rule, remedy))
     types = types_of(facts, inputs, own) if inputs.domains else None
     known = (*GIVEN[:3], *inputs.names, *(one.name for one in own)) if inputs.domains else ()
     simulate = _simulate(reader, top.get("simulate"), known)
@@ -63,7 +63,7 @@ def read_campaign(reader: StudyReader, root: Node) -> Study | None:
         "worse": _measures(reader, top.get("measures"), facts),
         "trace": _function(reader, top["trace"], "trace", known) if "trace" in top else None,
         "doc": reader.text(top.get("doc"), "doc"),
-        "criterion": known_name(reader, top.get("combine"), "combine", tuple(CRITERIA), "each_choice"),
+        "criterion": reader.named(top.get("combine"), "combine", tuple(CRITERIA), "each_choice"),
         "n_cases": reader.count(top.get("cases"), "cases", None),
         "patience": reader.duration(top.get("patience"), "patience", PATIENCE),
     }
@@ -73,34 +73,22 @@ def read_campaign(reader: StudyReader, root: Node) -> Study | None:
                          folder=reader.folder, **study)  # type: ignore[arg-type]  # fmt: skip
 
 
-def _note(reader: StudyReader, line: int, slug: str, rule: str, remedy: str = "") -> None:
-    reader.findings.append(Complaint(reader.origin, line, "error", slug, rule, remedy))
-
-
 def _facts(reader: StudyReader, node: Node | None, lines: dict[str, int]) -> tuple[Fact, ...]:
     """Return the facts: `name: {type: real, unit: m, doc: ...}`, or `name: bool`; `lines` grows by their lines."""
     found = []
     for name, value, line in reader.entries(node, "facts"):
-        entries = (
-            {"type": value}
-            if isinstance(value, Scalar)
-            else reader.record(value, f"fact {name}", ("type",), ("unit", "doc"))
-        )
-        kind = (
-            reader.one_of(entries.get("type"), f"type of fact {name}", tuple(KINDS), "real")
-            if "type" in entries
-            else "real"
-        )
-        unit, doc = (
-            reader.text(entries.get("unit"), f"unit of {name}", "1"),
-            reader.text(entries.get("doc"), f"doc of {name}"),
-        )
+        is_brief = isinstance(value, Scalar)
+        entries = {"type": value} if is_brief else reader.record(value, f"fact {name}", ("type",), ("unit", "doc"))
+        kind = "real"
+        if "type" in entries:
+            kind = reader.one_of(entries["type"], f"type of fact {name}", tuple(KINDS), "real")
+        unit = reader.text(entries.get("unit"), f"unit of {name}", "1")
+        doc = reader.text(entries.get("doc"), f"doc of {name}")
         found.append(Fact(name, kind, unit, doc))
         lines[name] = line
     if isinstance(node, MappingNode) and not node.items:
-        reader.add(
-            node, "study-facts", "a simulation gives at least one fact, but none is named", "write name: {type: real}"
-        )
+        rule = "a simulation gives at least one fact, but none is named"
+        reader.add(node, "study-facts", rule, "write name: {type: real}")
     return tuple(found)
 
 
@@ -115,8 +103,8 @@ def _rules(reader: StudyReader, node: Node | None, what: str, types: Mapping[str
         try:
             unknown = sorted(names(rule.formula) - set(types)) if types is not None else []
             for name in unknown:
-                told = f"{what}: a formula reads facts, test inputs and parameters, but there is no {brief(name)}"
-                reader.add(entries["when"], "study-name", told, advice(name, sorted(types or ()), reader.findings))
+                said = f"{what}: a formula reads facts, test inputs and parameters, but there is no {brief(name)}"
+                reader.unknown(entries["when"].line, name, said, sorted(types or ()))
             if types is not None and not unknown:
                 rule.require_sound(types)
         except BadModel as error:
@@ -130,8 +118,7 @@ def _measures(reader: StudyReader, node: Node | None, facts: Sequence[Fact]) -> 
     known, found = [fact.name for fact in facts], {}
     for name, value, line in reader.entries(node, "measures"):
         if name not in known:
-            rule = f"measures: there is no fact {brief(name)}"
-            _note(reader, line, "study-name", rule, advice(name, known, reader.findings))
+            reader.unknown(line, name, f"measures: there is no fact {brief(name)}", known)
             continue
         found[name] = reader.one_of(value, f"measure {name}", ("more", "less", ""), "")
     return found  # type: ignore[return-value]
@@ -155,9 +142,8 @@ def _function(reader: StudyReader, node: Node, what: str, known: Sequence[str]) 
         if isinstance(one, ast.FunctionDef) and one.name == name and not one.decorator_list:
             given = [*one.args.posonlyargs, *one.args.args]
             needed = given[: len(given) - len(one.args.defaults)]
-            needed += [
-                arg for arg, value in zip(one.args.kwonlyargs, one.args.kw_defaults, strict=True) if value is None
-            ]
+            keywords = zip(one.args.kwonlyargs, one.args.kw_defaults, strict=True)
+            needed += [arg for arg, value in keywords if value is None]
             lacking = [arg.arg for arg in needed if arg.arg not in known]
             if lacking:
                 rule = f"{what} is given {', '.join(known)}, by name, but asks for {', '.join(lacking)}"
@@ -166,12 +152,7 @@ def _function(reader: StudyReader, node: Node, what: str, known: Sequence[str]) 
 
 
 def check_campaign(study: CampaignStudy, progress: Progress) -> list[Finding]:
-    """Return what is wrong with a study, as a few cases show: run, run again, in another order, and judged.
-
-    Args:
-        study: with the defaults of its parameters.
-        progress: told how far it is.
-    """
+    """Return what is wrong with a study, as a few cases show: run, run again, in another order, and judged."""
     settings = settings_of(study.parameters, {})
     order = tuple(range(_TRIED))
     found: list[Finding] = []
@@ -202,11 +183,8 @@ def check_campaign(study: CampaignStudy, progress: Progress) -> list[Finding]:
     if each > _SLOW * study.patience:
         rule = f"a case takes {each:.3g} s, close to the patience of {study.patience:g} s"
         found.append(Finding("warning", study.name, rule, "give it more patience"))
-    found.append(
-        Finding(
-            "note", study.name, f"a case takes about {1e3 * each:.3g} ms, 1000 cases {1e3 * each:.3g} s in one worker"
-        )
-    )
+    rule = f"a case takes about {1e3 * each:.3g} ms, 1000 cases {1e3 * each:.3g} s in one worker"
+    found.append(Finding("note", study.name, rule))
     if study.trace is not None and isinstance(said := study.traced(study.case(0, _SEED), settings), str):
         found.append(Finding("error", study.name, f"a trace must be a list of mappings, or (names, rows), but {said}"))
     return found
@@ -251,14 +229,12 @@ def _judged(study: CampaignStudy, rows: Rows, settings: Settings) -> list[Findin
             try:
                 held = {evaluate(rule.formula, known, what) for known in values}
             except BadModel as error:
-                found.append(
-                    Finding("error", f"{study.name}, {what}", error.rule, "guard it, as in `n != 0 && 1 / n > 2`")
-                )
+                remedy = "guard it, as in `n != 0 && 1 / n > 2`"
+                found.append(Finding("error", f"{study.name}, {what}", error.rule, remedy))
                 continue
             if len(held) == 1 and len(values) > 1:
                 always = "always" if held == {True} else "never"
                 said = f"`{rule.when}` {always} holds in {len(values)} cases"
-                found.append(
-                    Finding("warning", f"{study.name}, {what}", said, "make sure that it can tell cases apart")
-                )
+                remedy = "make sure that it can tell cases apart"
+                found.append(Finding("warning", f"{study.name}, {what}", said, remedy))
     return found

@@ -1,4 +1,4 @@
-"""Facts of numbered cases -> verdicts by the study's formulas, and measures, tables and replays for every command."""
+"""Results of a campaign: verdicts by the study's formulas, measures, tables and replays."""
 
 from __future__ import annotations
 
@@ -85,9 +85,8 @@ class CampaignResults:
         if again.tobytes() != kept.tobytes():
             raise self._differs(id, again, kept)
         given = self.study.case(number, self.seed)
-        pieces: list[Piece] = [
-            self._values("Test inputs and parameters", self.study.known(given.values, self.settings))
-        ]
+        known = self.study.known(given.values, self.settings)
+        pieces: list[Piece] = [self._values("Test inputs and parameters", known)]
         if not kept["error"]:
             pieces.append(self._values("Facts", {one.name: kept[one.name].item() for one in self.study.facts}))
         if self.study.trace is not None:
@@ -116,11 +115,7 @@ def _value(value: np.generic) -> object:
 
 
 def read_results(study: CampaignStudy, folder: Path) -> CampaignResults:
-    """Return the finished cases in a folder; the simulation itself is not loaded.
-
-    Raises:
-        BadResults: the folder holds no results, damaged ones, or those of other facts, test inputs or parameters.
-    """
+    """Return the finished cases in a folder; the simulation itself is not loaded."""
     store = open_results(folder)
     campaign = store.campaign
     theirs = {"study": campaign.study, "facts": campaign.dtype, "test inputs": campaign.parameters.get("inputs")}
@@ -152,18 +147,9 @@ def report_results(results: Mapping[str, Results]) -> Reported:
     tables = [_outcome_table(found, counts), _measure_table(found)]
     reasons = _reasons(found)
     if reasons:
-        columns = (
-            Column("campaign"),
-            Column("verdict"),
-            Column("reason"),
-            Column("cases", ",d"),
-            Column("first case", code=True),
-        )
-        tables.append(
-            Table(
-                "Reasons", columns, reasons, f"Why cases did not pass; the {_FEW} commonest reasons of each campaign."
-            )
-        )
+        heads = (Column("campaign"), Column("verdict"), Column("reason"), Column("cases", ",d"))
+        note = f"Why cases did not pass; the {_FEW} commonest reasons of each campaign."
+        tables.append(Table("Reasons", (*heads, Column("first case", code=True)), reasons, note))
     documents = {folder: _document(one, counts[folder], reasons, folder) for folder, one in found.items()}
     return Reported(tables, lambda: [chart, *tables], documents)
 
@@ -180,9 +166,7 @@ def _outcome_table(found: Mapping[str, CampaignResults], counts: Mapping[str, Co
 
 def _rate(count: int, n: int) -> str:
     rate = wilson(count, n)
-    if not n:
-        return "none"
-    return f"{rate.share:.1%} [{rate.low:.1%}, {rate.high:.1%}]"
+    return f"{rate.share:.1%} [{rate.low:.1%}, {rate.high:.1%}]" if n else "none"
 
 
 def _statistics(measure: Measure) -> dict[str, float]:
@@ -198,13 +182,7 @@ def _statistics(measure: Measure) -> dict[str, float]:
 
 def _measure_table(found: Mapping[str, CampaignResults]) -> Table:
     figures = ("mean", "least", "p5", "median", "p95", "greatest")
-    columns = (
-        Column("campaign"),
-        Column("fact"),
-        Column("cases", ",d"),
-        Column("rate"),
-        *(Column(one, ".4g") for one in figures),
-    )
+    heads = (Column("campaign"), Column("fact"), Column("cases", ",d"), Column("rate"))
     rows: list[tuple[Cell, ...]] = []
     for folder, one in found.items():
         measures = one.measures()
@@ -213,9 +191,8 @@ def _measure_table(found: Mapping[str, CampaignResults]) -> Table:
             of, unit = _statistics(measure), "" if fact.unit == "1" else f" [{fact.unit}]"
             rate = _rate(int(np.nansum(measure.values)), int(of["cases"])) if measure.kind == "rate" else None
             rows.append((folder, fact.name + unit, int(of["cases"]), rate, *(of.get(figure) for figure in figures)))
-    return Table(
-        "Measures", columns, tuple(rows), "Of the cases without error; rates with their Wilson 95 % intervals."
-    )
+    note = "Of the cases without error; rates with their Wilson 95 % intervals."
+    return Table("Measures", (*heads, *(Column(one, ".4g") for one in figures)), tuple(rows), note)
 
 
 def _reasons(found: Mapping[str, CampaignResults]) -> tuple[tuple[str, str, str, int, str], ...]:
@@ -260,9 +237,8 @@ def _trace_pieces(trace: Trace | str) -> list[Piece]:
         return [Text("The trace is empty.")]
     step = -(-len(rows) // _SHOWN)
     note = "" if step == 1 else f"Every {step}th of {len(rows):,d} rows."
-    table = Table(
-        "Trace", tuple(Column(name, ".6g") for name in columns), tuple(_cells(row) for row in rows[::step]), note
-    )
+    heads = tuple(Column(name, ".6g") for name in columns)
+    table = Table("Trace", heads, tuple(map(_cells, rows[::step])), note)
     numeric = [k for k in range(len(columns)) if all(isinstance(row[k], int | float) for row in rows)]
     x = next((k for k in numeric if columns[k] in ("time", "t")), None)
     if x is None or len(rows) < 2 or len(numeric) < 2:

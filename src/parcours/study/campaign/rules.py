@@ -119,12 +119,8 @@ def types_of(facts: Iterable[Fact], inputs: InputModel, own: Iterable[Parameter]
 def clashes(facts: Iterable[Fact], inputs: InputModel, own: Iterable[Parameter]) -> Iterator[tuple[str, str, str]]:
     """Yield each name that means two things: the name, the rule, the remedy."""
     seen: dict[str, str] = dict.fromkeys(GIVEN, "what every campaign knows by it")
-    kinds = (
-        ("test input", inputs.names),
-        ("parameter", [one.name for one in own]),
-        ("fact", [one.name for one in facts]),
-    )
-    for what, of_kind in kinds:
+    kinds = {"test input": inputs.names, "parameter": (one.name for one in own), "fact": (one.name for one in facts)}
+    for what, of_kind in kinds.items():
         for name in of_kind:
             if name in seen:
                 yield name, f"a name must mean one thing, but {name!r} is a {what} and {seen[name]}", "rename one"
@@ -143,9 +139,7 @@ def directions(rules: Iterable[Rule]) -> dict[str, Worse]:
     found: dict[str, set[int]] = {}
     for rule in rules:
         _signs(rule.formula, 1, found)
-    return {
-        name: "more" if signs == {1} else "less" for name, signs in found.items() if len(signs) == 1 and 0 not in signs
-    }
+    return {name: "more" if 1 in signs else "less" for name, signs in found.items() if signs in ({1}, {-1})}
 
 
 def _signs(node: Expression, sign: int, found: dict[str, set[int]]) -> None:

@@ -1,4 +1,4 @@
-"""A request -> a campaign in a folder: numbered cases in shards, by any number of workers; all, or chosen ones.
+"""Runs a campaign in a folder: numbered cases in shards, by any number of workers; all, or chosen ones.
 
 A campaign of chosen cases keeps their numbers in its parameters: its k-th row is the k-th chosen case.
 """
@@ -29,9 +29,6 @@ CHOSEN = "chosen"
 class Numbered(Protocol):
     """What simulates numbered cases."""
 
-    def __call__(self, first: int, count: int) -> NDArray[np.void]:
-        """Return the facts of cases first .. first + count - 1."""
-
     def run(self, numbers: NDArray[np.int64]) -> NDArray[np.void]:
         """Return the facts of the cases of these numbers."""
 
@@ -50,20 +47,14 @@ class Chosen:
         """Return the facts of the chosen cases from the `first` on."""
         return self.study.run(np.array(self.numbers[first : first + count], np.int64))
 
-
-@dataclass(frozen=True, slots=True)
-class ChosenStrangers(Chosen):
-    """The same, of a study that runs code which may hang or die."""
-
     def prepare(self) -> bool:
         """Load or compile what every case needs; return whether all of it is ours."""
         return self.study.prepare() if isinstance(self.study, Prepares) else False
 
     @property
     def heartbeat_words(self) -> int:
-        """How many words a worker shares with its parent."""
-        assert isinstance(self.study, RunsStrangers)
-        return self.study.heartbeat_words
+        """How many words a worker shares with its parent: none if nothing in it may hang or die."""
+        return self.study.heartbeat_words if isinstance(self.study, RunsStrangers) else 0
 
     def without(self, lost: tuple[LostCase, ...]) -> Self:
         """Return the same without the lost cases."""
@@ -83,10 +74,10 @@ def run_numbered(
         numbered: what simulates the cases.
         n_cases: how many, if none are chosen.
         chosen: numbers of the only cases; all if empty.
-        question: what decides the results, for whoever reads the folder.
+        question: what decides the results.
         workers: processes.
         request: says the folder.
-        progress: told how far it is.
+        progress: reports how far it is.
         label: what runs, in a word or two.
 
     Raises:
@@ -96,7 +87,7 @@ def run_numbered(
     simulate: object = numbered
     if chosen:
         campaign = dataclasses.replace(campaign, parameters={**campaign.parameters, CHOSEN: list(chosen)})
-        simulate = (ChosenStrangers if isinstance(numbered, RunsStrangers) else Chosen)(numbered, chosen)
+        simulate = Chosen(numbered, chosen)
     folder = request.out.absolute()  # a guest may change the current folder
     if not (folder / MANIFEST).exists():
         write_question(folder, name, where, question)  # first: whatever ends this process, it says what was asked
@@ -108,14 +99,6 @@ def run_numbered(
     return Run(outcome.interrupted, str(outcome))
 
 
-def finished_numbers(store: Store) -> list[int]:
-    """Return the numbers of the cases whose shards are finished, in the order of their rows."""
-    campaign, absent = store.campaign, set(store.missing())
-    rows = [k for shard in campaign.shards if shard not in absent for k in campaign.cases(shard)]
-    chosen = campaign.parameters.get(CHOSEN)
-    return [int(chosen[k]) for k in rows] if isinstance(chosen, list) else rows
-
-
 def facts_of(store: Store, folder: Path) -> NDArray[np.void]:
     """Return the facts of the finished cases, once they are found to be those that the shards' numbers say.
 
@@ -123,7 +106,10 @@ def facts_of(store: Store, folder: Path) -> NDArray[np.void]:
         BadResults: they are others.
     """
     facts = store.load(partial=True)
-    if facts["number"].tolist() != finished_numbers(store):
+    campaign, absent = store.campaign, set(store.missing())
+    rows = [k for shard in campaign.shards if shard not in absent for k in campaign.cases(shard)]
+    chosen = campaign.parameters.get(CHOSEN)
+    if facts["number"].tolist() != ([int(chosen[k]) for k in rows] if isinstance(chosen, list) else rows):
         rule = "shards must hold the cases that their numbers say, but do not"
         raise BadResults(str(folder), rule, "run the campaign again with --fresh", slug="results-order")
     return facts

@@ -1,4 +1,4 @@
-"""The cases of a campaign study -> facts, computed in worker processes."""
+"""Simulates the cases of a campaign study in worker processes."""
 
 from __future__ import annotations
 
@@ -18,15 +18,14 @@ from numpy.typing import NDArray
 from parcours.run import heartbeat as heartbeat
 from parcours.run.store import Campaign
 from parcours.study.campaign.calling import (
+    HUNG,
     Alarm,
     Faulty,
     Overdue,
     ProgramCaller,
     PythonCaller,
     facts_in,
-    hung,
     lost_reason,
-    name_of_function,
     reason_bytes,
     words_of,
 )
@@ -42,14 +41,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Simulation:
-    """The cases of a study with its parameters set; callable as a campaign's `simulate`, in worker processes.
-
-    Args:
-        study: whose cases.
-        settings: of its parameters.
-        seed: of the campaign.
-        lost: cases that are not simulated, because that hangs or takes the process down.
-    """
+    """The cases of a study with its parameters set; callable as a campaign's `simulate`, in worker processes."""
 
     study: CampaignStudy
     settings: Settings
@@ -72,17 +64,13 @@ class Simulation:
     @property
     def label(self) -> str:
         """What is simulated, and the parameters that are not at their default."""
-        given = self.study.simulate
-        what = (
-            " ".join(given.command)
-            if isinstance(given, ProgramPart)
-            else given
-            if isinstance(given, str)
-            else name_of_function(given)
-        )
-        return ", ".join(
-            [what, *self.study.shown({one.name: self.settings[one.name] for one in self.study._set(self.settings)})]
-        )
+        what = self.study.simulate
+        if isinstance(what, ProgramPart):
+            what = " ".join(what.command)
+        elif not isinstance(what, str):
+            what = str(getattr(what, "__qualname__", type(what).__qualname__))
+        changed = {one.name: self.settings[one.name] for one in self.study._set(self.settings)}
+        return ", ".join([what, *self.study.shown(changed)])
 
     @property
     def decides(self) -> dict[str, Scalar]:
@@ -117,11 +105,7 @@ class Simulation:
         return self.run(np.arange(first, first + count))
 
     def run(self, numbers: NDArray[np.int64]) -> Rows:
-        """Return the facts of the cases of these numbers, array of the study's dtype, shape (n,).
-
-        Raises:
-            BadRequest, HostFailure: the simulation cannot be loaded or started.
-        """
+        """Return the facts of the cases of these numbers, array of the study's dtype, shape (n,)."""
         study, lost = self.study, {one.number: one for one in self.lost}
         rows = np.zeros(len(numbers), study.dtype)
         with Alarm() as alarm:
@@ -134,9 +118,8 @@ class Simulation:
                 if number in lost:
                     facts, fault, why = None, *lost_reason(lost[number], study.patience)
                 else:
-                    case = Case(
-                        study.name, number, ABSTRACT, number, study.inputs.names, values, study.patience, self.seed
-                    )
+                    names = study.inputs.names
+                    case = Case(study.name, number, ABSTRACT, number, names, values, study.patience, self.seed)
                     facts, fault, why = self._one(caller, case, alarm)
                 nothing = (np.nan if fact.kind == "real" else 0 for fact in study.facts)
                 rows[k] = (number, *(nothing if facts is None else facts), int(fault), reason_bytes(why))
@@ -152,14 +135,14 @@ class Simulation:
                 alarm.set(case.number, limit, rings=isinstance(caller, PythonCaller))
                 return facts_in(self.study.facts, caller(case)), Fault.NONE, ""
             except Overdue:
-                return None, Fault.HUNG, hung(limit)
+                return None, Fault.HUNG, HUNG.format(limit)
             except Faulty as error:
                 return None, error.fault, str(error)
             except BaseException as error:
-                is_ctrl_c = (
-                    isinstance(error, KeyboardInterrupt) and signal.getsignal(signal.SIGINT) is not signal.SIG_IGN
-                )
-                if is_ctrl_c or isinstance(caller, ProgramCaller):  # a program that cannot be started costs all cases
+                is_heard = signal.getsignal(signal.SIGINT) is not signal.SIG_IGN
+                if (isinstance(error, KeyboardInterrupt) and is_heard) or isinstance(
+                    caller, ProgramCaller
+                ):  # a program that cannot be started costs all cases
                     raise
                 return None, Fault.RAISED, f"raised: {words_of(error, caller.file)}"
             finally:
@@ -168,4 +151,4 @@ class Simulation:
                     os._exit(0)  # a child that the simulation forked: the case is its parent's
         except Overdue:  # it rang while an exception was put into words
             alarm.off()
-            return None, Fault.HUNG, hung(limit)
+            return None, Fault.HUNG, HUNG.format(limit)

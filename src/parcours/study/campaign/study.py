@@ -20,28 +20,10 @@ from numpy.typing import NDArray
 from parcours.data import InputModel
 from parcours.errors import BadRequest, BadSuite
 from parcours.run.campaign import run_campaign
-from parcours.study.campaign.calling import (
-    REASON_LENGTH,
-    Alarm,
-    PythonCaller,
-    Target,
-    rows_of,
-    shown,
-    words_of,
-)
+from parcours.study.campaign.calling import REASON_LENGTH, Alarm, PythonCaller, Target, rows_of, shown, words_of
 from parcours.study.campaign.results import Trace, read_results, report_results
-from parcours.study.campaign.rules import (
-    ABSTRACT,
-    KINDS,
-    Fact,
-    Rows,
-    Rule,
-    Worse,
-    clashes,
-    outcome_of,
-    types_of,
-)
-from parcours.study.campaign.running import ChosenStrangers, run_numbered
+from parcours.study.campaign.rules import ABSTRACT, KINDS, Fact, Rows, Rule, Worse, clashes, outcome_of, types_of
+from parcours.study.campaign.running import Chosen, run_numbered
 from parcours.study.campaign.simulating import Simulation
 from parcours.study.components.isolation import Done, Place, run_apart
 from parcours.study.components.systems import ProgramPart
@@ -165,7 +147,7 @@ class CampaignStudy:
         return f"{self.name}/{ABSTRACT}/{number}"
 
     def number(self, given: str) -> int:
-        """Return the number of a case: of `parking/cases/17`, `cases/17` or `17`; -1 if it is none."""
+        """Return the number of a case: of `parking/cases/17`, `cases/17` or `17`; -1 if it is not one."""
         number = given.removeprefix(f"{self.name}/").removeprefix(f"{ABSTRACT}/")
         return int(number) if number.isdecimal() and len(number) < 16 else -1
 
@@ -210,7 +192,7 @@ class CampaignStudy:
         simulation = self.simulation(settings, seed)
         campaign = simulation.campaign(len(numbers), shard_size=len(numbers))
         with tempfile.TemporaryDirectory(prefix="parcours-") as folder:
-            outcome = run_campaign(ChosenStrangers(simulation, tuple(numbers)), campaign, Path(folder))
+            outcome = run_campaign(Chosen(simulation, tuple(numbers)), campaign, Path(folder))
             if outcome.interrupted:
                 raise KeyboardInterrupt
             return outcome.store.load()

@@ -1,4 +1,4 @@
-"""Component cases -> recordings, one a case, that say all that judging them again needs; and that judging."""
+"""Recordings of component cases, one a case, and the judging of cases from them."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Literal, cast
 
 import msgspec
 
-from parcours.errors import BadRequest, BadResults, ParcoursError
+from parcours.errors import BadResults, ParcoursError
 from parcours.filenames import file_name
 from parcours.run.atomic import require_writable
 from parcours.run.recording import Codec, Recorder, Recording, read_recording, write_bag, write_mcap
@@ -29,18 +29,7 @@ _WRITE = {"mcap": write_mcap, "bag": write_bag}
 
 
 class Archive:
-    """A folder of recordings of component cases.
-
-    Args:
-        study: whose cases they are.
-        folder: made if it is not there.
-        form: the format of the recordings, mcap or bag.
-        host: where the components are.
-        settings: of the study.
-
-    Raises:
-        BadRequest: the folder cannot be written to.
-    """
+    """A folder of recordings of component cases."""
 
     def __init__(self, study: ComponentStudy, folder: Path, form: str, host: str, settings: Settings) -> None:
         self._study, self._folder, self._host, self._settings = study, folder, host, settings
@@ -120,9 +109,7 @@ def _judged(study: ComponentStudy, path: Path, recording: Recording) -> Judgemen
         spans = {group.name: group.span for group in study.timing(case.seed, {})}
         span = spans.get(about.get("group", ""), whole_case)
         return judge(tuple(map(span, repeats(trace))), parse_bound(about["bound"]), trace.noise)
-    except (KeyError, ValueError, TypeError, BadRequest, msgspec.DecodeError) as error:
-        raise not_ours(path, error) from error
-    except ParcoursError as error:
+    except (KeyError, ValueError, TypeError, ParcoursError, msgspec.DecodeError) as error:
         raise not_ours(path, error) from error
 
 

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 from parcours.errors import ParcoursError
 from parcours.run.trace import Trace
-from parcours.study.components.executing import in_process, judge_trace
-from parcours.study.components.isolation import Done, Lost, Place, run_apart, watched
+from parcours.study.components.executing import run_functional
+from parcours.study.components.running import executed_apart, executors
 from parcours.study.parameters import Settings, settings_of
-from parcours.study.protocol import Finding, Progress
+from parcours.study.protocol import Finding, Level, Progress
 from parcours.suite import Case
 from parcours.verdict.judgement import Judgement, Verdict
 
@@ -26,7 +26,8 @@ _TWICE = 20
 _LIVE = 3
 """Cases that are executed on processes, too."""
 
-Outcome = tuple[Judgement, Trace]
+Outcomes = dict[str, tuple[Judgement, Trace | None]]
+"""Verdict and trace of cases by their ids; without trace where a case hung or died."""
 
 
 def check_study(study: ComponentStudy, progress: Progress) -> list[Finding]:
@@ -52,68 +53,51 @@ def check_study(study: ComponentStudy, progress: Progress) -> list[Finding]:
     return sorted(found, key=lambda one: rank[one.level])
 
 
-def _executed(
-    study: ComponentStudy, settings: Settings, cases: Sequence[Case], progress: Progress
-) -> dict[str, Outcome | Lost]:
+def _executed(study: ComponentStudy, settings: Settings, cases: Sequence[Case], progress: Progress) -> Outcomes:
     """Return verdict and trace of each case by its id, executed apart from this process."""
-    by_id = {case.id: case for case in cases}
-
-    def work(item: str, place: Place) -> Outcome:
-        exercise = study.exercise(settings)
-        execute = in_process(exercise, watch=watched(study.patience, place), checked=study.messages.checked)
-        trace = execute(by_id[item]).trace
-        return judge_trace(exercise, by_id[item], trace), trace
-
-    outcomes: dict[str, Outcome | Lost] = {}
-    for id, answer in run_apart(list(by_id), work, study.patience):
-        outcomes[id] = answer.result if isinstance(answer, Done) else answer
+    outcomes: Outcomes = {}
+    for case, judgement, trace in executed_apart(study, cases, settings):
+        outcomes[case.id] = judgement, trace
         progress("cases", len(outcomes), len(cases))
     return outcomes
 
 
-def _failing(cases: Sequence[Case], outcomes: dict[str, Outcome | Lost]) -> Iterator[Finding]:
-    wrong = []
+def _failing(cases: Sequence[Case], outcomes: Outcomes) -> Iterator[Finding]:
+    wrong: list[Finding] = []
     for case in cases:
-        outcome = outcomes[case.id]
-        if isinstance(outcome, Lost):
-            wrong.append(Finding("error", case.id, f"fails: {outcome.why}", "see it: parcours run STUDY --case ID"))
-        elif outcome[0].verdict is not Verdict.PASS:
-            level = "warning" if outcome[0].verdict is Verdict.INCONCLUSIVE else "error"
-            wrong.append(Finding(level, case.id, f"{outcome[0].verdict}: {outcome[0].why}", ""))  # type: ignore[arg-type]
+        judgement, trace = outcomes[case.id]
+        if trace is None:
+            wrong.append(Finding("error", case.id, f"fails: {judgement.why}", "see it: parcours run STUDY --case ID"))
+        elif not judgement.passed:
+            level: Level = "warning" if judgement.verdict is Verdict.INCONCLUSIVE else "error"
+            wrong.append(Finding(level, case.id, f"{judgement.verdict}: {judgement.why}"))
     yield from wrong[:_SHOWN]
     if len(wrong) > _SHOWN:
         yield Finding("error", "cases", f"{len(wrong) - _SHOWN} more do not pass", "parcours run shows all")
 
 
 def _unrepeatable(
-    study: ComponentStudy, settings: Settings, cases: Sequence[Case], outcomes: dict[str, Outcome | Lost],
-    progress: Progress,
-) -> Iterator[Finding]:  # fmt: skip
+    study: ComponentStudy, settings: Settings, cases: Sequence[Case], outcomes: Outcomes, progress: Progress
+) -> Iterator[Finding]:
     """Yield cases that come out otherwise when they are executed again, in another order."""
     again = _executed(study, settings, list(reversed(cases[:_TWICE])), progress)
-    for id, outcome in again.items():
-        first = outcomes[id]
-        if isinstance(first, Lost) or isinstance(outcome, Lost):
-            continue
-        if _told(first[1]) != _told(outcome[1]):
+    for id, (_, second) in again.items():
+        _, first = outcomes[id]
+        if first is not None and second is not None and _plain(first) != _plain(second):
             rule = "comes out otherwise when it is executed again, after other cases"
             remedy = "a component keeps something between cases, or draws random numbers without the seed of its `case`"
             yield Finding("warning", id, rule, remedy)
             return
 
 
-def _told(trace: Trace) -> list[tuple[object, ...]]:
+def _plain(trace: Trace) -> list[tuple[object, ...]]:
     return [(one.time, one.kind, one.component, one.transition, one.channel, repr(one.payload)) for one in trace.events]
 
 
 def _different_live(
-    study: ComponentStudy, settings: Settings, cases: Sequence[Case], outcomes: dict[str, Outcome | Lost],
-    progress: Progress,
-) -> Iterator[Finding]:  # fmt: skip
+    study: ComponentStudy, settings: Settings, cases: Sequence[Case], outcomes: Outcomes, progress: Progress
+) -> Iterator[Finding]:
     """Yield cases whose verdict on processes is another one, or why there are no processes."""
-    from parcours.study.components.executing import run_functional
-    from parcours.study.components.running import executors
-
     if not study.where:
         yield Finding("note", "host processes", "not tried: no other process can find this study",
                       "give the object its `where`: file.py:NAME")  # fmt: skip
@@ -124,8 +108,7 @@ def _different_live(
             for k, case in enumerate(cases[:_LIVE]):
                 judgement = run_functional(exercise, case, in_order).judgement
                 progress("cases on processes", k + 1, min(_LIVE, len(cases)))
-                here = outcomes[case.id]
-                before = Verdict.FAIL if isinstance(here, Lost) else here[0].verdict
+                before = outcomes[case.id][0].verdict
                 if judgement.verdict is not before and judgement.verdict is not Verdict.INCONCLUSIVE:
                     rule = f"is {before} in simulated time, but on processes {judgement.verdict}: {judgement.why}"
                     yield Finding("error", case.id, rule, "what a component does must not depend on its process")
@@ -136,9 +119,8 @@ def _different_live(
 def _infeasible(study: ComponentStudy) -> Iterator[Finding]:
     found = list(study.infeasible.items())
     for id, why in found[:_SHOWN]:
-        yield Finding(
-            "note", id, f"is left out: {why}", "no value of the tester's makes the guards of this case hold together"
-        )
+        remedy = "no value of the tester's makes the guards of this case hold together"
+        yield Finding("note", id, f"is left out: {why}", remedy)
     if len(found) > _SHOWN:
         yield Finding("note", "abstract cases", f"{len(found) - _SHOWN} more are left out for the same kind of reason")
 
@@ -150,7 +132,7 @@ def _untaken(study: ComponentStudy) -> Iterator[Finding]:
         if left:
             rule = f"no case takes {', '.join(left)}"
             remedy = (
-                "name an interaction path through it under `interactions:` of the model, or another criterion: `paths:`"
+                "name an interaction path through it under the model's `interactions:`, or another criterion: `paths:`"
             )
             yield Finding("warning", f"component {component.name}", rule, remedy)
 
@@ -167,8 +149,6 @@ def _unreached_inputs(study: ComponentStudy) -> Iterator[Finding]:
     read = fields | variables | {name for formula in formulas for name in names(formula)}
     for name in study.inputs.names:
         if name not in read:
-            rule = "no message field, input variable or formula has this name"
-            where = f"test input {name!r}"
-            said = f"reaches nothing that the tester sends: {rule}"
+            rule = "reaches nothing that the tester sends: no message field, input variable or formula has this name"
             remedy = "name a field like it, or use it under `supply:`; constructors may take an argument of this name"
-            yield Finding("warning", where, said, remedy)
+            yield Finding("warning", f"test input {name!r}", rule, remedy)

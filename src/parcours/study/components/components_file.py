@@ -1,4 +1,4 @@
-"""A study.yaml of kind `components` -> a component study, with everything that is wrong noted in its reader."""
+"""Reads a study.yaml of kind `components`; everything that is wrong with it is noted in its reader."""
 
 from __future__ import annotations
 
@@ -14,7 +14,6 @@ from parcours.data import CRITERIA, InputModel, read_input_model
 from parcours.errors import BadModel, BadRequest, ParcoursError
 from parcours.model.documents import Mapping as MappingNode
 from parcours.model.documents import Node, Scalar
-from parcours.model.finding import Finding, advice
 from parcours.model.formats import read_any
 from parcours.model.model_file import check_file
 from parcours.model.nodes import brief, shown
@@ -51,7 +50,7 @@ def read_components(reader: StudyReader, root: Node) -> Study | None:
         reader.duration(top.get("patience"), "patience", PATIENCE)
         reader.duration(top.get("time_budget"), "time_budget", 20.0)
         reader.count(top.get("cases"), "cases", None)
-        known_name(reader, top.get("combine"), "combine", tuple(CRITERIA), "each_choice")
+        reader.named(top.get("combine"), "combine", tuple(CRITERIA), "each_choice")
         for limit, node, _ in reader.entries(top.get("limits"), "limits", reader.label):
             _bound(reader, node if isinstance(node, Scalar) else None, limit)
         return None
@@ -72,9 +71,9 @@ def read_components(reader: StudyReader, root: Node) -> Study | None:
         doc=reader.text(top.get("doc"), "doc"),
         where=str(reader.path),
         own=own,
-        criterion=known_name(reader, top.get("combine"), "combine", tuple(CRITERIA), "each_choice"),
+        criterion=reader.named(top.get("combine"), "combine", tuple(CRITERIA), "each_choice"),
         paths=_paths(reader, top.get("paths"), model),
-        policy=known_name(reader, top.get("serialisation"), "serialisation", tuple(POLICIES), ""),
+        policy=reader.named(top.get("serialisation"), "serialisation", tuple(POLICIES), ""),
         n_cases=reader.count(top.get("cases"), "cases", None),
         time_budget=reader.duration(top.get("time_budget"), "time_budget", 20.0),
         supply=reader.formulas(top.get("supply"), "supply", fields.get, known, "channel from the environment"),
@@ -113,20 +112,8 @@ def inputs_of(reader: StudyReader, path: Path | None, top: Mapping[str, Node]) -
     try:
         return read_input_model(path, constants or None)
     except ParcoursError as error:
-        where, _, line = error.where.rpartition(":")
-        at = int(line) if line.isdecimal() else 0
-        reader.findings.append(Finding(where if at else error.where, at, "error", error.slug, error.rule, error.remedy))
+        reader.complain(error)
         return NO_INPUTS
-
-
-def known_name(reader: StudyReader, node: Node | None, what: str, known: tuple[str, ...], absent: str) -> str:
-    """Return one of a few names."""
-    text = reader.text(node, what, absent)
-    if node is not None and text not in known:
-        reader.add(node, "study-name", f"{what} must be a known name, but is {brief(text)}",
-                   advice(text, known, reader.findings))  # fmt: skip
-        return absent
-    return text
 
 
 def _paths(reader: StudyReader, node: Node | None, model: Cefsm) -> str:
@@ -146,63 +133,54 @@ def _parts(reader: StudyReader, node: Node | None, model: Cefsm) -> dict[str, Pa
     components = {component.name: component for component in model.components}
     if node is None:
         return {}
-    if isinstance(node, Scalar):
-        return {
-            name: PythonPart(
-                reader.target(
-                    Scalar(f"{node.text}:{name}", True, node.line), f"system, {name}", wanted(model, component)
-                ),
-                reader.folder,
-            )
-            for name, component in components.items()
-        }
+    if isinstance(node, Scalar):  # a file
+        entry = {name: Scalar(f"{node.text}:{name}", True, node.line) for name in components}
+        return {name: _class(reader, entry[name], model, component) for name, component in components.items()}
     found: dict[str, Part] = {}
     for name, value, line in reader.entries(node, "system"):
         if name not in components:
-            rule = f"system: the model has no component {brief(name)}"
-            remedy = advice(name, list(components), reader.findings)
-            reader.findings.append(Finding(reader.origin, line, "error", "study-name", rule, remedy))
+            reader.unknown(line, name, f"system: the model has no component {brief(name)}", list(components))
             continue
         part = _part(reader, value, model, components[name])
         if part is not None:
             found[name] = part
     for name in components:
         if name not in found and isinstance(node, MappingNode) and name not in {key.text for key, _ in node.items}:
-            reader.add(
-                node,
-                "study-system",
-                f"system: nothing stands for the component {name!r}",
-                f"add {name}: file.py:{name}",
-            )
+            rule = f"system: nothing stands for the component {name!r}"
+            reader.add(node, "study-system", rule, f"add {name}: file.py:{name}")
     return found
+
+
+def _class(reader: StudyReader, node: Scalar, model: Cefsm, component: Component) -> PythonPart:
+    """Return a class that has a method for each channel to the component whose name can be one.
+
+    A transition that no message starts may have a method of its own name, `poll`, or follow in a method that yields.
+    """
+    methods = tuple(channel for channel in incoming(component) if channel.isidentifier())
+    return PythonPart(reader.target(node, f"system, {component.name}", methods), reader.folder)
 
 
 def _part(reader: StudyReader, node: Node, model: Cefsm, component: Component) -> Part | None:
     what = f"system, {component.name}"
     if isinstance(node, Scalar):
-        return PythonPart(reader.target(node, what, wanted(model, component)), reader.folder)
+        return _class(reader, node, model, component)
     if not isinstance(node, MappingNode):
         reader.add(node, "kind", f"{what} must be file.py:Name, a command, or functions by event, but is {shown(node)}")
         return None
     if any(key.text == "command" for key, _ in node.items):
         return program_part(reader, node, what)
-    events = {*incoming(model, component), *(transition.id for transition in component.transitions()), "poll", "wake"}
+    events = {*incoming(component), *(transition.id for transition in component.transitions()), "poll", "wake"}
     targets: dict[str, str] = {}
     for event, value, line in reader.entries(node, what, reader.label):
         if event not in events:
             rule = f"{what}: {brief(event)} is no channel to it and none of its transitions"
-            remedy = advice(event, sorted(events), reader.findings)
-            reader.findings.append(Finding(reader.origin, line, "error", "study-name", rule, remedy))
+            reader.unknown(line, event, rule, sorted(events))
             continue
         targets[event] = reader.target(value, f"{what}, {event}")
-    lacking = [channel for channel in incoming(model, component) if channel not in targets]
+    lacking = [channel for channel in incoming(component) if channel not in targets]
     if lacking:
-        reader.add(
-            node,
-            "component-method",
-            f"{what} lacks functions for {', '.join(lacking)}",
-            f"add {lacking[0]}: file.py:name",
-        )
+        rule = f"{what} lacks functions for {', '.join(lacking)}"
+        reader.add(node, "component-method", rule, f"add {lacking[0]}: file.py:name")
     return FunctionsPart(targets, reader.folder)
 
 
@@ -211,22 +189,17 @@ def program_part(reader: StudyReader, node: Node, what: str) -> ProgramPart | No
     entries = reader.record(node, what, ("command",), _PROGRAM[1:])
     command = reader.words(entries.get("command"), f"command of {what}")
     if not command:
-        reader.add(
-            node, "value", f"command of {what} must be a list of words, but is empty", "write [./program, argument]"
-        )
+        rule = f"command of {what} must be a list of words, but is empty"
+        reader.add(node, "value", rule, "write [./program, argument]")
         return None
-    program = command[0]
-    found = reader.folder / program if os.sep in program else Path(shutil.which(program) or "")
+    program, is_local = command[0], os.sep in command[0]
+    found = reader.folder / program if is_local else Path(shutil.which(program) or "")
     if not (found.is_file() and os.access(found, os.X_OK)):
-        rule = f"{what}: there is no program {brief(program)}" + (
-            f" in {reader.folder}" if os.sep in program else " on the path"
-        )
-        remedy = (
-            "build it first" if os.sep in program and not found.exists() else "make it executable, or check its name"
-        )
+        rule = f"{what}: there is no program {brief(program)} {f'in {reader.folder}' if is_local else 'on the path'}"
+        remedy = "build it first" if is_local and not found.exists() else "make it executable, or check its name"
         reader.add(entries["command"], "study-program", rule, remedy)
         return None
-    for word in (found if os.sep in program else None, *(reader.folder / word for word in command[1:])):
+    for word in (found if is_local else None, *(reader.folder / word for word in command[1:])):
         if word is not None and word.is_file():
             reader.digest(word)
     environment = {name: reader.text(value, f"environment {name}") for name, value, _ in
@@ -234,28 +207,14 @@ def program_part(reader: StudyReader, node: Node, what: str) -> ProgramPart | No
     return ProgramPart(command, reader.folder, environment, reader.boolean(entries.get("socket"), "socket", False))
 
 
-def incoming(model: Cefsm, component: Component) -> tuple[str, ...]:
+def incoming(component: Component) -> tuple[str, ...]:
     """Return the channels on which some transition of the component receives."""
     return tuple(dict.fromkeys(one.event.channel for one in component.transitions() if one.event is not None))
 
 
-def wanted(model: Cefsm, component: Component) -> tuple[str, ...]:
-    """Return the methods that a class for the component must have: one for each channel to it.
-
-    A transition that no message starts may have a method of its own name, `poll`, or follow in a method that yields.
-    """
-    return tuple(channel for channel in incoming(model, component) if channel.isidentifier())
-
-
 @dataclass(frozen=True)
 class PythonOracle:
-    """An oracle that a user wrote: `function(case, trace)` returns True, None, a reason to fail, or a Judgement.
-
-    Args:
-        target: `file.py:name` or the function.
-        folder: from which a file counts.
-        interaction: judge the cases of this interaction path only; all if empty.
-    """
+    """An oracle that a user wrote: `function(case, trace)` returns True, None, a reason to fail, or a Judgement."""
 
     target: str
     folder: Path
@@ -291,18 +250,12 @@ def _oracles(reader: StudyReader, node: Node | None, model: Cefsm) -> tuple[Orac
         known = [one.name for one in interaction_paths(model)]
         for name, value, line in reader.entries(node, "oracles", reader.label):
             if name not in known:
-                rule, remedy = (
-                    f"oracles: there is no interaction path {brief(name)}",
-                    advice(name, known, reader.findings),
-                )
-                reader.findings.append(Finding(reader.origin, line, "error", "study-name", rule, remedy))
+                reader.unknown(line, name, f"oracles: there is no interaction path {brief(name)}", known)
                 continue
             found.append(PythonOracle(reader.target(value, f"oracle of {name}"), reader.folder, name))
         return tuple(found)
-    return (
-        order_is_kept,
-        *(PythonOracle(reader.target(one, "an oracle"), reader.folder) for one in reader.listed(node, "oracles")),
-    )
+    listed = (reader.target(one, "an oracle") for one in reader.listed(node, "oracles"))
+    return order_is_kept, *(PythonOracle(target, reader.folder) for target in listed)
 
 
 def _limits(reader: StudyReader, node: Node | None, model: Cefsm) -> tuple[Limit, ...]:
@@ -315,16 +268,12 @@ def _limits(reader: StudyReader, node: Node | None, model: Cefsm) -> tuple[Limit
         if isinstance(value, MappingNode):
             entries = reader.record(value, f"limit {name}", ("from", "to", "bound"), ())
             begin, end = (
-                _transition(reader, entries.get(key), f"{key} of limit {name}", ids) for key in ("from", "to")
+                _transition(reader, entries.get(one), f"{one} of limit {name}", ids) for one in ("from", "to")
             )
             bound = _bound(reader, entries.get("bound"), name)
         else:
             if name not in known:
-                rule, remedy = (
-                    f"limits: there is no interaction path {brief(name)}",
-                    advice(name, known, reader.findings),
-                )
-                reader.findings.append(Finding(reader.origin, line, "error", "study-name", rule, remedy))
+                reader.unknown(line, name, f"limits: there is no interaction path {brief(name)}", known)
                 continue
             bound = _bound(reader, value, name)
         if bound is not None:
@@ -335,8 +284,7 @@ def _limits(reader: StudyReader, node: Node | None, model: Cefsm) -> tuple[Limit
 def _transition(reader: StudyReader, node: Node | None, what: str, ids: list[str]) -> str:
     text = reader.text(node, what)
     if node is not None and text not in ids:
-        rule = f"{what} must be a transition of the model, but is {brief(text)}"
-        reader.add(node, "study-name", rule, advice(text, ids, reader.findings))
+        reader.unknown(node.line, text, f"{what} must be a transition of the model, but is {brief(text)}", ids)
     return text
 
 
@@ -361,8 +309,6 @@ def _require_cases(reader: StudyReader, study: ComponentStudy, top: Mapping[str,
         for case in study.plan(0).cases(0, min(len(study.abstracts), 200)):
             study.tester(case, {one.name: one.default for one in study.parameters})
     except BadModel as error:
-        where, _, line = error.where.rpartition(":")
-        at = int(line) if line.isdecimal() else 0
-        reader.findings.append(Finding(where if at else error.where, at, "error", error.slug, error.rule, error.remedy))
+        reader.complain(error)
     except BadRequest as error:
         reader.add(top.get("supply"), error.slug, f"{error.where}: {error.rule}", error.remedy)

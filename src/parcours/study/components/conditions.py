@@ -1,4 +1,4 @@
-"""Conditions on the symbols of a case -> values under which they hold together, or those that contradict each other."""
+"""Solves the conditions on the symbols of a case, or names those that contradict each other."""
 
 from __future__ import annotations
 

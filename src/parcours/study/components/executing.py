@@ -1,11 +1,10 @@
-"""Cases of a component study -> judged executions, in this process or on the nodes of a transport; and timing cases."""
+"""Executes and judges cases of a component study, in this process or on the nodes of a transport, and times them."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
-from typing import Protocol
 
 from parcours.abtc import Event
 from parcours.run.clocks import Clock
@@ -28,24 +27,23 @@ Oracle = Callable[[Case, Trace], Judgement]
 """Judges a case whose order was kept and whose transitions were taken."""
 
 
-class Exercise(Protocol):
-    """What executing a study's cases needs to know of it, its parameters being set."""
+@dataclass(frozen=True, slots=True)
+class Exercise:
+    """What executing a study's cases needs to know of it, its parameters being set.
 
-    def events(self, case: Case) -> Sequence[Event]:
-        """Return the case's events, serialised."""
+    Attributes:
+        events: a case's events, serialised.
+        tester: the tester of a case.
+        oracle: judges a case whose order was kept and whose transitions were taken.
+        contradiction: why no choice of the tester's can make a case run; empty if one can.
+        view: what an instance shows of itself at the end.
+    """
 
-    def tester(self, case: Case) -> Tester:
-        """Return the tester of a case."""
-
-    def oracle(self, case: Case, trace: Trace) -> Judgement:
-        """Judge a case whose order was kept and whose transitions were taken."""
-
-    def contradiction(self, case: Case) -> str:
-        """Return why no choice of the tester's can make this case run; empty if one can."""
-
-    @property
-    def view(self) -> View:
-        """What an instance shows of itself at the end."""
+    events: Callable[[Case], Sequence[Event]]
+    tester: Callable[[Case], Tester]
+    oracle: Oracle
+    contradiction: Callable[[Case], str]
+    view: View
 
 
 def in_process(

@@ -10,18 +10,20 @@ import dataclasses
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import islice
 from typing import TYPE_CHECKING, Literal
 
+from parcours.abtc import Event
 from parcours.errors import BadRequest, ParcoursError
 from parcours.model.structure import Component as Modelled
 from parcours.report.pieces import Column, Page, Section, Table
 from parcours.run.faults import corrupted
 from parcours.run.port import Component, Step
-from parcours.study.components.executing import in_process, judge_trace
-from parcours.study.components.isolation import Done, Place, run_apart, watched
+from parcours.study.components.isolation import Done, Place, run_apart
 from parcours.study.components.messages import Messages
+from parcours.study.components.running import functional_here
 from parcours.study.components.systems import System
-from parcours.study.components.tester import prompted, set_inputs
+from parcours.study.components.tester import Wrapped
 from parcours.study.faults import FaultReport, FaultRequest
 from parcours.study.parameters import Settings
 from parcours.study.protocol import Progress
@@ -54,7 +56,7 @@ def catalogue(study: ComponentStudy) -> list[Strike]:
 
     found: list[Strike] = []
     for component in study.model.components:
-        for channel in incoming(study.model, component):
+        for channel in incoming(component):
             found += [Strike(component.name, kind, channel) for kind in ("drop", "duplicate", "corrupt")]
         found.append(Strike(component.name, "crash"))
     return found
@@ -81,13 +83,8 @@ def strike(study: ComponentStudy, request: FaultRequest, progress: Progress) -> 
         progress("faults", done, len(chosen))
         rows.append(_row(study, fault, request))
     progress("faults", len(chosen), len(chosen))
-    columns = (
-        Column("fault", code=True),
-        Column("cases struck", ",d"),
-        Column("noticed", ",d"),
-        Column("unnoticed", ",d"),
-        Column("first reason"),
-    )
+    counts = (Column(name, ",d") for name in ("cases struck", "noticed", "unnoticed"))
+    columns = (Column("fault", code=True), *counts, Column("first reason"))
     note = (
         "A case notices a fault if it does not pass. What no case notices, neither the components refuse nor oracles"
         " see: give the study oracles that look at the data."
@@ -112,34 +109,28 @@ def _row(study: ComponentStudy, fault: Strike, request: FaultRequest) -> tuple[s
 
 
 def _cases(study: ComponentStudy, fault: Strike, seed: int, most: int) -> Iterator[Case]:
-    """Yield the first cases in which the fault can strike."""
-    found = 0
-    for case in study.plan(seed).cases():
-        for event in study.events(case):
-            if event.component == fault.component and (
-                not fault.channel or (event.receives is not None and event.receives.channel == fault.channel)
-            ):
-                yield case
-                found += 1
-                break
-        if found >= most:
-            return
+    """Return the first cases in which the fault can strike."""
+
+    def is_struck(event: Event) -> bool:
+        channel = event.receives.channel if event.receives is not None else None
+        return event.component == fault.component and fault.channel in ("", channel)
+
+    cases = (case for case in study.plan(seed).cases() if any(map(is_struck, study.events(case))))
+    return islice(cases, most)
 
 
 def _judged(
     study: ComponentStudy, fault: Strike, cases: Sequence[Case], settings: Settings, seed: int
 ) -> Iterator[tuple[Judgement, bool]]:
+    """Yield the verdict of each case, and whether the fault struck in it."""
     by_id = {case.id: case for case in cases}
 
-    def work(item: str, place: Place) -> tuple[Judgement, bool]:
+    def work(id: str, place: Place) -> tuple[Judgement, bool]:
         assert study.system is not None
         system = _Striking(study.system, fault, study.messages, seed)
         faulty = dataclasses.replace(study, system=system)
         faulty.__dict__["abstracts"] = study.abstracts  # what was derived from the model stays as it is
-        exercise = faulty.exercise(settings)
-        execute = in_process(exercise, watch=watched(study.patience, place), checked=study.messages.checked)
-        trace = execute(by_id[item]).trace
-        return judge_trace(exercise, by_id[item], trace), system.struck
+        return functional_here(faulty, by_id[id], settings, place).judgement, system.struck
 
     for _, answer in run_apart(list(by_id), work, study.patience):
         yield answer.result if isinstance(answer, Done) else (Judgement(Verdict.FAIL, answer.why), True)
@@ -173,13 +164,12 @@ class _Striking:
             return message  # it can only be changed into something that is no such message
 
 
-class _Struck:
+class _Struck(Wrapped):
     """A component whose messages, or whose life, are struck."""
 
     def __init__(self, component: Component, system: _Striking) -> None:
-        self._component, self._system = component, system
-        self.name, self.reset = component.name, component.reset
-        self.next_wake, self.wake = component.next_wake, component.wake
+        super().__init__(component)
+        self._system = system
 
     def handle(self, channel: str | None, message: object, now: int) -> Iterator[Step]:
         """Take up a message as the fault lets it arrive."""
@@ -198,14 +188,4 @@ class _Struck:
         """Ask the component for a transition."""
         if self._system.strikes(None) == "crash":
             raise RuntimeError("crashed on purpose")
-        return prompted(transition, self._component, now)
-
-    def set_inputs(self, values: dict[str, object]) -> None:
-        """Tell the component its input variables."""
-        set_inputs(self._component, values)
-
-    def close(self) -> None:
-        """Let go of what the component holds."""
-        close = getattr(self._component, "close", None)
-        if close is not None:
-            close()
+        return super().prompt(transition, now)

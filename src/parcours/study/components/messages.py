@@ -1,4 +1,4 @@
-"""A model's message classes -> the plain values that travel: checked, filled with defaults, and turned into bytes.
+"""The messages of a model as plain values: checked, filled with defaults, and turned into bytes.
 
 A message is a mapping from the fields of its class to plain values, the same on every host. Channels whose class the
 model does not declare carry any plain value.
@@ -25,7 +25,7 @@ _LISTED = {"int": "ints", "real": "floats"}
 _INT = 2**63
 
 INPUTS = "parcours inputs"
-"""The channel on which nodes are told input variables; no channel of a model has a blank in its name."""
+"""The channel of input variables to nodes; no channel of a model has a blank in its name."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +65,7 @@ class Messages:
 
     @property
     def channels(self) -> tuple[str, ...]:
-        """All channels, and the one on which nodes are told their input variables."""
+        """All channels, and that of input variables to nodes."""
         return tuple(self._class)
 
     def class_of(self, channel: str) -> MessageClass | None:

@@ -9,21 +9,16 @@ import msgspec
 
 from parcours.errors import BadRequest
 from parcours.run.port import Component, Step
-from parcours.study.components.tester import INPUTS, Sent, prompted, set_inputs
+from parcours.study.components.messages import INPUTS
+from parcours.study.components.tester import Sent, Wrapped, prompted
 
 if TYPE_CHECKING:
     from parcours.run.hosts.ros1.packing import Ros1Codec, Ros1NodeProgram
-    from parcours.study.components.messages import Messages
     from parcours.study.components.study import ComponentStudy
 
 
 class StudyNodeProgram:
-    """One component of a study.
-
-    Args:
-        component: its name in the model.
-        where: how a command line names the study.
-    """
+    """One component of a study."""
 
     def __init__(self, component: str, where: str) -> None:
         from parcours.study.finding import find_components
@@ -40,7 +35,7 @@ class StudyNodeProgram:
         if system is None:
             raise BadRequest(self.study.name, "its components are not made by `system`", slug="node_program-unknown")
         modelled = self.study.model.component(self._component)
-        return _Told(system.component(modelled, sent.case, self.study.known(sent.case, sent.settings)))
+        return _InputsByMessage(system.component(modelled, sent.case, self.study.known(sent.case, sent.settings)))
 
     def prompt(self, name: str, component: Component, now: int) -> Iterator[Step]:
         """Ask the component for the transition of that name."""
@@ -51,51 +46,30 @@ class StudyNodeProgram:
         return None
 
 
-class _Told:
-    """A component that is told input variables by a message on a channel of their own."""
-
-    def __init__(self, component: Component) -> None:
-        self._component = component
-        self.name, self.reset = component.name, component.reset
-        self.next_wake, self.wake = component.next_wake, component.wake
+class _InputsByMessage(Wrapped):
+    """A component that gets its input variables by a message on a channel of their own."""
 
     def handle(self, channel: str | None, message: object, now: int) -> Iterator[Step]:
         """Take up a message; one of input variables starts no transition."""
         if channel == INPUTS:
             assert isinstance(message, dict)
-            set_inputs(self._component, message)
+            self.set_inputs(message)
             return iter(())
-        return self._component.handle(channel, message, now)
-
-    def prompt(self, transition: str, now: int) -> Iterator[Step]:
-        """Ask the component for a transition."""
-        return prompted(transition, self._component, now)
-
-    def close(self) -> None:
-        """Let go of what the component holds."""
-        close = getattr(self._component, "close", None)
-        if close is not None:
-            close()
+        return super().handle(channel, message, now)
 
 
-def ros1_codec(messages: Messages) -> Ros1Codec:
-    """Return the codec of a model's messages as ROS 1 carries them."""
-    from parcours.run.hosts.ros1.packing import Ros1Codec
-
-    forms = {channel: messages.form(channel) or () for channel in messages.channels}
-    return Ros1Codec(forms, messages.flatten, messages.restore)
-
-
-def ros1_codec_of(where: str) -> Ros1Codec:
+def ros1_codec(where: str) -> Ros1Codec:
     """Return the codec of a study's messages on ROS 1."""
+    from parcours.run.hosts.ros1.packing import Ros1Codec
     from parcours.study.finding import find_components
 
-    return ros1_codec(find_components(where).messages)
+    messages = find_components(where).messages
+    forms = {channel: messages.form(channel) or () for channel in messages.channels}
+    return Ros1Codec(forms, messages.flatten, messages.restore)
 
 
 def ros1_node_program(component: str, where: str) -> Ros1NodeProgram:
     """Return the node_program of one component of a study on ROS 1."""
     from parcours.run.hosts.ros1.packing import Ros1NodeProgram
 
-    plain = StudyNodeProgram(component, where)
-    return Ros1NodeProgram(plain, ros1_codec(plain.study.messages))
+    return Ros1NodeProgram(StudyNodeProgram(component, where), ros1_codec(where))

@@ -1,4 +1,4 @@
-"""A running program -> the lines that it prints, one at a time, or why there are no more.
+"""A running program: the lines that it prints, one at a time, or why there are no more.
 
 Nothing here waits longer than its patience, whatever the program does: it may die, hang, flood, not read its input, or
 leave helpers behind that hold its streams open. Programs end with this process, also by kill -9.
@@ -34,7 +34,7 @@ SOCKET = "PARCOURS_SOCKET"
 """Environment variable with the path of the socket of a program that has `socket: true`."""
 
 LONGEST = 1_000_000
-"""A line has at most so many bytes."""
+"""Most bytes of a line."""
 
 _QUOTED = 80
 _TAIL = 4096
@@ -134,10 +134,8 @@ class Process:
         while True:
             end = self._incoming.find(b"\n")
             if (end if end >= 0 else len(self._incoming)) > LONGEST:
-                rule = (
-                    f"must print lines of at most {LONGEST} bytes, but printed a longer one: {quoted(self._incoming)}"
-                )
-                raise failure(self._component, rule, "program-flood")
+                rule = f"must print lines of at most {LONGEST} bytes, but printed a longer one:"
+                raise failure(self._component, f"{rule} {quoted(self._incoming)}", "program-flood")
             if end >= 0:
                 line = bytes(self._incoming[:end])
                 del self._incoming[: end + 1]
@@ -302,23 +300,16 @@ def quoted(line: bytes | bytearray) -> str:
 
 
 def command_of(part: ProgramPart, component: str) -> list[str]:
-    """Return a part's command with the program's path.
-
-    Raises:
-        HostFailure: there is no such program, or it is not executable.
-    """
+    """Return a part's command with the program's path."""
     first = part.command[0] if part.command else ""
     path = part.environment.get("PATH")
     found = shutil.which(str(part.folder.absolute() / first) if "/" in first else first, path=path)
     if found is None:
-        there = part.folder / first
-        remedy = (
-            f"build it in {part.folder}, or correct `command`" if "/" in first else "install it, or correct `command`"
-        )
-        if there.is_file():
-            remedy = (
-                "make it executable (chmod +x), or name its interpreter first" if "/" in first else f"write ./{first}"
-            )
+        is_path = "/" in first
+        if (part.folder / first).is_file():
+            remedy = "make it executable (chmod +x), or name its interpreter first" if is_path else f"write ./{first}"
+        else:
+            remedy = f"{f'build it in {part.folder}' if is_path else 'install it'}, or correct `command`"
         raise failure(component, f"must be there, but {first!r} cannot be executed", "program-missing", remedy)
     return [found, *part.command[1:]]
 

@@ -1,4 +1,4 @@
-"""A program in any language that speaks the component protocol (docs/programs.md) -> a component.
+"""Components that are programs in any language, which speak the component protocol (docs/programs.md).
 
 One JSON object a line, on the program's standard streams or on a Unix socket. It speaks only when asked:
 
@@ -36,27 +36,14 @@ if TYPE_CHECKING:
 PROTOCOL = "component/1"
 
 MOST = 64_000_000
-"""All lines that answer one permit have at most so many bytes."""
+"""Most bytes of all lines that answer one permit."""
 
 _MAY_HAVE = {"reset": "wake", "took": "wake"}
 _QUOTED = 80
 
 
 class Program:
-    """A program as a component. Once it has failed it is ended, and every later call raises the same again.
-
-    Args:
-        modelled: the component in the model.
-        part: how the program is started.
-        values: of the study's parameters and test inputs, by name.
-        case_id: the case.
-        seed: of the case, for whatever the program draws at random.
-        patience: longest time for the whole answer to a `hello`, `reset` or `permit` [s of wall clock].
-
-    Raises:
-        HostFailure: the program cannot be started. Whatever a started program does wrong is raised by the first
-            transition asked of it, and so fails its case only.
-    """
+    """A program as a component. Once it has failed it is ended, and every later call raises the same again."""
 
     def __init__(self, modelled: Modelled, part: ProgramPart, values: Mapping[str, object], case_id: str, seed: int,
                  patience: float) -> None:  # fmt: skip

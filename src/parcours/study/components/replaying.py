@@ -1,4 +1,4 @@
-"""One component case, executed again -> a page: its verdict, its events as a table, its messages, its values."""
+"""The page on one component case that was executed again: its verdict, inputs, events and messages."""
 
 from __future__ import annotations
 
@@ -9,10 +9,8 @@ import msgspec
 
 from parcours.report.pieces import Column, Page, Section, Table
 from parcours.run.trace import SHOWN, Trace
-from parcours.study.components.executing import in_process, run_functional
 from parcours.study.parameters import Settings
 from parcours.suite import Case
-from parcours.verdict.judgement import Judgement
 
 if TYPE_CHECKING:
     from parcours.study.components.study import ComponentStudy
@@ -21,37 +19,21 @@ _LONG = 200
 """Characters of a message that are shown."""
 
 
-def run_again(study: ComponentStudy, case: Case, settings: Settings) -> tuple[Judgement, Trace]:
-    """Execute a case in simulated time and judge it, apart from this process if the study is not one of ours."""
-    if study.trusted:
-        exercise = study.exercise(settings)
-        run = run_functional(exercise, case, in_process(exercise))
-        return run.judgement, run.execution.trace
-    from parcours.study.components.running import executed_apart
-
-    return executed_apart(study, case, settings)
-
-
 def page_of(study: ComponentStudy, case: Case, settings: Settings) -> Page:
     """Return a page on one case, executed again in simulated time."""
+    from parcours.study.components.running import run_again
+
     judgement, trace = run_again(study, case, settings)
     values = tuple((name, value) for name, value in zip(case.names, case.values, strict=True))
-    columns = (
-        Column("time", ",d", unit="us"),
-        Column("component"),
-        Column("event"),
-        Column("what", code=True),
-        Column("message", code=True),
-    )
+    heads = (Column("time", ",d", unit="us"), Column("component"), Column("event"))
+    columns = (*heads, Column("what", code=True), Column("message", code=True))
     note = "In simulated time an event takes a millisecond: the order counts, not the duration."
     pieces = (
         Table("Test inputs", (Column("input"), Column("value", ".6g")), values),
         Table("What happened", columns, event_rows(trace), note),
     )
     section = Section(f"{judgement.verdict}: {judgement.why}", "Executed again, in simulated time.", pieces)
-    return Page(
-        case.id, f"{judgement.verdict}: {judgement.why}", (("study", study.name), ("case", case.id)), (section,)
-    )
+    return Page(case.id, section.title, (("study", study.name), ("case", case.id)), (section,))
 
 
 def event_rows(trace: Trace) -> tuple[tuple[str | int, ...], ...]:

@@ -1,4 +1,4 @@
-"""Results of a component study <-> a file, tables, charts and the rows of JUnit."""
+"""Results of a component study: their file, tables, charts and rows of JUnit."""
 
 from __future__ import annotations
 
@@ -81,10 +81,8 @@ def functional_result(run: Functional) -> ComponentResult:
 
 def timing_result(timed: Timing) -> ComponentResult:
     """Return the result of a timing case."""
-    judged = timed.judgement
-    return ComponentResult(
-        timed.case.id, timed.group, str(judged.verdict), judged.why, str(timed.bound), timed.durations
-    )
+    verdict, why = str(timed.judgement.verdict), timed.judgement.why
+    return ComponentResult(timed.case.id, timed.group, verdict, why, str(timed.bound), timed.durations)
 
 
 def interaction_of(abstract: str) -> str:
@@ -187,12 +185,7 @@ def timed(given: ComponentResults) -> list[Timed]:
 
 
 def timing_pieces(given: ComponentResults, where: str) -> tuple[Table | Figure, ...]:
-    """Return the chart of durations and the table beside it; nothing if no case was timed.
-
-    Args:
-        given: the results.
-        where: what to call them.
-    """
+    """Return the chart of durations and the table beside it; nothing if no case was timed."""
     cases = timed(given)
     if not cases:
         return ()
@@ -205,13 +198,7 @@ def timing_pieces(given: ComponentResults, where: str) -> tuple[Table | Figure, 
 
 
 class StudyResults:
-    """The results of one run as every command wants them (`parcours.study.protocol.Results`).
-
-    Args:
-        study: its name.
-        found: what the folder holds.
-        replay: makes the page of one case.
-    """
+    """The results of one run as every command wants them (`parcours.study.protocol.Results`)."""
 
     def __init__(self, study: str, found: ComponentResults, replay: Callable[[str], Page]) -> None:
         self.study, self.found, self._replay = study, found, replay

@@ -1,9 +1,9 @@
-"""A request -> the cases of a component study, executed on a host, judged, and kept one by one."""
+"""Runs the cases of a component study on a host, and keeps each result at once."""
 
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -16,16 +16,19 @@ from parcours.run.clocks import WallClock
 from parcours.run.enforcement import Execution
 from parcours.run.noise import Noise
 from parcours.run.trace import Trace, TraceEvent
+from parcours.study.components.archive import Archive
 from parcours.study.components.executing import (
     Execute,
+    Exercise,
+    Functional,
+    Timing,
     TimingGroup,
     in_process,
-    judge_trace,
     on_transport,
     run_functional,
     run_timing,
 )
-from parcours.study.components.isolation import Done, Lost, Place, longest, run_apart, watched
+from parcours.study.components.isolation import Done, Place, longest, run_apart, watched
 from parcours.study.components.results import (
     FILE,
     ComponentResult,
@@ -35,6 +38,7 @@ from parcours.study.components.results import (
     entry_of,
     failure_table,
     functional_result,
+    interaction_of,
     read_components,
     results_of_journal,
     timed,
@@ -51,7 +55,6 @@ from parcours.suite import Case
 from parcours.verdict.judgement import Judgement, Verdict
 
 if TYPE_CHECKING:
-    from parcours.study.components.archive import Archive
     from parcours.study.components.study import ComponentStudy
 
 Kept = tuple[ComponentResult, "Noise | None"]
@@ -59,13 +62,7 @@ Kept = tuple[ComponentResult, "Noise | None"]
 
 
 def run_study(study: ComponentStudy, request: Request, progress: Progress) -> Run:
-    """Execute the cases that are missing in a folder, functional ones first, then those that are timed.
-
-    Raises:
-        BadRequest: the folder cannot be written to, or a chosen case is none of the study's.
-        BadResults: it holds another run.
-        HostFailure: the host cannot be had here.
-    """
+    """Execute the cases that are missing in a folder, functional ones first, then those that are timed."""
     settings = request.settings
     host = str(settings["host"])
     plan = study.plan(request.seed, request.n_cases)
@@ -75,7 +72,8 @@ def run_study(study: ComponentStudy, request: Request, progress: Progress) -> Ru
     decides = {one.name: settings[one.name] for one in study.parameters if one.decides}
     question = {"seed": request.seed, "settings": decides, "files": dict(study.digests)}
     write_question(request.out, study.name, study.where, question)
-    archive = _archive(study, request.out, settings)
+    form = str(settings["record"])
+    archive = Archive(study, request.out / "recordings", form, host, settings) if form else None
     n_timed = sum(len(group.cases) for group in groups)
     with Journal(request.out) as journal, terminable():
         interrupted = False
@@ -83,7 +81,7 @@ def run_study(study: ComponentStudy, request: Request, progress: Progress) -> Ru
             _execute(study, request, journal, cases, groups, archive, progress)
         except KeyboardInterrupt:
             interrupted = True
-        found = results_of_journal(request.out, host, len(cases) + n_timed, journal.done)
+    found = results_of_journal(request.out, host, len(cases) + n_timed, read_journal(request.out))
     write_components(request.out, found)
     total = len(cases) + n_timed
     if interrupted:
@@ -96,137 +94,128 @@ def _execute(
     study: ComponentStudy, request: Request, journal: Journal, cases: Sequence[Case], groups: Sequence[TimingGroup],
     archive: Archive | None, progress: Progress,
 ) -> None:  # fmt: skip
-    settings = request.settings
-    host = str(settings["host"])
+    settings, host = request.settings, request.settings["host"]
     left = [case for case in cases if f"functional/{case.id}" not in journal.done]
-    waiting = [group for group in groups if not _is_timed(group, journal)]
-    total = len(cases)
-
-    def keep(results: Sequence[Kept]) -> None:
-        for result, noise in results:
-            kind = "timing" if result.bound else "functional"
-            journal.add(
-                f"{kind}/{result.id}" + (f"/{result.interaction}" if result.bound else ""), entry_of(result, noise)
-            )
-
-    if left or waiting:
-        progress(f"functional cases, {host}", total - len(left), total)
-    if host == "simulated" and not study.trusted:
-        _apart(study, settings, left, waiting, archive, keep, progress, total)
+    waiting = [
+        group
+        for group in groups
+        if any(f"timing/{case.id}/{group.name}" not in journal.done for case, _ in group.cases)
+    ]
+    if not left and not waiting:
         return
+    done, total, n_timed = len(cases) - len(left), len(cases), sum(len(group.cases) for group in waiting)
+    progress(f"functional cases, {host}", done, total)
+
+    def timed(n: int) -> None:
+        progress(f"timing cases, {host}", n, n_timed)
+
+    apart = host == "simulated" and not study.trusted
+    results = (_apart if apart else _hosted)(study, settings, left, waiting, archive, timed)
+    with contextlib.closing(results):
+        for result, noise in results:
+            if result.bound:
+                journal.add(f"timing/{result.id}/{result.interaction}", entry_of(result, noise))
+            else:
+                journal.add(f"functional/{result.id}", entry_of(result))
+                done += 1
+                progress(f"functional cases, {host}", done, total)
+
+
+def _hosted(
+    study: ComponentStudy, settings: Settings, left: Sequence[Case], waiting: Sequence[TimingGroup],
+    archive: Archive | None, timed: Callable[[int], None],
+) -> Generator[Kept, None, None]:  # fmt: skip
+    """Yield the results of cases that are executed by this process or its nodes."""
     exercise = study.exercise(settings)
     with executors(study, settings) as (in_order, in_time):
-        for done, case in enumerate(left, start=total - len(left) + 1):
-            run = run_functional(exercise, case, in_order)
-            if archive is not None:
-                archive.functional(run)
-            keep([(functional_result(run), None)])
-            progress(f"functional cases, {host}", done, total)
-        n = sum(len(group.cases) for group in waiting)
-        listener = archive.repeat if archive is not None else _unheard
-        for timing in run_timing(exercise, waiting, in_time, repeats=int(settings["repeats"]), listener=listener,
-                                 progress=lambda done: progress(f"timing cases, {host}", done, n)):  # fmt: skip
-            if archive is not None:
-                archive.timing(timing)
-            keep([(timing_result(timing), timing.noise)])
-
-
-def _unheard(case: Case, trace: Trace) -> None:
-    """Hear a repeat that nobody records."""
-
-
-def _is_timed(group: TimingGroup, journal: Journal) -> bool:
-    return all(f"timing/{case.id}/{group.name}" in journal.done for case, _ in group.cases)
+        for case in left:
+            yield _kept(run_functional(exercise, case, in_order), archive)
+        yield from _timings(exercise, waiting, in_time, settings, archive, timed)
 
 
 def _apart(
     study: ComponentStudy, settings: Settings, left: Sequence[Case], waiting: Sequence[TimingGroup],
-    archive: Archive | None, keep: Callable[[Sequence[Kept]], None], progress: Progress,
-    total: int,
-) -> None:  # fmt: skip
-    """Execute cases in a process apart; what hangs or dies there fails its own case."""
+    archive: Archive | None, timed: Callable[[int], None],
+) -> Generator[Kept, None, None]:  # fmt: skip
+    """Yield the results of cases that are executed in a process apart; what hangs or dies there fails its own case."""
     cases = {f"functional/{case.id}": case for case in left}
     groups = {f"timing/{group.name}": group for group in waiting}
-    work = _Work(study, settings, cases, groups, archive)
-    done = total - len(left)
+
+    def work(item: str, place: Place) -> list[Kept]:
+        if item in cases:
+            return [_kept(functional_here(study, cases[item], settings, place), archive)]
+        exercise = study.exercise(settings)
+        execute = in_process(exercise, WallClock, watched(study.patience, place), study.messages.checked)
+        return list(_timings(exercise, [groups[item]], execute, settings, archive))
+
+    n_timed = 0
     for item, answer in run_apart([*cases, *groups], work, study.patience):
         if isinstance(answer, Done):
-            keep(answer.result)
+            yield from answer.result
+        elif item in cases:
+            yield ComponentResult(cases[item].id, interaction_of(cases[item].abstract), "fail", answer.why), None
         else:
-            keep([(result, None) for result in _lost(item, answer, cases, groups)])
-        if item in cases:
-            done += 1
-            progress("functional cases, simulated", done, total)
+            for case, bound in groups[item].cases:
+                yield ComponentResult(case.id, groups[item].name, "fail", answer.why, str(bound)), None
+        if item in groups:
+            n_timed += len(groups[item].cases)
+            timed(n_timed)
+
+
+def _timings(
+    exercise: Exercise, groups: Sequence[TimingGroup], execute: Execute, settings: Settings, archive: Archive | None,
+    timed: Callable[[int], None] = lambda n: None,
+) -> Iterator[Kept]:  # fmt: skip
+    listener = archive.repeat if archive is not None else lambda case, trace: None
+    repeats = int(settings["repeats"])
+    for timing in run_timing(exercise, groups, execute, repeats=repeats, listener=listener, progress=timed):
+        yield _kept(timing, archive)
+
+
+def _kept(run: Functional | Timing, archive: Archive | None) -> Kept:
+    """Record a case if recordings are kept, and return its result."""
+    if isinstance(run, Functional):
+        if archive is not None:
+            archive.functional(run)
+        return functional_result(run), None
+    if archive is not None:
+        archive.timing(run)
+    return timing_result(run), run.noise
+
+
+def functional_here(study: ComponentStudy, case: Case, settings: Settings, place: Place) -> Functional:
+    """Execute a case in this process, which is one apart, and judge it."""
+    exercise = study.exercise(settings)
+    execute = in_process(exercise, watch=watched(study.patience, place), checked=study.messages.checked)
+    return run_functional(exercise, case, execute)
+
+
+def executed_apart(
+    study: ComponentStudy, cases: Sequence[Case], settings: Settings
+) -> Iterator[tuple[Case, Judgement, Trace | None]]:
+    """Yield each case with its verdict and trace, executed in a process apart; without trace if it hung or died."""
+    by_id = {case.id: case for case in cases}
+
+    def work(id: str, place: Place) -> tuple[Judgement, Trace]:
+        run = functional_here(study, by_id[id], settings, place)
+        return run.judgement, run.execution.trace
+
+    for id, answer in run_apart(list(by_id), work, study.patience):
+        if isinstance(answer, Done):
+            yield by_id[id], *answer.result
         else:
-            progress("timing cases", list(groups).index(item) + 1, len(groups))
+            yield by_id[id], Judgement(Verdict.FAIL, answer.why), None
 
 
-class _Work:
-    """What a process apart does with an item."""
-
-    def __init__(
-        self, study: ComponentStudy, settings: Settings, cases: Mapping[str, Case], groups: Mapping[str, TimingGroup],
-        archive: Archive | None,
-    ) -> None:  # fmt: skip
-        self._study, self._settings, self._cases, self._groups = study, settings, cases, groups
-        self._archive = archive
-
-    def __call__(self, item: str, place: Place) -> list[Kept]:
-        """Execute a case, or the cases of a timing group."""
-        exercise, checked = self._study.exercise(self._settings), self._study.messages.checked
-        watch = watched(self._study.patience, place)
-        if item in self._cases:
-            run = run_functional(exercise, self._cases[item], in_process(exercise, watch=watch, checked=checked))
-            if self._archive is not None:
-                self._archive.functional(run)
-            return [(functional_result(run), None)]
-        timings = run_timing(
-            exercise, [self._groups[item]], in_process(exercise, WallClock, watch, checked),
-            repeats=int(self._settings["repeats"]),
-            listener=self._archive.repeat if self._archive is not None else _unheard,
-        )  # fmt: skip
-        results: list[Kept] = []
-        for timing in timings:
-            if self._archive is not None:
-                self._archive.timing(timing)
-            results.append((timing_result(timing), timing.noise))
-        return results
-
-
-def _lost(
-    item: str, lost: Lost, cases: Mapping[str, Case], groups: Mapping[str, TimingGroup]
-) -> Iterator[ComponentResult]:
-    """Yield the results of an item whose process hung or died."""
-    from parcours.study.components.results import interaction_of
-
-    if item in cases:
-        case = cases[item]
-        yield ComponentResult(case.id, interaction_of(case.abstract), "fail", lost.why)
-        return
-    for case, bound in groups[item].cases:
-        yield ComponentResult(case.id, groups[item].name, "fail", lost.why, str(bound))
-
-
-def judged_apart(study: ComponentStudy, case: Case, settings: Settings) -> tuple[Judgement, list[str]]:
-    """Return the verdict of one case executed in a process apart, and the transitions that were taken."""
-    judgement, trace = executed_apart(study, case, settings)
-    return judgement, [event.transition for event in trace.events if event.kind == "take"]
-
-
-def executed_apart(study: ComponentStudy, case: Case, settings: Settings) -> tuple[Judgement, Trace]:
-    """Return verdict and trace of one case executed in a process apart; an empty trace if it hung or died there."""
-
-    def work(item: str, place: Place) -> tuple[Judgement, Trace]:
+def run_again(study: ComponentStudy, case: Case, settings: Settings) -> tuple[Judgement, Trace]:
+    """Execute a case in simulated time and judge it, apart from this process unless the study ships with Parcours."""
+    if study.trusted:
         exercise = study.exercise(settings)
-        execute = in_process(exercise, watch=watched(study.patience, place), checked=study.messages.checked)
-        trace = execute(case).trace
-        return judge_trace(exercise, case, trace), trace
-
-    [(_, answer)] = run_apart([case.id], work, study.patience)
-    if isinstance(answer, Done):
-        return answer.result
-    note = TraceEvent(0, "deviation", text=answer.why)
-    return Judgement(Verdict.FAIL, answer.why), Trace("simulated", (note,), "here", case.id)
+        run = run_functional(exercise, case, in_process(exercise))
+        return run.judgement, run.execution.trace
+    [(_, judgement, trace)] = executed_apart(study, [case], settings)
+    note = TraceEvent(0, "deviation", text=judgement.why)
+    return judgement, trace or Trace("simulated", (note,), "here", case.id)
 
 
 @contextlib.contextmanager
@@ -251,29 +240,19 @@ def executors(study: ComponentStudy, settings: Settings) -> Iterator[tuple[Execu
 
         def execute(case: Case, strict: bool) -> Execution:
             nonlocal hosted
-            try:
-                return on_transport(exercise, hosted.transport, hosted.codec, strict=strict, patience=patience)(case)
-            except HostFailure as failure:
-                if failure.slug not in ("node-gone", "node-silent"):
-                    raise
-                hosted = start()
-            try:
-                return on_transport(exercise, hosted.transport, hosted.codec, strict=strict, patience=patience)(case)
-            except HostFailure as failure:
-                if failure.slug not in ("node-gone", "node-silent"):
-                    raise
-                hosted = start()  # with fresh nodes it came to the same: the case is to blame
-                note = TraceEvent(0, "deviation", text=f"{failure.where}: {failure.rule}")
-                return Execution(Trace("wall", (note,), host, case.id), None)
+            why = ""
+            for _ in range(2):  # if fresh nodes come to the same, the case is to blame
+                run = on_transport(exercise, hosted.transport, hosted.codec, strict=strict, patience=patience)
+                try:
+                    return run(case)
+                except HostFailure as failure:
+                    if failure.slug not in ("node-gone", "node-silent"):
+                        raise
+                    why = f"{failure.where}: {failure.rule}"
+                    hosted = start()
+            return Execution(Trace("wall", (TraceEvent(0, "deviation", text=why),), host, case.id), None)
 
         yield lambda case: execute(case, True), lambda case: execute(case, False)
-
-
-def _archive(study: ComponentStudy, out: Path, settings: Settings) -> Archive | None:
-    from parcours.study.components.archive import Archive
-
-    form = str(settings["record"])
-    return Archive(study, out / "recordings", form, str(settings["host"]), settings) if form else None
 
 
 def read_results(study: ComponentStudy, folder: Path) -> Results:

@@ -1,4 +1,4 @@
-"""A model -> abstract cases that some values can make run, and those that none can, each with its reason.
+"""Selects the abstract cases of a model that some values can make run, and says why the others cannot.
 
 Internal paths know no guards. One tour through all of a machine may take its transitions in an order that the messages
 of the others never allow, so that every case made of it contradicts itself:
@@ -45,17 +45,7 @@ class Selection:
 
 
 def select_cases(model: Cefsm, criterion: str, policy: str, chooser: Chooser) -> Selection:
-    """Return the abstract cases of a model that can be run, by a criterion, and by short runs for what it leaves out.
-
-    Args:
-        model: the model.
-        criterion: of the internal paths.
-        policy: of serialisation; the model's if empty.
-        chooser: solves the guards of a case.
-
-    Raises:
-        BadModel: there is no abstract case, or no values can make one run.
-    """
+    """Return the abstract cases of a model that can run: by a criterion, and by short runs for what that leaves out."""
     paths = internal_paths(model, criterion)
     listed = {case.id: case for case in abstract_cases(model, policy or None, paths=paths)}
     if not listed:

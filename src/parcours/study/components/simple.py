@@ -13,7 +13,7 @@ A method may also yield several steps, one at a time: the tester decides when it
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -54,12 +54,7 @@ Answer = Took | Iterable[Took] | None
 
 
 class Simple:
-    """An object with a method for each message -> a component.
-
-    Args:
-        modelled: the component in the model.
-        make: makes a fresh object.
-    """
+    """An object with a method for each message -> a component."""
 
     def __init__(self, modelled: Modelled, make: Callable[[], object]) -> None:
         self._modelled, self._make = modelled, make
@@ -110,21 +105,24 @@ class Simple:
     def _steps(self, answer: object) -> Iterator[Step]:
         if answer is None:
             return
-        for step in (answer,) if isinstance(answer, Took) else _iterated(answer):
+        steps = (answer,) if isinstance(answer, Took) else answer
+        if isinstance(steps, str | bytes | Mapping) or not isinstance(steps, Iterable):
+            kind = type(answer).__name__
+            raise TypeError(f"a method returns took(...), several of them, or None, but returned {kind}")
+        for step in steps:
             if not isinstance(step, Took):
                 raise TypeError(f"a step is made by took(...), but {type(step).__name__} was given")
-            if step.transition and step.transition not in self._transitions:
-                remedy = one_of(str(step.transition), sorted(self._transitions))
-                raise ValueError(f"took {step.transition!r}, which is no transition of {self.name}; {remedy}")
-            if len(step.sends) > MOST_SENDS:
-                raise ValueError(f"sent {len(step.sends)} messages in one transition; at most {MOST_SENDS} are allowed")
+            require_allowed(step, self.name, self._transitions if step.transition else {step.transition})
             yield step
 
 
-def _iterated(answer: object) -> Iterable[object]:
-    if isinstance(answer, str | bytes | Mapping) or not isinstance(answer, Iterable):
-        raise TypeError(f"a method returns took(...), several of them, or None, but returned {type(answer).__name__}")
-    return answer
+def require_allowed(step: Took, component: str, transitions: Collection[str]) -> None:
+    """Raise ValueError unless the component has the transition, and sends a bounded number of messages."""
+    if step.transition not in transitions:
+        remedy = one_of(str(step.transition), sorted(transitions))
+        raise ValueError(f"took {step.transition!r}, which is no transition of {component}; {remedy}")
+    if len(step.sends) > MOST_SENDS:
+        raise ValueError(f"sent {len(step.sends)} messages in one transition; at most {MOST_SENDS} are allowed")
 
 
 def _called(method: Callable[..., object], message: object) -> object:
@@ -180,7 +178,6 @@ class Functions:
 
 
 def _bound(function: Callable[..., object], state: object) -> Callable[..., object]:
-    takes_message = len(inspect.signature(function).parameters) > 1
-    if takes_message:
+    if len(inspect.signature(function).parameters) > 1:
         return lambda message: function(state, message)
     return lambda: function(state)

@@ -1,4 +1,4 @@
-"""A serialised case -> what the tester chooses for it: the environment's messages, and values of input variables.
+"""Chooses what the tester gives in a case: the environment's messages, and values of input variables.
 
 The case is followed with symbols in the place of what is open: each field of a message that the environment sends, each
 input variable at each event. What the references send each other is said by the model's payloads, so a guard anywhere
@@ -19,17 +19,7 @@ from typing import TypeAlias, Union, cast
 
 from parcours.abtc import Event
 from parcours.errors import BadModel, BadRequest
-from parcours.model.expression import (
-    Apply,
-    Assignment,
-    Binary,
-    Expression,
-    Field,
-    Literal,
-    Name,
-    Unary,
-    evaluate,
-)
+from parcours.model.expression import Apply, Assignment, Binary, Expression, Field, Literal, Name, Unary, evaluate
 from parcours.model.scope import Scopes, is_local, variable_type
 from parcours.model.structure import BASE_TYPES, Cefsm, Send, Transition
 from parcours.study.components.conditions import Conditions, solved
@@ -64,15 +54,7 @@ class _Unknown(Exception):
 
 
 class Chooser:
-    """Chooses the stimuli of a model's cases.
-
-    Args:
-        cefsm: the model.
-        messages: its messages.
-        supply: channel -> field -> formula.
-        inputs: transition -> input variable -> formula.
-        limits: test input -> least and greatest value of its domain; what is chosen in its place lies between, too.
-    """
+    """Chooses the stimuli of a model's cases."""
 
     def __init__(
         self, cefsm: Cefsm, messages: Messages, supply: Formulas, inputs: Formulas,
@@ -89,15 +71,7 @@ class Chooser:
         }
 
     def stimuli(self, events: Sequence[Event], values: Mapping[str, object]) -> Stimuli:
-        """Return the stimuli of a case.
-
-        Args:
-            events: of the case, serialised.
-            values: test inputs and parameters, by name.
-
-        Raises:
-            BadRequest: a formula has no value, or gives a field something that it cannot hold.
-        """
+        """Return the stimuli of a case."""
         conditions = Conditions()
         scopes: dict[int, Record] = {}
         posted: dict[tuple[int, str], list[Record]] = {}

@@ -19,8 +19,8 @@ from parcours.model.structure import Cefsm
 from parcours.run.in_process import View
 from parcours.run.port import links
 from parcours.run.recording import Codec as RecordingCodec
-from parcours.run.trace import Trace
-from parcours.study.components.executing import TimingGroup, in_process, judge_trace, run_functional, whole_case
+from parcours.run.trace import Trace, durations
+from parcours.study.components.executing import Exercise, TimingGroup, whole_case
 from parcours.study.components.messages import Messages
 from parcours.study.components.selecting import Selection, select_cases
 from parcours.study.components.stimuli import Chooser, Formulas
@@ -33,7 +33,7 @@ from parcours.study.protocol import Finding, Judged, Progress, Rejudged, Reporte
 from parcours.study.values import natural_values
 from parcours.suite import Case, Plan, combine
 from parcours.verdict.judgement import Judgement, Verdict
-from parcours.verdict.timing import Bound
+from parcours.verdict.timing import NEVER, Bound
 
 NO_INPUTS = InputModel("no inputs", ())
 """The test inputs of a study that has none: each abstract case is one case."""
@@ -62,7 +62,7 @@ class Limit:
 
 
 def order_is_kept(case: Case, trace: Trace, settings: Settings) -> Judgement:
-    """Pass: whoever asks has seen that every transition was taken in its turn."""
+    """Pass: an oracle is asked only when every transition was taken in its turn."""
     n = sum(event.kind == "take" for event in trace.events)
     return Judgement(Verdict.PASS, f"all {n} transitions were taken in their order")
 
@@ -187,17 +187,22 @@ class ComponentStudy:
 
     def nodes(self) -> Nodes:
         """Return how its components become nodes."""
-        from parcours.study.components import node_program as node_program
-
+        room = "parcours.study.components.node_program"
+        names = tuple(component.name for component in self.model.components)
         return Nodes(
-            self.model, links(self.model), tuple(component.name for component in self.model.components),
-            f"{node_program.__name__}:StudyNodeProgram", self.messages, f"{node_program.__name__}:ros1_node_program",
-            f"{node_program.__name__}:ros1_codec_of", ("parcours.study.components.node_program",), self.where,
+            self.model, links(self.model), names, f"{room}:StudyNodeProgram", self.messages,
+            f"{room}:ros1_node_program", f"{room}:ros1_codec", (room,), self.where,
         )  # fmt: skip
 
-    def exercise(self, settings: Settings) -> Exercised:
+    def exercise(self, settings: Settings) -> Exercise:
         """Return what executing and judging its cases needs, the parameters being set."""
-        return Exercised(self, settings)
+        return Exercise(
+            self.events,
+            functools.partial(self.tester, settings=settings),
+            functools.partial(self.oracle, settings=settings),
+            functools.partial(self.contradiction, settings=settings),
+            self.view(),
+        )
 
     def known(self, case: Case, settings: Settings) -> dict[str, Scalar]:
         """Return what formulas, constructors and programs may read: parameters and test inputs by name."""
@@ -256,13 +261,10 @@ class ComponentStudy:
 
     def limited(self, limit: Limit) -> list[str]:
         """Return the ids of the abstract cases that a limit is about."""
-        return [id for id, case in self.abstracts.items() if self._is_limited(limit, case)]
-
-    def _is_limited(self, limit: Limit, case: AbstractCase) -> bool:
         if not limit.begin:
-            return case.interaction.name == limit.name
-        taken = [event.transition for event in self._events(case.id)]
-        return limit.begin in taken and limit.end in taken[taken.index(limit.begin) :]
+            return [id for id, case in self.abstracts.items() if case.interaction.name == limit.name]
+        taken = {id: [event.transition for event in self._events(id)] for id in self.abstracts}
+        return [id for id, ids in taken.items() if limit.begin in ids and limit.end in ids[ids.index(limit.begin) :]]
 
     def run(self, request: Request, progress: Progress) -> Run:
         """Execute cases and keep the results (`parcours.study.components.running`)."""
@@ -285,15 +287,10 @@ class ComponentStudy:
     def judge(self, case: Case, settings: Settings) -> Judged:
         """Execute one case again, in simulated time, and judge it."""
         self._require_same(case)
-        exercise = self.exercise(settings)
-        if self.trusted:
-            run = run_functional(exercise, case, in_process(exercise))
-            taken = [event.transition for event in run.execution.trace.events if event.kind == "take"]
-            judgement = run.judgement
-        else:
-            from parcours.study.components.running import judged_apart
+        from parcours.study.components.running import run_again
 
-            judgement, taken = judged_apart(self, case, settings)
+        judgement, trace = run_again(self, case, settings)
+        taken = [event.transition for event in trace.events if event.kind == "take"]
         facts = (("interaction", self.abstracts[case.abstract].interaction.name), ("taken", " ".join(taken)))
         command = f"parcours run {self.where or self.name} --seed {case.seed} --case {case.id} --out out"
         return Judged(case, judgement.verdict, judgement.why, facts, f"{command} && parcours replay out {case.id}")
@@ -325,46 +322,8 @@ class ComponentStudy:
         return check_study(self, progress)
 
 
-@dataclass(frozen=True, slots=True)
-class Exercised:
-    """A component study with its parameters set (`executing.Exercise`)."""
-
-    study: ComponentStudy
-    settings: Settings
-
-    def events(self, case: Case) -> Sequence[Event]:
-        """Return the case's events, serialised."""
-        return self.study.events(case)
-
-    def tester(self, case: Case) -> Tester:
-        """Return the tester of a case."""
-        return self.study.tester(case, self.settings)
-
-    def oracle(self, case: Case, trace: Trace) -> Judgement:
-        """Judge a case whose order was kept and whose transitions were taken."""
-        return self.study.oracle(case, trace, self.settings)
-
-    def contradiction(self, case: Case) -> str:
-        """Return why no choice of the tester's can make this case run; empty if one can."""
-        return self.study.contradiction(case, self.settings)
-
-    @property
-    def view(self) -> View:
-        """What an instance shows of itself at the end."""
-        return self.study.view()
-
-    def judge(self, case: Case, trace: Trace) -> Judgement:
-        """Judge a case by its trace alone."""
-        return judge_trace(self, case, trace)
-
-
 def span_of(trace: Trace, begin: str, end: str) -> int:
     """Return the longest time from a taking of `begin` to the next taking of `end` [ns]; `NEVER` if there is none."""
-    from parcours.run.trace import durations
-    from parcours.verdict.timing import NEVER
-
-    return (
-        NEVER
-        if any(one.kind == "deviation" for one in trace.events)
-        else max(durations(trace, begin, end), default=NEVER)
-    )
+    if any(one.kind == "deviation" for one in trace.events):
+        return NEVER
+    return max(durations(trace, begin, end), default=NEVER)

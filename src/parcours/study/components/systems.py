@@ -1,4 +1,4 @@
-"""What stands for each component of the model -> fresh components: Python classes, functions, threads, programs."""
+"""Makes the components of a system under test: from Python classes, functions, threads or programs."""
 
 from __future__ import annotations
 
@@ -34,13 +34,6 @@ class System(Protocol):
         Raises:
             HostFailure: it cannot be had.
         """
-
-
-class Part(Protocol):
-    """What stands for one component of the model."""
-
-    def component(self, modelled: Modelled, case: Case, settings: Settings, patience: float) -> Component:
-        """Return a fresh component."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,6 +95,9 @@ class ProgramPart:
         from parcours.study.components.program import Program
 
         return Program(modelled, self, settings, case.id, case.seed, patience)
+
+
+Part = PythonPart | FunctionsPart | ProgramPart
 
 
 @dataclass(frozen=True, slots=True)

@@ -46,16 +46,7 @@ class Sent(msgspec.Struct, frozen=True):
 
 
 class StudyTester:
-    """The tester of a study whose stimuli were chosen beforehand.
-
-    Args:
-        system: makes components of this process.
-        components: of the model, by name.
-        case: the case.
-        settings: of the study.
-        known: settings and test inputs, for the makers of components.
-        stimuli: by the position of the event.
-    """
+    """The tester of a study whose stimuli were chosen beforehand."""
 
     def __init__(
         self, system: System, components: Mapping[str, Modelled], case: Case, settings: Settings, known: Settings,
@@ -109,7 +100,7 @@ def prompted(transition: str, component: Component, now: int) -> Iterator[Step]:
 
 
 def set_inputs(component: Component, values: Mapping[str, object]) -> None:
-    """Set input variables of a component that can be told them: by `set_inputs`, else as attributes that it has."""
+    """Set input variables of a component: by its `set_inputs`, else as attributes that it has."""
     if not values:
         return
     tell = getattr(component, "set_inputs", None)
@@ -121,4 +112,28 @@ def set_inputs(component: Component, values: Mapping[str, object]) -> None:
             setattr(component, name, value)
 
 
-__all__ = ["INPUTS", "Sent", "StudyTester", "Tester", "prompted", "set_inputs"]
+class Wrapped:
+    """A component inside another one that changes some of what reaches it."""
+
+    def __init__(self, component: Component) -> None:
+        self._component = component
+        self.name, self.reset = component.name, component.reset
+        self.next_wake, self.wake = component.next_wake, component.wake
+
+    def handle(self, channel: str | None, message: object, now: int) -> Iterator[Step]:
+        """Take up a message."""
+        return self._component.handle(channel, message, now)
+
+    def prompt(self, transition: str, now: int) -> Iterator[Step]:
+        """Ask the component for a transition."""
+        return prompted(transition, self._component, now)
+
+    def set_inputs(self, values: Mapping[str, object]) -> None:
+        """Set the component's input variables."""
+        set_inputs(self._component, values)
+
+    def close(self) -> None:
+        """Let go of what the component holds."""
+        close = getattr(self._component, "close", None)
+        if close is not None:
+            close()

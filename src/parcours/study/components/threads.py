@@ -1,4 +1,4 @@
-"""A Python class with `run(self, port)`, a thread's function or a coroutine -> a component.
+"""Components that are threads or coroutines: Python classes with `run(self, port)`.
 
 The object's thread and the tester hand a baton to and fro: the thread runs only between a permit of the tester and its
 next call of the port, so what it does in simulated time does not depend on the machine.
@@ -25,10 +25,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from queue import Empty, SimpleQueue
 
-from parcours.errors import HostFailure, one_of
+from parcours.errors import HostFailure
 from parcours.model.structure import Component as Modelled
 from parcours.run.port import Send, Step
-from parcours.study.components.simple import MOST_SENDS, Took, took
+from parcours.study.components.simple import Took, require_allowed, took
 
 Arrival = tuple[str | None, object]
 """What `receive` returns: (channel, message); (None, transition) if asked for a transition that no message starts; or
@@ -62,12 +62,7 @@ class _Closed(BaseException):
 
 
 class _Desk:
-    """What the tester and the thread share: the baton, the time, and what has arrived.
-
-    Args:
-        name: the component's.
-        transitions: its transitions.
-    """
+    """What the tester and the thread share: the baton, the time, and what has arrived."""
 
     def __init__(self, name: str, transitions: frozenset[str]) -> None:
         self.name, self._transitions = name, transitions
@@ -97,17 +92,13 @@ class _Desk:
 
     def take(self, transition: str, sends: tuple[Send, ...], messages: Mapping[str, object]) -> None:
         """In the thread: take a transition. Raises ValueError if the model does not allow it."""
-        if transition not in self._transitions:
-            remedy = one_of(str(transition), sorted(self._transitions))
-            raise ValueError(f"took {transition!r}, which is no transition of {self.name}; {remedy}")
         step = took(transition, *sends, **messages)
-        if len(step.sends) > MOST_SENDS:
-            raise ValueError(f"sent {len(step.sends)} messages in one transition; at most {MOST_SENDS} are allowed")
+        require_allowed(step, self.name, self._transitions)
         self.hand_over(step)
 
 
-class Port:
-    """What `run(self, port)` is given: the thread's only way to see messages and the time, and to take transitions."""
+class _Port:
+    """What both kinds of port share: the tester's time."""
 
     def __init__(self, desk: _Desk) -> None:
         self._desk = desk
@@ -116,6 +107,10 @@ class Port:
     def time(self) -> float:
         """The tester's time [s]."""
         return self._desk.now * 1e-9
+
+
+class Port(_Port):
+    """What `run(self, port)` is given: the thread's only way to see messages and the time, and to take transitions."""
 
     def receive(self) -> Arrival:
         """Return what arrives next: (channel, message), or (None, transition) if the tester wants that transition."""
@@ -138,17 +133,12 @@ class Port:
             self._desk.hand_over(_Idle(until))
 
 
-class AsyncPort:
+class AsyncPort(_Port):
     """What `async def run(self, port)` is given. Other tasks of its loop may use it, too."""
 
     def __init__(self, desk: _Desk) -> None:
-        self._desk = desk
+        super().__init__(desk)
         self._waiting: deque[asyncio.Future[Arrival]] = deque()
-
-    @property
-    def time(self) -> float:
-        """The tester's time [s], which is the loop's."""
-        return self._desk.now * 1e-9
 
     async def receive(self) -> Arrival:
         """Return what arrives next: (channel, message), or (None, transition) if the tester wants that transition."""
@@ -308,8 +298,11 @@ class Threaded:
         self._wake = report.wake if isinstance(report, _Idle) else None
         self._over = isinstance(report, _Over)
         if isinstance(report, _Over) and report.error is not None:
-            self._failure = _raised(self.name, report.error)
-            raise self._failure from report.error
+            raised = report.error
+            place = _place(traceback.extract_tb(raised.__traceback__))
+            rule = f"its run(port) must not raise, but raised {type(raised).__name__} at {place}: {raised}"
+            self._failure = HostFailure(f"component {self.name}", rule, slug="thread-raised")
+            raise self._failure from raised
         return report if isinstance(report, Took) else None
 
     def _run(self, desk: _Desk) -> None:
@@ -353,12 +346,6 @@ def _end(loop: _Loop) -> None:
         pass
     finally:
         loop.close()
-
-
-def _raised(component: str, error: BaseException) -> HostFailure:
-    place = _place(traceback.extract_tb(error.__traceback__))
-    rule = f"its run(port) must not raise, but raised {type(error).__name__} at {place}: {error}"
-    return HostFailure(f"component {component}", rule, slug="thread-raised")
 
 
 def _place(frames: traceback.StackSummary) -> str:

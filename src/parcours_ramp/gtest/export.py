@@ -1,4 +1,4 @@
-"""A suite of component cases -> a folder with a Google Test program that runs them against live ROS 1 nodes.
+"""Exports a suite of component cases as a Google Test program that runs them against live ROS 1 nodes.
 
 The tester's messages are made here and stand in the program in their ROS 1 bytes; the ranks that judge durations are
 computed here, too. So the program needs roscpp and Google Test, and nothing else.
@@ -18,8 +18,6 @@ from parcours.report.writing import write_text
 from parcours.run.hosts.ros1.interfaces import TYPES, Interface, interfaces, ros_name, write_package
 from parcours.suite import Case, read_suite
 from parcours.suite.exporting import checksum
-from parcours.suite.exporting.gtest_folder import folder_texts
-from parcours.suite.exporting.gtest_tables import GtestCase, GtestChannel, GtestLimit, GtestStimulus, tables
 from parcours.verdict.timing import Bound
 from parcours.verdict.timing.judging import ALLOWANCE
 from parcours.verdict.timing.ranks import quantile_ranks, repeats_needed
@@ -28,6 +26,7 @@ from parcours_ramp.components.oracles import ORACLES
 from parcours_ramp.components.ros1 import CODEC
 from parcours_ramp.components.study import CASES_OF_PAPER, interaction_cases, limits
 from parcours_ramp.components.tester import ComponentTester
+from parcours_ramp.gtest.tables import GtestCase, GtestChannel, GtestLimit, GtestStimulus, folder_texts, tables
 from parcours_ramp.planner.wire import FORMS
 
 PACKAGE = "parcours_ramp"
@@ -103,7 +102,7 @@ def _check(case: Case) -> None:
     if case.study != STUDY:
         raise BadRequest(where, f"only cases of {STUDY} become Google Test, but this is one of {case.study}",
                          f"parcours suite {STUDY} --out suite.jsonl", slug="export-study")  # fmt: skip
-    remedy = f"write the suite anew: parcours suite {STUDY}"
+    remedy = f"write the suite again: parcours suite {STUDY}"
     if case.abstract not in interaction_cases():
         rule = f"must fill an abstract case of {STUDY}, but {case.abstract} is none"
         raise BadRequest(where, rule, remedy, slug="export-case")

@@ -1,7 +1,7 @@
-"""A ROS 1 master -> RAMP's nodes on its graph, for whatever tester comes, one after the other.
+"""Keeps RAMP's nodes on the graph of a ROS 1 master, for one tester after the other.
 
 A host starts its own nodes and ends them. These stand by themselves: as soon as a tester is on the graph they join it,
-and when it leaves they begin anew and wait for the next.
+and when it leaves they start again and wait for the next.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from parcours.run.hosts.ros1.messages import load
 from parcours.run.hosts.ros1.routes import TESTER, Plan, command_topic, frame_kind, node_name, routes
 from parcours.run.port import links
 from parcours_ramp.components.model import component_model
-from parcours_ramp.gtest_export import PACKAGE
+from parcours_ramp.gtest.export import PACKAGE
 from parcours_ramp.planner.wire import FORMS
 
 NODE_PROGRAM = "parcours_ramp.components.ros1:node_program"

@@ -1,4 +1,4 @@
-"""Cases with their events, messages and limits -> the C++ tables and tests of a Google Test program.
+"""Writes a Google Test program: C++ tables of cases, events, messages and limits, and the files that build it.
 
 What stands in the program is written as literals from checked values, so a hostile suite cannot put code into it.
 """
@@ -8,11 +8,15 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from importlib.resources import files
 from typing import Literal
 
 from parcours.abtc import Event
 from parcours.errors import BadRequest
 from parcours.suite.cases import Case
+
+PROGRAM = "test_cases.cpp"
+"""The file with the tables and the tests."""
 
 _PLAIN = frozenset(b"abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789 _-+.,:;/{}[]()<>=*#@&!'\n")
 _WIDTH = 100
@@ -228,3 +232,26 @@ def _case(one: GtestCase, name: str, events: str, payloads: dict[bytes, str]) ->
 def _limit(one: GtestLimit) -> str:
     numbers = [one.limit, one.percent, one.repeats, one.warm_up, *one.ranks, one.noise_samples, *one.noise_ranks]
     return "{" + ", ".join([literal(one.bound), *map(repr, numbers), str(one.trips)]) + "}"
+
+
+def folder_texts(program: str, words: dict[str, str]) -> dict[str, str]:
+    """Return the program, the headers it includes, and how it is built: name of the file -> its text.
+
+    Args:
+        program: what `tables` returned.
+        words: what stands for @NAME@ in the README; letters, digits and _ . , - are left of it.
+
+    >>> sorted(folder_texts("", dict.fromkeys(("FUNCTIONAL", "TIMING", "SUITE", "SHA256"), "?")))[:3]
+    ['CMakeLists.txt', 'README.md', 'cases.test']
+    """
+    texts = {PROGRAM: program}
+    for source in (files(__package__) / "cpp").iterdir():
+        text = source.read_text(encoding="utf-8")
+        if source.name == "README.md":
+            text = re.sub("@([A-Z0-9]+)@", lambda match: _plain(words[match[1]]), text)
+        texts[source.name] = text
+    return texts
+
+
+def _plain(word: str) -> str:
+    return re.sub(r"[^\w.,-]", "_", word)

@@ -14,17 +14,9 @@ from parcours.abtc import Event, serialise
 from parcours.cli.export import command
 from parcours.errors import BadRequest, BadSuite
 from parcours.suite import Case, write_suite
-from parcours.suite.exporting.gtest_folder import folder_texts
-from parcours.suite.exporting.gtest_tables import (
-    GtestCase,
-    GtestChannel,
-    GtestStimulus,
-    identifier,
-    literal,
-    tables,
-)
 from parcours_ramp.components.study import component_plan, interaction_cases, paper_sample
-from parcours_ramp.gtest_export import MOST_CASES, Repeats, export_gtest, timing_limits
+from parcours_ramp.gtest.export import MOST_CASES, Repeats, export_gtest, timing_limits
+from parcours_ramp.gtest.tables import GtestCase, GtestChannel, GtestStimulus, folder_texts, identifier, literal, tables
 
 ABSTRACT = next(iter(interaction_cases()))
 CHANNEL = GtestChannel("obstacles", "Sensing", "Planner", "topic", "/obstacles", "p/O", "0" * 32, "int64 n", "", ())
@@ -129,7 +121,7 @@ def test_what_is_no_case_of_the_study_is_refused(tmp_path: Path) -> None:
     suite, folder = tmp_path / "suite.jsonl", tmp_path / "out"
     for wrong, complaint in (
         (replace(good, study="ramp_system"), r"only cases of ramp_components .* \[export-study\]"),
-        (replace(good, abstract="nothing"), r"but nothing is none; write the suite anew.* \[export-case\]"),
+        (replace(good, abstract="nothing"), r"but nothing is none; write the suite again.* \[export-case\]"),
         (replace(good, names=("a", *good.names[1:])), r"must have the inputs motion, .* \[export-case\]"),
         (replace(good, values=(good.values[0], 1e6, *good.values[2:])), r"path must lie in its domain, but is 1e\+06"),
         (replace(good, values=(good.values[0], 3.5, *good.values[2:])), r"path must lie in its domain, but is 3.5"),

@@ -1,4 +1,4 @@
-"""Cases -> a Python file that pytest runs: one test a case, its id the case's, its failure explained.
+"""Writes cases as a Python file that pytest runs: one test a case, its id the case's, its failure explained.
 
 What stands in the script is written with `repr` from checked values, so a hostile suite cannot put code into
 it. The cases stand in the script itself, or it names the suite file and remembers its checksum.
@@ -6,11 +6,14 @@ it. The cases stand in the script itself, or it names the suite file and remembe
 
 from __future__ import annotations
 
+import hashlib
+import re
 from collections.abc import Mapping, Sequence
-from pathlib import PurePath
+from pathlib import Path, PurePath
 
-from parcours.errors import BadRequest
+from parcours.errors import BadRequest, BadSuite
 from parcours.suite.cases import Case
+from parcours.suite.files import read_suite, unreadable
 
 MOST_EMBEDDED = 10_000
 """Most cases that a script holds itself."""
@@ -41,26 +44,10 @@ def test_case(case: Case) -> None:
 
 
 def to_pytest(
-    cases: Sequence[Case],
-    name: str,
-    *,
-    study: str = "",
-    settings: Mapping[str, object] | None = None,
-    suite: str = "",
+    cases: Sequence[Case], name: str, *, study: str = "", settings: Mapping[str, object] | None = None, suite: str = "",
     sha256: str = "",
-) -> str:
+) -> str:  # fmt: skip
     """Return the text of a pytest file for some cases.
-
-    Args:
-        cases: those of one suite, at least one, all of one study.
-        name: what the file will be called, for its docstring.
-        study: how a command line names the study; a file or folder counts from the script. The cases' name if empty.
-        settings: of the study's parameters, where they differ from the defaults.
-        suite: the suite file's place relative to the script; if empty, the cases stand in the script.
-        sha256: checksum of the suite file.
-
-    Raises:
-        BadRequest: there are no cases or those of several studies, or too many to stand in the script.
 
     >>> case = Case("demo", 0, "together", 0, ("v",), (0.1,), 20.0, seed=7)
     >>> print("\\n".join(to_pytest([case], "test_demo.py").splitlines()[9:19]))
@@ -90,18 +77,15 @@ def to_pytest(
         imports = ["from pathlib import Path", "", *imports]
     arguments = [f"study=str(Path(__file__).parent / {study!r})" if is_place else f"study={study!r}"] if study else []
     arguments += [f"{key}={value!r}" for key, value in (settings or {}).items()]
+    where = f"SUITE = Path(__file__).parent / {suite!r}\nSHA256 = {sha256!r}\n\nCASES = sealed_cases(SUITE, SHA256)"
     return _SCRIPT.format(
         title=f"{len(cases)} cases of {studies[0]}, {len({case.abstract for case in cases})} abstract cases.",
-        name=_plain(name),
+        name=re.sub(r"[^\w.-]", "_", PurePath(name).name),  # a file may be called anything
         some=f"{cases[0].abstract!r}    those of one abstract case",
         imports="\n".join(imports),
-        cases=_referred(suite, sha256) if suite else _embedded(cases),
+        cases=where if suite else _embedded(cases),
         arguments="".join(f", {one}" for one in arguments),
     )
-
-
-def _referred(suite: str, sha256: str) -> str:
-    return f"SUITE = Path(__file__).parent / {suite!r}\nSHA256 = {sha256!r}\n\nCASES = sealed_cases(SUITE, SHA256)"
 
 
 def _embedded(cases: Sequence[Case]) -> str:
@@ -115,6 +99,32 @@ def _embedded(cases: Sequence[Case]) -> str:
     return "\n".join([*lines, "]"])
 
 
-def _plain(name: str) -> str:
-    # A file may be called anything; only letters and the like stand in the docstring.
-    return "".join(each if each.isalnum() or each in "_.-" else "_" for each in PurePath(name).name)
+def checksum(path: Path | str) -> str:
+    """Return the SHA-256 of a file in hexadecimal digits.
+
+    Raises:
+        BadSuite: the file cannot be read.
+    """
+    try:
+        with Path(path).open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except OSError as error:
+        raise unreadable(path, error) from None
+
+
+def sealed_cases(path: Path | str, sha256: str) -> list[Case]:
+    """Return the cases of a suite file that has not changed since a script was written for it.
+
+    >>> import tempfile
+    >>> from parcours.suite import write_suite
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = Path(folder, "suite.jsonl")
+    ...     n = write_suite(path, [Case("demo", 0, "together", 0, ("v",), (0.1,), 20.0, seed=7)])
+    ...     [case.id for case in sealed_cases(path, checksum(path))]
+    ['demo/together/0']
+    """
+    found = checksum(path)
+    if found != sha256:
+        rule = f"the suite must have the checksum {sha256[:16]}..., but has {found[:16]}..."
+        raise BadSuite(str(path), rule, "export the script again", slug="suite-changed")
+    return list(read_suite(path))
