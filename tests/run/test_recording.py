@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import os
 import signal
 import struct
@@ -28,7 +27,6 @@ from parcours.run.recording import (
     write_bag,
     write_mcap,
 )
-from parcours.run.recording.recorder import _Stream
 from parcours.run.trace import Kind, Trace, TraceEvent
 
 WRITE = {"mcap": write_mcap, "bag": write_bag}
@@ -247,23 +245,21 @@ def test_a_recording_whose_run_raised_stays_incomplete_but_holds_every_event(for
     assert not again.complete and len(again.trace.events) == 1
 
 
-def _cut_off(form: str, events: Sequence[TraceEvent], flush_each: int) -> tuple[bytes, int]:
-    file = io.BytesIO()
-    stream = _Stream(file, "mcap" if form == "mcap" else "bag", "memory", CODEC, 10**9)
-    stream.begin("wall", "h", "c", {})
-    start = len(file.getvalue())
-    for number, event in enumerate(events):
-        stream.event(event)
-        if number % flush_each == flush_each - 1:
-            stream.writer.flush()
-    stream.end(None, {})
-    return file.getvalue(), start
+def _cut_off(form: str, events: Sequence[TraceEvent], flush_each: int, folder: Path) -> tuple[bytes, int]:
+    path = folder / f"whole.{form}"
+    with Recorder(path, CODEC, clock="wall", host="h", case="c") as recorder:
+        start = path.stat().st_size
+        for number, event in enumerate(events):
+            recorder.write(event)
+            if number % flush_each == flush_each - 1:
+                recorder.flush()
+    return path.read_bytes(), start
 
 
 @both
 def test_a_recording_cut_anywhere_gives_what_came_before_the_cut(form: str, tmp_path: Path) -> None:
     events = tuple(TraceEvent(k, "send", "A", "", "pose", k, payload=(k, k / 7, False)) for k in range(40))
-    whole, start = _cut_off(form, events, 5)
+    whole, start = _cut_off(form, events, 5, tmp_path)
     path, most = tmp_path / "cut", 0
     for end in range(start, len(whole), 37):
         path.write_bytes(whole[:end])

@@ -1,30 +1,32 @@
-"""A recording, MCAP or ROS 1 bag, whole or cut off -> the trace that was recorded; one format -> the other."""
+"""Reads the trace back from a recording, whole or cut off, and converts MCAP into ROS 1 bags and back."""
 
 from __future__ import annotations
 
-import io
 import json
-import os
 from collections import defaultdict, deque
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, get_args
 
 from parcours.errors import BadResults
-from parcours.run.atomic import write_atomically
+from parcours.run.atomic import replacing
 from parcours.run.clocks import ClockName
 from parcours.run.noise import Noise, noise_of
-from parcours.run.recording.bag import MAGIC as BAG_MAGIC
-from parcours.run.recording.bag import BagReader
 from parcours.run.recording.content import END, EVENT, EVENTS, FORMAT, RUN, TEXT
-from parcours.run.recording.definition import same_definition
-from parcours.run.recording.layout import Codec, Layout
-from parcours.run.recording.mcap import MAGIC as MCAP_MAGIC
-from parcours.run.recording.mcap import McapReader
-from parcours.run.recording.recorder import WRITERS
-from parcours.run.recording.topic import Raw, Reader, Topic, damaged, format_of
+from parcours.run.recording.layout import Codec, Layout, same_definition
+from parcours.run.recording.source import CutOff, Source, damaged
+from parcours.run.recording.topic import (
+    BAG_MAGIC,
+    MCAP_MAGIC,
+    Message,
+    Raw,
+    Topic,
+    format_of,
+    messages,
+    open_writer,
+)
 from parcours.run.trace import Kind, Trace, TraceEvent
 
 MOST = 1 << 30
@@ -73,12 +75,14 @@ def read_recording(path: Path, codec: Codec | None = None, *, most: int = MOST) 
         BadResults: the file cannot be read, is no recording, is damaged or too large, holds another run or none, or its
             messages are of other types than the codec's.
     """
-    where = str(path)
-    gathered = _Gathered(where)
-    with _opened(path, most) as reader:
-        for topic, time, content in reader.messages():
-            gathered.add(topic, time, content)
-        return gathered.recording(reader.cut, codec)
+    gathered, cut = _Gathered(str(path)), ""
+    with _opened(path, most) as found:
+        try:
+            for topic, time, content in found:
+                gathered.add(topic, time, content)
+        except CutOff as end:
+            cut = str(end)
+    return gathered.recording(cut, codec)
 
 
 def convert(source: Path, target: Path, *, most: int = MOST) -> int:
@@ -93,46 +97,42 @@ def convert(source: Path, target: Path, *, most: int = MOST) -> int:
         BadRequest: the target cannot be written, or is named otherwise.
         BadResults: the source cannot be read, is damaged or too large.
     """
-    file = io.BytesIO()
-    writer = WRITERS[format_of(target)](file, str(target))
-    n = 0
-    with _opened(source, most) as reader:
-        for topic, time, content in reader.messages():
-            writer.write(topic, time, content)
-            n += 1
-            if topic in (RUN, END):
-                said = _said(content, str(source))
-                texts = {key: value if isinstance(value, str) else json.dumps(value) for key, value in said.items()}
-                writer.remark(f"parcours.{topic.name.rpartition('/')[2]}", texts)
-    writer.close()
-    write_atomically(target, file.getvalue())
+    form, n = format_of(target), 0
+    with _opened(source, most) as found, replacing(target) as partial:
+        writer = open_writer(form, partial.open("wb"), str(target))
+        with suppress(CutOff):
+            for topic, time, content in found:
+                writer.write(topic, time, content)
+                n += 1
+                if topic in (RUN, END):
+                    said = _said(content, str(source))
+                    texts = {key: value if isinstance(value, str) else json.dumps(value) for key, value in said.items()}
+                    writer.remark(f"parcours.{topic.name.rpartition('/')[2]}", texts)
+        writer.close()
     return n
 
 
 @contextmanager
-def _opened(path: Path, most: int) -> Iterator[Reader]:
+def _opened(path: Path, most: int) -> Iterator[Iterator[Message]]:
+    """Give the messages of a recording."""
     where = str(path)
     try:
         if path.exists() and not path.is_file():
             raise OSError("it is no ordinary file")
-        with path.open("rb") as file:
-            size = os.fstat(file.fileno()).st_size
-            magic = file.read(len(BAG_MAGIC))
-            if magic.startswith(MCAP_MAGIC):
-                yield McapReader(file, size, where, most)
-            elif magic == BAG_MAGIC:
-                yield BagReader(file, size, where, most)
-            else:
-                raise BadResults(
-                    where,
-                    f"a recording begins as MCAP or as a ROS 1 bag of version 2.0, but this file with {magic!r}",
-                    "name the file that was recorded",
-                    slug="recording-magic",
-                )
+        file = path.open("rb")
     except OSError as error:
-        raise BadResults(
-            where, f"must be a readable recording, but: {error.strerror or error}", slug="recording-unreadable"
-        ) from error
+        rule = f"must be a readable recording, but: {error.strerror or error}"
+        raise BadResults(where, rule, slug="recording-unreadable") from error
+    with file:
+        magic = file.read(len(BAG_MAGIC))
+        if not magic.startswith(MCAP_MAGIC) and magic != BAG_MAGIC:
+            raise BadResults(
+                where,
+                f"a recording begins as MCAP or as a ROS 1 bag of version 2.0, but this file with {magic!r}",
+                "name the file that was recorded",
+                slug="recording-magic",
+            )
+        yield messages(Source(file, where, most), "bag" if magic == BAG_MAGIC else "mcap")
 
 
 class _Gathered:
