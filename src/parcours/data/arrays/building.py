@@ -20,8 +20,8 @@ from parcours.data.arrays.growing import grow
 from parcours.data.arrays.other_engine import MAX_MUST, MAX_TUPLES, covertable_rows
 from parcours.data.arrays.shrinking import repair, table_of
 from parcours.data.rules import UndecidedError
-from parcours.data.streams import ROWS, starts
 from parcours.errors import BadRequest
+from parcours.streams import ROWS, starts
 
 EFFORT = 150_000_000
 """Most tuples that are looked up without a time budget: a few seconds."""

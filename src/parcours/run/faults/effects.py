@@ -6,12 +6,12 @@ channels, nor other faults of the plan change what one fault does to one message
 
 from __future__ import annotations
 
-import hashlib
 from dataclasses import dataclass
 
 from parcours.run.faults.corruption import How
 from parcours.run.faults.figures import time_text
 from parcours.run.faults.plan import ChannelFault, FaultPlan
+from parcours.streams import hashed
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,6 +105,5 @@ class Effects:
     def _draw(self, channel: str, kind: str, k: int) -> tuple[float, float, int]:
         """Return two numbers from [0, 1) and a word of 63 bits."""
         key = self._seed + k.to_bytes(8, "little") + f"{kind} {channel}".encode()
-        digest = hashlib.blake2b(key, digest_size=24).digest()
-        words = [int.from_bytes(digest[i : i + 8], "little") for i in (0, 8, 16)]
-        return (words[0] >> 11) * 2.0**-53, (words[1] >> 11) * 2.0**-53, words[2] >> 1
+        one, other, word = hashed(key, 3)
+        return (one >> 11) * 2.0**-53, (other >> 11) * 2.0**-53, word >> 1

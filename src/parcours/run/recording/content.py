@@ -36,7 +36,7 @@ TEXT = Layout((Entry("data", "text"),), "a text")
 """std_msgs/String."""
 
 RUN = Topic("/parcours/run", "std_msgs/String", TEXT.md5, TEXT.definition, latched=True)
-"""First message of a recording, JSON: clock, host, case, when it started [ns since the epoch], and what else is known."""
+"""First message of a recording, JSON: clock, host, case, start [ns since the epoch], and what else is known."""
 
 END = Topic("/parcours/end", "std_msgs/String", TEXT.md5, TEXT.definition, latched=True)
 """Last message of a whole recording, JSON: how many events there are, the machine's noise, and what else is known."""

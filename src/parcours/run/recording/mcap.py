@@ -65,9 +65,7 @@ def mcap_messages(source: Source) -> Iterator[Message]:
             for record in _inside(outer, source) if isinstance(outer, Chunk) else (outer,):
                 if isinstance(record, McapMessage):
                     if record.channel_id not in topics:
-                        raise damaged(
-                            source.where, f"channel {record.channel_id} has messages but was never declared"
-                        )
+                        raise damaged(source.where, f"channel {record.channel_id} has messages but was never declared")
                     yield topics[record.channel_id], record.log_time, record.data
                 elif isinstance(record, Schema):
                     schemas[record.id] = record

@@ -110,7 +110,7 @@ class Writer(ABC):
     def close(self) -> None:
         """Write the index and close the file, which is then whole."""
 
-    def remark(self, name: str, entries: Mapping[str, str]) -> None:
+    def remark(self, name: str, entries: Mapping[str, str]) -> None:  # noqa: B027 (bags have no remarks)
         """Write a remark outside all topics, if the format has such."""
 
     @abstractmethod

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from parcours.errors import ParcoursError
 from parcours.run.trace import Trace
 from parcours.study.components.executing import in_process, judge_trace
-from parcours.study.components.isolation import Done, Lost, Place, run_apart, watched
+from parcours.study.components.isolation import Done, Lost, run_apart, watched
 from parcours.study.parameters import Settings, settings_of
 from parcours.study.protocol import Finding, Progress
 from parcours.suite import Case
@@ -58,9 +58,9 @@ def _executed(
     """Return verdict and trace of each case by its id, executed apart from this process."""
     by_id = {case.id: case for case in cases}
 
-    def work(item: str, place: Place) -> Outcome:
+    def work(item: str) -> Outcome:
         exercise = study.exercise(settings)
-        execute = in_process(exercise, watch=watched(study.patience, place), checked=study.messages.checked)
+        execute = in_process(exercise, watch=watched(study.patience), checked=study.messages.checked)
         trace = execute(by_id[item]).trace
         return judge_trace(exercise, by_id[item], trace), trace
 

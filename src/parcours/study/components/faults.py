@@ -18,7 +18,7 @@ from parcours.report.pieces import Column, Page, Section, Table
 from parcours.run.faults import corrupted
 from parcours.run.port import Component, Step
 from parcours.study.components.executing import in_process, judge_trace
-from parcours.study.components.isolation import Done, Place, run_apart, watched
+from parcours.study.components.isolation import Done, run_apart, watched
 from parcours.study.components.messages import Messages
 from parcours.study.components.systems import System
 from parcours.study.components.tester import prompted, set_inputs
@@ -131,13 +131,13 @@ def _judged(
 ) -> Iterator[tuple[Judgement, bool]]:
     by_id = {case.id: case for case in cases}
 
-    def work(item: str, place: Place) -> tuple[Judgement, bool]:
+    def work(item: str) -> tuple[Judgement, bool]:
         assert study.system is not None
         system = _Striking(study.system, fault, study.messages, seed)
         faulty = dataclasses.replace(study, system=system)
         faulty.__dict__["abstracts"] = study.abstracts  # what was derived from the model stays as it is
         exercise = faulty.exercise(settings)
-        execute = in_process(exercise, watch=watched(study.patience, place), checked=study.messages.checked)
+        execute = in_process(exercise, watch=watched(study.patience), checked=study.messages.checked)
         trace = execute(by_id[item]).trace
         return judge_trace(exercise, by_id[item], trace), system.struck
 

@@ -25,7 +25,7 @@ from parcours.study.components.executing import (
     run_functional,
     run_timing,
 )
-from parcours.study.components.isolation import Done, Lost, Place, longest, run_apart, watched
+from parcours.study.components.isolation import Done, Lost, longest, run_apart, watched
 from parcours.study.components.results import (
     FILE,
     ComponentResult,
@@ -171,10 +171,10 @@ class _Work:
         self._study, self._settings, self._cases, self._groups = study, settings, cases, groups
         self._archive = archive
 
-    def __call__(self, item: str, place: Place) -> list[Kept]:
+    def __call__(self, item: str) -> list[Kept]:
         """Execute a case, or the cases of a timing group."""
         exercise, checked = self._study.exercise(self._settings), self._study.messages.checked
-        watch = watched(self._study.patience, place)
+        watch = watched(self._study.patience)
         if item in self._cases:
             run = run_functional(exercise, self._cases[item], in_process(exercise, watch=watch, checked=checked))
             if self._archive is not None:
@@ -216,9 +216,9 @@ def judged_apart(study: ComponentStudy, case: Case, settings: Settings) -> tuple
 def executed_apart(study: ComponentStudy, case: Case, settings: Settings) -> tuple[Judgement, Trace]:
     """Return verdict and trace of one case executed in a process apart; an empty trace if it hung or died there."""
 
-    def work(item: str, place: Place) -> tuple[Judgement, Trace]:
+    def work(item: str) -> tuple[Judgement, Trace]:
         exercise = study.exercise(settings)
-        execute = in_process(exercise, watch=watched(study.patience, place), checked=study.messages.checked)
+        execute = in_process(exercise, watch=watched(study.patience), checked=study.messages.checked)
         trace = execute(case).trace
         return judge_trace(exercise, case, trace), trace
 
