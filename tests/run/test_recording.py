@@ -24,13 +24,11 @@ from parcours.run.recording import (
     Recorder,
     convert,
     read_recording,
-    write_bag,
-    write_mcap,
+    write_recording,
 )
 from parcours.run.trace import Kind, Trace, TraceEvent
 
-WRITE = {"mcap": write_mcap, "bag": write_bag}
-FORMATS = tuple(WRITE)
+FORMATS = ("mcap", "bag")
 both = pytest.mark.parametrize("form", FORMATS)
 
 FORMS = {
@@ -112,7 +110,7 @@ def test_a_trace_reads_back_as_it_was_written_bit_by_bit(
     form: str, trace: Trace, about: dict[str, str], tmp_path_factory: pytest.TempPathFactory
 ) -> None:
     path = tmp_path_factory.mktemp("recording") / f"run.{form}"
-    WRITE[form](path, trace, CODEC, begin=10**9, about=about)
+    write_recording(path, trace, CODEC, begin=10**9, about=about)
     again = read_recording(path, CODEC)
     assert again.trace == trace
     assert payload_bits(again.trace) == payload_bits(trace)
@@ -127,7 +125,7 @@ def test_what_was_converted_into_the_other_format_reads_the_same(
 ) -> None:
     folder = tmp_path_factory.mktemp("recording")
     source, target = folder / f"run.{form}", folder / f"other.{'bag' if form == 'mcap' else 'mcap'}"
-    WRITE[form](source, trace, CODEC)
+    write_recording(source, trace, CODEC)
     convert(source, target)
     again = read_recording(target, CODEC)
     assert again.complete and again.trace == trace
@@ -139,8 +137,8 @@ def test_a_payload_is_written_once_however_many_events_speak_of_it(form: str, tm
     way = (np.arange(10_000.0), 1, np.arange(3), "long")
     kinds: tuple[Kind, ...] = ("send", "hold", "release", "receive")
     events = tuple(TraceEvent(k, kind, "A", "", "path", 4, payload=way) for k, kind in enumerate(kinds))
-    write, path = WRITE[form], tmp_path / f"run.{form}"
-    write(path, Trace("wall", events), CODEC)
+    path = tmp_path / f"run.{form}"
+    write_recording(path, Trace("wall", events), CODEC)
     assert path.stat().st_size < 2 * 80_000
     again = read_recording(path, CODEC).trace.events
     assert all(event.payload is again[0].payload for event in again)
@@ -154,7 +152,7 @@ def test_another_payload_of_the_same_message_is_kept_apart(form: str, tmp_path: 
         TraceEvent(1, "receive", "B", "", "pose", 4, payload=corrupted),
     )
     path = tmp_path / f"run.{form}"
-    WRITE[form](path, Trace("wall", events), CODEC)
+    write_recording(path, Trace("wall", events), CODEC)
     assert [event.payload for event in read_recording(path, CODEC).trace.events] == [sent, corrupted]
 
 
@@ -185,7 +183,7 @@ def test_what_is_known_at_the_end_only_is_recorded_too(form: str, tmp_path: Path
 @both
 def test_payloads_that_no_codec_knows_are_left_out_and_named(form: str, tmp_path: Path) -> None:
     path = tmp_path / f"run.{form}"
-    WRITE[form](path, Trace("wall", (TraceEvent(0, "send", channel="odd", payload=object()),)), CODEC)
+    write_recording(path, Trace("wall", (TraceEvent(0, "send", channel="odd", payload=object()),)), CODEC)
     again = read_recording(path, CODEC)
     assert again.left_out == ("odd",)
     assert again.trace.events[0].payload is None
@@ -199,7 +197,7 @@ def test_without_a_codec_events_and_foreign_messages_are_read(form: str, tmp_pat
         TraceEvent(1, "send", channel="foreign", payload=raw),
     )
     path = tmp_path / f"run.{form}"
-    WRITE[form](path, Trace("wall", events), CODEC)
+    write_recording(path, Trace("wall", events), CODEC)
     again = read_recording(path)
     assert again.trace.events == events
     assert [event.payload for event in again.trace.events] == [None, raw]

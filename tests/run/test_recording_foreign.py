@@ -22,13 +22,12 @@ from rosbags.rosbag1 import Writer as RosbagsWriter
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from parcours.run.noise import Noise
-from parcours.run.recording import Entry, Raw, convert, read_recording, write_bag, write_mcap
+from parcours.run.recording import Entry, Raw, convert, read_recording, write_recording
 from parcours.run.recording.mcap import md5_of
 from parcours.run.trace import Trace, TraceEvent
 
 BEGIN = 1_700_000_000_000_000_000
-WRITE = {"mcap": write_mcap, "bag": write_bag}
-both = pytest.mark.parametrize("form", tuple(WRITE))
+both = pytest.mark.parametrize("form", ("mcap", "bag"))
 
 FORM = (
     Entry("stamp", "int", "[ns]"),
@@ -86,7 +85,7 @@ TOPICS = ["/parcours/run", *["/best_trajectory", "/parcours/events"] * 2, "/parc
 
 def recorded(form: str, folder: Path) -> Path:
     path = folder / f"run.{form}"
-    WRITE[form](path, TRACE, Poses(), begin=BEGIN, about={"seed": "7"})
+    write_recording(path, TRACE, Poses(), begin=BEGIN, about={"seed": "7"})
     return path
 
 

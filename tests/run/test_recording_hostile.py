@@ -17,14 +17,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from parcours.errors import BadResults
-from parcours.run.recording import Entry, convert, read_recording, write_bag, write_mcap
+from parcours.run.recording import Entry, convert, read_recording, write_recording
 from parcours.run.recording.content import END, EVENT, EVENTS, RUN, TEXT
 from parcours.run.recording.source import Source
 from parcours.run.recording.topic import Format, Topic, open_writer
 from parcours.run.trace import Trace, TraceEvent
 
-WRITE = {"mcap": write_mcap, "bag": write_bag}
-both = pytest.mark.parametrize("form", tuple(WRITE))
+both = pytest.mark.parametrize("form", ("mcap", "bag"))
 HEAD: dict[str, object] = {
     "parcours": "recording/1",
     "clock": "wall",
@@ -60,7 +59,7 @@ TRACE = Trace("wall", tuple(TraceEvent(k, "send", "A", "", "c", k, "", k) for k 
 
 def valid(form: str, folder: Path) -> Path:
     path = folder / f"valid.{form}"
-    WRITE[form](path, TRACE, Numbers())
+    write_recording(path, TRACE, Numbers())
     return path
 
 

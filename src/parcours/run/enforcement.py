@@ -1,4 +1,4 @@
-"""A serialised abstract case and instances of components -> a trace in its order, or the first deviation.
+"""Executes a serialised abstract case on instances of components, in its order, up to the first deviation.
 
 Each reference of the case runs in an instance of its own. A message between references is held in a gate from the
 moment it is sent until the event that receives it has its turn. Every transition that an instance really takes, and the
@@ -14,11 +14,11 @@ from dataclasses import dataclass, replace
 
 from parcours.abtc import Event
 from parcours.errors import BadRequest
+from parcours.run.clocks import uninterrupted
 from parcours.run.executor import PATIENCE, Instances, Turn
 from parcours.run.instance import Outcome
 from parcours.run.port import ENVIRONMENT
 from parcours.run.trace import SHOWN, Kind, Trace, TraceEvent
-from parcours.run.uninterrupted import uninterrupted
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,4 @@
-"""Whose turn it is -> what came of it: how gated execution drives instances of components, wherever they are."""
+"""How gated execution drives instances of components, wherever they are."""
 
 from __future__ import annotations
 

@@ -253,9 +253,14 @@ def _serve(
 def _tried(task: Callable[..., object], item: tuple[Any, ...]) -> tuple[str, object]:
     try:
         return "done", task(*item)
-    except ParcoursError as error:
-        return "raised", error
     except Exception as error:
-        last = traceback.extract_tb(error.__traceback__)[-1]
-        place = f"in {last.name}, {last.filename.rpartition('/')[2]}:{last.lineno}"
-        return "raised", Exception(f"{type(error).__name__}: {error} ({place})")
+        return "raised", described(error)
+
+
+def described(error: Exception) -> Exception:
+    """Return an error of ours as it is, and of any other its type, its text and the place that raised it."""
+    if isinstance(error, ParcoursError):
+        return error
+    last = traceback.extract_tb(error.__traceback__)[-1]
+    place = f"in {last.name}, {last.filename.rpartition('/')[2]}:{last.lineno}"
+    return Exception(f"{type(error).__name__}: {error} ({place})")

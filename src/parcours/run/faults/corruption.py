@@ -1,4 +1,4 @@
-"""The content of a message and a seed -> the content changed, in a way that the seed decides.
+"""Changes the content of a message in a way that a seed decides.
 
 Messages are changed in their flat form, a tuple of typed fields (float, int, bool, arrays of numbers), so that what
 arrives is still of the right types; a length that is wrong is for the receiver to refuse.

@@ -74,7 +74,7 @@ def mcap_messages(source: Source) -> Iterator[Message]:
     except (BadResults, CutOff):
         raise
     except Exception as error:  # the library raises many things at a file that lies
-        raise damaged(source.where, f"a record cannot be understood: {error or type(error).__name__}") from error
+        raise damaged(source.where, f"a record cannot be understood: {type(error).__name__}: {error}") from error
 
 
 def _inside(chunk: Chunk, source: Source) -> list[McapRecord]:

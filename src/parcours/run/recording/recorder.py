@@ -210,34 +210,20 @@ class _Stream:
         self.writer.close()
 
 
-def write_mcap(
+def write_recording(
     path: Path, trace: Trace, codec: Codec | None = None, *, begin: int = BEGIN, about: Mapping[str, str] | None = None
 ) -> None:
-    """Write the trace as MCAP.
+    """Write a finished trace as MCAP or as a ROS 1 bag, whichever the file's name asks for.
 
     Args:
         path: the file to create or replace, atomically.
         trace: events and payloads.
-        codec: knows the payloads; those it does not know are left out.
-        begin: when the run began [ns since the epoch].
-        about: what else is to be known: seed, versions, study, verdict.
+        codec, begin, about: as of `Recorder`.
 
     Raises:
         BadRequest: the file cannot be written, or a payload does not have the form its codec names.
     """
-    _write(path, "mcap", trace, codec, begin, about)
-
-
-def write_bag(
-    path: Path, trace: Trace, codec: Codec | None = None, *, begin: int = BEGIN, about: Mapping[str, str] | None = None
-) -> None:
-    """Write the trace as a ROS 1 bag; otherwise as `write_mcap`."""
-    _write(path, "bag", trace, codec, begin, about)
-
-
-def _write(
-    path: Path, form: Format, trace: Trace, codec: Codec | None, begin: int, about: Mapping[str, str] | None
-) -> None:
+    form = format_of(path)
     with replacing(path) as partial:
         stream = _Stream(partial.open("wb"), form, str(path), codec, begin)
         stream.begin(trace.clock, trace.host, trace.case, about or {})

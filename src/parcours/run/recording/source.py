@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import bz2
 import os
+from importlib import import_module
 from typing import BinaryIO
 
 from parcours.errors import BadResults
@@ -94,9 +95,7 @@ def _expanded(compression: str, content: bytes, most: int) -> bytes | None:
         case "bz2":
             return bz2.BZ2Decompressor().decompress(content, most)
         case "lz4":
-            from lz4.frame import LZ4FrameDecompressor
-
-            found: bytes = LZ4FrameDecompressor().decompress(content, most)
+            found: bytes = import_module("lz4.frame").LZ4FrameDecompressor().decompress(content, most)
             return found
         case "zstd":
             from zstandard import ZstdDecompressor
