@@ -73,7 +73,7 @@ def run_campaign(
         simulate: the study's function, or its name "module:function". With several workers it is pickled and
             runs in processes of its own; with one worker it runs here.
         campaign: what to compute.
-        folder: where the results go; resumed if this very campaign was begun there.
+        folder: where the results go; resumed if this very campaign was started there.
         workers: number of processes, at least 1.
         progress: called in this process.
 
@@ -120,7 +120,7 @@ def run_campaign(
 
 @dataclass(frozen=True, slots=True)
 class _ComputeShard:
-    """Computes and writes one shard, in whatever process it finds itself."""
+    """Computes and writes one shard, in any process."""
 
     simulate: Simulate | str
     store: Store

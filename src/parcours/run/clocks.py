@@ -35,7 +35,7 @@ class Clock(Protocol):
 
 
 class SimulatedClock:
-    """Time that passes only when told to.
+    """Time that passes only by `advance`.
 
     >>> clock = SimulatedClock()
     >>> clock.advance(5), clock.advance(3), clock.now()

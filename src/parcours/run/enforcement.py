@@ -91,7 +91,7 @@ def enforce(
         case: id of the case.
         strict: keep the serialised order itself, one turn at a time over all instances; else any order that the case
             leaves open (`Event.after`, `Event.before`), instances at the same time.
-        patience: so long a turn may take [ns].
+        patience: how long a turn may take [ns].
 
     Raises:
         BadRequest: an event receives from an event that is not before it.

@@ -11,7 +11,7 @@ from parcours.run.clocks import ClockName
 from parcours.run.instance import Outcome
 
 PATIENCE = 5_000_000_000
-"""So long a turn may take on the real clock [ns] before it counts as not coming."""
+"""How long a turn may take on the real clock [ns] before it counts as not coming."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,7 +24,7 @@ class Turn:
 
 
 class Instances(Protocol):
-    """Where a case's instances are, and how they are told whose turn it is."""
+    """Where a case's instances are, and how they learn whose turn it is."""
 
     @property
     def label(self) -> str:

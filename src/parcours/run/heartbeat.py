@@ -111,7 +111,7 @@ class Watch:
     def has_hung(self) -> bool:
         """Return whether the worker has stayed at one place for longer than it may: on a case half as long again.
 
-        Each call counts as POLL: a caller lets at least so much time pass between two.
+        Each call counts as POLL: a caller lets at least that time pass between two.
         """
         now = (float(self._words[CASE]), float(self._words[TIME]), self._place.tobytes())
         self._looks = self._looks + 1 if now == self._seen else 0

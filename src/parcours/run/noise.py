@@ -81,7 +81,7 @@ class Noise:
 
 
 def noise_of(listed: object) -> Noise:
-    """Return the noise of a list that `Noise.listed` gave. Raises ValueError if it is none.
+    """Return the noise of a list that `Noise.listed` gave. Raises ValueError if it is not one.
 
     >>> noise_of(Noise((1, 5), "2 round trips").listed()).max
     5

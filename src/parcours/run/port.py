@@ -1,6 +1,6 @@
 """What a system under test offers to a host, and the links between its components: structural types only.
 
-A component does no input or output of its own. It is told of a message, or that its time has come, and
+A component does no input or output of its own. It is given a message, or its time has come, and it
 answers with the transitions of the model that it really takes, one at a time; the host decides when the next
 one may happen.
 """

@@ -1,7 +1,7 @@
 """Keeps results in a folder: each shard a NumPy file, written once, whole or not at all, with SHA-256.
 
 A shard holds the results of consecutive cases as a structured array without padding, little-endian: the same
-bytes whoever computes it. `campaign.json` says what the shards are results of. A shard is finished when its
+bytes on any machine. `campaign.json` says what the shards are results of. A shard is finished when its
 sum stands.
 """
 
@@ -189,11 +189,11 @@ class Store:
 
 
 def create(folder: Path, campaign: Campaign) -> Store:
-    """Return the store of this campaign in `folder`: begun there now, or begun earlier and to be resumed.
+    """Return the store of this campaign in `folder`: started there now, or earlier and to be resumed.
 
     Args:
         folder: is made if it does not exist; may hold nothing else.
-        campaign: must be the one begun there, if one was.
+        campaign: must be the one started there, if one was.
 
     Raises:
         BadRequest: the folder cannot be written to.

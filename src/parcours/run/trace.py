@@ -10,7 +10,7 @@ import json
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Literal, TypeVar
+from typing import Any, Literal
 
 import msgspec
 
@@ -33,8 +33,6 @@ REPEAT = "repeat"
 
 _Line = tuple[int, Kind, str, str, str, int, str]
 """An event in a file: the fields of a TraceEvent but its payload."""
-
-_Kind = TypeVar("_Kind")
 
 
 class _Head(msgspec.Struct):
@@ -244,7 +242,7 @@ def read_trace(path: Path) -> Trace:
     return Trace(said.clock, tuple(events), said.host, said.case, noise)
 
 
-def _parsed(path: Path, number: int, line: str, kind: type[_Kind]) -> _Kind:
+def _parsed(path: Path, number: int, line: str, kind: Any) -> Any:
     try:
         return msgspec.json.decode(line, type=kind)
     except (msgspec.DecodeError, RecursionError) as error:

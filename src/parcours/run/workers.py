@@ -29,8 +29,8 @@ from parcours.errors import BadRequest, HostFailure, ParcoursError
 from parcours.run.heartbeat import POLL, LostCase, Watch, new_block, share, write_place
 
 R = TypeVar("R")
-_GRACE = 1.0
-"""An idle worker has so much time to end by itself [s]."""
+_GRACE = 3.0
+"""How long an idle worker may take to end by itself, with the programs that it has started [s]."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,14 +18,14 @@ from parcours.streams import hashed
 
 @dataclass(frozen=True, slots=True)
 class Effect:
-    """What befalls one message.
+    """What happens to one message.
 
     Attributes:
         copies: how much later each copy of it arrives [ns]; empty if it is lost.
         corrupt: the seed by which its content is changed (`corrupted`), or None.
         how: in which way.
         reorder: whether later messages may overtake it.
-        why: what has befallen it, in words; empty if nothing has.
+        why: what has happened to it, in words; empty if nothing has.
     """
 
     copies: tuple[int, ...] = (0,)
@@ -36,11 +36,11 @@ class Effect:
 
 
 UNTOUCHED = Effect()
-"""The effect of a message that nothing befalls."""
+"""The effect on a message to which nothing happens."""
 
 
 class Effects:
-    """What befalls the messages of a run by a plan.
+    """What happens to the messages of a run by a plan.
 
     >>> plan = FaultPlan(7, (ChannelFault("a", "drop", 0.3, from_ns=100), ChannelFault("a", "delay", amount_ns=5)))
     >>> effects = Effects(plan)
@@ -57,11 +57,11 @@ class Effects:
             self._faults.setdefault(fault.channel, []).append(fault)
 
     def concerns(self, channel: str) -> bool:
-        """Return whether anything can befall a message of the channel."""
+        """Return whether anything can happen to a message of the channel."""
         return channel in self._faults
 
     def effect(self, channel: str, k: int, time: int) -> Effect:
-        """Return what befalls the k-th message of a channel.
+        """Return what happens to the k-th message of a channel.
 
         Args:
             channel: its name.
@@ -112,7 +112,7 @@ class Effects:
 
 
 SLICE = 20_000_000
-"""So long is one turn of a slowed-down process: running, then stopped [ns]."""
+"""One turn of a slowed-down process: running, then stopped [ns]."""
 
 
 @dataclass(frozen=True, slots=True)

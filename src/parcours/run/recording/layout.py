@@ -77,7 +77,7 @@ class Layout:
         where: what is recorded, for complaints.
 
     Raises:
-        BadRequest: a field's name or kind is none that ROS knows, or occurs twice.
+        BadRequest: ROS does not know a field's name or kind, or a name occurs twice.
 
     >>> layout = Layout((Entry("id", "int"), Entry("x", "floats", "east [m]")), "channel 'places'")
     >>> print(layout.definition, end="")
