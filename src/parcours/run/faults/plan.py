@@ -17,9 +17,9 @@ from parcours.errors import BadRequest, one_of
 from parcours.run.faults.corruption import HOWS, How
 
 ChannelKind = Literal["delay", "jitter", "drop", "duplicate", "reorder", "corrupt"]
-"""delay: it arrives later by the time given, in order. jitter: by up to that time, in order. drop: it is lost. duplicate:
-it arrives twice, the second time later. reorder: it is held back while later ones overtake it. corrupt: its content is
-changed."""
+"""delay: it arrives later by the time given, in order. jitter: by up to that time, in order. drop: it is lost.
+duplicate: it arrives twice, the second time later. reorder: it is held back while later ones overtake it. corrupt: its
+content is changed."""
 
 ComponentKind = Literal["crash", "freeze", "slow_down"]
 """crash: it is gone for good, and all that waits for it. freeze: it does nothing for a while, then goes on. slow_down:
