@@ -20,7 +20,7 @@ import time
 import traceback
 from collections import deque
 from collections.abc import Callable, Generator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from multiprocessing.connection import Connection, wait
 from pickle import PicklingError
 from typing import Any, Generic, Literal, TypeVar
@@ -109,8 +109,8 @@ class _Worker:
         self.process.join()
         self.line.close()
         how: Literal["hung", "died"] = "hung" if self.hung else "died"
-        plain = Lost(how, self.process.exitcode or 0, self.watch.place, None)
-        return Lost(how, plain.status, plain.place, self.watch.lost(how, "" if self.hung else plain.ending))
+        lost = Lost(how, self.process.exitcode or 0, self.watch.place, None)
+        return replace(lost, case=self.watch.lost(how, "" if self.hung else lost.ending))
 
 
 class Crew(Generic[R]):
