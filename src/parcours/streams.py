@@ -1,18 +1,30 @@
-"""Random streams inside compiled code: SplitMix64 (Steele, Lea, Flood, OOPSLA 2014), one 64-bit word of state each.
+"""Keyed random numbers: the same key gives the same bits, on any machine and in any order.
 
-A stream is an array of one uint64. It is seeded from (campaign seed, case number, purpose), so that no case and no
-component shares randomness with another, and a case replays from its numbers alone.
+Streams are SplitMix64 (Steele, Lea, Flood, OOPSLA 2014), keyed by (campaign seed, case number, purpose), so that no
+case and no component shares randomness with another, and a case replays from its numbers alone. Compiled code draws
+from an array of one uint64 of state; tables of cases address word k of every stream at once. `hashed` serves keys that
+are texts.
 """
 
 from __future__ import annotations
+
+import hashlib
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from parcours.elementary import TAU, exp, log, sin_cos
+from parcours.errors import BadRequest
 from parcours.kernels import kernel
 
 Stream = NDArray[np.uint64]
+
+VALUES = 0x76616C756573
+"""Purpose of the stream that draws the values of a case (ASCII for `values`)."""
+
+ROWS = 0x726F7773
+"""Purpose of the stream that shuffles the blocks of one repetition of a criterion (ASCII for `rows`)."""
 
 _GOLDEN = np.uint64(0x9E3779B97F4A7C15)
 _MIX_1 = np.uint64(0xBF58476D1CE4E5B9)
@@ -58,3 +70,61 @@ def lognormal(stream: Stream, median: float, spread: float) -> float:
     """Return the next log-normal number: exp of a normal with mean ln(median) and standard deviation `spread`."""
     radius = np.sqrt(-2.0 * log(1.0 - uniform(stream)))
     return median * exp(spread * radius * sin_cos(TAU * uniform(stream))[1])
+
+
+def starts(seed: int, cases: NDArray[np.int64], purpose: int) -> NDArray[np.uint64]:
+    """Return the state in which the stream of each case begins.
+
+    Args:
+        seed: the campaign's seed, 0 <= seed < 2**64.
+        cases: case numbers, shape (n_cases,).
+        purpose: VALUES or ROWS.
+
+    Raises:
+        BadRequest: the seed does not fit, or a case number is negative.
+    """
+    if not 0 <= seed < 2**64:
+        raise BadRequest("seed", f"a seed must be a whole number from 0 to 2**64 - 1, but {seed} given", slug="seed")
+    if cases.size and cases.min() < 0:
+        raise BadRequest("cases", f"a case number must not be negative, but {cases.min()} given", slug="case-number")
+    # Arrays throughout: numpy warns when a lone number wraps around, and wrapping is meant here.
+    campaign = _mixed(np.array([seed], dtype=np.uint64) + _GOLDEN)
+    aim = np.array([purpose], dtype=np.uint64) * _MIX_1 + _GOLDEN
+    return _mixed(_mixed(campaign ^ (cases.astype(np.uint64) * _MIX_2 + _GOLDEN)) ^ aim)
+
+
+def uniforms(start: NDArray[np.uint64], first: int, n: int) -> NDArray[np.float64]:
+    """Return numbers first .. first + n - 1 of each stream, uniform on [0, 1) in steps of 2**-53.
+
+    Args:
+        start: where the streams begin, shape (n_cases,).
+        first: number of the first word wanted, from 0.
+        n: how many words of each stream.
+
+    Returns:
+        Shape (n_cases, n).
+
+    >>> beginnings = starts(7, np.array([0, 1]), VALUES)
+    >>> bool((uniforms(beginnings, 0, 3)[:, 2] == uniforms(beginnings, 2, 1)[:, 0]).all())
+    True
+    """
+    steps = np.arange(first + 1, first + n + 1, dtype=np.uint64) * _GOLDEN
+    words = _mixed(start[:, np.newaxis] + steps)
+    return (words >> _S11).astype(np.float64) * 2.0**-53
+
+
+def _mixed(words: NDArray[np.uint64]) -> NDArray[np.uint64]:
+    """Return `mix` of every word, uncompiled: numpy wraps arrays around without a warning."""
+    plain: Any = getattr(mix, "py_func", mix)
+    mixed: NDArray[np.uint64] = plain(words)
+    return mixed
+
+
+def hashed(key: bytes, n: int) -> list[int]:
+    """Return n words of 64 bits, at most 8, that depend on nothing but the key (BLAKE2b).
+
+    >>> hashed(b"7 0", 1) == hashed(b"7 0", 1) != hashed(b"7 1", 1)
+    True
+    """
+    words: list[int] = np.frombuffer(hashlib.blake2b(key, digest_size=8 * n).digest(), "<u8").tolist()
+    return words

@@ -10,9 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from parcours.data import Block, Constraint, Domain, InputModel, draw, parse_input_model, select, split
-from parcours.data.streams import VALUES, starts, uniforms
 from parcours.errors import BadDomain, BadRequest
 from parcours.model.expression import parse_expression
+from parcours.streams import VALUES, starts, uniforms
 
 DISCS = parse_input_model(
     """

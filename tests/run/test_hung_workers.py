@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import multiprocessing
 import time
 from dataclasses import dataclass
 from pathlib import Path
+
+import numpy as np
 
 from parcours.run import heartbeat as heartbeat
 from parcours.run.pool import run_tasks
@@ -46,8 +49,9 @@ def test_a_case_that_stays_too_long_is_lost_and_its_task_done_without_it(tmp_pat
 
 
 def test_a_stopped_machine_counts_as_one_look() -> None:
-    words = heartbeat.words(3)
+    block = heartbeat.new_block(multiprocessing, 3)
+    words = np.frombuffer(block)
+    watch = heartbeat.Watch(block)
     words[heartbeat.TIME], words[heartbeat.LIMIT], words[heartbeat.CASE] = 0.0, 0.1, 4.0
-    watch = heartbeat.Watch(words)
     seen = [watch.has_hung() for _ in range(10)]
     assert seen == [False] * 7 + [True] * 3

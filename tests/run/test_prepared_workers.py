@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 
 from parcours.run.campaign import run_campaign
-from parcours.run.pool import can_fork
 from parcours.run.store import open_results
+from parcours.run.workers import can_fork
 from parcours_ramp.system.study import system_study
 
 STUDY = """

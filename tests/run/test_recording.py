@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import os
 import signal
 import struct
@@ -25,14 +24,11 @@ from parcours.run.recording import (
     Recorder,
     convert,
     read_recording,
-    write_bag,
-    write_mcap,
+    write_recording,
 )
-from parcours.run.recording.recorder import _Stream
 from parcours.run.trace import Kind, Trace, TraceEvent
 
-WRITE = {"mcap": write_mcap, "bag": write_bag}
-FORMATS = tuple(WRITE)
+FORMATS = ("mcap", "bag")
 both = pytest.mark.parametrize("form", FORMATS)
 
 FORMS = {
@@ -114,7 +110,7 @@ def test_a_trace_reads_back_as_it_was_written_bit_by_bit(
     form: str, trace: Trace, about: dict[str, str], tmp_path_factory: pytest.TempPathFactory
 ) -> None:
     path = tmp_path_factory.mktemp("recording") / f"run.{form}"
-    WRITE[form](path, trace, CODEC, begin=10**9, about=about)
+    write_recording(path, trace, CODEC, begin=10**9, about=about)
     again = read_recording(path, CODEC)
     assert again.trace == trace
     assert payload_bits(again.trace) == payload_bits(trace)
@@ -129,7 +125,7 @@ def test_what_was_converted_into_the_other_format_reads_the_same(
 ) -> None:
     folder = tmp_path_factory.mktemp("recording")
     source, target = folder / f"run.{form}", folder / f"other.{'bag' if form == 'mcap' else 'mcap'}"
-    WRITE[form](source, trace, CODEC)
+    write_recording(source, trace, CODEC)
     convert(source, target)
     again = read_recording(target, CODEC)
     assert again.complete and again.trace == trace
@@ -141,8 +137,8 @@ def test_a_payload_is_written_once_however_many_events_speak_of_it(form: str, tm
     way = (np.arange(10_000.0), 1, np.arange(3), "long")
     kinds: tuple[Kind, ...] = ("send", "hold", "release", "receive")
     events = tuple(TraceEvent(k, kind, "A", "", "path", 4, payload=way) for k, kind in enumerate(kinds))
-    write, path = WRITE[form], tmp_path / f"run.{form}"
-    write(path, Trace("wall", events), CODEC)
+    path = tmp_path / f"run.{form}"
+    write_recording(path, Trace("wall", events), CODEC)
     assert path.stat().st_size < 2 * 80_000
     again = read_recording(path, CODEC).trace.events
     assert all(event.payload is again[0].payload for event in again)
@@ -156,7 +152,7 @@ def test_another_payload_of_the_same_message_is_kept_apart(form: str, tmp_path: 
         TraceEvent(1, "receive", "B", "", "pose", 4, payload=corrupted),
     )
     path = tmp_path / f"run.{form}"
-    WRITE[form](path, Trace("wall", events), CODEC)
+    write_recording(path, Trace("wall", events), CODEC)
     assert [event.payload for event in read_recording(path, CODEC).trace.events] == [sent, corrupted]
 
 
@@ -187,7 +183,7 @@ def test_what_is_known_at_the_end_only_is_recorded_too(form: str, tmp_path: Path
 @both
 def test_payloads_that_no_codec_knows_are_left_out_and_named(form: str, tmp_path: Path) -> None:
     path = tmp_path / f"run.{form}"
-    WRITE[form](path, Trace("wall", (TraceEvent(0, "send", channel="odd", payload=object()),)), CODEC)
+    write_recording(path, Trace("wall", (TraceEvent(0, "send", channel="odd", payload=object()),)), CODEC)
     again = read_recording(path, CODEC)
     assert again.left_out == ("odd",)
     assert again.trace.events[0].payload is None
@@ -201,7 +197,7 @@ def test_without_a_codec_events_and_foreign_messages_are_read(form: str, tmp_pat
         TraceEvent(1, "send", channel="foreign", payload=raw),
     )
     path = tmp_path / f"run.{form}"
-    WRITE[form](path, Trace("wall", events), CODEC)
+    write_recording(path, Trace("wall", events), CODEC)
     again = read_recording(path)
     assert again.trace.events == events
     assert [event.payload for event in again.trace.events] == [None, raw]
@@ -247,23 +243,21 @@ def test_a_recording_whose_run_raised_stays_incomplete_but_holds_every_event(for
     assert not again.complete and len(again.trace.events) == 1
 
 
-def _cut_off(form: str, events: Sequence[TraceEvent], flush_each: int) -> tuple[bytes, int]:
-    file = io.BytesIO()
-    stream = _Stream(file, "mcap" if form == "mcap" else "bag", "memory", CODEC, 10**9)
-    stream.begin("wall", "h", "c", {})
-    start = len(file.getvalue())
-    for number, event in enumerate(events):
-        stream.event(event)
-        if number % flush_each == flush_each - 1:
-            stream.writer.flush()
-    stream.end(None, {})
-    return file.getvalue(), start
+def _cut_off(form: str, events: Sequence[TraceEvent], flush_each: int, folder: Path) -> tuple[bytes, int]:
+    path = folder / f"whole.{form}"
+    with Recorder(path, CODEC, clock="wall", host="h", case="c") as recorder:
+        start = path.stat().st_size
+        for number, event in enumerate(events):
+            recorder.write(event)
+            if number % flush_each == flush_each - 1:
+                recorder.flush()
+    return path.read_bytes(), start
 
 
 @both
 def test_a_recording_cut_anywhere_gives_what_came_before_the_cut(form: str, tmp_path: Path) -> None:
     events = tuple(TraceEvent(k, "send", "A", "", "pose", k, payload=(k, k / 7, False)) for k in range(40))
-    whole, start = _cut_off(form, events, 5)
+    whole, start = _cut_off(form, events, 5, tmp_path)
     path, most = tmp_path / "cut", 0
     for end in range(start, len(whole), 37):
         path.write_bytes(whole[:end])

@@ -8,7 +8,7 @@ from click.testing import CliRunner
 
 from parcours.cli.recording import command
 from parcours.errors import BadRequest
-from parcours.run.recording import Recorder, read_recording, write_bag
+from parcours.run.recording import Recorder, read_recording, write_recording
 from parcours.run.trace import Trace, TraceEvent, read_trace
 
 EVENTS = (TraceEvent(0, "take", "A", "p1"), TraceEvent(1_500_000_000, "take", "A", "p2"), TraceEvent(10**10, "note"))
@@ -17,7 +17,7 @@ EVENTS = (TraceEvent(0, "take", "A", "p1"), TraceEvent(1_500_000_000, "take", "A
 def test_a_recording_is_told_and_written_in_the_other_formats(tmp_path: Path) -> None:
     bag, target, lines = tmp_path / "run.bag", tmp_path / "run.mcap", tmp_path / "run.jsonl"
     trace = Trace("wall", EVENTS, "ros1", "case-1")
-    write_bag(bag, trace, about={"verdict": "pass"})
+    write_recording(bag, trace, about={"verdict": "pass"})
     result = CliRunner().invoke(command, [str(bag), "--to", str(target), "--trace", str(lines)])
     assert result.exit_code == 0, result.output
     said = result.output.splitlines()
@@ -39,6 +39,6 @@ def test_an_incomplete_recording_is_said_to_be_so(tmp_path: Path) -> None:
 
 def test_a_target_of_no_known_format_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "run.bag"
-    write_bag(path, Trace("wall", EVENTS))
+    write_recording(path, Trace("wall", EVENTS))
     result = CliRunner().invoke(command, [str(path), "--to", str(tmp_path / "run.txt")])
     assert isinstance(result.exception, BadRequest) and "recording-suffix" in str(result.exception)

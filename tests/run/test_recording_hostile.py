@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import bz2
+import io
 import json
 import struct
 import tracemalloc
@@ -16,17 +17,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from parcours.errors import BadResults
-from parcours.run.recording import Entry, convert, read_recording, write_bag, write_mcap
-from parcours.run.recording.bag import BagWriter
-from parcours.run.recording.compression import expand
+from parcours.run.recording import Entry, convert, read_recording, write_recording
 from parcours.run.recording.content import END, EVENT, EVENTS, RUN, TEXT
-from parcours.run.recording.mcap import McapWriter
-from parcours.run.recording.topic import Topic
+from parcours.run.recording.source import Source
+from parcours.run.recording.topic import Format, Topic, open_writer
 from parcours.run.trace import Trace, TraceEvent
 
-WRITE = {"mcap": write_mcap, "bag": write_bag}
-WRITERS: dict[str, type[McapWriter] | type[BagWriter]] = {"mcap": McapWriter, "bag": BagWriter}
-both = pytest.mark.parametrize("form", tuple(WRITE))
+both = pytest.mark.parametrize("form", ("mcap", "bag"))
 HEAD: dict[str, object] = {
     "parcours": "recording/1",
     "clock": "wall",
@@ -62,21 +59,20 @@ TRACE = Trace("wall", tuple(TraceEvent(k, "send", "A", "", "c", k, "", k) for k 
 
 def valid(form: str, folder: Path) -> Path:
     path = folder / f"valid.{form}"
-    WRITE[form](path, TRACE, Numbers())
+    write_recording(path, TRACE, Numbers())
     return path
 
 
 Message = tuple[Topic, int, bytes]
 
 
-def composed(form: str, folder: Path, *messages: Message) -> Path:
+def composed(form: Format, folder: Path, *messages: Message) -> Path:
     """Return a file of these messages."""
     path = folder / f"composed.{form}"
-    with path.open("wb") as file:
-        writer = WRITERS[form](file, str(path))
-        for message in messages:
-            writer.write(*message)
-        writer.close()
+    writer = open_writer(form, path.open("wb"), str(path))
+    for message in messages:
+        writer.write(*message)
+    writer.close()
     return path
 
 
@@ -155,6 +151,10 @@ def test_more_than_was_asked_for_is_not_read(form: str, tmp_path: Path) -> None:
         read_recording(path, Numbers(), most=500)
 
 
+def expand(compression: str, content: bytes, size: int, where: str) -> bytes:
+    return Source(io.BytesIO(), where, 1 << 30).expand(compression, content, size)
+
+
 LZ4 = import_module("lz4.frame")
 BOMB = bytes(50_000_000)
 BOMBS = {"bz2": bz2.compress(BOMB), "lz4": LZ4.compress(BOMB), "zstd": zstandard.compress(BOMB)}
@@ -229,7 +229,7 @@ def test_what_is_not_there_or_is_no_file_is_refused(tmp_path: Path) -> None:
     ],
 )  # fmt: skip
 def test_a_sound_file_that_says_nonsense_is_refused(
-    form: str, messages: tuple[Message, ...], slug: str, tmp_path: Path
+    form: Format, messages: tuple[Message, ...], slug: str, tmp_path: Path
 ) -> None:
     with pytest.raises(BadResults, match=slug):
         read_recording(composed(form, tmp_path, *messages), Numbers())
@@ -243,7 +243,7 @@ def test_a_recording_of_another_form_is_refused_with_both_forms(form: str, tmp_p
 
 
 @both
-def test_payloads_and_events_that_somebody_took_out_are_missed(form: str, tmp_path: Path) -> None:
+def test_payloads_and_events_that_somebody_took_out_are_missed(form: Format, tmp_path: Path) -> None:
     without = composed(form, tmp_path, said(RUN, HEAD), event(0, "send", 0, "/c"), said(END, TAIL | {"events": 1}))
     assert read_recording(without, Numbers()).missing == "the payloads of 1 events are not there"
     fewer = composed(form, tmp_path, said(RUN, HEAD), event(0), said(END, TAIL | {"events": 2}))
@@ -267,7 +267,7 @@ def test_messages_that_are_not_of_ros_1_are_refused(tmp_path: Path) -> None:
 
 
 @both
-def test_a_damaged_recording_is_not_converted(form: str, tmp_path: Path) -> None:
+def test_a_damaged_recording_is_not_converted(form: Format, tmp_path: Path) -> None:
     target = tmp_path / "target.bag"
     with pytest.raises(BadResults, match="recording-damaged"):
         convert(composed(form, tmp_path, said(RUN, "no json")), target)

@@ -8,13 +8,12 @@ import numpy as np
 import pytest
 
 from parcours.errors import BadRequest
-from parcours.run.recording import Entry, Recorder, write_bag, write_mcap
+from parcours.run.recording import Entry, Recorder, write_recording
 from parcours.run.recording.content import Names
 from parcours.run.recording.layout import Layout
 from parcours.run.trace import Trace, TraceEvent
 
-WRITE = {"mcap": write_mcap, "bag": write_bag}
-both = pytest.mark.parametrize("form", tuple(WRITE))
+both = pytest.mark.parametrize("form", ("mcap", "bag"))
 
 FORMS = {
     "pose": (Entry("stamp", "int", "[ns]"), Entry("x", "float", "[m]"), Entry("halted", "bool")),
@@ -91,4 +90,4 @@ def test_a_folder_that_is_not_there_and_a_name_of_no_format_are_refused(tmp_path
 @pytest.mark.parametrize("at", [-2_000_000_000, 2**63, 2**64])
 def test_a_time_that_no_recording_can_hold_is_refused(form: str, at: int, tmp_path: Path) -> None:
     with pytest.raises(BadRequest, match="recording-time"):
-        WRITE[form](tmp_path / "run", Trace("wall", (TraceEvent(at, "note"),)))
+        write_recording(tmp_path / f"run.{form}", Trace("wall", (TraceEvent(at, "note"),)))

@@ -11,7 +11,7 @@ import pytest
 
 from parcours.errors import BadResults
 from parcours.run.clocks import WallClock
-from parcours.run.recording import Recorder, read_recording, write_bag, write_mcap
+from parcours.run.recording import Recorder, read_recording, write_recording
 from parcours.run.trace import TraceEvent
 from parcours.study.components.archive import Archive, Form
 from parcours.study.components.archive import rejudge as rejudge_of
@@ -30,8 +30,7 @@ from parcours_ramp.components.study import (
 )
 from parcours_ramp.planner.messages import TrajectoryResponse
 
-WRITE = {"mcap": write_mcap, "bag": write_bag}
-both = pytest.mark.parametrize("form", tuple(WRITE))
+both = pytest.mark.parametrize("form", ("mcap", "bag"))
 
 
 def archive_in(folder: Path, form: str) -> Archive:
@@ -146,7 +145,7 @@ def test_what_was_changed_in_a_recording_changes_its_verdict(form: str, what: st
     whole.functional(run)
     about = dict(read_recording(whole.path("functional", run.case.id), RampCodec()).about)
     path = tmp_path / f"changed.{form}"
-    WRITE[form](path, replace(run.execution.trace, events=tuple(events)), RampCodec(), about=about)
+    write_recording(path, replace(run.execution.trace, events=tuple(events)), RampCodec(), about=about)
     judged = rejudge(path)
     assert judged.recorded == "pass" and judged.judgement.verdict is verdict and not judged.agrees
 

@@ -15,8 +15,7 @@ import pytest
 
 from parcours.abtc import Event, serialise
 from parcours.errors import HostFailure
-from parcours.run.enforcement import disorder, enforce, instance_name
-from parcours.run.executor import Turn
+from parcours.run.enforcement import Turn, disorder, enforce, instance_name
 from parcours.run.hosts.live_enforcement import DrivenInstances
 from parcours.run.hosts.node_program import nodes_of
 from parcours.run.hosts.processes import ProcessTransport

@@ -4,9 +4,6 @@ from __future__ import annotations
 
 import functools
 import json
-import os
-import signal
-import time
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +11,7 @@ import pytest
 from click.testing import CliRunner
 
 from parcours.cli.faults import command
-from parcours.errors import BadRequest, HostFailure
+from parcours.errors import BadRequest
 from parcours.report.page import to_html
 from parcours.report.terminal import to_text
 from parcours.run.faults import FaultPlan, parse_fault, parse_plan
@@ -22,7 +19,6 @@ from parcours.run.hosts.component_faults import Death
 from parcours.run.trace import Trace
 from parcours_navigation.facts import NEVER, TRACK
 from parcours_ramp.faults.catalogue import COMPONENTS, SERVICES, TOPICS, Entry, catalogue, chosen
-from parcours_ramp.faults.isolation import Ended, run_isolated
 from parcours_ramp.faults.judging import SHOWN, CaseOutcome, Outcome, judge
 from parcours_ramp.faults.reporting import fault_document, fault_page, tables
 from parcours_ramp.faults.running import (
@@ -193,35 +189,6 @@ def test_a_robot_whose_command_is_lost_for_good_drives_on_as_it_was_told_last() 
     assert np.ptp(last["w"]) == 0.0
     assert last["v"][0] > 0.1
     assert judge(whole(ran), 4 * S, None, 12 * S).outcome is Outcome.RUNS_ON
-
-
-def _odd(item: int) -> int:
-    """Answer, hang, die or raise."""
-    if item == 1:
-        time.sleep(60.0)
-    if item == 2:
-        os.kill(os.getpid(), signal.SIGKILL)
-    if item == 3:
-        os._exit(7)
-    return item * item
-
-
-def _raises(item: int) -> int:
-    raise ValueError(f"item {item}")
-
-
-@pytest.mark.parametrize("workers", [1, 3])
-def test_a_task_that_hangs_or_dies_is_an_answer_and_costs_no_other(workers: int) -> None:
-    answers = dict(run_isolated(_odd, range(6), workers, 2.0))
-    assert [answers[k] for k in (0, 4, 5)] == [0, 16, 25]
-    assert answers[1] == Ended("hung for 2 s")
-    assert answers[2] == Ended(f"died by signal {int(signal.SIGKILL)}")
-    assert answers[3] == Ended("died with exit code 7")
-
-
-def test_a_task_that_raises_ends_the_run_by_name() -> None:
-    with pytest.raises(HostFailure, match="ValueError: item 4"):
-        list(run_isolated(_raises, [4], 1, 10.0))
 
 
 def test_one_and_two_workers_give_the_same_results() -> None:

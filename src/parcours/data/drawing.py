@@ -16,8 +16,8 @@ from parcours.data.constraints import Constraint, meets
 from parcours.data.domains import Domain
 from parcours.data.inputs import InputModel, rules_of
 from parcours.data.selecting import Rows
-from parcours.data.streams import VALUES, starts, uniforms
 from parcours.errors import BadDomain, BadRequest
+from parcours.streams import VALUES, starts, uniforms
 
 TRIES = 100_000
 """How often a row is drawn before its constraints count as unmeetable within its blocks."""

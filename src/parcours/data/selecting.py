@@ -17,8 +17,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from parcours.data.streams import ROWS, starts, uniforms
 from parcours.errors import BadRequest, require_known
+from parcours.streams import ROWS, starts, uniforms
 
 LARGEST_LISTING = 1_000_000
 """Most rows that are listed without being asked for by number."""

@@ -1,10 +1,11 @@
-"""Bytes -> a file that is either whole or absent, even if the machine stops in the middle."""
+"""Writes files that are either whole or absent, even if the machine stops in the middle."""
 
 from __future__ import annotations
 
 import contextlib
 import os
 import socket
+from collections.abc import Iterator
 from pathlib import Path
 
 from parcours.errors import BadRequest
@@ -28,19 +29,28 @@ def write_atomically(path: Path, content: bytes) -> None:
     ...     [(file.name, file.read_bytes()) for file in Path(folder).iterdir()]
     [('a', b'whole')]
     """
+    with replacing(path) as partial:
+        partial.write_bytes(content)
+
+
+@contextlib.contextmanager
+def replacing(path: Path) -> Iterator[Path]:
+    """Give the name of a file beside `path` to be written; then force it to the disk and rename it into place.
+
+    Raises:
+        BadRequest: the folder cannot be written to, or is full.
+    """
     partial = path.with_name(f".{path.name}.{_TAG.format(pid=os.getpid())}")
     try:
         try:
-            with partial.open("wb") as file:
-                file.write(content)
-                file.flush()
-                os.fsync(file.fileno())
+            yield partial
+            _sync(partial)
             partial.replace(path)
         except BaseException:
             with contextlib.suppress(OSError):
                 partial.unlink()
             raise
-        _sync_folder(path.parent)
+        _sync(path.parent)
     except OSError as error:
         raise unwritable(path, error) from error
 
@@ -91,8 +101,8 @@ def _alive(pid: int) -> bool:
     return True
 
 
-def _sync_folder(folder: Path) -> None:
-    handle = os.open(folder, os.O_RDONLY)
+def _sync(path: Path) -> None:
+    handle = os.open(path, os.O_RDONLY)
     try:
         os.fsync(handle)
     finally:

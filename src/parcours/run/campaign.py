@@ -1,4 +1,4 @@
-"""A campaign -> its results in a folder: computes the shards that are missing, in any number of workers.
+"""Computes the shards that are missing of a campaign, in any number of workers, into a folder.
 
 The results are the same bytes for any number of workers, any order, and however often it was interrupted.
 """
@@ -14,17 +14,18 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol, cast, runtime_checkable
 
-from parcours.errors import BadRequest, HostFailure, ParcoursError
+from parcours.errors import BadRequest
 from parcours.run.atomic import sweep
 from parcours.run.heartbeat import LostCase, RunsStrangers
 from parcours.run.pool import run_tasks
 from parcours.run.store import Campaign, Rows, Store, create
+from parcours.run.workers import described, failure_of
 
 Simulate = Callable[[int, int], Rows]
 """(first case, how many) -> their results, shape (how many,)."""
 
 Progress = Callable[[int, int], None]
-"""Told (cases finished, cases in all) at the start and after every shard."""
+"""Called with (cases finished, cases in all) at the start and after every shard."""
 
 
 @runtime_checkable
@@ -72,7 +73,7 @@ def run_campaign(
         simulate: the study's function, or its name "module:function". With several workers it is pickled and
             runs in processes of its own; with one worker it runs here.
         campaign: what to compute.
-        folder: where the results go; resumed if this very campaign was begun there.
+        folder: where the results go; resumed if this very campaign was started there.
         workers: number of processes, at least 1.
         progress: called in this process.
 
@@ -119,45 +120,38 @@ def run_campaign(
 
 @dataclass(frozen=True, slots=True)
 class _ComputeShard:
-    """Computes and writes one shard, in whatever process it finds itself."""
+    """Computes and writes one shard, in any process."""
 
     simulate: Simulate | str
     store: Store
 
     def __call__(self, shard: int, lost: tuple[LostCase, ...] = ()) -> None:
-        function = _resolve(self.simulate) if isinstance(self.simulate, str) else self.simulate
+        function: object = _resolve(self.simulate) if isinstance(self.simulate, str) else self.simulate
         cases = self.store.campaign.cases(shard)
-        function = _without(function, lost)
-        self.store.write(shard, function(cases.start, len(cases)))
+        if lost and isinstance(function, RunsStrangers):
+            function = function.without(lost)
+        self.store.write(shard, cast(Simulate, function)(cases.start, len(cases)))
 
 
 def _done(
     function: Simulate, task: _ComputeShard, missing: tuple[int, ...], workers: int, name: Callable[[int], str]
 ) -> Generator[int, None, None]:
     """Yield each shard once it is computed: here if one process is enough, else in workers."""
-    words = _heartbeat_words(function)
-    if not missing or (not words and (workers == 1 or len(missing) == 1)):
-        yield from (_here(task, shard, name) for shard in missing)
-        return
     runs: object = function
+    words = runs.heartbeat_words if isinstance(runs, RunsStrangers) else 0
+    if not missing or (not words and (workers == 1 or len(missing) == 1)):
+        for shard in missing:
+            try:
+                task(shard)
+            except Exception as error:
+                raise failure_of(name(shard), described(error)) from error
+            yield shard
+        return
     forks = isinstance(runs, Prepares) and runs.prepare()
     with contextlib.closing(
         run_tasks(task, missing, min(workers, len(missing)), name, heartbeat_words=words, forks=forks)
     ) as done:
         yield from done
-
-
-def _heartbeat_words(function: object) -> int:
-    """Return how many words the function shares with the parent; 0 if it runs no strangers' code."""
-    return function.heartbeat_words if isinstance(function, RunsStrangers) else 0
-
-
-def _without(function: Simulate, lost: tuple[LostCase, ...]) -> Simulate:
-    """Return the function that does not run the lost cases."""
-    runs: object = function
-    if not lost or not isinstance(runs, RunsStrangers):
-        return function
-    return cast(Simulate, runs.without(lost))
 
 
 @contextlib.contextmanager
@@ -175,17 +169,6 @@ def terminable() -> Iterator[None]:
         yield
     finally:
         signal.signal(signal.SIGTERM, before)
-
-
-def _here(task: Callable[[int], None], shard: int, name: Callable[[int], str]) -> int:
-    try:
-        task(shard)
-    except ParcoursError:
-        raise
-    except Exception as error:
-        rule = f"must be computed without an error, but raised {type(error).__name__}: {error}"
-        raise HostFailure(name(shard), rule, slug="shard-raised") from error
-    return shard
 
 
 def _resolve(dotted: str) -> Simulate:

@@ -1,8 +1,11 @@
-"""The two clocks of a host: simulated time, which jumps, and the real one, which must be waited for."""
+"""The two clocks of a host: simulated time, which jumps, and real time, which must be waited for without pauses."""
 
 from __future__ import annotations
 
+import contextlib
+import gc
 import time
+from collections.abc import Iterator
 from typing import Literal, Protocol
 
 ClockName = Literal["simulated", "wall"]
@@ -32,7 +35,7 @@ class Clock(Protocol):
 
 
 class SimulatedClock:
-    """Time that passes only when told to.
+    """Time that passes only by `advance`.
 
     >>> clock = SimulatedClock()
     >>> clock.advance(5), clock.advance(3), clock.now()
@@ -93,3 +96,23 @@ class WallClock:
     def restart(self) -> None:
         """Begin again at zero."""
         self.zero = time.perf_counter_ns()
+
+
+@contextlib.contextmanager
+def uninterrupted(wanted: bool = True) -> Iterator[None]:
+    """Run the block without garbage collection, if that is wanted; afterwards it is as it was.
+
+    A full collection lasts some 80 ms once RAMP's code is loaded: it would be taken for a component's slowness.
+
+    >>> with uninterrupted():
+    ...     gc.isenabled()
+    False
+    """
+    was = gc.isenabled()
+    if wanted:
+        gc.disable()
+    try:
+        yield
+    finally:
+        if was:
+            gc.enable()

@@ -1,4 +1,4 @@
-"""A serialised abstract case and instances of components -> a trace in its order, or the first deviation.
+"""Executes a serialised abstract case on instances of components, in its order, up to the first deviation.
 
 Each reference of the case runs in an instance of its own. A message between references is held in a gate from the
 moment it is sent until the event that receives it has its turn. Every transition that an instance really takes, and the
@@ -11,14 +11,66 @@ from __future__ import annotations
 from collections import Counter, deque
 from collections.abc import Callable, Mapping, Sequence, Set
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 from parcours.abtc import Event
 from parcours.errors import BadRequest
-from parcours.run.executor import PATIENCE, Instances, Turn
+from parcours.run.clocks import ClockName, uninterrupted
 from parcours.run.instance import Outcome
 from parcours.run.port import ENVIRONMENT
 from parcours.run.trace import SHOWN, Kind, Trace, TraceEvent
-from parcours.run.uninterrupted import uninterrupted
+
+PATIENCE = 5_000_000_000
+"""How long a turn may take on the real clock [ns] before it counts as not coming."""
+
+
+@dataclass(frozen=True, slots=True)
+class Turn:
+    """A granted event, with the message that it takes up: its number (-1 for none) and payload."""
+
+    event: Event
+    message: int = -1
+    payload: object = None
+
+
+class Instances(Protocol):
+    """Where a case's instances are, and how they learn whose turn it is."""
+
+    @property
+    def label(self) -> str:
+        """The host's name in traces."""
+
+    @property
+    def clock(self) -> ClockName:
+        """Which kind of time the outcomes are stamped with."""
+
+    @property
+    def ahead(self) -> bool:
+        """Whether several turns of an instance may be granted at once."""
+
+    def begin(self, case: str, events: Sequence[Event]) -> None:
+        """Make a fresh instance for each reference, in the order of their first events; time begins at zero."""
+
+    def sealed(self, channel: str, payload: object) -> object:
+        """Return the payload in the form in which it travels."""
+
+    def opened(self, channel: str, sealed: object) -> object:
+        """Return the payload that travelled in that form."""
+
+    def now(self) -> int:
+        """The time [ns]."""
+
+    def grant(self, turns: Sequence[Turn]) -> None:
+        """Let an instance take these turns, all of one reference, one after the other."""
+
+    def outcomes(self, patience: int) -> Sequence[tuple[int, Outcome]]:
+        """Return (reference, outcome) of turns that are over, in each one's order; nothing after `patience` [ns]."""
+
+    def views(self) -> dict[int, tuple[str, object]]:
+        """Return what instances show of themselves, as sealed payloads of a channel, by reference."""
+
+    def end(self) -> None:
+        """Forget the case."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,7 +143,7 @@ def enforce(
         case: id of the case.
         strict: keep the serialised order itself, one turn at a time over all instances; else any order that the case
             leaves open (`Event.after`, `Event.before`), instances at the same time.
-        patience: so long a turn may take [ns].
+        patience: how long a turn may take [ns].
 
     Raises:
         BadRequest: an event receives from an event that is not before it.

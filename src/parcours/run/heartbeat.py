@@ -1,13 +1,15 @@
-"""Words that a worker shares with its parent -> which case it is on, and whether what it runs there has hung or died.
+"""Memory that a worker shares with its parent, and in which it says where it is: which case, since when, or in words.
 
-Code of strangers may hang where no signal reaches it, or take its process down. So a study that runs such code writes
-into a shared array where it is; the parent ends a worker that stays too long, and the cases lost are told to the next.
+Foreign code may hang where no signal reaches it, or take its process down. So what runs such code writes here where it
+is; the parent ends a worker that stays too long, and knows what it was at.
 """
 
 from __future__ import annotations
 
+import ctypes
+import math
 from dataclasses import dataclass
-from typing import Literal, Protocol, Self, runtime_checkable
+from typing import Any, Literal, Protocol, Self, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,10 +18,13 @@ CASE, TIME, LIMIT = range(3)
 """The words: number of the case, or NO_CASE; how far it is [ns]; how long it may stay there [s of wall clock]."""
 
 NO_CASE = -1.0
-"""The word CASE while no stranger's code is run."""
+"""The word CASE while no foreign code is run."""
 
 POLL = 0.1
 """How often a parent looks [s]."""
+
+_TEXT = 512
+"""For the place in words [bytes]."""
 
 Words = NDArray[np.float64]
 
@@ -54,13 +59,22 @@ class RunsStrangers(Protocol):
 
 
 _shared: Words | None = None
+_place: Any = None
 
 
-def share(words: Words) -> None:
-    """Make the parent's array this process's own; called once when a worker begins."""
-    global _shared
-    _shared = words
-    words[CASE] = NO_CASE
+def new_block(context: Any, n_words: int) -> Any:
+    """Return memory for a worker of a multiprocessing context to share."""
+    return context.RawArray(ctypes.c_double, [NO_CASE] * max(n_words, 3) + [0.0] * (_TEXT // 8))
+
+
+def share(block: Any) -> None:
+    """Make the parent's memory this process's own; called once when a worker starts."""
+    global _shared, _place
+    _shared, _place = _parts(np.frombuffer(block))
+
+
+def _parts(block: Words) -> tuple[Words, NDArray[np.uint8]]:
+    return block[: -_TEXT // 8], block[-_TEXT // 8 :].view(np.uint8)
 
 
 def words(size: int) -> Words:
@@ -72,26 +86,47 @@ def words(size: int) -> Words:
     return fresh
 
 
+def write_place(text: str) -> None:
+    """Say in words what is started now; does nothing in a process that is no worker."""
+    if _place is not None:
+        _place[:] = np.frombuffer(text.encode()[: _TEXT - 1].ljust(_TEXT, b"\0"), np.uint8)
+
+
 class Watch:
     """The parent's view of one worker: how often it was found at the same place.
 
     Looks are counted, not seconds, so that a campaign that is stopped as a whole (Ctrl-Z) does not count as hung.
+
+    Args:
+        block: shared with the worker.
+        patience: how long the worker may give no sign of life while it is on no case [s].
     """
 
-    def __init__(self, words: Words) -> None:
-        self._words = words
-        self._seen = (NO_CASE, 0.0)
+    def __init__(self, block: Any, patience: float = math.inf) -> None:
+        self._words, self._place = _parts(np.frombuffer(block))
+        self._patience = patience
+        self._seen = (NO_CASE, 0.0, b"")
         self._looks = 0
 
     def has_hung(self) -> bool:
-        """Return whether the worker has stayed at one place for half as long again as it may.
+        """Return whether the worker has stayed at one place for longer than it may: on a case half as long again.
 
-        Each call counts as POLL: a caller lets at least so much time pass between two.
+        Each call counts as POLL: a caller lets at least that time pass between two.
         """
-        now = (float(self._words[CASE]), float(self._words[TIME]))
+        now = (float(self._words[CASE]), float(self._words[TIME]), self._place.tobytes())
         self._looks = self._looks + 1 if now == self._seen else 0
         self._seen = now
-        return now[0] != NO_CASE and self._looks * POLL > 1.5 * float(self._words[LIMIT]) + 0.5
+        limit = self._patience if now[0] == NO_CASE else 1.5 * float(self._words[LIMIT]) + 0.5
+        return self._looks * POLL > limit
+
+    def restart(self) -> None:
+        """Count from here: the worker has given another sign of life."""
+        self._looks = 0
+
+    @property
+    def place(self) -> str:
+        """Where the worker was last, in its words."""
+        return self._place.tobytes().rstrip(b"\0").decode("utf-8", "ignore")
 
     def lost(self, how: Literal["hung", "died"], detail: str) -> LostCase | None:
         """Return the case on which the worker was when it ended; None if it was on none."""

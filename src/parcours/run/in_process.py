@@ -9,8 +9,7 @@ from dataclasses import replace
 from parcours.abtc import Event
 from parcours.errors import ParcoursError
 from parcours.run.clocks import Clock, ClockName, SimulatedClock
-from parcours.run.enforcement import Execution, enforce
-from parcours.run.executor import Turn
+from parcours.run.enforcement import Execution, Turn, enforce
 from parcours.run.instance import Instance, Outcome
 from parcours.run.port import Component, Step
 

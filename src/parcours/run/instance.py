@@ -1,4 +1,4 @@
-"""One instance of a component -> the transitions it takes when it is its turn, one at a time.
+"""Lets one instance of a component take a transition when it is its turn.
 
 The same rule holds in this process, in a process of its own and on ROS: work that is under way goes on first; if there
 is none, the message that the turn awaits is taken up, or the instance is prompted; if a prompt moves nothing, time goes

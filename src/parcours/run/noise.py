@@ -1,7 +1,7 @@
-"""An empty loop beside the repeats of a run -> the noise of the machine: what it adds to work that needs no time.
+"""Measures the noise of the machine between the repeats of a run: what it adds to work that needs no time.
 
-One sample has the shape of an interaction between processes without its content: so many round trips to a bare
-process that sleeps until it is woken, then so much work of the processor, of which only what was lost counts
+One sample has the shape of an interaction between processes without its content: some round trips to a bare
+process that sleeps until it is woken, then some work of the processor, of which only what was lost counts
 (interrupts, other processes: the detours of Beckman et al., CLUSTER 2006, in a fixed quantum of work as of Sottile
 & Minnich, CLUSTER 2004). A sample of another shape tells little: what runs ten times as long is interrupted ten
 times as often.
@@ -81,7 +81,7 @@ class Noise:
 
 
 def noise_of(listed: object) -> Noise:
-    """Return the noise of a list that `Noise.listed` gave. Raises ValueError if it is none.
+    """Return the noise of a list that `Noise.listed` gave. Raises ValueError if it is not one.
 
     >>> noise_of(Noise((1, 5), "2 round trips").listed()).max
     5

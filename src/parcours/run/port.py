@@ -1,8 +1,7 @@
 """What a system under test offers to a host, and the links between its components: structural types only.
 
-A component does no input or output of its own. It is told of a message, or that its time has come, and
-answers with the transitions of the model that it really takes, one at a time; the host decides when the next
-one may happen.
+A component does no input or output of its own. When it is given a message, or its time has come, it answers with the
+transitions of the model that it really takes, one at a time; the host decides when the next one may happen.
 """
 
 from __future__ import annotations

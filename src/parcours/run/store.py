@@ -1,7 +1,7 @@
-"""Shards of results <-> a folder: each shard a NumPy file, written once, whole or not at all, with SHA-256.
+"""Keeps results in a folder: each shard a NumPy file, written once, whole or not at all, with SHA-256.
 
 A shard holds the results of consecutive cases as a structured array without padding, little-endian: the same
-bytes whoever computes it. `campaign.json` says what the shards are results of. A shard is finished when its
+bytes on any machine. `campaign.json` says what the shards are results of. A shard is finished when its
 sum stands.
 """
 
@@ -127,8 +127,7 @@ class Store:
             rule = f"must give {len(cases)} records of {dtype}, but gave shape {rows.shape} of {rows.dtype}"
             raise HostFailure(f"cases {cases.start}..{cases.stop - 1}", rule, slug="shard-shape")
         buffer = io.BytesIO()
-        packed = np.zeros(len(cases), dtype)  # padding of the given array is never copied: fields are
-        _copy_fields(rows, packed)
+        packed = rows.astype(dtype)  # field by field: padding of the given array is never copied
         np.lib.format.write_array(buffer, packed, version=(1, 0), allow_pickle=False)
         content = buffer.getvalue()
         path = self.path(shard)
@@ -190,11 +189,11 @@ class Store:
 
 
 def create(folder: Path, campaign: Campaign) -> Store:
-    """Return the store of this campaign in `folder`: begun there now, or begun earlier and to be resumed.
+    """Return the store of this campaign in `folder`: started there now, or earlier and to be resumed.
 
     Args:
         folder: is made if it does not exist; may hold nothing else.
-        campaign: must be the one begun there, if one was.
+        campaign: must be the one started there, if one was.
 
     Raises:
         BadRequest: the folder cannot be written to.
@@ -319,14 +318,6 @@ def _text(value: object) -> str:
 def _plain(dtype: np.dtype[np.void]) -> np.dtype[np.void]:
     plain: np.dtype[np.void] = repack_fields(dtype.newbyteorder("<"), recurse=True)
     return plain
-
-
-def _copy_fields(source: Rows, target: Rows) -> None:
-    for name in target.dtype.names or ():
-        if target.dtype[name].names is None:
-            target[name] = source[name]
-        else:
-            _copy_fields(source[name], target[name])
 
 
 def _tuples(descr: object) -> object:

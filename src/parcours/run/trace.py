@@ -1,4 +1,4 @@
-"""What happened in a run, in order of time: one form of record from every host, and its file.
+"""What happened in a run, in order of time: one form of record from every host, its repeats, and its file.
 
 Verdicts are predicates over this record. Payloads stay in memory: a file holds none, since a replay is a
 re-simulation.
@@ -8,9 +8,11 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Literal, get_args
+from typing import Any, Literal
+
+import msgspec
 
 from parcours.errors import BadResults
 from parcours.run.atomic import write_atomically
@@ -29,8 +31,15 @@ SHOWN = "shown"
 REPEAT = "repeat"
 """The text of the note that parts one repeat of an exercise from the next: no duration reaches across it."""
 
-_KINDS: dict[str, Kind] = {kind: kind for kind in get_args(Kind)}
-_CLOCKS: dict[str, ClockName] = {clock: clock for clock in get_args(ClockName)}
+_Line = tuple[int, Kind, str, str, str, int, str]
+"""An event in a file: the fields of a TraceEvent but its payload."""
+
+
+class _Head(msgspec.Struct):
+    clock: ClockName
+    host: str
+    case: str
+    noise: list[object] | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,6 +128,47 @@ def held(trace: Trace) -> dict[int, int]:
     return kept
 
 
+class Row:
+    """Puts repeats one behind the other: times go on, and so do the numbers of messages.
+
+    >>> row = Row()
+    >>> one = (TraceEvent(5, "send", "A", message=0), TraceEvent(9, "take", "A", "p1"))
+    >>> [event.time for event in row.next(one)], [event.time for event in row.next(one)]
+    ([0, 5, 9], [9, 14, 18])
+    """
+
+    def __init__(self) -> None:
+        self._elapsed = self._number = 0
+
+    def next(self, events: tuple[TraceEvent, ...]) -> list[TraceEvent]:
+        """Return the events of the next repeat, and the note before them."""
+        begin, first = self._elapsed, self._number
+        placed = [TraceEvent(begin, "note", text=REPEAT)]
+        for event in events:
+            number = event.message + first if event.message >= 0 else -1
+            placed.append(replace(event, time=event.time + begin, message=number))
+            self._number = max(self._number, number + 1)
+        self._elapsed = placed[-1].time
+        return placed
+
+
+def repeats(trace: Trace) -> list[Trace]:
+    """Return the repeats of a trace that `Row` has made, each with the times it has there.
+
+    >>> row = Row()
+    >>> events = (TraceEvent(1, "take", "A", "p1"),)
+    >>> len(repeats(Trace("wall", (*row.next(events), *row.next(events)))))
+    2
+    """
+    parts: list[list[TraceEvent]] = []
+    for event in trace.events:
+        if event.kind == "note" and event.text == REPEAT:
+            parts.append([])
+        elif parts:
+            parts[-1].append(event)
+    return [Trace(trace.clock, tuple(part), trace.host, trace.case, trace.noise) for part in parts]
+
+
 def write_trace(path: Path, trace: Trace) -> None:
     """Write the trace as JSON Lines: a header, one array an event, and a last line that counts them.
 
@@ -154,29 +204,34 @@ def read_trace(path: Path) -> Trace:
         lines = path.read_text(encoding="utf-8").split("\n")
     except (OSError, UnicodeDecodeError) as error:
         raise BadResults(str(path), f"must be a readable trace file, but: {error}", slug="trace-unreadable") from error
-    head = _parsed(path, 1, lines[0])
-    if not isinstance(head, dict) or head.get("parcours") != FORMAT:
-        given = head.get("parcours") if isinstance(head, dict) else None
+    head = _parsed(path, 1, lines[0], object)
+    given = head.get("parcours") if isinstance(head, dict) else None
+    if given != FORMAT:
         raise BadResults(
             f"{path}:1",
             f"a trace begins with the format {FORMAT!r}, but this file names {given!r}",
             "read it with the version of Parcours that wrote it, or run the case again",
             slug="trace-version",
         )
-    last = _tail(lines)
-    if last is None or lines[-1] != "":
+    if (
+        len(lines) < 3
+        or lines[-1] != ""
+        or _parsed(path, len(lines) - 1, lines[-2], object) != {"events": len(lines) - 3}
+    ):
         raise BadResults(
             str(path),
             f"a trace ends with the count of its {len(lines) - 2} events, but this file is cut short",
             "run the case again",
             slug="trace-cut-short",
         )
-    noise, clock, host, case = (head.get(key) for key in ("noise", "clock", "host", "case"))
-    if not (isinstance(clock, str) and clock in _CLOCKS and isinstance(host, str) and isinstance(case, str)):
-        raise _malformed(path, 1, lines[0])
+    said = _parsed(path, 1, lines[0], _Head)
+    try:
+        noise = None if said.noise is None else noise_of(said.noise)
+    except ValueError as error:
+        raise _malformed(path, 1, lines[0]) from error
     events: list[TraceEvent] = []
     for number, line in enumerate(lines[1:-2], start=2):
-        events.append(_event(path, number, line))
+        events.append(TraceEvent(*_parsed(path, number, line, _Line)))
         if len(events) > 1 and events[-1].time < events[-2].time:
             raise BadResults(
                 f"{path}:{number}",
@@ -184,37 +239,13 @@ def read_trace(path: Path) -> Trace:
                 "the file was edited or mixed up: run the case again",
                 slug="trace-backwards",
             )
-    return Trace(_CLOCKS[clock], tuple(events), host, case, _noise(path, lines[0], noise))
+    return Trace(said.clock, tuple(events), said.host, said.case, noise)
 
 
-def _noise(path: Path, line: str, given: object) -> Noise | None:
+def _parsed(path: Path, number: int, line: str, kind: Any) -> Any:
     try:
-        return None if given is None else noise_of(given)
-    except ValueError as error:
-        raise _malformed(path, 1, line) from error
-
-
-def _tail(lines: list[str]) -> int | None:
-    try:
-        tail = json.loads(lines[-2]) if len(lines) > 2 else None
-    except (ValueError, RecursionError):
-        return None
-    count = tail.get("events") if isinstance(tail, dict) else None
-    return count if isinstance(count, int) and count == len(lines) - 3 else None
-
-
-def _event(path: Path, number: int, line: str) -> TraceEvent:
-    match _parsed(path, number, line):
-        case [int(time), str(kind), str(component), str(transition), str(channel), int(message), str(text)]:
-            if kind in _KINDS:
-                return TraceEvent(time, _KINDS[kind], component, transition, channel, message, text)
-    raise _malformed(path, number, line)
-
-
-def _parsed(path: Path, number: int, line: str) -> object:
-    try:
-        return json.loads(line)
-    except (ValueError, RecursionError) as error:
+        return msgspec.json.decode(line, type=kind)
+    except (msgspec.DecodeError, RecursionError) as error:
         raise _malformed(path, number, line) from error
 
 

@@ -5,12 +5,11 @@ from __future__ import annotations
 import contextlib
 import inspect
 import io
-import multiprocessing
 import traceback
 from collections.abc import Iterator
-from multiprocessing.connection import Connection
 
 from parcours.errors import BadRequest
+from parcours.run.workers import Crew, Done, Lost, failure_of
 from parcours_navigation.checking.finding import Finding, OutOfPatience, error, note, warning
 from parcours_navigation.checking.scenes import copied, script, standard_task
 from parcours_navigation.checking.subject import Speeds, Subject, replayed
@@ -94,26 +93,20 @@ def same_in_own_process(subject: Subject) -> Iterator[Finding]:
         yield note("not-found-elsewhere", "it has no name that another process could find it by, so that was not tried")
         return
     task = standard_task()
-    context = multiprocessing.get_context("spawn")
-    ours, theirs = context.Pipe()
-    process = context.Process(target=_answer_script, args=(theirs, subject.name), daemon=True)
-    process.start()
-    theirs.close()
-    try:
-        there: list[Speeds] | str | None = ours.recv() if ours.poll(_PATIENCE) else None
-    except (EOFError, OSError):
-        process.join()
-        seen = f"a process of its own died with exit code {process.exitcode} before it had answered"
+    with contextlib.closing(Crew(_answer_script, 1, patience=_PATIENCE)) as crew:
+        crew.pending.append((0, (subject.name,)))
+        [(_, answer)] = crew.answers()
+    if isinstance(answer, Lost) and answer.how == "died":
+        seen = f"a process of its own died with exit code {answer.status} before it had answered"
         yield error("process-dies", seen, "look for crashes of compiled code, and for calls of sys.exit")
         return
-    finally:
-        process.kill()
-        process.join()
-        ours.close()
-    if there is None:
+    if isinstance(answer, Lost):
         remedy = "look for waiting and endless loops in reset and observe"
         yield error("process-hangs", f"no answers within {_PATIENCE:.0f} s", remedy)
         return
+    if not isinstance(answer, Done):
+        raise failure_of("a process of its own", answer)
+    there = answer.result
     try:
         here = replayed(subject, task, script(task))  # what it raises here too is not for want of a caller
     except BadAnswer:
@@ -128,18 +121,16 @@ def same_in_own_process(subject: Subject) -> Iterator[Finding]:
         yield error("process-differs", seen, remedy)
 
 
-def _answer_script(line: Connection, name: str) -> None:
-    """Answer the script in a process of its own, and send the speeds, or what was raised."""
+def _answer_script(name: str) -> list[Speeds] | str:
+    """Return the speeds that answer the script in a process of its own, or what was raised."""
     from parcours_navigation.checking.loading import load_subject
 
-    answers: object
     try:
         with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
             task = standard_task()
-            answers = replayed(load_subject(name), task, script(task))
+            return replayed(load_subject(name), task, script(task))
     except BaseException as raised:  # also SystemExit, which would end the process without a word
-        answers = where_raised(raised)
-    line.send(answers)
+        return where_raised(raised)
 
 
 def is_quiet(subject: Subject) -> Iterator[Finding]:

@@ -1,20 +1,14 @@
-"""A planner's name -> the battery's report, made in a process of its own: a planner that ends or blocks it is told."""
+"""Checks a planner in a process of its own, so that a planner that ends or blocks the process is reported, too."""
 
 from __future__ import annotations
 
 import contextlib
-import multiprocessing
-import signal
 from collections.abc import Callable, Sequence
-from multiprocessing.connection import Connection
 
-from parcours.errors import ParcoursError
+from parcours.run.workers import Crew, Done, Lost, failure_of, tell
 from parcours_navigation.checking.battery import CHECKS, Report, run_battery
 from parcours_navigation.checking.finding import Finding, error
 from parcours_navigation.checking.loading import load_subject
-
-_LOOK = 0.1
-"""How often the process is looked at [s]; looks are counted, so that a stopped machine (Ctrl-Z) is not waited for."""
 
 _GRACE = 60.0
 """A process may be silent for so much longer than one check may take [s]: it imports, and compiles."""
@@ -40,36 +34,28 @@ def check_apart(
     Raises:
         BadRequest: the planner's name leads nowhere, or a check is unknown.
     """
-    context = multiprocessing.get_context("spawn")
-    ours, theirs = context.Pipe()
-    process = context.Process(target=_check, args=(theirs, planner, names, patience))
-    process.start()
-    theirs.close()
     wanted = list(CHECKS) if names is None else list(names)
     done = -1  # while it is loaded
-    try:
-        while True:
-            try:
-                if not any(ours.poll(_LOOK) for _ in range(round((patience + grace) / _LOOK))):
-                    seen = f"no sign of life for {patience + grace:g} s, and no signal ended it"
-                    remedy = "look for endless loops in compiled code, or give it more patience"
-                    return _cut_short(planner, wanted, done, error("process-hangs", seen, remedy))
-                heard = ours.recv()
-            except (EOFError, OSError):
-                process.join()
-                seen = f"it ended the process that it was checked in, with exit code {process.exitcode}"
-                remedy = "look for crashes of compiled code, and for calls of os._exit"
-                return _cut_short(planner, wanted, done, error("process-dies", seen, remedy))
-            if isinstance(heard, Report):
-                return heard
-            if isinstance(heard, ParcoursError):
-                raise heard
-            done = heard[1]
-            progress(*heard)
-    finally:
-        process.kill()
-        process.join()
-        ours.close()
+
+    def heard(said: tuple[str, int, int]) -> None:
+        nonlocal done
+        done = said[1]
+        progress(*said)
+
+    with contextlib.closing(Crew(_check, 1, patience=patience + grace, heard=heard)) as crew:
+        crew.pending.append((0, (planner, names, patience)))
+        [(_, answer)] = crew.answers()
+    if isinstance(answer, Done):
+        return answer.result
+    if not isinstance(answer, Lost):
+        raise failure_of(f"planner {planner}", answer)
+    if answer.how == "hung":
+        seen = f"no sign of life for {patience + grace:g} s, and no signal ended it"
+        remedy = "look for endless loops in compiled code, or give it more patience"
+        return _cut_short(planner, wanted, done, error("process-hangs", seen, remedy))
+    seen = f"it ended the process that it was checked in, with exit code {answer.status}"
+    remedy = "look for crashes of compiled code, and for calls of os._exit"
+    return _cut_short(planner, wanted, done, error("process-dies", seen, remedy))
 
 
 def _cut_short(planner: str, wanted: list[str], done: int, found: Finding) -> Report:
@@ -81,15 +67,5 @@ def _cut_short(planner: str, wanted: list[str], done: int, found: Finding) -> Re
     return Report(planner, (whole,), tuple(wanted[:made]), tuple(wanted[made:]))
 
 
-def _check(line: Connection, planner: str, names: Sequence[str] | None, patience: float) -> None:
-    """Run the battery, and send its progress and its report, or why there can be none."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's to handle
-    with contextlib.suppress(BrokenPipeError):
-        try:
-            report = run_battery(
-                load_subject(planner), names, patience=patience, progress=lambda *told: line.send(told)
-            )
-        except ParcoursError as refused:
-            line.send(refused)
-        else:
-            line.send(report)
+def _check(planner: str, names: Sequence[str] | None, patience: float) -> Report:
+    return run_battery(load_subject(planner), names, patience=patience, progress=lambda *said: tell(said))

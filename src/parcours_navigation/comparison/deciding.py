@@ -1,20 +1,18 @@
-"""A planner and a few of its own tracks -> how long its decisions take on this machine, measured in another process."""
+"""Measures in another process how long the decisions of a planner take on this machine, on what it saw in its cases."""
 
 from __future__ import annotations
 
 import contextlib
 import math
-import tempfile
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
 from parcours.errors import ParcoursError
 from parcours.run import heartbeat as heartbeat
-from parcours.run.pool import run_tasks
+from parcours.run.workers import Crew, Done, Lost, failure_of
 from parcours_navigation.arena.obstacles import move
 from parcours_navigation.comparison.results import DecisionTimes
 from parcours_navigation.facts import TRACK_PERIOD
@@ -40,31 +38,33 @@ def decision_times(
         patience: neither a case nor, in it, a decision begins after this time [s of wall clock].
     """
     begun, failed = time.monotonic(), ""
-    with tempfile.TemporaryDirectory() as folder:
-        task = _TimeCase(study, Path(folder), patience)
-        forks = len(numbers) > 0 and study.prepare()
-        try:
-            with contextlib.closing(
-                run_tasks(task, numbers, 1, _name, heartbeat_words=study.heartbeat_words, forks=forks)
-            ) as done:
-                for _ in done:
-                    if time.monotonic() - begun > patience:
-                        break
-        except ParcoursError as failure:
-            failed = f"its decisions could not be timed: {failure.rule}"
-        taken = [np.load(file) for file in sorted(Path(folder).glob("*.npy"))]
-        told = [file.read_text() for file in sorted(Path(folder).glob("*.txt"))]
+    taken: list[float] = []
+    told: list[str] = []
+    forks = len(numbers) > 0 and study.prepare()
+    try:
+        with contextlib.closing(
+            Crew(_TimeCase(study, patience), 1, forks=forks, n_words=study.heartbeat_words)
+        ) as crew:
+            crew.pending.extend((number, (number,)) for number in numbers)
+            for number, answer in crew.answers():
+                if isinstance(answer, Done):
+                    taken += answer.result[0]
+                    told += [answer.result[1]] if answer.result[1] else []
+                elif isinstance(answer, Lost):
+                    told.append("did not answer" if answer.how == "hung" else f"died: its process {answer.ending}")
+                else:
+                    raise failure_of(f"the timing of case {number}", answer)
+                if time.monotonic() - begun > patience:
+                    break
+    except ParcoursError as failure:
+        failed = f"its decisions could not be timed: {failure.rule}"
     if told and not failed:
         failed = f"in {len(told)} of {len(numbers)} cases its decisions could not be timed: there it {told[0]}"
-    times = np.concatenate(taken) if taken else np.zeros(0)
-    if not len(times):
+    if not taken:
         return None, failed
+    times = np.array(taken)
     median, p99 = (float(np.quantile(times, q)) for q in (0.5, 0.99))
     return DecisionTimes(median, p99, float(times.max()), len(times)), failed
-
-
-def _name(number: int) -> str:
-    return f"the timing of case {number}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,30 +73,22 @@ class _TimeCase:
 
     Attributes:
         study: the planner on its cases.
-        folder: gets a file of the times [us], or one of words on what went wrong.
         patience: no further decision is timed after this time [s of wall clock].
     """
 
     study: NavigationStudy
-    folder: Path
     patience: float
 
-    def __call__(self, number: int, lost: tuple[heartbeat.LostCase, ...]) -> None:
-        """Time one case, unless it is lost."""
-        for case in lost:
-            said = "did not answer" if case.how == "hung" else f"died: its process {case.detail}"
-            (self.folder / f"{number}.txt").write_text(said)
-        if lost:
-            return
+    def __call__(self, number: int) -> tuple[list[float], str]:
+        """Return the times of one case [us], and what went wrong, or ""."""
         words = heartbeat.words(self.study.heartbeat_words)
         _at(words, number, -1.0, FIRST_CASE * self.study.scenario.call_timeout)  # it is loaded here
         plugin = load_planner(self.study.located)
         facts, track, _ = self.study.track(number)
         if facts[0]["error"]:
-            said = facts[0]["reason"].decode("utf-8", "replace")
-            (self.folder / f"{number}.txt").write_text(f"failed: {said}")
-            return
+            return [], f"failed: {facts[0]['reason'].decode('utf-8', 'replace')}"
         taken: list[float] = []
+        wrong = ""
         limit = self.study.scenario.call_timeout
         seen = _observations(self.study, number, track)
         try:
@@ -115,10 +107,10 @@ class _TimeCase:
                     if after - begun > self.patience:
                         break
         except BaseException as raised:  # also SystemExit
-            (self.folder / f"{number}.txt").write_text(f"raised {type(raised).__name__}")
+            wrong = f"raised {type(raised).__name__}"
         finally:
             words[heartbeat.CASE] = heartbeat.NO_CASE
-        np.save(self.folder / f"{number}.npy", np.array(taken))
+        return taken, wrong
 
 
 def _at(words: heartbeat.Words, number: int, now: float, limit: float) -> None:

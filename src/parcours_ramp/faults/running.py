@@ -6,6 +6,7 @@ without closing the gap to any obstacle, under both schedules, whichever is aske
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -15,9 +16,9 @@ from numpy.typing import NDArray
 
 from parcours.errors import BadRequest, HostFailure, require_known
 from parcours.run.faults import FaultPlan
+from parcours.run.workers import Crew, Done, Lost, failure_of
 from parcours_navigation.facts import NEVER
 from parcours_ramp.faults.catalogue import Entry
-from parcours_ramp.faults.isolation import Ended, run_isolated
 from parcours_ramp.faults.judging import CaseOutcome, Outcome, judge
 from parcours_ramp.planner.latency import none
 from parcours_ramp.system.component_form import run_components
@@ -140,7 +141,7 @@ def run_faults(
         schedules: each "original" or "guarded".
         seed: of the cases and of what befalls which message.
         cases: how many cases an entry, at least 1.
-        workers: how many processes; each case has one of its own.
+        workers: how many processes.
         patience: a case that takes longer is an error [s of wall clock].
         progress: told what is done, how much of it, and of how much.
 
@@ -160,11 +161,18 @@ def run_faults(
         for number, t_goal in zip(numbers, reached, strict=True)
     ]
     found: list[CaseOutcome | None] = [None] * len(trials)
-    for done, (index, answer) in enumerate(run_isolated(run_trial, trials, workers, patience), 1):
-        if isinstance(answer, Ended):
-            answer = CaseOutcome(trials[index].number, Outcome.ERROR, detail=f"its process {answer.why}")
-        found[index] = answer
-        progress("cases under a fault", done, len(trials))
+    with contextlib.closing(Crew(run_trial, workers, forks=True, patience=patience)) as crew:
+        crew.pending.extend((index, (trial,)) for index, trial in enumerate(trials))
+        for done, (index, answer) in enumerate(crew.answers(), 1):
+            number = trials[index].number
+            if isinstance(answer, Lost):
+                why = f"hung for {patience:g} s" if answer.how == "hung" else answer.ending
+                found[index] = CaseOutcome(number, Outcome.ERROR, detail=f"its process {why}")
+            elif isinstance(answer, Done):
+                found[index] = answer.result
+            else:
+                raise failure_of(f"case {number}", answer)
+            progress("cases under a fault", done, len(trials))
     rows = []
     for place, (schedule, entry) in enumerate((schedule, entry) for schedule in schedules for entry in entries):
         outcomes = found[place * cases : (place + 1) * cases]

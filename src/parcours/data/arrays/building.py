@@ -19,9 +19,9 @@ from parcours.data.arrays.growing import grow
 from parcours.data.arrays.other_engine import MAX_MUST, MAX_TUPLES, covertable_rows
 from parcours.data.arrays.shrinking import repair, table_of
 from parcours.data.rules import UndecidedError
-from parcours.data.streams import ROWS, starts
 from parcours.errors import BadRequest
 from parcours.kernels import IS_COMPILED
+from parcours.streams import ROWS, starts
 
 _SHARE = 1 if IS_COMPILED else 100  # plain Python looks up a hundredth in the same time, and so gets no more to do
 

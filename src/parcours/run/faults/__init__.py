@@ -1,9 +1,8 @@
-"""Faults on purpose: a seeded plan -> what befalls each message of a channel, and each component, on every host."""
+"""Faults on purpose: a seeded plan decides what happens to each message of a channel and to each component."""
 
 from parcours.run.faults.corruption import HOWS, FlatCodec, How, corrupted, corrupted_bytes
-from parcours.run.faults.effects import UNTOUCHED, Effect, Effects
+from parcours.run.faults.effects import UNTOUCHED, Effect, Effects, Signal, signals
 from parcours.run.faults.plan import NO_FAULTS, ChannelFault, ComponentFault, Fault, FaultPlan
-from parcours.run.faults.signals import Signal, signals
 from parcours.run.faults.text import parse_fault, parse_plan, plan_from_json, read_plan
 
 __all__ = [

@@ -1,4 +1,4 @@
-"""The content of a message and a seed -> the content changed, in a way that the seed decides.
+"""Changes the content of a message in a way that a seed decides.
 
 Messages are changed in their flat form, a tuple of typed fields (float, int, bool, arrays of numbers), so that what
 arrives is still of the right types; a length that is wrong is for the receiver to refuse.
@@ -6,12 +6,14 @@ arrives is still of the right types; a length that is wrong is for the receiver 
 
 from __future__ import annotations
 
-import hashlib
+import itertools
 import struct
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, Literal, Protocol, cast, get_args
 
 import numpy as np
+
+from parcours.streams import hashed
 
 How = Literal["any", "sign", "bit", "scale", "nan", "length"]
 """sign: a number is negated, a flag inverted. bit: one bit of a number is flipped; of whole numbers one of the lower
@@ -107,10 +109,7 @@ def corrupted_message(codec: BytesCodec, channel: str, data: bytes, seed: int, h
 
 
 def _words(seed: int) -> Words:
-    k = 0
-    while True:
-        yield int.from_bytes(hashlib.blake2b(b"%d %d" % (seed, k), digest_size=8).digest(), "little")
-        k += 1
+    return (hashed(b"%d %d" % (seed, k), 1)[0] for k in itertools.count())
 
 
 def _is_array(value: object) -> bool:

@@ -1,7 +1,7 @@
 """What shall go wrong, where, when and how much: plain data that stands in a case, on a command line, or in a file.
 
-All times are whole nanoseconds since the run began. A plan says nothing of chance but its seed: what befalls which
-message follows from it (`effects`).
+All times are whole nanoseconds since the run began. A plan says nothing of chance but its seed: what happens to
+which message follows from it (`effects`).
 """
 
 from __future__ import annotations
@@ -15,16 +15,15 @@ from typing import Literal, TypeAlias, get_args
 
 from parcours.errors import BadRequest, one_of
 from parcours.run.faults.corruption import HOWS, How
-from parcours.run.faults.figures import percent_text, plain, time_text
 
 ChannelKind = Literal["delay", "jitter", "drop", "duplicate", "reorder", "corrupt"]
-"""delay: it arrives so much later, in order. jitter: up to so much later, in order. drop: it is lost. duplicate: it
-arrives twice, the second time so much later. reorder: it is held back for so long while later ones overtake it.
-corrupt: its content is changed."""
+"""delay: it arrives later by the time given, in order. jitter: by up to that time, in order. drop: it is lost.
+duplicate: it arrives twice, the second time later. reorder: it is held back while later ones overtake it. corrupt: its
+content is changed."""
 
 ComponentKind = Literal["crash", "freeze", "slow_down"]
 """crash: it is gone for good, and all that waits for it. freeze: it does nothing for a while, then goes on. slow_down:
-all it does takes so many times as long."""
+all it does takes several times as long."""
 
 CHANNEL_KINDS: tuple[ChannelKind, ...] = get_args(ChannelKind)
 COMPONENT_KINDS: tuple[ComponentKind, ...] = get_args(ComponentKind)
@@ -43,17 +42,17 @@ WORK = 1_000_000
 
 @dataclass(frozen=True, slots=True)
 class ChannelFault:
-    """What befalls the messages of one channel.
+    """What happens to the messages of one channel.
 
     Attributes:
         channel: by the model's name.
-        kind: what befalls them.
-        probability: that it befalls one of them.
+        kind: what happens to them.
+        probability: that it happens to one of them.
         amount_ns: how long, for those kinds that last [ns].
         how: in which way a message is corrupted.
-        from_ns: it befalls messages sent from then on [ns] ...
-        until_ns: ... and before then [ns]; None is for ever.
-        messages: first and last number of those it may befall, counted on the channel from 0; None is all.
+        from_ns: it happens to messages sent from then on [ns] ...
+        until_ns: ... and before then [ns]; None is without end.
+        messages: first and last number of those it may happen to, counted on the channel from 0; None is all.
 
     Raises:
         BadRequest: a value is out of its range, or has no meaning for the kind.
@@ -75,7 +74,7 @@ class ChannelFault:
         where = f"fault of channel {self.channel!r}"
         _require_name(where, self.channel)
         if self.kind not in CHANNEL_KINDS:
-            rule = f"what befalls a channel must be a known kind, but {self.kind!r} was given"
+            rule = f"what happens to a channel must be a known kind, but {self.kind!r} was given"
             raise BadRequest(where, rule, one_of(str(self.kind), CHANNEL_KINDS), slug="fault-kind")
         if not 0.0 < self.probability <= 1.0:
             rule = f"its share of messages must be above 0 and at most 100 %, but is {percent_text(self.probability)}"
@@ -95,7 +94,7 @@ class ChannelFault:
             raise BadRequest(where, rule, slug="fault-range")
 
     def reaches(self, k: int, time: int) -> bool:
-        """Return whether it may befall the k-th message of its channel (from 0), sent at `time` [ns]."""
+        """Return whether it may happen to the k-th message of its channel (from 0), sent at `time` [ns]."""
         if time < self.from_ns or (self.until_ns is not None and time >= self.until_ns):
             return False
         return self.messages is None or self.messages[0] <= k <= self.messages[1]
@@ -119,13 +118,13 @@ class ChannelFault:
 
 @dataclass(frozen=True, slots=True)
 class ComponentFault:
-    """What befalls one component.
+    """What happens to one component.
 
     Attributes:
         component: by the model's name.
-        kind: what befalls it.
+        kind: what happens to it.
         at_ns: when [ns].
-        for_ns: for how long [ns]; None is for ever, and a crash is.
+        for_ns: for how long [ns]; None, as of a crash, is without end.
         factor: how many times as long its work takes when slowed down.
 
     Raises:
@@ -145,7 +144,7 @@ class ComponentFault:
         where = f"fault of component {self.component!r}"
         _require_name(where, self.component)
         if self.kind not in COMPONENT_KINDS:
-            rule = f"what befalls a component must be a known kind, but {self.kind!r} was given"
+            rule = f"what happens to a component must be a known kind, but {self.kind!r} was given"
             raise BadRequest(where, rule, one_of(str(self.kind), COMPONENT_KINDS), slug="fault-kind")
         if self.kind == "crash" and self.for_ns is not None:
             rule = f"a crash is for good, but {self.for_ns} ns was given"
@@ -179,13 +178,13 @@ class FaultPlan:
     """All that shall go wrong in a run. Its text has a line each for the seed and every fault.
 
     Attributes:
-        seed: from which it follows what befalls which message.
+        seed: decides what happens to which message.
         faults: in any order.
         work_ns: what one transition of a slowed-down component costs at least before it is multiplied [ns]; on a host
             where work takes no time, a slow-down is `factor` times this for each transition.
 
     Raises:
-        BadRequest: two faults of a kind befall a channel, or two a component, at the same time.
+        BadRequest: two faults of a kind meet a channel, or any two a component, at the same time.
 
     >>> plan = FaultPlan(7, (ChannelFault("obstacles", "delay", amount_ns=200_000_000),))
     >>> print(plan)
@@ -205,9 +204,9 @@ class FaultPlan:
             raise BadRequest("faults, work", rule, slug="fault-range")
         for one, other in combinations(self.faults, 2):
             if _collide(one, other):
-                rule = f"what befalls the same at the same time must differ in kind, but so do: {one}; {other}"
+                rule = f"faults of one channel at the same time must differ in kind, but these do not: {one}; {other}"
                 if isinstance(one, ComponentFault):
-                    rule = f"one thing at a time befalls a component, and none after its crash, but: {one}; {other}"
+                    rule = f"a component has one fault at a time, and none after its crash, but: {one}; {other}"
                 raise BadRequest("faults", rule, "let one end before the other begins", slug="fault-overlap")
 
     def __bool__(self) -> bool:
@@ -274,7 +273,7 @@ def _require_name(where: str, name: str) -> None:
 
 def _require_window(where: str, begin: int, end: int | None) -> None:
     if not 0 <= begin <= LONGEST or (end is not None and not begin < end <= 2 * LONGEST):
-        until = "for ever" if end is None else f"to {end} ns"
+        until = "without end" if end is None else f"to {end} ns"
         rule = f"it must begin at 0 or later and end after it begins, but is from {begin} ns {until}"
         raise BadRequest(where, rule, slug="fault-range")
 
@@ -296,3 +295,57 @@ def _collide(one: Fault, other: Fault) -> bool:
 
 def _meet(begin: int, end: int | None, other_begin: int, other_end: int | None) -> bool:
     return (end is None or other_begin < end) and (other_end is None or begin < other_end)
+
+
+NANOSECONDS: dict[str, int] = {"s": 10**9, "ms": 10**6, "us": 10**3, "ns": 1}
+"""Unit of time -> how many nanoseconds it has."""
+
+
+def time_text(time: int) -> str:
+    """Return a time [ns] in the greatest unit of which it is at least one.
+
+    >>> time_text(2_000_000_000), time_text(1_500_000), time_text(33_333_333), time_text(0)
+    ('2 s', '1.5 ms', '33.333333 ms', '0 s')
+    """
+    for unit, size in NANOSECONDS.items():
+        if time >= size:
+            return f"{plain(Decimal(time) / size)} {unit}"
+    return "0 s"
+
+
+def time_of(number: str, unit: str) -> int | None:
+    """Return the time [ns], or None if it is no whole number of nanoseconds.
+
+    >>> time_of("1.5", "ms"), time_of("0.5", "ns")
+    (1500000, None)
+    """
+    time = Decimal(number) * NANOSECONDS[unit]
+    return int(time) if time == int(time) else None
+
+
+def percent_text(share: float) -> str:
+    """Return a share of one in percent.
+
+    >>> percent_text(0.3), percent_text(0.07)
+    ('30 %', '7 %')
+    """
+    return f"{plain(Decimal(repr(share)) * 100)} %"
+
+
+def share_of(number: str) -> float:
+    """Return the share of one that a percentage is.
+
+    >>> share_of("30")
+    0.3
+    """
+    return float(Decimal(number) / 100)
+
+
+def plain(number: Decimal) -> str:
+    """Return the number without exponent and without zeros that say nothing.
+
+    >>> plain(Decimal("5.0")), plain(Decimal("1E+2"))
+    ('5', '100')
+    """
+    text = f"{number:f}"
+    return text.rstrip("0").rstrip(".") if "." in text else text

@@ -1,4 +1,4 @@
-"""Lines that people write -> a plan of faults; the inverse is `str` of a plan.
+"""Reads a plan of faults from lines that people write; the inverse is `str` of a plan.
 
 seed: 7
 best_trajectory: drop 30 % from 2 s to 5 s
@@ -14,7 +14,6 @@ from typing import cast
 
 from parcours.errors import BadRequest, one_of
 from parcours.run.faults.corruption import HOWS, How
-from parcours.run.faults.figures import share_of, time_of
 from parcours.run.faults.plan import (
     CHANNEL_KINDS,
     COMPONENT_KINDS,
@@ -25,13 +24,15 @@ from parcours.run.faults.plan import (
     ComponentKind,
     Fault,
     FaultPlan,
+    share_of,
+    time_of,
 )
 
 MOST = 1000
-"""A plan may have so many faults."""
+"""The greatest number of faults of a plan."""
 
 LARGEST = 1_000_000
-"""A file of faults may be so long [bytes]."""
+"""The greatest length of a file of faults [bytes]."""
 
 _NUMBER = r"(\d{1,15}(?:\.\d{1,12})?)"
 _TIME = re.compile(_NUMBER + r"\s*(s|ms|us|ns)")

@@ -12,7 +12,7 @@ from typing import Protocol
 from parcours.errors import BadRequest, HostFailure
 from parcours.run.clocks import Clock
 from parcours.run.faults import UNTOUCHED, ComponentFault, Effect, Effects, FaultPlan, FlatCodec, corrupted
-from parcours.run.faults.figures import time_text
+from parcours.run.faults.plan import time_text
 from parcours.run.hosts.slots import Message, Slot
 from parcours.run.trace import Kind
 

@@ -16,7 +16,7 @@ from msgspec import structs
 from parcours.abtc import Event
 from parcours.errors import HostFailure
 from parcours.run.clocks import ClockName, WallClock
-from parcours.run.executor import Turn as Due
+from parcours.run.enforcement import Turn as Due
 from parcours.run.hosts.frames import Begin, Died, Grant, Look, Ready, Report, Rest, Shown, Turn, Turned, Wire
 from parcours.run.hosts.node_program import Codec, Transport
 from parcours.run.hosts.processes import ending

@@ -14,11 +14,10 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import cast
 
 from parcours.errors import BadRequest, HostFailure, one_of
-from parcours.run.clocks import WallClock
+from parcours.run.clocks import WallClock, uninterrupted
 from parcours.run.faults.corruption import corrupted_message
-from parcours.run.faults.effects import UNTOUCHED, Effect, Effects
+from parcours.run.faults.effects import UNTOUCHED, Effect, Effects, Signal, signals
 from parcours.run.faults.plan import FaultPlan
-from parcours.run.faults.signals import Signal, signals
 from parcours.run.hosts.event_log import EventLog
 from parcours.run.hosts.frames import Broke, Died, Dropped, Idle, Ready, Received, Report, Rest, Run, Took, Wire
 from parcours.run.hosts.node_program import Codec, Transport
@@ -27,7 +26,6 @@ from parcours.run.hosts.slots import Answer, Answering, silence
 from parcours.run.noise import Noise
 from parcours.run.port import ENVIRONMENT, Component, Link, Step
 from parcours.run.trace import Trace, TraceEvent
-from parcours.run.uninterrupted import uninterrupted
 
 _SIGNALS = {"stop": signal.SIGSTOP, "continue": signal.SIGCONT, "kill": signal.SIGKILL}
 _ANSWER = 5_000_000_000

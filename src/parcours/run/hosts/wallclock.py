@@ -19,8 +19,7 @@ from parcours.run.hosts.exchange import Exchange
 from parcours.run.hosts.slots import Answer, silence
 from parcours.run.noise import Noise
 from parcours.run.port import Component, Link
-from parcours.run.repeats import Row
-from parcours.run.trace import Trace, TraceEvent
+from parcours.run.trace import Row, Trace, TraceEvent
 
 
 class WallClockHost(Exchange):

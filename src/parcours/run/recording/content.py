@@ -1,17 +1,16 @@
-"""What Parcours says in a recording: the topics of a run's begin, events and end, and the topics of its channels."""
+"""The topics of a recording: what Parcours says at the start and end of a run, its events, and its channels."""
 
 from __future__ import annotations
 
 import re
 
-from parcours.run.recording.definition import md5_of
-from parcours.run.recording.layout import Entry, Layout
+from parcours.run.recording.layout import Entry, Layout, flat_md5
 from parcours.run.recording.topic import Topic
 
 FORMAT = "recording/1"
 
 BEGIN = 1_000_000_000
-"""A run of which nobody said when it began is written as if 1 s after the epoch [ns]: in ROS, time 0 is no time."""
+"""A run without a known start is written as if it started 1 s after the epoch [ns]: in ROS, time 0 is no time."""
 
 EVENT = Layout(
     (
@@ -37,7 +36,7 @@ TEXT = Layout((Entry("data", "text"),), "a text")
 """std_msgs/String."""
 
 RUN = Topic("/parcours/run", "std_msgs/String", TEXT.md5, TEXT.definition, latched=True)
-"""First message of a recording, JSON: clock, host, case, when it began [ns since the epoch], and what else is known."""
+"""First message of a recording, JSON: clock, host, case, start [ns since the epoch], and what else is known."""
 
 END = Topic("/parcours/end", "std_msgs/String", TEXT.md5, TEXT.definition, latched=True)
 """Last message of a whole recording, JSON: how many events there are, the machine's noise, and what else is known."""
@@ -60,7 +59,7 @@ class Names:
         name = self._name(channel)
         words = re.findall(r"[A-Za-z0-9]+", name)
         kind = _free("parcours/" + "".join(word[0].upper() + word[1:] for word in words), "", self._types)
-        return Topic(name, kind, md5_of(definition), definition)
+        return Topic(name, kind, flat_md5(definition), definition)
 
     def raw(self, channel: str, kind: str, md5: str, definition: str) -> Topic:
         """Return a topic for the channel's messages of a foreign type."""

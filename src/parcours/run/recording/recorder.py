@@ -1,31 +1,27 @@
-"""Events as they become known -> a recording that is readable up to its last chunk whenever its writer is killed."""
+"""Writes the events of a run to a recording that is readable up to its last chunk if its writer is killed."""
 
 from __future__ import annotations
 
-import io
+import contextlib
 import json
 import threading
 from collections import OrderedDict
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from types import TracebackType
-from typing import BinaryIO, cast
+from typing import BinaryIO
 
 from parcours import __version__
-from parcours.run.atomic import unwritable, write_atomically
+from parcours.run.atomic import replacing, unwritable
 from parcours.run.clocks import ClockName
 from parcours.run.noise import Noise
-from parcours.run.recording.bag import BagWriter
 from parcours.run.recording.content import BEGIN, END, EVENT, EVENTS, FORMAT, RUN, TEXT, Names
 from parcours.run.recording.layout import Codec, Layout
-from parcours.run.recording.mcap import McapWriter
-from parcours.run.recording.topic import Format, Raw, Topic, Writer, format_of, require_time
+from parcours.run.recording.topic import Format, Raw, Topic, format_of, open_writer
 from parcours.run.trace import Trace, TraceEvent
 
 _REMEMBERED = 1024
-"""Of so many messages on their way the payload is known; later it would be written again."""
-
-WRITERS: dict[Format, type[McapWriter] | type[BagWriter]] = {"mcap": McapWriter, "bag": BagWriter}
+"""How many messages on their way are known by their payloads; an older payload would be written again."""
 
 
 class Recorder:
@@ -40,7 +36,7 @@ class Recorder:
         codec: knows the payloads; payloads it does not know are left out and named in the recording. `Raw` payloads
             need none.
         clock, host, case: as in a Trace.
-        begin: when the run began [ns since the epoch].
+        begin: when the run started [ns since the epoch].
         about: what else is to be known: seed, versions, study.
 
     Raises:
@@ -69,20 +65,19 @@ class Recorder:
         about: Mapping[str, str] | None = None,
     ) -> None:
         form = format_of(path)
-        try:
-            self._file = cast(BinaryIO, path.open("wb", buffering=0))
-            try:
-                self._stream = _Stream(self._file, form, str(path), codec, begin)
-                self._stream.begin(clock, host, case, about or {})
-            except BaseException:
-                self._file.close()
-                raise
-        except OSError as error:
-            raise unwritable(path, error) from error
         self._path = path
         self._lock = threading.Lock()
         self._noise: Noise | None = None
         self._about: dict[str, str] = {}
+        with self._writing():
+            self._file = path.open("wb")
+            try:
+                self._stream = _Stream(self._file, form, str(path), codec, begin)
+                self._stream.begin(clock, host, case, about or {})
+            except BaseException:
+                with contextlib.suppress(OSError):
+                    self._file.close()
+                raise
 
     def write(self, event: TraceEvent) -> None:
         """Write one event, with its payload if it has one.
@@ -91,19 +86,13 @@ class Recorder:
             BadRequest: the payload does not have the form its codec names, the time cannot be written, or the disk is
                 full.
         """
-        try:
-            with self._lock:
-                self._stream.event(event)
-        except OSError as error:
-            raise unwritable(self._path, error) from error
+        with self._writing():
+            self._stream.event(event)
 
     def flush(self) -> None:
         """Let the file hold every event written so far; to be called when a run is quiet for long."""
-        try:
-            with self._lock:
-                self._stream.writer.flush()
-        except OSError as error:
-            raise unwritable(self._path, error) from error
+        with self._writing():
+            self._stream.writer.flush()
 
     def conclude(self, noise: Noise | None = None, about: Mapping[str, str] | None = None) -> None:
         """Say what is known at the end of the run only: the machine's noise, verdict, reason."""
@@ -112,11 +101,15 @@ class Recorder:
 
     def close(self) -> None:
         """Write the end of the recording and its index; from now on it is whole."""
-        if self._file.closed:
-            return
-        try:
-            with self._lock, self._file:
+        with self._writing():
+            if not self._file.closed:
                 self._stream.end(self._noise, self._about)
+
+    @contextlib.contextmanager
+    def _writing(self) -> Iterator[None]:
+        try:
+            with self._lock:
+                yield
         except OSError as error:
             raise unwritable(self._path, error) from error
 
@@ -137,8 +130,8 @@ class _Stream:
     """Events into messages of one file."""
 
     def __init__(self, file: BinaryIO, form: Format, where: str, codec: Codec | None, begin: int) -> None:
-        self.writer: Writer = WRITERS[form](file, where)
-        self._codec, self._begin, self._where = codec, begin, where
+        self.writer = open_writer(form, file, where)
+        self._codec, self._begin = codec, begin
         self._names = Names()
         self._flat: dict[str, tuple[Topic, Layout] | None] = {}
         self._raw: dict[tuple[str, str, str], Topic] = {}
@@ -157,7 +150,7 @@ class _Stream:
 
     def event(self, event: TraceEvent) -> None:
         time = self._begin + event.time
-        require_time(self._where, time, 1 << 63)
+        self.writer.require_time(time)
         payload, raw, topic = self._payload(event, time)
         values = (
             self._n, event.time, event.message, payload, raw, event.kind, event.component, event.transition,
@@ -217,38 +210,23 @@ class _Stream:
         self.writer.close()
 
 
-def write_mcap(
+def write_recording(
     path: Path, trace: Trace, codec: Codec | None = None, *, begin: int = BEGIN, about: Mapping[str, str] | None = None
 ) -> None:
-    """Write the trace as MCAP.
+    """Write a finished trace as MCAP or as a ROS 1 bag, whichever the file's name asks for.
 
     Args:
         path: the file to create or replace, atomically.
         trace: events and payloads.
-        codec: knows the payloads; those it does not know are left out.
-        begin: when the run began [ns since the epoch].
-        about: what else is to be known: seed, versions, study, verdict.
+        codec, begin, about: as of `Recorder`.
 
     Raises:
         BadRequest: the file cannot be written, or a payload does not have the form its codec names.
     """
-    _write(path, "mcap", trace, codec, begin, about)
-
-
-def write_bag(
-    path: Path, trace: Trace, codec: Codec | None = None, *, begin: int = BEGIN, about: Mapping[str, str] | None = None
-) -> None:
-    """Write the trace as a ROS 1 bag; otherwise as `write_mcap`."""
-    _write(path, "bag", trace, codec, begin, about)
-
-
-def _write(
-    path: Path, form: Format, trace: Trace, codec: Codec | None, begin: int, about: Mapping[str, str] | None
-) -> None:
-    file = io.BytesIO()
-    stream = _Stream(file, form, str(path), codec, begin)
-    stream.begin(trace.clock, trace.host, trace.case, about or {})
-    for event in trace.events:
-        stream.event(event)
-    stream.end(trace.noise, {})
-    write_atomically(path, file.getvalue())
+    form = format_of(path)
+    with replacing(path) as partial:
+        stream = _Stream(partial.open("wb"), form, str(path), codec, begin)
+        stream.begin(trace.clock, trace.host, trace.case, about or {})
+        for event in trace.events:
+            stream.event(event)
+        stream.end(trace.noise, {})

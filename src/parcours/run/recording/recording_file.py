@@ -1,37 +1,31 @@
-"""A recording, MCAP or ROS 1 bag, whole or cut off -> the trace that was recorded; one format -> the other."""
+"""Reads the trace back from a recording, whole or cut off, and converts MCAP into ROS 1 bags and back."""
 
 from __future__ import annotations
 
-import io
 import json
-import os
 from collections import defaultdict, deque
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any, TypeVar, get_args
+
+import msgspec
 
 from parcours.errors import BadResults
-from parcours.run.atomic import write_atomically
+from parcours.run.atomic import replacing
 from parcours.run.clocks import ClockName
-from parcours.run.noise import Noise, noise_of
-from parcours.run.recording.bag import MAGIC as BAG_MAGIC
-from parcours.run.recording.bag import BagReader
+from parcours.run.noise import noise_of
 from parcours.run.recording.content import END, EVENT, EVENTS, FORMAT, RUN, TEXT
-from parcours.run.recording.definition import same_definition
-from parcours.run.recording.layout import Codec, Layout
-from parcours.run.recording.mcap import MAGIC as MCAP_MAGIC
-from parcours.run.recording.mcap import McapReader
-from parcours.run.recording.recorder import WRITERS
-from parcours.run.recording.topic import Raw, Reader, Topic, damaged, format_of
+from parcours.run.recording.layout import Codec, Layout, same_definition
+from parcours.run.recording.source import CutOff, Source, damaged
+from parcours.run.recording.topic import BAG_MAGIC, MCAP_MAGIC, Message, Raw, Topic, format_of, messages, open_writer
 from parcours.run.trace import Kind, Trace, TraceEvent
 
 MOST = 1 << 30
 """No more than this is read of a recording [bytes], unless asked for."""
 
 _KINDS: dict[str, Kind] = {kind: kind for kind in get_args(Kind)}
-_CLOCKS: dict[str, ClockName] = {clock: clock for clock in get_args(ClockName)}
 _Values = tuple[int, int, int, int, bool, str, str, str, str, str, str]
 
 
@@ -64,7 +58,7 @@ def read_recording(path: Path, codec: Codec | None = None, *, most: int = MOST) 
     """Return what was recorded; the format is found by the file's content.
 
     Args:
-        path: what `Recorder`, `write_mcap` or `write_bag` wrote, perhaps cut off, compressed, or converted into the
+        path: what `Recorder` or `write_recording` wrote, perhaps cut off, compressed, or converted into the
             other format since.
         codec: restores the payloads; without it only those of foreign types are there.
         most: no more than this is read, expanded [bytes].
@@ -73,12 +67,14 @@ def read_recording(path: Path, codec: Codec | None = None, *, most: int = MOST) 
         BadResults: the file cannot be read, is no recording, is damaged or too large, holds another run or none, or its
             messages are of other types than the codec's.
     """
-    where = str(path)
-    gathered = _Gathered(where)
-    with _opened(path, most) as reader:
-        for topic, time, content in reader.messages():
-            gathered.add(topic, time, content)
-        return gathered.recording(reader.cut, codec)
+    gathered, cut = _Gathered(str(path)), ""
+    with _opened(path, most) as found:
+        try:
+            for topic, time, content in found:
+                gathered.add(topic, time, content)
+        except CutOff as end:
+            cut = str(end)
+    return gathered.recording(cut, codec)
 
 
 def convert(source: Path, target: Path, *, most: int = MOST) -> int:
@@ -93,46 +89,65 @@ def convert(source: Path, target: Path, *, most: int = MOST) -> int:
         BadRequest: the target cannot be written, or is named otherwise.
         BadResults: the source cannot be read, is damaged or too large.
     """
-    file = io.BytesIO()
-    writer = WRITERS[format_of(target)](file, str(target))
-    n = 0
-    with _opened(source, most) as reader:
-        for topic, time, content in reader.messages():
-            writer.write(topic, time, content)
-            n += 1
-            if topic in (RUN, END):
-                said = _said(content, str(source))
-                texts = {key: value if isinstance(value, str) else json.dumps(value) for key, value in said.items()}
-                writer.remark(f"parcours.{topic.name.rpartition('/')[2]}", texts)
-    writer.close()
-    write_atomically(target, file.getvalue())
+    form, n = format_of(target), 0
+    with _opened(source, most) as found, replacing(target) as partial:
+        writer = open_writer(form, partial.open("wb"), str(target))
+        with suppress(CutOff):
+            for topic, time, content in found:
+                writer.write(topic, time, content)
+                n += 1
+                if topic in (RUN, END):
+                    said = _said(content, str(source))
+                    texts = {key: value if isinstance(value, str) else json.dumps(value) for key, value in said.items()}
+                    writer.remark(f"parcours.{topic.name.rpartition('/')[2]}", texts)
+        writer.close()
     return n
 
 
 @contextmanager
-def _opened(path: Path, most: int) -> Iterator[Reader]:
+def _opened(path: Path, most: int) -> Iterator[Iterator[Message]]:
+    """Give the messages of a recording."""
     where = str(path)
     try:
         if path.exists() and not path.is_file():
             raise OSError("it is no ordinary file")
-        with path.open("rb") as file:
-            size = os.fstat(file.fileno()).st_size
-            magic = file.read(len(BAG_MAGIC))
-            if magic.startswith(MCAP_MAGIC):
-                yield McapReader(file, size, where, most)
-            elif magic == BAG_MAGIC:
-                yield BagReader(file, size, where, most)
-            else:
-                raise BadResults(
-                    where,
-                    f"a recording begins as MCAP or as a ROS 1 bag of version 2.0, but this file with {magic!r}",
-                    "name the file that was recorded",
-                    slug="recording-magic",
-                )
+        file = path.open("rb")
     except OSError as error:
-        raise BadResults(
-            where, f"must be a readable recording, but: {error.strerror or error}", slug="recording-unreadable"
-        ) from error
+        rule = f"must be a readable recording, but: {error.strerror or error}"
+        raise BadResults(where, rule, slug="recording-unreadable") from error
+    with file:
+        magic = file.read(len(BAG_MAGIC))
+        if not magic.startswith(MCAP_MAGIC) and magic != BAG_MAGIC:
+            raise BadResults(
+                where,
+                f"a recording begins as MCAP or as a ROS 1 bag of version 2.0, but this file with {magic!r}",
+                "name the file that was recorded",
+                slug="recording-magic",
+            )
+        yield messages(Source(file, where, most), "bag" if magic == BAG_MAGIC else "mcap")
+
+
+class _Start(msgspec.Struct):
+    """What the message on /parcours/run says."""
+
+    clock: ClockName
+    host: str
+    case: str
+    begin: int
+    version: str = ""
+    about: dict[str, object] = msgspec.field(default_factory=dict)
+
+
+class _End(msgspec.Struct):
+    """What the message on /parcours/end says."""
+
+    events: int
+    left_out: list[str]
+    noise: list[object] | None = None
+    about: dict[str, object] = msgspec.field(default_factory=dict)
+
+
+_Said = TypeVar("_Said", _Start, _End)
 
 
 class _Gathered:
@@ -140,8 +155,8 @@ class _Gathered:
 
     def __init__(self, where: str) -> None:
         self._where = where
-        self._begun: dict[str, Any] | None = None
-        self._ended: dict[str, Any] | None = None
+        self._begun: _Start | None = None
+        self._ended: _End | None = None
         self._events: dict[int, tuple[_Values, int]] = {}
         self._payloads: defaultdict[tuple[str, int], deque[tuple[Topic, bytes]]] = defaultdict(deque)
         self._sound: Topic | None = None
@@ -160,11 +175,12 @@ class _Gathered:
                     "read it with the version of Parcours that wrote it",
                     slug="recording-version",
                 )
-            if self._begun is not None and self._begun != said:
+            start = self._converted(said, _Start, topic)
+            if self._begun is not None and self._begun != start:
                 raise self._mixed()
-            self._begun = said
+            self._begun = start
         elif topic.name == END.name:
-            self._ended = _said(content, self._where)
+            self._ended = self._converted(_said(content, self._where), _End, topic)
         else:
             self._payloads[topic.name, time].append((topic, content))
 
@@ -183,7 +199,7 @@ class _Gathered:
 
     def recording(self, cut: str, codec: Codec | None) -> Recording:
         """Return what the messages say."""
-        begun, ended = self._begun, self._ended
+        begun = self._begun
         if begun is None:
             raise BadResults(
                 self._where,
@@ -191,37 +207,29 @@ class _Gathered:
                 "name a recording that Parcours wrote; of a run killed at its very begin nothing is left",
                 slug="recording-no-run",
             )
-        clock, host, case, begin = (begun.get(key) for key in ("clock", "host", "case", "begin"))
-        if not (
-            isinstance(clock, str)
-            and clock in _CLOCKS
-            and isinstance(host, str)
-            and isinstance(case, str)
-            and type(begin) is int
-        ):
-            raise damaged(self._where, "the message on /parcours/run does not say clock, host, case and begin")
-        noise, left_out, missing = self._conclusion(cut)
+        ended, n = self._ended, len(self._events)
+        noise, missing = None, f"the recording stops after {n} events" + (f": {cut}" if cut else "")
+        if ended is not None:
+            missing = "" if n == ended.events else f"{n} of {ended.events} events are there"
+            try:
+                noise = None if ended.noise is None else noise_of(ended.noise)
+            except ValueError as error:
+                raise damaged(self._where, f"the message on /parcours/end does not say the {error}") from error
         events, lacking = self._trace_events(codec)
         if lacking and not missing:
             missing = f"the payloads of {lacking} events are not there"
-        about = {**_texts(begun.get("about")), **_texts(ended and ended.get("about"))}
-        if isinstance(begun.get("version"), str):
-            about.setdefault("version", begun["version"])
-        return Recording(Trace(_CLOCKS[clock], tuple(events), host, case, noise), missing, left_out, about, begin)
+        said = {**begun.about, **(ended.about if ended else {})}
+        about = {key: str(value) for key, value in said.items()}
+        if begun.version:
+            about.setdefault("version", begun.version)
+        trace = Trace(begun.clock, tuple(events), begun.host, begun.case, noise)
+        return Recording(trace, missing, tuple(ended.left_out) if ended else (), about, begun.begin)
 
-    def _conclusion(self, cut: str) -> tuple[Noise | None, tuple[str, ...], str]:
-        ended, n = self._ended, len(self._events)
-        if ended is None:
-            return None, (), f"the recording stops after {n} events" + (f": {cut}" if cut else "")
-        numbers, wanted, left_out = (ended.get(key) for key in ("noise", "events", "left_out"))
+    def _converted(self, said: dict[str, Any], kind: type[_Said], topic: Topic) -> _Said:
         try:
-            noise = None if numbers is None else noise_of(numbers)
-        except ValueError as error:
-            raise damaged(self._where, f"the message on /parcours/end does not say the {error}") from error
-        if type(wanted) is not int or not isinstance(left_out, list):
-            raise damaged(self._where, "the message on /parcours/end does not say events and left_out")
-        missing = "" if n == wanted else f"{n} of {wanted} events are there"
-        return noise, tuple(map(str, left_out)), missing
+            return msgspec.convert(said, kind)
+        except msgspec.ValidationError as error:
+            raise damaged(self._where, f"the message on {topic.name} makes no sense: {error}") from error
 
     def _trace_events(self, codec: Codec | None) -> tuple[list[TraceEvent], int]:
         """Return the events in order of time, and how many payloads are lacking."""
@@ -291,7 +299,3 @@ def _said(content: bytes, where: str) -> dict[str, Any]:
     if not isinstance(said, dict):
         raise damaged(where, "a message on /parcours/run or /parcours/end is no JSON object")
     return said
-
-
-def _texts(about: object) -> dict[str, str]:
-    return {key: str(value) for key, value in about.items()} if isinstance(about, dict) else {}

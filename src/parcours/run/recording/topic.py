@@ -2,23 +2,25 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import BinaryIO, Literal, Protocol
+from typing import Any, BinaryIO, Literal
 
-from parcours.errors import BadRequest, BadResults
+from parcours.errors import BadRequest
+from parcours.run.recording.source import Source
 
 Format = Literal["mcap", "bag"]
-
-LONGEST = 1 << 28
-"""No record of a recording is longer [bytes]; whatever a file says about its lengths, no more is read at once."""
 
 CHUNK = 1 << 19
 """A chunk is written to the file as soon as it holds this much [bytes]."""
 
 CHUNK_SPAN = 250_000_000
-"""A chunk spans no more of the run's time [ns]: so much is lost if the writer is killed."""
+"""A chunk spans no more of the run's time [ns]: at most this is lost if the writer is killed."""
+
+BAG_MAGIC = b"#ROSBAG V2.0\n"
+MCAP_MAGIC = b"\x89MCAP0\r\n"
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +32,7 @@ class Topic:
         type: ROS 1 name of the messages' type, e.g. nav_msgs/Odometry.
         md5: of the definition, as ROS computes it; 32 hexadecimal digits.
         definition: the whole text, with the definitions of the types it uses as ROS appends them.
-        latched: its last message is shown to whoever comes later.
+        latched: its last message is shown to late subscribers.
     """
 
     name: str
@@ -55,86 +57,97 @@ class Raw:
     content: bytes
 
 
-class Writer(Protocol):
-    """Writes messages to a file of one format, chunk by chunk."""
+Message = tuple[Topic, int, bytes]
+"""Where it passes, when [ns since the epoch], and its bytes."""
+
+
+class Writer(ABC):
+    """Writes messages to a file of one format, chunk by chunk.
+
+    Args:
+        file: empty, open for writing, seekable; closed with the writer.
+        where: its name, for complaints.
+    """
+
+    latest: int
+    """No time that the format can hold is later [ns since the epoch]."""
+
+    def __init__(self, file: BinaryIO, where: str) -> None:
+        self._file, self._where = file, where
+        self._known: dict[Topic, Any] = {}
+        self._first: int | None = None
 
     def write(self, topic: Topic, time: int, content: bytes) -> None:
-        """Write a message of the topic at the time [ns since the epoch]."""
-
-    def remark(self, name: str, entries: Mapping[str, str]) -> None:
-        """Write a remark outside all topics, if the format has such."""
-
-    def flush(self) -> None:
-        """Let the file hold everything written so far."""
-
-    def close(self) -> None:
-        """Write the index; the file is whole."""
-
-
-class Reader(Protocol):
-    """Reads the messages of a file of one format, in the order of the file, without trust in its index."""
-
-    cut: str
-    """Why the file is not whole, known once all messages are read; empty if it is."""
-
-    def messages(self) -> Iterator[tuple[Topic, int, bytes]]:
-        """Yield (topic, time [ns since the epoch], content).
+        """Write a message of the topic at the time [ns since the epoch].
 
         Raises:
-            BadResults: the file is damaged.
+            BadRequest: the time cannot be written.
         """
+        self.require_time(time)
+        if self._first is not None and time - self._first > CHUNK_SPAN:
+            self.flush()
+        self._first = time if self._first is None else min(self._first, time)
+        if topic not in self._known:
+            self._known[topic] = self._declared(topic)
+        self._add(self._known[topic], time, content)
+
+    def require_time(self, time: int) -> None:
+        """Raise BadRequest unless the time [ns since the epoch] can be written."""
+        if not 0 <= time < self.latest:
+            raise BadRequest(
+                self._where,
+                f"its times lie from 0 up to {self.latest} ns since the epoch, but {time} ns was given",
+                "give times since the start of the run, and when it started",
+                slug="recording-time",
+            )
+
+    def flush(self) -> None:
+        """Let the file hold everything written so far, as a chunk of its own."""
+        self._first = None
+        self._end_chunk()
+
+    @abstractmethod
+    def close(self) -> None:
+        """Write the index and close the file, which is then whole."""
+
+    def remark(self, name: str, entries: Mapping[str, str]) -> None:  # noqa: B027 (bags have no remarks)
+        """Write a remark outside all topics, if the format has such."""
+
+    @abstractmethod
+    def _declared(self, topic: Topic) -> Any: ...
+
+    @abstractmethod
+    def _add(self, known: Any, time: int, content: bytes) -> None: ...
+
+    @abstractmethod
+    def _end_chunk(self) -> None: ...
 
 
-def damaged(where: str, what: str) -> BadResults:
-    """Return the complaint that a recording says what makes no sense."""
-    return BadResults(
-        where,
-        f"a recording's records agree with each other, but {what}",
-        "the file is damaged: copy it again, or run the case again",
-        slug="recording-damaged",
-    )
+def open_writer(form: Format, file: BinaryIO, where: str) -> Writer:
+    """Return what writes a recording to an empty file."""
+    if form == "mcap":  # imported here: most runs are not recorded, and the libraries cost a tenth of a second each
+        from parcours.run.recording.mcap import McapWriter
+
+        return McapWriter(file, where)
+    from parcours.run.recording.bag import BagWriter
+
+    return BagWriter(file, where)
 
 
-def too_large(where: str, given: int, most: int) -> BadResults:
-    """Return the complaint that more is to be read than allowed [bytes]."""
-    return BadResults(
-        where,
-        f"at most {most} bytes are read, but there are {given}",
-        "give a greater limit if the file is sound, or cut it into pieces with its own tools",
-        slug="recording-too-large",
-    )
-
-
-def put(file: BinaryIO, content: bytes) -> None:
-    """Write all of the content, also to a file without buffer, which may take less at once."""
-    left = memoryview(content)
-    while left:
-        left = left[file.write(left) :]
-
-
-def taken(file: BinaryIO, n: int, where: str) -> bytes:
-    """Return the next n bytes.
+def messages(source: Source, form: Format) -> Iterator[Message]:
+    """Yield the messages of a recording in the order of the file, without trust in its index.
 
     Raises:
-        BadResults: n is more than is ever read at once, or the file has become shorter since it was measured.
+        CutOff: after the last whole message of a file that is not whole.
+        BadResults: the file is damaged, or its messages are not of ROS 1.
     """
-    if n > LONGEST:
-        raise too_large(where, n, LONGEST)
-    content = file.read(n)
-    if len(content) != n:
-        raise damaged(where, "it became shorter while it was read")
-    return content
+    if form == "mcap":
+        from parcours.run.recording.mcap import mcap_messages
 
+        return mcap_messages(source)
+    from parcours.run.recording.bag import bag_messages
 
-def require_time(where: str, time: int, most: int) -> None:
-    """Raise BadRequest unless the time [ns since the epoch] can be written."""
-    if not 0 <= time < most:
-        raise BadRequest(
-            where,
-            f"its times lie from 0 up to {most} ns since the epoch, but {time} ns was given",
-            "give times since the begin of the run, and when it began",
-            slug="recording-time",
-        )
+    return bag_messages(source)
 
 
 def format_of(path: Path) -> Format:

@@ -16,9 +16,9 @@ from typing import TYPE_CHECKING, NoReturn, Self
 import msgspec
 import numpy as np
 
-from parcours.data.streams import starts
 from parcours.errors import BadRequest, HostFailure, one_of
 from parcours.run import heartbeat as heartbeat
+from parcours.streams import starts
 from parcours.study.campaign.results import Trace
 from parcours.study.campaign.rules import Fact, Fault
 from parcours.study.components.process import Process, command_of, keep, quoted, take_kept

@@ -20,12 +20,13 @@ from numpy.typing import NDArray
 from parcours.data import InputModel
 from parcours.errors import BadRequest, BadSuite
 from parcours.run.campaign import run_campaign
+from parcours.run.heartbeat import write_place
 from parcours.study.campaign.calling import REASON_LENGTH, Alarm, PythonCaller, Target, rows_of, shown, words_of
 from parcours.study.campaign.results import Trace, read_results, report_results
 from parcours.study.campaign.rules import ABSTRACT, KINDS, Fact, Rows, Rule, Worse, clashes, outcome_of, types_of
 from parcours.study.campaign.running import Chosen, run_numbered
 from parcours.study.campaign.simulating import Simulation
-from parcours.study.components.isolation import Done, Place, run_apart
+from parcours.study.components.isolation import Done, run_apart
 from parcours.study.components.systems import ProgramPart
 from parcours.study.parameters import Parameter, Scalar, Settings, workers_parameter
 from parcours.study.protocol import Finding, Judged, Progress, Rejudged, Reported, Request, Results, Run
@@ -200,12 +201,12 @@ class CampaignStudy:
     def traced(self, case: Case, settings: Settings) -> Trace | str:
         """Return what its `trace` says of a case, run in a process apart; or why there is nothing, in words."""
 
-        def work(item: str, place: Place) -> Trace | str:
+        def work(item: str) -> Trace | str:
             assert self.trace is not None
-            place.write("the loading of its trace")
+            write_place("the loading of its trace")
             with Alarm() as alarm:
                 caller = PythonCaller(self, self.trace, "trace", settings, case.seed, alarm)
-                place.write("its trace")
+                write_place("its trace")
                 alarm.set(case.number, self.patience)
                 try:
                     return rows_of(caller(case))

@@ -11,9 +11,8 @@ import msgspec
 from parcours.errors import BadResults, ParcoursError
 from parcours.filenames import file_name
 from parcours.run.atomic import require_writable
-from parcours.run.recording import Codec, Recorder, Recording, read_recording, write_bag, write_mcap
-from parcours.run.repeats import Row, repeats
-from parcours.run.trace import Trace
+from parcours.run.recording import Codec, Recorder, Recording, read_recording, write_recording
+from parcours.run.trace import Row, Trace, repeats
 from parcours.study.components.executing import Functional, Timing, judge_trace, whole_case
 from parcours.study.parameters import Settings
 from parcours.study.protocol import Rejudged
@@ -25,7 +24,6 @@ if TYPE_CHECKING:
     from parcours.study.components.study import ComponentStudy
 
 Form = Literal["mcap", "bag"]
-_WRITE = {"mcap": write_mcap, "bag": write_bag}
 
 
 class Archive:
@@ -46,7 +44,7 @@ class Archive:
     def functional(self, run: Functional) -> None:
         """Record a functional case."""
         about = {**self._about("functional", run.case), **_verdict(run.judgement)}
-        _WRITE[self._form](self.path("functional", run.case.id), run.execution.trace, self._codec, about=about)
+        write_recording(self.path("functional", run.case.id), run.execution.trace, self._codec, about=about)
 
     def repeat(self, case: Case, trace: Trace) -> None:
         """Record one more repeat of a timing case."""

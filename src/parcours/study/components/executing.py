@@ -8,8 +8,7 @@ from dataclasses import dataclass
 
 from parcours.abtc import Event
 from parcours.run.clocks import Clock
-from parcours.run.enforcement import Execution, disorder, enforce, instance_name
-from parcours.run.executor import PATIENCE
+from parcours.run.enforcement import PATIENCE, Execution, disorder, enforce, instance_name
 from parcours.run.hosts.live_enforcement import DrivenInstances
 from parcours.run.hosts.node_program import Codec, Transport
 from parcours.run.in_process import View, execute

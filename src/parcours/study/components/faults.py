@@ -19,7 +19,7 @@ from parcours.model.structure import Component as Modelled
 from parcours.report.pieces import Column, Page, Section, Table
 from parcours.run.faults import corrupted
 from parcours.run.port import Component, Step
-from parcours.study.components.isolation import Done, Place, run_apart
+from parcours.study.components.isolation import Done, run_apart
 from parcours.study.components.messages import Messages
 from parcours.study.components.running import functional_here
 from parcours.study.components.systems import System
@@ -125,12 +125,12 @@ def _judged(
     """Yield the verdict of each case, and whether the fault struck in it."""
     by_id = {case.id: case for case in cases}
 
-    def work(id: str, place: Place) -> tuple[Judgement, bool]:
+    def work(id: str) -> tuple[Judgement, bool]:
         assert study.system is not None
         system = _Striking(study.system, fault, study.messages, seed)
         faulty = dataclasses.replace(study, system=system)
         faulty.__dict__["abstracts"] = study.abstracts  # what was derived from the model stays as it is
-        return functional_here(faulty, by_id[id], settings, place).judgement, system.struck
+        return functional_here(faulty, by_id[id], settings).judgement, system.struck
 
     for _, answer in run_apart(list(by_id), work, study.patience):
         yield answer.result if isinstance(answer, Done) else (Judgement(Verdict.FAIL, answer.why), True)

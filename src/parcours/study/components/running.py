@@ -28,7 +28,7 @@ from parcours.study.components.executing import (
     run_functional,
     run_timing,
 )
-from parcours.study.components.isolation import Done, Place, longest, run_apart, watched
+from parcours.study.components.isolation import Done, longest, run_apart, watched
 from parcours.study.components.results import (
     FILE,
     ComponentResult,
@@ -141,11 +141,11 @@ def _apart(
     cases = {f"functional/{case.id}": case for case in left}
     groups = {f"timing/{group.name}": group for group in waiting}
 
-    def work(item: str, place: Place) -> list[Kept]:
+    def work(item: str) -> list[Kept]:
         if item in cases:
-            return [_kept(functional_here(study, cases[item], settings, place), archive)]
+            return [_kept(functional_here(study, cases[item], settings), archive)]
         exercise = study.exercise(settings)
-        execute = in_process(exercise, WallClock, watched(study.patience, place), study.messages.checked)
+        execute = in_process(exercise, WallClock, watched(study.patience), study.messages.checked)
         return list(_timings(exercise, [groups[item]], execute, settings, archive))
 
     n_timed = 0
@@ -183,10 +183,10 @@ def _kept(run: Functional | Timing, archive: Archive | None) -> Kept:
     return timing_result(run), run.noise
 
 
-def functional_here(study: ComponentStudy, case: Case, settings: Settings, place: Place) -> Functional:
+def functional_here(study: ComponentStudy, case: Case, settings: Settings) -> Functional:
     """Execute a case in this process, which is one apart, and judge it."""
     exercise = study.exercise(settings)
-    execute = in_process(exercise, watch=watched(study.patience, place), checked=study.messages.checked)
+    execute = in_process(exercise, watch=watched(study.patience), checked=study.messages.checked)
     return run_functional(exercise, case, execute)
 
 
@@ -196,8 +196,8 @@ def executed_apart(
     """Yield each case with its verdict and trace, executed in a process apart; without trace if it hung or died."""
     by_id = {case.id: case for case in cases}
 
-    def work(id: str, place: Place) -> tuple[Judgement, Trace]:
-        run = functional_here(study, by_id[id], settings, place)
+    def work(id: str) -> tuple[Judgement, Trace]:
+        run = functional_here(study, by_id[id], settings)
         return run.judgement, run.execution.trace
 
     for id, answer in run_apart(list(by_id), work, study.patience):

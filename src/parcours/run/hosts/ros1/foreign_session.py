@@ -16,7 +16,7 @@ from parcours.run.binding.passing import BEGINS, STALLED
 from parcours.run.binding.relay import Relay
 from parcours.run.binding.slots import Slot, SlotPlan
 from parcours.run.faults import FaultPlan
-from parcours.run.faults.signals import Signal, signals
+from parcours.run.faults.effects import Signal, signals
 from parcours.run.hosts.realtime import DIED
 from parcours.run.hosts.ros1.foreign import ForeignHost
 from parcours.run.hosts.ros1.foreign_nodes import NodeProcess
