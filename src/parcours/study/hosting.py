@@ -99,7 +99,7 @@ def _processes(nodes: Nodes, graph: str) -> Hosted:
 def _ros1(nodes: Nodes, graph: str) -> Hosted:
     from importlib import import_module
 
-    from parcours.run.hosts.ros1.interfaces import interfaces
+    from parcours.run.hosts.interfaces import interfaces
     from parcours.run.hosts.ros1.transport import Ros1Transport
 
     module, _, name = nodes.ros1_codec.partition(":")
@@ -113,9 +113,10 @@ def _ros1(nodes: Nodes, graph: str) -> Hosted:
 
 
 def _ros2(nodes: Nodes, graph: str) -> Hosted:
-    from parcours.run.hosts.ros2.names import topics_of
+    from parcours.run.hosts.interfaces import interfaces
     from parcours.run.hosts.ros2.transport import Ros2Transport
 
     started = nodes_of(nodes.links, nodes.components, nodes.node_program, nodes.given)
     domain = int(graph) if graph else None
-    return Hosted(Ros2Transport(started, topics_of(nodes.model), list(nodes.preload), domain=domain), nodes.codec)
+    channels = interfaces(nodes.model, nodes.links)
+    return Hosted(Ros2Transport(started, channels, list(nodes.preload), domain=domain), nodes.codec)

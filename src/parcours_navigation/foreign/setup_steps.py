@@ -8,7 +8,7 @@ from typing import Literal
 from parcours.errors import HostFailure
 from parcours.run.binding.decoding import encoded
 from parcours.run.binding.structure import Action
-from parcours.run.hosts.ros1.foreign_endpoints import Kind
+from parcours.run.hosts.ros1.ends import Kind
 from parcours.run.hosts.ros1.foreign_master import plain_value
 from parcours.run.hosts.ros1.foreign_session import Session
 from parcours_navigation.foreign.tester_messages import Maker
@@ -93,6 +93,6 @@ def _publish(session: Session, action: Action, data: bytes) -> None:
     until = time.monotonic() + _READERS
     while not publisher.peers and time.monotonic() < until:
         session.poll(session.now() + 10_000_000)
-    publisher.say(data)
+    publisher.send(data)
     session.poll(session.now() + 10_000_000)
     host.middle.leave([action.name])

@@ -18,8 +18,8 @@ from parcours.errors import HostFailure
 from parcours.run.clocks import ClockName, WallClock
 from parcours.run.executor import Turn as Due
 from parcours.run.hosts.frames import Begin, Died, Grant, Look, Ready, Report, Rest, Shown, Turn, Turned, Wire
+from parcours.run.hosts.launching import ending
 from parcours.run.hosts.node_program import Codec, Transport
-from parcours.run.hosts.processes import ending
 from parcours.run.instance import Outcome
 
 _ANSWER = 10_000_000_000

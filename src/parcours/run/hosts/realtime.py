@@ -21,8 +21,8 @@ from parcours.run.faults.plan import FaultPlan
 from parcours.run.faults.signals import Signal, signals
 from parcours.run.hosts.event_log import EventLog
 from parcours.run.hosts.frames import Broke, Died, Dropped, Idle, Ready, Received, Report, Rest, Run, Took, Wire
+from parcours.run.hosts.launching import ending
 from parcours.run.hosts.node_program import Codec, Transport
-from parcours.run.hosts.processes import ending
 from parcours.run.hosts.slots import Answer, Answering, silence
 from parcours.run.noise import Noise
 from parcours.run.port import ENVIRONMENT, Component, Link, Step

@@ -20,7 +20,7 @@ from typing import Generic, TypeVar
 from parcours.abtc import Event
 from parcours.errors import HostFailure, ParcoursError
 from parcours.run.enforcement import instance_name
-from parcours.run.hosts.processes import ending
+from parcours.run.hosts.launching import ending
 from parcours.run.pool import can_fork
 
 T = TypeVar("T")

@@ -16,8 +16,9 @@ from parcours.run.binding import Binding, Compiled, MessageTypes, compile_bindin
 from parcours.run.binding.passing import Answered
 from parcours.run.binding.readings import message_type
 from parcours.run.binding.slots import Slot, SlotPlan, Spoke
-from parcours.run.hosts.ros1.foreign_endpoints import ANY, Caller, Kind, Publisher, Reply, Subscriber
-from parcours.run.hosts.ros1.foreign_graph import Middle
+from parcours.run.hosts.graph_line import Reply
+from parcours.run.hosts.ros1.client import Client
+from parcours.run.hosts.ros1.ends import ANY, Caller, Kind, Publisher, Subscriber
 from parcours.run.hosts.ros1.foreign_master import MasterEnd, plain_value
 from parcours.run.hosts.ros1.foreign_nodes import NodeProcess
 from parcours.run.hosts.ros1.foreign_types import ForeignTypes
@@ -87,7 +88,7 @@ class ForeignHost:
             self._own.__enter__()
             self._uri, self.environment = self._own.uri, self._own.environment
         try:
-            self.middle = Middle(NAME, self._uri, self._refused)
+            self.middle = Client(NAME, self._uri, self._refused)
             self.master = MasterEnd(NAME, self._uri)
             self.master.set_parameters({name: plain_value(value) for name, value in self.binding.parameters})
         except BaseException:
@@ -163,7 +164,7 @@ class ForeignHost:
         """
         self._owner = {spoke.address: (heard, asked, spoke) for spoke in slot_plan.spokes if spoke.side == "out"}
         for publisher in self._publishers.values():
-            publisher.forget()
+            publisher.forget_last()
         for spoke in slot_plan.spokes:
             if spoke.is_service:
                 self._attach_service(spoke)
@@ -171,6 +172,7 @@ class ForeignHost:
                 self._listen(spoke)
             else:
                 self.publisher(spoke)
+        self.middle.join()
 
     def detach(self) -> None:
         """Hear nothing; calls are refused."""
@@ -189,7 +191,7 @@ class ForeignHost:
         elif spoke.address not in self._served:
             self._served.add(spoke.address)
             address = spoke.address
-            self.middle.serve(address, kind, lambda who, data, reply: self._asked(address, data, reply))
+            self.middle.serve(address, kind, lambda data, reply: self._asked(address, data, reply))
 
     def _asked(self, address: str, data: bytes, reply: Reply) -> None:
         owner = self._owner.get(address)
@@ -203,7 +205,7 @@ class ForeignHost:
             return
         address, kind = spoke.address, self.types.kind(spoke.type) or Kind(spoke.type, ANY)
 
-        def heard(who: str, data: bytes) -> None:
+        def heard(data: bytes) -> None:
             owner = self._owner.get(address)
             if owner is not None:
                 owner[0](owner[2], data)
@@ -211,7 +213,7 @@ class ForeignHost:
         def joined(told: Kind) -> None:
             self.types.learn(told)
 
-        self._subscribers[address] = self.middle.subscribe(address, kind, heard, joined)
+        self._subscribers[address] = self.middle.subscribe(address, kind, heard, joined=joined)
 
     def publisher(self, spoke: Spoke) -> Publisher | None:
         """Return where the tester publishes; None while the type is unknown."""
@@ -246,7 +248,7 @@ class ForeignHost:
     def say(self, spoke: Spoke, data: bytes) -> int:
         """Publish; return to how many listeners it was lost."""
         publisher = self.publisher(spoke)
-        return publisher.say(data) if publisher is not None else 0
+        return publisher.send(data) if publisher is not None else 0
 
     def ask(self, spoke: Spoke, data: bytes, answered: Answered) -> None:
         """Call a service."""

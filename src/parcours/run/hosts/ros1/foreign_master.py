@@ -8,7 +8,7 @@ from typing import Any
 from parcours.errors import HostFailure
 from parcours.run.binding.graph import Graph
 from parcours.run.binding.structure import Binding, Value
-from parcours.run.hosts.ros1.foreign_endpoints import WITHIN, probed
+from parcours.run.hosts.ros1.ends import ANY, WITHIN, called
 from parcours.run.hosts.ros1.graph import ask, ask_all
 
 
@@ -59,10 +59,16 @@ class MasterEnd:
         bound = {channel.address for channel in binding.channels if channel.part != "topic"} | addresses
         for service in sorted(bound & {name for name, nodes in known.servers.items() if nodes}):
             try:
-                types[service] = probed(self._name, self._uri, service).get("type", "*")
+                types[service] = self._type(service)
             except HostFailure:
                 continue
         return Graph(known.publishers, known.subscribers, known.servers, types)
+
+    def _type(self, service: str) -> str:
+        """Return the type that a service gives itself. Raises HostFailure if nobody serves it."""
+        connection, header = called(self._name, self._uri, {"service": service, "md5sum": ANY, "probe": "1"})
+        connection.close()
+        return header.get("type", ANY)
 
     def address_of(self, node: str) -> str:
         """Return where a node answers; empty if the master knows none of that name."""

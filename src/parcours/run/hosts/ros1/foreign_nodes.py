@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Literal
 
 from parcours.errors import HostFailure
-from parcours.run.hosts.processes import ending
+from parcours.run.hosts.launching import ending
 
 _KEEPER = str(Path(__file__).with_name("process_keeper.py"))
 _TAIL = 5

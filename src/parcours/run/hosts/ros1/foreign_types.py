@@ -19,7 +19,7 @@ from typing import Any
 from parcours.errors import BadRequest, HostFailure
 from parcours.run.binding.definitions import read_definitions
 from parcours.run.hosts.ros1 import interpreter_with, no_ros
-from parcours.run.hosts.ros1.foreign_endpoints import ANY, Kind
+from parcours.run.hosts.ros1.ends import ANY, Kind
 
 _DISTRIBUTION = "/usr/lib/python3/dist-packages"
 _HALVES = {"Request": "_request_class", "Response": "_response_class"}

@@ -1,7 +1,4 @@
-"""The graph's XML-RPC: a name at a master, what it offers and wants there, and what others ask of it.
-
-Only while a graph forms, and for its tools; messages travel by `streams`.
-"""
+"""Asks a ROS 1 master and other nodes by XML-RPC, and answers what they ask; messages travel by other ways."""
 
 from __future__ import annotations
 
@@ -19,10 +16,10 @@ from xmlrpc.client import dumps, loads
 from xmlrpc.server import SimpleXMLRPCServer
 
 from parcours.errors import HostFailure
-from parcours.run.hosts.ros1.master import LOOPBACK
 
+LOOPBACK = "127.0.0.1"
 WITHIN = 5.0
-"""So long anybody may take to answer [s]."""
+"""How long a node or the master may take to answer [s]."""
 
 _ASKER = "/parcours"
 _LONGEST_ANSWER = 4_000_000

@@ -23,8 +23,8 @@ from xmlrpc.client import dumps, loads
 
 from parcours.errors import HostFailure
 from parcours.run.hosts.ros1 import interpreter_with
+from parcours.run.hosts.ros1.graph import LOOPBACK
 
-LOOPBACK = "127.0.0.1"
 _POLL = 0.01
 _LONGEST_ANSWER = 65_536
 _TAIL = 6

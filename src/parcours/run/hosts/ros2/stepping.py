@@ -70,7 +70,7 @@ class SteppedClock:
         self._await_nodes()
         self._publish()
 
-    def _answer(self, node: str, answer: object) -> None:
+    def _answer(self, node: str, number: int, answer: object) -> None:
         self._unanswered.discard(node)
 
     def _hear(self, message: bytes) -> None:
