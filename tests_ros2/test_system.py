@@ -26,7 +26,7 @@ def ramp_system() -> Iterator[Ros2Transport]:
     nodes = nodes_of(system_links(), COMPONENTS, f"{RESIDENT}:SystemNodeProgram")
     with real_time():
         transport = Ros2Transport(
-            nodes, interfaces(component_model()), [RESIDENT], domain=43
+            nodes, interfaces(component_model(), system_links()), [RESIDENT], domain=43
         )  # the other RAMP still lives
         yield transport
         transport.close()

@@ -142,6 +142,7 @@ class NodeProcesses(ABC):
         while missing or not is_connected():
             for node, said in self.poll(time.perf_counter_ns() + 5_000_000):
                 if isinstance(said, Broke):
+                    self._processes.status(node, within=_GRACE)  # it leaves the graph in order if it is not killed
                     raise HostFailure(f"node {node}", f"must start, but raised {said.text}", slug="node-start")
                 if isinstance(said, Died):
                     raise HostFailure(f"node {node}", f"must start, but its process ended: {ending(said.status)}",

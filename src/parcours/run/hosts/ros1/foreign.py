@@ -20,9 +20,9 @@ from parcours.run.hosts.graph_line import Reply
 from parcours.run.hosts.ros1.client import Client
 from parcours.run.hosts.ros1.ends import ANY, Caller, Kind, Publisher, Subscriber
 from parcours.run.hosts.ros1.foreign_master import MasterEnd, plain_value
-from parcours.run.hosts.ros1.foreign_nodes import NodeProcess
 from parcours.run.hosts.ros1.foreign_types import ForeignTypes
 from parcours.run.hosts.ros1.master import Master, require_master
+from parcours.run.hosts.ros1.process import KeptProcess
 
 NAME = "/parcours"
 _MASTER = 3.0
@@ -58,7 +58,7 @@ class ForeignHost:
         self._served: set[str] = set()
         self._callers: dict[str, Caller] = {}
         self._owner: dict[str, tuple[Callable[[Spoke, bytes], None], Callable[[Spoke, bytes, Reply], None], Spoke]] = {}
-        self.running: dict[str, tuple[Slot, NodeProcess]] = {}
+        self.running: dict[str, tuple[Slot, KeptProcess]] = {}
         """Slots whose process was started here and is not ended."""
         self._kinds: dict[str, tuple[str, str, str]] = {}
         self.compiled: Compiled | None = self._tried()
@@ -129,13 +129,13 @@ class ForeignHost:
             node = slot.node
             env = {**os.environ, **self.environment, **dict(node.env)}
             log = self.folder / f"{file_name(slot.name)}.log"
-            process = NodeProcess(slot.name, (*node.command, *slot.arguments), node.cwd, env, log)
+            process = KeptProcess(slot.name, (*node.command, *slot.arguments), node.cwd, env, log)
             self.running[slot.name] = slot, process
             self.middle.watch(process.descriptor, functools.partial(self._look, process))
         for slot in fresh:
             self.running[slot.name][1].await_start()
 
-    def _look(self, process: NodeProcess) -> None:
+    def _look(self, process: KeptProcess) -> None:
         if process.look():
             self.middle.unwatch(process.descriptor)
 

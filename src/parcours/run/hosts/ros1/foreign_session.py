@@ -19,8 +19,8 @@ from parcours.run.faults import FaultPlan
 from parcours.run.faults.signals import Signal, signals
 from parcours.run.hosts.realtime import DIED
 from parcours.run.hosts.ros1.foreign import ForeignHost
-from parcours.run.hosts.ros1.foreign_nodes import NodeProcess
 from parcours.run.hosts.ros1.foreign_ready import Readiness
+from parcours.run.hosts.ros1.process import KeptProcess
 from parcours.run.noise import Noise
 from parcours.run.trace import Trace, TraceEvent
 
@@ -151,7 +151,7 @@ class Session:
         self.relay.do_what_is_due()
         self._see_deaths()
 
-    def _processes(self) -> Iterator[tuple[Slot, NodeProcess]]:
+    def _processes(self) -> Iterator[tuple[Slot, KeptProcess]]:
         for slot in self.slot_plan.slots:
             if slot.name in self.host.running:
                 yield slot, self.host.running[slot.name][1]
