@@ -141,7 +141,7 @@ class GraphTransport(NodeProcesses):
         self._unsent.clear()
 
     def _watch(self, now: int) -> None:
-        """Look who has ended; that is reported a little later, since its last words may be under way."""
+        """Look which nodes have ended; that is reported a little later, since last words may be under way."""
         for node in self.nodes:
             status = None if node in self._dead else self._processes.status(node)
             if status is not None and now >= self._dying.setdefault(node, now + _LAST_WORDS):

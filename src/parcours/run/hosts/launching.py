@@ -76,7 +76,7 @@ class Processes:
         return {name: process.pid for name, process in self._running.items() if process.pid is not None}
 
     def stop(self) -> None:
-        """Wait for processes that were told to end, and kill those that do not."""
+        """Wait for processes that have got Quit, and kill those that do not."""
         running = [process for process in self._running.values() if process.pid is not None]
         for process in running:
             _send(process, signal.SIGCONT)
@@ -192,7 +192,7 @@ def _ensure_server() -> None:
 def _let_go_of_server() -> None:
     """Close this process's copy of the pipe by which the server sees that its tester has ended.
 
-    A node that hangs or is frozen would keep it open, and so the server and itself alive for ever.
+    A node that hangs or is frozen would keep it open, and so the server and itself alive without end.
     """
     server = getattr(forkserver, "_forkserver", None)
     alive = getattr(server, "_forkserver_alive_fd", None)

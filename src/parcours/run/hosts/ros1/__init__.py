@@ -1,4 +1,4 @@
-"""Runs components as nodes of a ROS 1 graph, and tests foreign nodes there. Imports ROS packages late, or not at all."""
+"""Runs components as nodes of a ROS 1 graph, and tests foreign nodes there; imports ROS packages late."""
 
 from __future__ import annotations
 

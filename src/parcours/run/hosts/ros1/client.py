@@ -46,9 +46,9 @@ class Client:
         self.name, self.master, self._refused = name, master, refused
         self.is_ended = False
         """Whether a tool of the graph has ordered it to shut down (rosnode kill)."""
-        self._publishers: dict[str, Publisher] = {}
-        self._subscribers: dict[str, Subscriber] = {}
-        self._servers: dict[str, Server] = {}
+        self.publishers: dict[str, Publisher] = {}
+        self.subscribers: dict[str, Subscriber] = {}
+        self.servers: dict[str, Server] = {}
         self._streams: dict[int, tuple[Stream, Heard, Callable[[], None]]] = {}
         self._crowded: set[Stream] = set()
         self._watched: dict[int, Callable[[], None]] = {}
@@ -60,18 +60,18 @@ class Client:
         self._door = Doorway(self._admit, refused)
         self._slave = Slave(master, {
             "requestTopic": self._where, "publisherUpdate": self._update,
-            "getPublications": lambda: [[one.topic, one.kind.type] for one in self._publishers.values()],
-            "getSubscriptions": lambda: [[one.topic, one.kind.type] for one in self._subscribers.values()],
+            "getPublications": lambda: [[one.topic, one.kind.type] for one in self.publishers.values()],
+            "getSubscriptions": lambda: [[one.topic, one.kind.type] for one in self.subscribers.values()],
             "getBusInfo": self._connections,
         }, self._end)  # fmt: skip
         self.uri, self._at = self._slave.uri, f"rosrpc://{LOOPBACK}:{self._door.port}"
         self._unregistered: list[tuple[str, tuple[object, ...]]] = []
 
-    # What it offers and wants. The master is told by `join`, or the next `spin`.
+    # What it offers and wants, registered at the master by `join`, or by the next `spin`.
 
     def publish(self, topic: str, kind: Kind, *, queue: int = 16, latch: bool = False, reader: str = "") -> Publisher:
         """Offer a topic; see `Publisher`."""
-        publisher = self._publishers[topic] = Publisher(self, topic, kind, queue, latch, reader)
+        publisher = self.publishers[topic] = Publisher(self, topic, kind, queue, latch, reader)
         self._unregistered.append(("registerPublisher", (self.name, topic, kind.type, self.uri)))
         return publisher
 
@@ -79,13 +79,13 @@ class Client:
                   joined: Callable[[Kind], None] = lambda kind: None,
                   lost: Callable[[], None] = lambda: None) -> Subscriber:  # fmt: skip
         """Hear a topic; see `Subscriber`."""
-        subscriber = self._subscribers[topic] = Subscriber(topic, kind, sender, heard, joined, lost)
+        subscriber = self.subscribers[topic] = Subscriber(topic, kind, sender, heard, joined, lost)
         self._unregistered.append(("registerSubscriber", (self.name, topic, kind.type, self.uri)))
         return subscriber
 
     def serve(self, service: str, kind: Kind, asked: Callable[[bytes, Reply], None], *, client: str = "") -> None:
         """Serve a service; see `Server`."""
-        self._servers[service] = Server(service, kind, asked, client)
+        self.servers[service] = Server(service, kind, asked, client)
         self._unregistered.insert(0, ("registerService", (self.name, service, self._at, self.uri)))
 
     def call(self, service: str, kind: Kind, lanes: int = _MOST_CALLS) -> Caller:
@@ -106,14 +106,14 @@ class Client:
         """Withdraw topics and services of these names, and close what is heard on them."""
         calls: list[tuple[str, tuple[object, ...]]] = []
         for name in names:
-            if self._publishers.pop(name, None):
+            if self.publishers.pop(name, None):
                 calls.append(("unregisterPublisher", (self.name, name, self.uri)))
-            subscriber = self._subscribers.pop(name, None)
+            subscriber = self.subscribers.pop(name, None)
             if subscriber is not None:
                 calls.append(("unregisterSubscriber", (self.name, name, self.uri)))
                 for stream in list(subscriber.streams.values()):
                     self.drop(stream)
-            if self._servers.pop(name, None):
+            if self.servers.pop(name, None):
                 calls.append(("unregisterService", (self.name, name, self._at)))
         with contextlib.suppress(HostFailure):
             ask_all(self.master, calls)
@@ -133,7 +133,7 @@ class Client:
                 self._poll.unregister(descriptor)
 
     def spin(self, until: int | None) -> bool:
-        """Hear what has arrived, or what arrives before the monotonic clock shows `until` [ns]; None waits for long.
+        """Hear what has arrived, or what arrives before the monotonic clock shows `until` [ns]; None waits on.
 
         Returns:
             whether anything happened.
@@ -217,7 +217,7 @@ class Client:
         """Leave the graph, and end the threads. Again: do nothing."""
         if self._closed:
             return
-        self.leave([*self._publishers, *self._subscribers, *self._servers])
+        self.leave([*self.publishers, *self.subscribers, *self.servers])
         with self._lock:
             self._closed = True
         self._slave.close()
@@ -236,19 +236,19 @@ class Client:
             os.eventfd_write(self._wake, 1)
 
     def _where(self, topic: str, protocols: list[list[object]]) -> object:
-        if topic not in self._publishers:
+        if topic not in self.publishers:
             raise HostFailure(self.name, f"does not publish {topic}", slug="ros1-header")
         if not any(protocol and protocol[0] == "TCPROS" for protocol in protocols):
             raise HostFailure(self.name, "speaks TCPROS only", slug="ros1-header")
         return ["TCPROS", LOOPBACK, self._door.port]
 
     def _connections(self) -> list[list[object]]:
-        out = [(peer, "o", one.topic) for one in list(self._publishers.values()) for peer in one.peers]
-        into = [(uri, "i", one.topic) for one in list(self._subscribers.values()) for uri in list(one.streams)]
+        out = [(peer, "o", one.topic) for one in list(self.publishers.values()) for peer in one.peers]
+        into = [(uri, "i", one.topic) for one in list(self.subscribers.values()) for uri in list(one.streams)]
         return [[k, other, way, "TCPROS", topic, True] for k, (other, way, topic) in enumerate(out + into)]
 
     def _update(self, topic: str, publishers: list[str]) -> int:
-        subscriber = self._subscribers.get(topic)
+        subscriber = self.subscribers.get(topic)
         if subscriber is not None:
             subscriber.publishers = frozenset(publishers)
             threading.Thread(target=self._connect, args=(subscriber, publishers), daemon=True, name="ros1-join").start()
@@ -266,7 +266,7 @@ class Client:
 
     def _is_connected(self, subscriber: Subscriber, uri: str, failed: set[str]) -> bool:
         """Return whether nothing is left to do for this publisher, after trying; `failed` have been reported."""
-        is_gone = uri not in subscriber.publishers or self._subscribers.get(subscriber.topic) is not subscriber
+        is_gone = uri not in subscriber.publishers or self.subscribers.get(subscriber.topic) is not subscriber
         if is_gone or self._closed or uri == self.uri or subscriber.is_heard(uri):
             return True
         try:
@@ -310,14 +310,14 @@ class Client:
         """Let the other end in, or return why not."""
         who = header.get("callerid", "?")
         if "topic" in header:
-            publisher = self._publishers.get(header["topic"])
+            publisher = self.publishers.get(header["topic"])
             if publisher is None:
                 return f"{header['topic']}: {who} wants to hear it, but {self.name} does not publish it"
             if not publisher.kind.agrees(header):
                 return f"{publisher.topic}: carries {publisher.kind.type}, but {who} wants {_named(header)}"
             publisher.admit(connection, who)
             return ""
-        server = self._servers.get(header.get("service", ""))
+        server = self.servers.get(header.get("service", ""))
         if server is None:
             return f"{header.get('service', 'a connection')}: {who} calls it, but {self.name} does not serve it"
         if not server.kind.agrees(header):

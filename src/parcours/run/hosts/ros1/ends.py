@@ -196,7 +196,7 @@ class Caller:
         self._owner.send(stream, data)
 
     def connect(self) -> None:
-        """Have one connection ready. Raises HostFailure if nobody serves it, or another type."""
+        """Have one connection ready. Raises HostFailure if it is not served, or with another type."""
         if all(stream.closed for stream in self._open):
             self._connected()
 

@@ -64,7 +64,7 @@ class MasterEnd:
         return Graph(known.publishers, known.subscribers, known.servers, types)
 
     def _type(self, service: str) -> str:
-        """Return the type that a service gives itself. Raises HostFailure if nobody serves it."""
+        """Return the type that a service gives itself. Raises HostFailure if it is not served."""
         connection, header = called(self._name, self._uri, {"service": service, "md5sum": ANY, "probe": "1"})
         connection.close()
         return header.get("type", ANY)

@@ -30,7 +30,7 @@ _SETTINGS = {
     "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
     "FASTDDS_DEFAULT_PROFILES_FILE": str(Path(__file__).with_name("profiles.xml")),
 }
-"""Of the environment, where it has none: nobody outside this machine is spoken to, and losses are made good at once."""
+"""Defaults for the environment: the graph stays on this machine, and losses are made good at once."""
 
 _CHUNK = 20_000_000
 """The longest wait in one piece [ns]: Python hears of signals in between."""
@@ -93,7 +93,7 @@ class Participant:
         return FrameSender(self.speaker(topic, "frames"))
 
     def frame_listener(self, topic: str, peer: str, heard: Heard, lost: Callable[[], None]) -> Subscription:
-        """Call `heard` with each frame. A graph does not tell who has gone: `lost` is never called."""
+        """Call `heard` with each frame. A graph does not report ends: `lost` is never called."""
 
         def taken(message: bytes) -> None:
             for frame in msgspec.msgpack.decode(message, type=list[msgspec.Raw]):
@@ -171,7 +171,7 @@ class Participant:
         self._set = None
 
     def spin(self, until: int | None) -> bool:
-        """Hear what has arrived, or what arrives before the monotonic clock shows `until` [ns]; None waits for ever.
+        """Hear what has arrived, or what arrives before the monotonic clock shows `until` [ns], if not None.
 
         Returns:
             whether anything was heard.
