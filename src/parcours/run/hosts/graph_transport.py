@@ -36,6 +36,7 @@ class GraphTransport(NodeProcesses):
         self._arrived: dict[str, deque[bytes]] = defaultdict(deque)
         self._routes: dict[str, Route] = {}
         self._ends: list[End] = []
+        self._reports: list[End] = []
         self._commands: dict[str, Sender] = {}
         self._senders: dict[str, Sender] = {}
         self._callers: dict[str, Caller] = {}
@@ -57,6 +58,7 @@ class GraphTransport(NodeProcesses):
             self._commands[name] = participant.frame_speaker(command_topic(name), node_name(name))
             heard = partial(self._hear, name)
             reports = participant.frame_listener(report_topic(name), node_name(name), heard, lambda: None)
+            self._reports.append(reports)
             self._ends += [self._commands[name], reports]
         for route in routes:
             if route.interface.sender in self._incomplete:

@@ -63,7 +63,7 @@ class Ros2Transport(GraphTransport):
             self._join(participant, found, ros2_line, found, domain)
 
     def _is_connected(self) -> bool:
-        if any(isinstance(end, Subscription) and end.speakers > 1 for end in self._ends):
+        if any(isinstance(end, Subscription) and end.speakers > 1 for end in self._reports):
             raise occupied(self._domain)
         return super()._is_connected()
 
