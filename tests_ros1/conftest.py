@@ -13,7 +13,8 @@ from tests_ros1 import ros1_toys as toys
 
 import parcours_ramp
 from parcours.model.model_file import read_model
-from parcours.run.hosts.ros1.interfaces import interfaces, write_package
+from parcours.run.hosts.interfaces import interfaces
+from parcours.run.hosts.ros1.interfaces import write_package
 from parcours.run.hosts.ros1.master import Master
 from parcours.run.hosts.ros1.transport import Ros1Transport
 from parcours_ramp.planner.wire import FORMS

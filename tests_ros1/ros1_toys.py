@@ -11,8 +11,8 @@ import numpy as np
 
 from parcours.model.structure import Cefsm, Channel
 from parcours.run.hosts.battery import Counting, Sink, Source, Taken
+from parcours.run.hosts.interfaces import interfaces
 from parcours.run.hosts.node_program import Plain, nodes_of
-from parcours.run.hosts.ros1.interfaces import interfaces
 from parcours.run.hosts.ros1.packing import Ros1Codec, Ros1NodeProgram
 from parcours.run.hosts.ros1.transport import Ros1Transport
 from parcours.run.port import Link, Step

@@ -8,10 +8,10 @@ from contextlib import closing
 import pytest
 
 from parcours.run.enforcement import Execution, enforce
+from parcours.run.hosts.interfaces import interfaces
 from parcours.run.hosts.live_enforcement import DrivenInstances
 from parcours.run.hosts.node_program import nodes_of
 from parcours.run.hosts.ros1.graph import ask
-from parcours.run.hosts.ros1.interfaces import interfaces
 from parcours.run.hosts.ros1.transport import Ros1Transport
 from parcours.run.hosts.scheduling import real_time
 from parcours.run.port import links

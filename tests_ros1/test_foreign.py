@@ -17,9 +17,9 @@ import pytest
 from tests_ros1.conftest import patient
 
 from parcours.run.binding import read_binding
+from parcours.run.hosts.ros1.client import Client
+from parcours.run.hosts.ros1.ends import Kind
 from parcours.run.hosts.ros1.foreign import ForeignHost
-from parcours.run.hosts.ros1.foreign_endpoints import Kind
-from parcours.run.hosts.ros1.foreign_graph import Middle
 from parcours.run.hosts.ros1.foreign_session import Session
 from parcours.run.hosts.ros1.graph import Slave, ask
 from parcours.run.hosts.ros1.master import Master
@@ -229,15 +229,16 @@ def test_a_type_that_only_the_node_knows_is_learned_from_its_connection(tmp_path
 def test_a_publisher_that_hangs_up_at_first_is_heard_all_the_same() -> None:
     kind = Kind("std_msgs/String", "992ce8a1687cec8c8bd883ec73ca41d1", "string data\n")
     refused: list[str] = []
-    heard: list[tuple[str, bytes]] = []
+    heard: list[bytes] = []
     with Master() as master, socket.create_server(("127.0.0.1", 0)) as door:
         door.settimeout(30.0)
         where = ["TCPROS", *door.getsockname()]
         speaker = Slave(master.uri, {"requestTopic": lambda topic, protocols: where})
-        middle = Middle("/parcours", master.uri, refused.append)
+        middle = Client("/parcours", master.uri, refused.append)
         try:
             ask(master.uri, "registerPublisher", "/speaker", "/said", kind.type, speaker.uri)
-            middle.subscribe("/said", kind, lambda who, data: heard.append((who, data)))
+            middle.subscribe("/said", kind, heard.append)
+            middle.join()
             door.accept()[0].close()
             connection, _ = door.accept()
             assert read_header(connection)["topic"] == "/said"
@@ -251,5 +252,5 @@ def test_a_publisher_that_hangs_up_at_first_is_heard_all_the_same() -> None:
         finally:
             middle.close()
             speaker.close()
-    assert heard == [("/speaker", b"now")]
+    assert heard == [b"now"]
     assert len(refused) == 1 and refused[0].startswith("/said: no connection to the publisher at ")

@@ -15,9 +15,9 @@ from parcours.errors import HostFailure
 from parcours.run.binding import read_binding
 from parcours.run.binding.slots import whole
 from parcours.run.hosts.ros1.foreign import ForeignHost
-from parcours.run.hosts.ros1.foreign_nodes import NodeProcess
 from parcours.run.hosts.ros1.foreign_session import Session
 from parcours.run.hosts.ros1.master import Master
+from parcours.run.hosts.ros1.process import KeptProcess
 from parcours.verdict.judgement import Verdict
 from parcours_navigation.foreign.isolation import Order
 from parcours_navigation.foreign.running import ForeignStudy
@@ -110,7 +110,7 @@ def test_a_message_of_the_wrong_size_is_an_error_with_the_line_of_its_channel(bi
 def test_nothing_that_a_node_has_started_outlives_it(tmp_path: Path) -> None:
     mark = f"{time.monotonic_ns() % 10**9 + 10**9}"
     command = ["/bin/sh", "-c", f"setsid sleep {mark} & exec sleep {mark}"]
-    process = NodeProcess("sleeper", command, tmp_path, {"PATH": "/usr/bin:/bin"}, tmp_path / "log")
+    process = KeptProcess("sleeper", command, tmp_path, {"PATH": "/usr/bin:/bin"}, tmp_path / "log")
     process.await_start()
     process.ask_to_end()
     process.end(2.0)

@@ -16,15 +16,15 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
+from tests_ros1.ros1_messages import load
 
 import parcours_ramp.gtest
 from parcours.run.enforcement import Execution, enforce
+from parcours.run.hosts.interfaces import interfaces
 from parcours.run.hosts.live_enforcement import DrivenInstances
 from parcours.run.hosts.node_program import nodes_of
 from parcours.run.hosts.ros1.graph import ask
-from parcours.run.hosts.ros1.interfaces import interfaces
 from parcours.run.hosts.ros1.master import Master
-from parcours.run.hosts.ros1.messages import load
 from parcours.run.hosts.ros1.transport import Ros1Transport
 from parcours.run.noise import Noise
 from parcours.run.port import links

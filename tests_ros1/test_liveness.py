@@ -111,7 +111,7 @@ def test_a_master_that_is_not_there_and_a_node_that_does_not_start_are_told_in_t
     with pytest.raises(HostFailure, match=r"\[no-master\]$"):
         toys.transport_of(DESK, ["Counting"], master="http://127.0.0.1:1")
     assert time.monotonic() - began < 5.0
-    with pytest.raises(HostFailure, match=r"node Counting: must start, but its process ended.*\[node-start\]$"):
+    with pytest.raises(HostFailure, match=r"node Counting: must start, but raised .*\[node-start\]$"):
         start(DESK, ["Counting"], kind="nobody")
 
 

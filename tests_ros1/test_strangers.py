@@ -23,19 +23,17 @@ _LIMIT = 20_000_000_000
 
 _HEAD = """
 import sys, time
-from pathlib import Path
 import rospy
 from std_msgs.msg import String
-from parcours.run.hosts.ros1.messages import load
-messages = load(Path(sys.argv[1]))
+sys.path.insert(0, sys.argv[1] + "/python")
+import toys.msg, toys.srv
 rospy.init_node("stranger", disable_signals=True)
 """
 
 _LISTENER = """
 heard = []
-numbers = messages["numbers"]
 hear = lambda message: heard.append(message.number)
-subscriber = rospy.Subscriber("/numbers", numbers.message, hear, tcp_nodelay=True)
+subscriber = rospy.Subscriber("/numbers", toys.msg.Numbers, hear, tcp_nodelay=True)
 print("ready", flush=True)
 sys.stdin.readline()
 deadline = time.monotonic() + 10.0
@@ -46,15 +44,14 @@ print(heard, flush=True)
 
 _INTRUDER = """
 publishers = [rospy.Publisher("/parcours/out/seen", String, queue_size=1),
-              rospy.Publisher("/parcours/out/numbers", messages["numbers"].message, queue_size=1)]
+              rospy.Publisher("/parcours/out/numbers", toys.msg.Numbers, queue_size=1)]
 print("ready", flush=True)
 sys.stdin.readline()
 """
 
 _CALLER = """
-question = messages["ask"]
 try:
-    rospy.ServiceProxy("/parcours/out/counting", question.service)(messages.to_ros("ask", ([104, 105], [])))
+    rospy.ServiceProxy("/parcours/out/counting", toys.srv.Counting)([104, 105], [])
 except rospy.ServiceException as error:
     print(error, flush=True)
 """
@@ -116,7 +113,10 @@ def test_publishers_that_do_not_belong_there_are_not_heard_and_named(transport: 
         assert _said(stranger) == "ready"
         assert _soon(lambda: len(transport.refusals) == 2)
         wrong, foreign = sorted(transport.refusals, key=lambda text: "belongs" in text)
-        assert "/parcours/out/seen: its publisher at http://127.0.0.1:" in wrong and "types do not match" in wrong
+        assert (
+            "/parcours/out/seen: no connection to the publisher at http://127.0.0.1:" in wrong
+            and "types do not match" in wrong
+        )
         assert foreign.startswith("/parcours/out/numbers: /stranger publishes toys/Numbers (md5 ")
         assert foreign.endswith(") there, but it belongs to /Source; it is not heard")
         assert _run(transport) == list(range(40))

@@ -1,4 +1,4 @@
-"""RAMP's messages between two processes on a real graph: topics and persistent services of the generated classes."""
+"""RAMP's messages between two rospy processes: topics and persistent services of the package's Python classes."""
 
 from __future__ import annotations
 
@@ -10,23 +10,22 @@ from typing import Any
 
 import numpy as np
 import rospy
+from tests_ros1.ros1_messages import fields, load, message
 
 from parcours.run.hosts.ros1.master import Master
-from parcours.run.hosts.ros1.messages import load
 from parcours_ramp.planner.wire import FORMS
 
 _ECHO = """
 import ast, sys
 from pathlib import Path
 import rospy
-from parcours.run.hosts.ros1.messages import load
+from tests_ros1.ros1_messages import load, message
 messages = load(Path(sys.argv[1]))
 rospy.init_node("echo")
 best = messages["best_trajectory"].message
 back = rospy.Publisher("/echoed", best, queue_size=8, tcp_nodelay=True)
 def serve(request):
-    messages.from_ros("modification_request", request)
-    return messages.to_ros("modification_response", answer)
+    return message(messages["modification_response"].message, answer)
 answer = ast.literal_eval(sys.argv[2])
 rospy.Service("/path_modification", messages["modification_request"].service, serve)
 rospy.Subscriber("/best_trajectory", best, back.publish, tcp_nodelay=True)
@@ -49,7 +48,7 @@ def test_a_trajectory_of_50_kilobytes_and_a_request_travel_to_another_process_an
     answer = _values("modification_response")
     with Master():
         command = [sys.executable, "-c", _ECHO, str(package), repr(answer)]
-        with subprocess.Popen(command) as echo:
+        with subprocess.Popen(command, cwd=Path(__file__).parent.parent) as echo:
             try:
                 rospy.init_node("tester", disable_signals=True)
                 arrived: queue.Queue[Any] = queue.Queue()
@@ -62,18 +61,18 @@ def test_a_trajectory_of_50_kilobytes_and_a_request_travel_to_another_process_an
                 values = _values("best_trajectory", floats=1200)
                 got = None
                 while got is None:  # its publisher may not know yet that somebody listens
-                    there.publish(messages.to_ros("best_trajectory", values))
+                    there.publish(message(best, values))
                     try:
                         got = arrived.get(timeout=0.2)
                     except queue.Empty:
                         assert echo.poll() is None
-                assert _same(messages.from_ros("best_trajectory", got), values)
+                assert _same(fields(got), values)
                 ask = rospy.ServiceProxy(
                     "/path_modification", messages["modification_request"].service, persistent=True
                 )
-                request = messages.to_ros("modification_request", _values("modification_request"))
+                request = message(messages["modification_request"].message, _values("modification_request"))
                 for _ in range(10):
-                    assert _same(messages.from_ros("modification_response", ask(request)), answer)
+                    assert _same(fields(ask(request)), answer)
             finally:
                 echo.terminate()
                 echo.wait(10)

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from parcours.run.hosts.interfaces import interfaces
 from parcours.run.hosts.node_program import nodes_of
-from parcours.run.hosts.ros2.names import topics_of
 from parcours.run.hosts.ros2.transport import Ros2Transport
 from parcours.run.hosts.scheduling import real_time
 from parcours.run.port import links
@@ -25,7 +25,7 @@ def ramp() -> Iterator[Ros2Transport]:
     names = [component.name for component in model.components]
     nodes = nodes_of(links(model), names, f"{RESIDENT}:ComponentNodeProgram")
     with real_time():
-        transport = Ros2Transport(nodes, topics_of(model), [RESIDENT, "parcours_ramp.components.warm"])
+        transport = Ros2Transport(nodes, interfaces(model), [RESIDENT, "parcours_ramp.components.warm"])
         yield transport
         transport.close()
 

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from parcours.model.structure import Cefsm, Channel
 from parcours.run.hosts.battery import Taken
+from parcours.run.hosts.interfaces import interfaces
 from parcours.run.hosts.node_program import Plain
-from parcours.run.hosts.ros2.names import Topic
 from parcours.run.port import ENVIRONMENT, Link, LinkKind, Step
 
 LINKS = (
@@ -15,7 +16,17 @@ LINKS = (
     Link("answer", "Oracle", "Asker", 1, LinkKind.SERVICE),
     Link("told", "Asker", ENVIRONMENT, 1000),
 )
-TOPICS = {"question": Topic("/oracle", "Question"), "answer": Topic("/oracle", "Answer")}
+CHANNELS = interfaces(
+    Cefsm(
+        "desks",
+        (),
+        (
+            Channel("question", "Asker", "Oracle", "Question", "/oracle"),
+            Channel("answer", "Oracle", "Asker", "Answer", "/oracle"),
+        ),
+    ),
+    LINKS,
+)
 
 
 class Asker:

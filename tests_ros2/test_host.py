@@ -14,12 +14,13 @@ from pathlib import Path
 import pytest
 from tests_ros2.conftest import lives, soon
 
-from parcours.errors import BadRequest, HostFailure
+from parcours.errors import HostFailure
+from parcours.model.structure import Cefsm, Channel
 from parcours.run.hosts.battery import DUTIES, Counting, Host, Sink, Source
 from parcours.run.hosts.frames import Deliver, Died, Idle, Ready, Received, Report, Rest, Run, Took, Wire
+from parcours.run.hosts.interfaces import Interface, interfaces
 from parcours.run.hosts.node_program import Plain, nodes_of
 from parcours.run.hosts.realtime import RealTimeHost
-from parcours.run.hosts.ros2.names import Topic
 from parcours.run.hosts.ros2.participant import Participant
 from parcours.run.hosts.ros2.transport import Ros2Transport
 from parcours.run.hosts.scheduling import real_time
@@ -27,6 +28,7 @@ from parcours.run.hosts.slots import Answer
 from parcours.run.port import ENVIRONMENT, Component, Link
 
 DESK = (Link("ask", ENVIRONMENT, "Counting", 1000), Link("answer", "Counting", ENVIRONMENT, 1000))
+NO_MODEL = Cefsm("none", (), ())
 TOYS = "parcours.run.hosts.reference_components:node_program"
 
 
@@ -36,11 +38,13 @@ def toys(component: str) -> Plain:
 
 def toy_host(components: Sequence[Component], links: Sequence[Link], tester: Answer) -> Host:
     names = [part.name for part in components]
-    return RealTimeHost(Ros2Transport(nodes_of(links, names, TOYS)), links, toys(""), environment=tester)
+    return RealTimeHost(
+        Ros2Transport(nodes_of(links, names, TOYS), interfaces(NO_MODEL, links)), links, toys(""), environment=tester
+    )
 
 
-def desk(topics: dict[str, Topic] | None = None) -> Ros2Transport:
-    return Ros2Transport(nodes_of(DESK, ["Counting"], TOYS), topics)
+def desk(channels: Sequence[Interface] = interfaces(NO_MODEL, DESK), domain: int | None = None) -> Ros2Transport:
+    return Ros2Transport(nodes_of(DESK, ["Counting"], TOYS), channels, domain=domain)
 
 
 def heard(transport: Ros2Transport, last: type | Report, within: float = 10.0) -> list[Report]:
@@ -145,8 +149,8 @@ def test_no_node_outlives_a_tester_that_is_killed() -> None:
 
 
 def test_several_graphs_of_one_machine_do_not_hear_each_other() -> None:
-    one = Ros2Transport(nodes_of(DESK, ["Counting"], TOYS), domain=50)
-    other = Ros2Transport(nodes_of(DESK, ["Counting"], TOYS), domain=51)
+    one = desk(domain=50)
+    other = desk(domain=51)
     one.command("Counting", Rest())
     heard(one, Ready)
     assert not other.poll(time.perf_counter_ns() + 50_000_000)
@@ -166,24 +170,29 @@ def test_two_testers_do_not_share_a_graph() -> None:
 
 def test_a_domain_that_does_not_exist_is_refused() -> None:
     with pytest.raises(HostFailure, match=r"0 to 232, but 9999.*ros2-domain"):
-        Ros2Transport(nodes_of(DESK, ["Counting"], TOYS), domain=9999)
+        desk(domain=9999)
 
 
 def test_channels_that_would_share_a_topic_are_refused() -> None:
-    with pytest.raises(BadRequest, match=r"ask, answer.*ros2-topic-shared"):
-        three = (*DESK, Link("more", ENVIRONMENT, "Counting"))
-        Ros2Transport(nodes_of(three, ["Counting"], TOYS), {link.channel: Topic("/desk") for link in three})
+    two = Cefsm("two", (), tuple(Channel(one, ENVIRONMENT, "Counting", "Text", "/desk") for one in ("ask", "more")))
+    with pytest.raises(HostFailure, match=r"ask, more.*topic-shared"):
+        desk(interfaces(two))
 
 
 def test_a_node_program_that_is_not_there_ends_the_start() -> None:
     began = time.monotonic()
     with pytest.raises(HostFailure, match=r"Counting.*node-start"):
-        Ros2Transport(nodes_of(DESK, ["Counting"], "parcours.run.hosts.reference_components:nobody"))
+        nobody = nodes_of(DESK, ["Counting"], "parcours.run.hosts.reference_components:nobody")
+        Ros2Transport(nobody, interfaces(NO_MODEL, DESK))
     assert time.monotonic() - began < 20
 
 
 def test_messages_travel_on_the_topics_that_the_model_names() -> None:
-    transport = desk({"ask": Topic("/obstacles", "ObstacleList"), "answer": Topic("/update", "MotionState")})
+    model = Cefsm("desk", (), (
+        Channel("ask", ENVIRONMENT, "Counting", "ObstacleList", "/obstacles"),
+        Channel("answer", "Counting", ENVIRONMENT, "MotionState", "/update"),
+    ))  # fmt: skip
+    transport = desk(interfaces(model))
     onlooker = Participant("onlooker", int(os.environ["ROS_DOMAIN_ID"]))  # as any other node sees the graph
     wanted = {"/obstacles", "/parcours/out/update", "/parcours/Counting/command", "/parcours/Counting/report"}
     seen: dict[str, list[str]] = {}

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Sequence
 
 import pytest
 from tests_ros2.conftest import soon
-from tests_ros2.desks import LINKS, TOPICS, node_program
+from tests_ros2.desks import CHANNELS, LINKS, node_program
 
 from parcours.run.faults.plan import ChannelFault, ComponentFault, FaultPlan
 from parcours.run.hosts.node_program import nodes_of
@@ -33,7 +33,7 @@ def desk() -> Iterator[Desk]:
     made: list[RealTimeHost] = []
 
     def make(told: Told, names: Sequence[str] = ("Asker", "Oracle"), faults: FaultPlan | None = None) -> RealTimeHost:
-        transport = Ros2Transport(nodes_of(LINKS, names, "tests_ros2.desks:node_program"), TOPICS)
+        transport = Ros2Transport(nodes_of(LINKS, names, "tests_ros2.desks:node_program"), CHANNELS)
         made.append(RealTimeHost(transport, LINKS, node_program(""), environment=told, faults=faults))
         return made[-1]
 
@@ -105,9 +105,10 @@ def test_a_call_that_nobody_answers_is_ended_when_the_node_rests(desk: Desk) -> 
     host.run(20 * SECOND)
     caller = Participant("stranger")
     ended: list[bytes | None] = []
-    oracle = caller.call("/oracle", ended.append)
+    oracle = caller.caller("/oracle")
     assert soon(lambda: oracle.is_matched)
-    oracle.ask(node_program("").encode("question", "nobody answers this"))
+    question = node_program("").encode("question", "nobody answers this")
+    oracle.ask(question, lambda answer, why: ended.append(answer))
     caller.spin(time.perf_counter_ns() + 200_000_000)
     assert not ended
     host.reset()

@@ -7,8 +7,8 @@ from collections.abc import Iterator
 import pytest
 
 from parcours.run.faults.plan import ComponentFault, FaultPlan
+from parcours.run.hosts.interfaces import interfaces
 from parcours.run.hosts.node_program import nodes_of
-from parcours.run.hosts.ros2.names import topics_of
 from parcours.run.hosts.ros2.transport import Ros2Transport
 from parcours.run.hosts.scheduling import real_time
 from parcours.run.trace import transitions
@@ -27,7 +27,7 @@ def ramp_system() -> Iterator[Ros2Transport]:
     nodes = nodes_of(system_links(), COMPONENTS, f"{RESIDENT}:SystemNodeProgram")
     with real_time():
         transport = Ros2Transport(
-            nodes, topics_of(component_model()), [RESIDENT], domain=43
+            nodes, interfaces(component_model(), system_links()), [RESIDENT], domain=43
         )  # the other RAMP still lives
         yield transport
         transport.close()

@@ -86,7 +86,7 @@ def test_output_of_foreign_nodes_stays_in_its_folder_and_apart(tmp_path: Path, m
         logs.append(log)
         return SimpleNamespace(descriptor=0, await_start=lambda: None, is_alive=True)
 
-    monkeypatch.setattr(foreign, "NodeProcess", process)
+    monkeypatch.setattr(foreign, "KeptProcess", process)
     host = object.__new__(foreign.ForeignHost)
     host.folder, host.running, host.environment = tmp_path, {}, {}
     host.master = cast(Any, SimpleNamespace(copy_parameters=lambda own, other: None))

@@ -13,7 +13,6 @@ from parcours.errors import BadRequest, HostFailure
 from parcours.run.hosts.battery import Counting, Sink, Source, Taken
 from parcours.run.hosts.channel_delay import ChannelDelay, constant, uniform
 from parcours.run.hosts.simulated import SimulatedHost
-from parcours.run.hosts.wallclock import WallClockHost, measure
 from parcours.run.port import ENVIRONMENT, Link, LinkKind, Send, Step
 from parcours.run.trace import durations, transitions
 
@@ -276,35 +275,3 @@ def test_requests_that_make_no_sense_are_refused() -> None:
     host.close()
     with pytest.raises(HostFailure, match="host-closed"):
         host.run(200)
-
-
-def test_the_wall_clock_waits_for_real_and_marks_its_trace() -> None:
-    part = Scripted("A", wakes=(0, 5_000_000), on_wake=lambda n: takes("tick"))
-    host = WallClockHost((part,), ())
-    host.run(20_000_000)
-    trace = host.trace()
-    assert trace.clock == "wall"
-    assert durations(trace, "tick", "tick")[0] > 4_000_000
-    assert all(e.time >= 5_000_000 for e in trace.events[1:])
-
-
-def test_measuring_forgets_the_warm_up_and_never_times_across_repeats() -> None:
-    one, two, links = ping_pong(1)
-    runs: list[int] = []
-
-    def exercise(host: WallClockHost) -> None:
-        runs.append(1)
-        host.run(10**9)
-
-    trace = measure(WallClockHost((one, two), links), exercise, repeats=5, warm_up=2, noise_samples=100)
-    assert len(runs) == 7
-    assert transitions(trace) == ("p1", "q1", "q2", "p2") * 5
-    assert len(durations(trace, "p1", "p2")) == 5
-    assert durations(trace, "p2", "p1") == ()
-    numbers = [e.message for e in trace.events if e.kind == "send"]
-    assert numbers == list(range(10))
-    assert [e.time for e in trace.events] == sorted(e.time for e in trace.events)
-    assert trace.noise is not None and trace.noise.samples == 100
-    assert 0 <= trace.noise.p50 <= trace.noise.p99 <= trace.noise.max
-    with pytest.raises(BadRequest, match=r"repeats.*\[count-range\]"):
-        measure(WallClockHost((one, two), links), exercise, repeats=0)

@@ -1,4 +1,4 @@
-"""Both hosts against the battery, and the battery against hosts that break each duty."""
+"""The simulated host against the battery, and the battery against hosts that break each duty."""
 
 from __future__ import annotations
 
@@ -13,7 +13,6 @@ from parcours.run.hosts.battery import DUTIES, Factory, Host
 from parcours.run.hosts.channel_delay import ChannelDelay, uniform
 from parcours.run.hosts.simulated import SimulatedHost
 from parcours.run.hosts.slots import Answer
-from parcours.run.hosts.wallclock import WallClockHost
 from parcours.run.port import Component, Link
 from parcours.run.trace import Trace, TraceEvent
 
@@ -33,12 +32,8 @@ def simulated_with_jitter(components: Sequence[Component], links: Sequence[Link]
     )
 
 
-def wallclock(components: Sequence[Component], links: Sequence[Link], environment: Answer) -> Host:
-    return WallClockHost(components, links, environment=environment)
-
-
 @pytest.mark.parametrize("duty", DUTIES)
-@pytest.mark.parametrize("make", [simulated, simulated_with_jitter, wallclock])
+@pytest.mark.parametrize("make", [simulated, simulated_with_jitter])
 def test_a_host_does_its_duty(make: Factory, duty: str) -> None:
     DUTIES[duty](make)
 

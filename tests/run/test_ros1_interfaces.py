@@ -12,7 +12,8 @@ import pytest
 
 from parcours.errors import HostFailure
 from parcours.model.structure import Cefsm, Channel
-from parcours.run.hosts.ros1.interfaces import TYPES, interfaces, read_index, write_package
+from parcours.run.hosts.interfaces import interfaces
+from parcours.run.hosts.ros1.interfaces import TYPES, read_index, write_package
 from parcours.run.hosts.ros1.master import require_master
 from parcours.run.port import Link
 

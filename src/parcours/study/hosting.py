@@ -90,7 +90,7 @@ def _start(nodes: Nodes, host: str, graph: str) -> Hosted:
     if host == "ros1":
         from importlib import import_module
 
-        from parcours.run.hosts.ros1.interfaces import interfaces
+        from parcours.run.hosts.interfaces import interfaces
         from parcours.run.hosts.ros1.transport import Ros1Transport
 
         module, _, name = nodes.ros1_codec.partition(":")
@@ -102,11 +102,11 @@ def _start(nodes: Nodes, host: str, graph: str) -> Hosted:
         return Hosted(Ros1Transport(started, types, ros1, preload, master=graph or None), ros1)
     started = nodes_of(nodes.links, nodes.components, nodes.node_program, nodes.given)
     if host == "ros2":
-        from parcours.run.hosts.ros2.names import topics_of
+        from parcours.run.hosts.interfaces import interfaces
         from parcours.run.hosts.ros2.transport import Ros2Transport
 
         domain = int(graph) if graph else None
-        return Hosted(Ros2Transport(started, topics_of(nodes.model), preload, domain=domain), codec)
+        return Hosted(Ros2Transport(started, interfaces(nodes.model, nodes.links), preload, domain=domain), codec)
     from parcours.run.hosts.processes import ProcessTransport
 
     return Hosted(ProcessTransport(started, preload), codec)

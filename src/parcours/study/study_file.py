@@ -8,7 +8,7 @@ from dataclasses import replace
 from importlib.metadata import entry_points
 from pathlib import Path
 
-from parcours.errors import BadModel, BadRequest, ParcoursError
+from parcours.errors import BadRequest, ParcoursError
 from parcours.model.documents import MAX_BYTES, Node, Scalar, read_document
 from parcours.model.documents import Mapping as MappingNode
 from parcours.model.expression import Expression, names, parse_expression

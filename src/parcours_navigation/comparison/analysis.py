@@ -12,15 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from parcours.errors import BadRequest
-from parcours.verdict.statistics import Rate, wilson
+from parcours.verdict.statistics import Rate, holm, wilson
 from parcours_navigation.comparison.benchmarking import Score, benchmark_scores
-from parcours_navigation.comparison.pairing import (
-    RateDifference,
-    TimeDifference,
-    holm,
-    rate_difference,
-    time_difference,
-)
+from parcours_navigation.comparison.pairing import RateDifference, TimeDifference, rate_difference, time_difference
 from parcours_navigation.comparison.results import (
     QUESTIONS,
     RULES,

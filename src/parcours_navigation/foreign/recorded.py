@@ -8,7 +8,7 @@ from pathlib import Path
 from parcours.errors import BadResults
 from parcours.filenames import file_name
 from parcours.run.binding import Binding, MessageTypes, compile_binding
-from parcours.run.hosts.ros1.foreign_endpoints import Kind
+from parcours.run.hosts.ros1.ends import Kind
 from parcours.run.hosts.ros1.foreign_types import ForeignTypes
 from parcours.run.recording import Raw, Recorder, read_recording
 from parcours.run.trace import TraceEvent

@@ -9,7 +9,7 @@ from typing import Literal
 from parcours.errors import HostFailure
 from parcours.run.binding.decoding import encoded
 from parcours.run.binding.structure import Action
-from parcours.run.hosts.ros1.foreign_endpoints import Kind
+from parcours.run.hosts.ros1.ends import Kind
 from parcours.run.hosts.ros1.foreign_master import plain_value
 from parcours.run.hosts.ros1.foreign_session import Session
 from parcours_navigation.foreign.world import PLACES
@@ -89,6 +89,6 @@ def _publish(session: Session, action: Action, data: bytes) -> None:
     kind = host.types.kind(action.type) or Kind(action.type, "*")
     publisher = host.middle.publish(action.name, kind, latch=True)
     _poll_until(session, lambda: publisher.peers, _READERS)
-    publisher.say(data)
+    publisher.send(data)
     session.poll(session.now() + 10_000_000)
     host.middle.leave([action.name])

@@ -83,7 +83,9 @@ class CampaignResults:
         id = self.found.cases.id(number)
         title, subtitle = (text.replace(id, self._id(id)) for text in (drawn.title, drawn.subtitle))
         drawn = dataclasses.replace(drawn, title=title, subtitle=subtitle)
-        section = Section("Replay", "Run again from the case number: the same bits as in the campaign.", (animation(drawn),))
+        section = Section(
+            "Replay", "Run again from the case number: the same bits as in the campaign.", (animation(drawn),)
+        )
         return Page(title, subtitle, (("folder", str(self._folder)), ("case", str(number))), (section,))
 
     def _number(self, case: str) -> int:

@@ -15,7 +15,8 @@ from pathlib import Path
 from parcours.abtc import serialise
 from parcours.errors import BadRequest
 from parcours.report.writing import write_text
-from parcours.run.hosts.ros1.interfaces import TYPES, Interface, interfaces, ros_name, write_package
+from parcours.run.hosts.interfaces import Interface, interfaces
+from parcours.run.hosts.ros1.interfaces import TYPES, ros_name, write_package
 from parcours.suite import Case, read_suite
 from parcours.suite.exporting import checksum
 from parcours.verdict.timing import Bound

@@ -14,15 +14,13 @@ from collections.abc import Callable
 from pathlib import Path
 
 from parcours.errors import HostFailure
-from parcours.run.hosts.launching import Processes
+from parcours.run.hosts.interfaces import TESTER, command_topic, interfaces, node_name
+from parcours.run.hosts.launching import Processes, ending
 from parcours.run.hosts.node_program import nodes_of
-from parcours.run.hosts.processes import ending
 from parcours.run.hosts.ros1.graph import ask, leave, require_free
-from parcours.run.hosts.ros1.interfaces import interfaces, write_package
-from parcours.run.hosts.ros1.line import Ros1Line
+from parcours.run.hosts.ros1.interfaces import package_routes, write_package
 from parcours.run.hosts.ros1.master import require_master
-from parcours.run.hosts.ros1.messages import load
-from parcours.run.hosts.ros1.routes import TESTER, Plan, command_topic, frame_kind, node_name, routes
+from parcours.run.hosts.ros1.transport import Plan, frame_kind, ros1_line
 from parcours.run.port import links
 from parcours_ramp.components.model import component_model
 from parcours_ramp.gtest.export import PACKAGE
@@ -31,7 +29,7 @@ from parcours_ramp.planner.wire import FORMS
 NODE_PROGRAM = "parcours_ramp.components.ros1:node_program"
 """What the nodes run if nothing else is named."""
 
-_PRELOAD = ("parcours.run.hosts.ros1.line", "parcours_ramp.components.ros1",
+_PRELOAD = ("parcours.run.hosts.ros1.transport", "parcours_ramp.components.ros1",
             "parcours_ramp.components.warm")  # fmt: skip
 _LOOK = 0.1
 """How often it is looked for a tester, and after the nodes [s]."""
@@ -57,10 +55,9 @@ class StandingNodes:
         model = component_model()
         self._nodes = nodes_of(links(model), [one.name for one in model.components], node_program)
         require_free(master, [node_name(node.component) for node in self._nodes])
-        channels = interfaces(model)
         with tempfile.TemporaryDirectory(prefix="parcours-ros1-") as folder:
-            write_package(Path(folder), PACKAGE, channels, FORMS)
-            self._plan = Plan(master, routes(channels, load(Path(folder))), frame_kind())
+            write_package(Path(folder), PACKAGE, interfaces(model), FORMS)
+            self._plan = Plan(master, package_routes(Path(folder)), frame_kind())
         self._processes = Processes([*_PRELOAD, node_program.partition(":")[0]])
         self._running: set[str] = set()
 
@@ -92,7 +89,7 @@ class StandingNodes:
         missing = [node for node in self._nodes if node.component not in self._running]
         if missing and self._is_awaited():
             for node in missing:
-                self._processes.start(node, Ros1Line, self._plan)
+                self._processes.start(node, ros1_line, self._plan)
                 self._running.add(node.component)
             self._say(f"joined the tester: {', '.join(node.component for node in missing)}")
 

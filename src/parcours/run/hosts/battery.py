@@ -30,7 +30,7 @@ class Host(Protocol):
         """Return what happened."""
 
     def reset(self) -> None:
-        """Return to the beginning."""
+        """Return to the start."""
 
     def close(self) -> None:
         """Let go of everything held."""
@@ -49,7 +49,22 @@ class Taken:
     sends: tuple[Send, ...] = ()
 
 
-class Source:
+class _Toy:
+    """A component that never acts by itself, and has nothing to forget."""
+
+    def next_wake(self) -> int | None:
+        """Never."""
+        return None
+
+    def wake(self, now: int) -> Iterator[Step]:
+        """Do nothing."""
+        return iter(())
+
+    def reset(self) -> None:
+        """Forget nothing."""
+
+
+class Source(_Toy):
     """Sends 0, 1, ... on `numbers`: two a transition, `bursts` transitions, one every `period` [ns]."""
 
     name = "Source"
@@ -72,11 +87,11 @@ class Source:
         yield Taken("s1", (("numbers", k), ("numbers", k + 1)))
 
     def reset(self) -> None:
-        """Begin again."""
+        """Start again."""
         self._done = 0
 
 
-class Sink:
+class Sink(_Toy):
     """Passes what it receives to the tester on `seen`: k1 takes it, k2 passes it on."""
 
     name = "Sink"
@@ -86,19 +101,8 @@ class Sink:
         yield Taken("k1")
         yield Taken("k2", (("seen", message),))
 
-    def next_wake(self) -> int | None:
-        """Never."""
-        return None
 
-    def wake(self, now: int) -> Iterator[Step]:
-        """Nothing."""
-        return iter(())
-
-    def reset(self) -> None:
-        """There is nothing to forget."""
-
-
-class Counting:
+class Counting(_Toy):
     """Answers `ask` on `answer` with how often it was asked: c1 on even, c2 on odd counts."""
 
     name = "Counting"
@@ -110,14 +114,6 @@ class Counting:
         """Count and answer."""
         self._asked += 1
         yield Taken("c2" if self._asked % 2 else "c1", (("answer", self._asked),))
-
-    def next_wake(self) -> int | None:
-        """Never."""
-        return None
-
-    def wake(self, now: int) -> Iterator[Step]:
-        """Nothing."""
-        return iter(())
 
     def reset(self) -> None:
         """Forget the count."""

@@ -1,20 +1,22 @@
-"""A plan of faults and an exchange -> components that crash, freeze and slow down, and messages that meet their effect.
+"""Applies a plan of faults to the simulated host: components crash, freeze and slow down, messages meet their effect.
 
 Under a plan, a component that raises has died, as its process would have: what is sent to it is lost, all others go on.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 from parcours.errors import BadRequest, HostFailure
-from parcours.run.clocks import Clock
+from parcours.run.clocks import SimulatedClock
 from parcours.run.faults import UNTOUCHED, ComponentFault, Effect, Effects, FaultPlan, FlatCodec, corrupted
 from parcours.run.faults.plan import time_text
 from parcours.run.hosts.slots import Message, Slot
-from parcours.run.trace import Kind
+
+if TYPE_CHECKING:
+    from parcours.run.hosts.simulated import SimulatedHost
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,65 +28,46 @@ class Death:
     why: str
 
 
-class Floor(Protocol):
-    """What an exchange lends to its faults."""
-
-    def strike(self, time: int, slot: Slot, act: Callable[[], None]) -> None:
-        """Let `act` happen at `time` [ns], before all else that happens then."""
-
-    def ends(self, slot: Slot, time: int) -> None:
-        """Let the transition in progress end at `time` [ns]."""
-
-    def go_on(self, slot: Slot) -> None:
-        """Send what waits to be sent, and go on working."""
-
-    def discard(self, slot: Slot, message: Message, text: str) -> None:
-        """Record that a message to the slot is lost, and give its place on the link free."""
-
-    def write(self, kind: Kind, slot: Slot | None = None, message: Message | None = None, text: str = "") -> None:
-        """Write into the trace."""
-
-
 class Striker:
-    """Strikes one exchange by a plan.
+    """Strikes the components and messages of one host by a plan.
 
     Args:
-        plan: what befalls what.
+        plan: what happens to what.
         codec: the flat form of messages; only needed by corruptions.
         slots: the components.
         channels: the names of all links.
-        clock: of the exchange.
-        floor: the exchange.
+        clock: of the host.
+        host: whose components and messages.
 
     Raises:
-        BadRequest: the plan names what the exchange does not have, or corrupts without a codec.
+        BadRequest: the plan names what the host does not have, or corrupts without a codec.
     """
 
     def __init__(
         self, plan: FaultPlan, codec: FlatCodec | None, slots: Mapping[str, Slot], channels: Collection[str],
-        clock: Clock, floor: Floor,
+        clock: SimulatedClock, host: SimulatedHost,
     ) -> None:  # fmt: skip
         plan.check(tuple(channels), tuple(slots))
         if codec is None and any(fault.kind == "corrupt" for fault in plan.of_channels):
             rule = "to corrupt a message its flat form must be known, but no codec was given"
             raise BadRequest("faults", rule, "give the host the codec of the system's messages", slug="fault-codec")
         self._plan, self._codec, self._effects = plan, codec, Effects(plan)
-        self._slots, self._clock, self._floor = slots, clock, floor
+        self._slots, self._clock, self._host = slots, clock, host
         self.deaths: list[Death] = []
         self.strikes = 0
         """How many messages and components have been struck."""
 
     def begin(self) -> None:
-        """Start anew: nothing has been struck, and all strikes of components are yet to come."""
+        """Start again: nothing has been struck, and all strikes of components are yet to come."""
         self.deaths.clear()
         self.strikes = 0
         self._count: dict[str, int] = {}
         self._slow: dict[str, float] = {}
         for fault in self._plan.of_components:
             slot = self._slots[fault.component]
-            self._floor.strike(fault.at_ns, slot, lambda slot=slot, fault=fault: self._strike(slot, fault))  # type: ignore[misc]
+            self._host.strike(fault.at_ns, slot, lambda slot=slot, fault=fault: self._strike(slot, fault))  # type: ignore[misc]
             if fault.until_ns is not None:
-                self._floor.strike(fault.until_ns, slot, lambda slot=slot, fault=fault: self._relent(slot, fault))  # type: ignore[misc]
+                self._host.strike(fault.until_ns, slot, lambda slot=slot, fault=fault: self._relent(slot, fault))  # type: ignore[misc]
 
     def meet(self, message: Message) -> Effect:
         """Return the effect of a message that is being sent; its content is changed if that is part of it."""
@@ -102,9 +85,9 @@ class Striker:
             if not arrives:
                 effect = Effect((), why=why)
         if not effect.copies:
-            self._floor.write("drop", message.sender, message, f"fault: {why}")
+            self._host.write("drop", message.sender, message, f"fault: {why}")
         elif why:
-            self._floor.write("note", message.sender, message, f"fault: {why}")
+            self._host.write("note", message.sender, message, f"fault: {why}")
         return effect
 
     def cost(self, slot: Slot, cost: int) -> int:
@@ -114,13 +97,13 @@ class Striker:
 
     def kill(self, slot: Slot, why: str) -> None:
         """Let a component die: it takes up nothing any more, and what waits for it is lost."""
-        self._floor.write("note", slot, text=f"fault: {slot.name} dies, {why}")
+        self._host.write("note", slot, text=f"fault: {slot.name} dies, {why}")
         self.deaths.append(Death(self._clock.now(), slot.name, why))
         waiting = list(slot.inbox)
         slot.clear()
         slot.dead = True
         for message in waiting:
-            self._floor.discard(slot, message, f"fault: {slot.name} has died")
+            self._host.discard(slot, message, f"fault: {slot.name} has died")
 
     def _corrupt(self, message: Message, effect: Effect) -> tuple[str, bool]:
         """Change the content of a message; say how, and whether the receiver can read it still."""
@@ -148,9 +131,9 @@ class Striker:
         lasts = "" if fault.for_ns is None else f" for {time_text(fault.for_ns)}"
         if fault.kind == "slow_down":
             self._slow[slot.name] = fault.factor
-            self._floor.write("note", slot, text=f"fault: {slot.name} is slowed down {fault.factor:g} x{lasts}")
+            self._host.write("note", slot, text=f"fault: {slot.name} is slowed down {fault.factor:g} x{lasts}")
             return
-        self._floor.write("note", slot, text=f"fault: {slot.name} is frozen{lasts}")
+        self._host.write("note", slot, text=f"fault: {slot.name} is frozen{lasts}")
         slot.frozen = True
         slot.turn += 1  # the end of the transition in progress, if there is one, is put off
         slot.left = slot.ends - self._clock.now()
@@ -158,11 +141,11 @@ class Striker:
     def _relent(self, slot: Slot, fault: ComponentFault) -> None:
         if slot.dead:
             return
-        self._floor.write("note", slot, text=f"fault: {slot.name} goes on as before")
+        self._host.write("note", slot, text=f"fault: {slot.name} goes on as before")
         self._slow.pop(slot.name, None)
         if fault.kind == "freeze":
             slot.frozen = False
             if slot.step is not None:
-                self._floor.ends(slot, self._clock.now() + max(slot.left, 0))
+                self._host.ends(slot, self._clock.now() + max(slot.left, 0))
             else:
-                self._floor.go_on(slot)
+                self._host.go_on(slot)

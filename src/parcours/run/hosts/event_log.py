@@ -1,4 +1,4 @@
-"""What a live run's nodes and tester say -> the events of its trace, payloads opened, told to whoever listens."""
+"""Collects what a live run's nodes and tester report as the events of its trace, with decoded payloads."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class EventLog:
 
     Args:
         codec: of the payloads.
-        listener: told of each event as soon as it is known, payload included.
+        listener: called with each event as soon as it is known, payload included.
     """
 
     def __init__(self, codec: Codec, listener: Callable[[TraceEvent], None] | None) -> None:

@@ -86,11 +86,11 @@ Command = Begin | Grant | Look | Run | Deliver | Rest | Quit
 
 
 class Ready(Frame, frozen=True):
-    """The node has started, has made its instances, or has come to rest: whatever it was told to do before is over."""
+    """The node has started, has made its instances, or has come to rest: all commands before are done."""
 
 
 class Idle(Frame, frozen=True):
-    """Free: there is nothing to do unless a message comes; so many have been worked off."""
+    """Free: there is nothing to do unless a message comes; `taken` messages have been worked off."""
 
     taken: int
 

@@ -1,6 +1,6 @@
-"""A process -> the same process in a network of its own, where only loopback exists and every port is free.
+"""Moves a process into a network of its own, where only loopback exists and every port is free.
 
-ROS nodes written in C++ listen on all interfaces whatever they are told, and two graphs on one machine dispute one
+ROS nodes written in C++ always listen on all interfaces, and two graphs on one machine dispute one
 port. In a network namespace of its own a graph is out of reach and alone. As a command, `python -m
 parcours.run.hosts.isolation COMMAND ARGUMENT...` runs any command there.
 """
@@ -28,7 +28,7 @@ _UP_AND_RUNNING = 0x1 | 0x40
 def enter_own_network() -> None:
     """Move this process, and with it its later children, into a new network namespace whose loopback is up.
 
-    Sockets that are already open stay where they are. Who is not root gets a user namespace around it, which the
+    Sockets that are already open stay where they are. A user other than root gets a user namespace around it, which the
     operating system grants only to a process of one thread: call this before threads exist, then also before numpy
     is imported (its linear algebra starts some). User and group keep their numbers.
 

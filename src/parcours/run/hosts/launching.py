@@ -1,4 +1,4 @@
-"""Nodes -> operating-system processes that run them, that end when their tester ends, and whose ends are noticed.
+"""Runs nodes as operating-system processes that end when their tester ends, and notices when one ends.
 
 The processes are forked from a server that has loaded the code once. Each asks the system for a kill signal when that
 server ends, and the server ends with the tester, however that comes about: no orphan is left.
@@ -13,19 +13,23 @@ import os
 import signal
 import sys
 import time
-from collections.abc import Callable, Sequence
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator, Sequence
 from multiprocessing import forkserver, resource_tracker
 from multiprocessing.process import BaseProcess
 
 from parcours.errors import HostFailure
-from parcours.run.hosts.frames import Broke
+from parcours.run.hosts.frames import Broke, Died, Report
 from parcours.run.hosts.node import live
 from parcours.run.hosts.node_program import Line, Node, node_program_of
 from parcours.run.hosts.scheduling import NODE_PRIORITY, ordinary, prefer_real_time
 
 _PARENT_DEATH = 1  # PR_SET_PDEATHSIG
 _GRACE = 2.0
-"""So long processes may take to end by themselves [s] before they are killed."""
+"""How long processes may take to end by themselves [s] before they are killed."""
+
+_START = 120.0
+"""How long the nodes may take to say that they are there [s]; the first start on a machine compiles."""
 
 
 class Processes:
@@ -72,7 +76,7 @@ class Processes:
         return {name: process.pid for name, process in self._running.items() if process.pid is not None}
 
     def stop(self) -> None:
-        """Wait for processes that were told to end, and kill those that do not."""
+        """Wait for processes that have got Quit, and kill those that do not."""
         running = [process for process in self._running.values() if process.pid is not None]
         for process in running:
             _send(process, signal.SIGCONT)
@@ -86,6 +90,92 @@ class Processes:
                 with contextlib.suppress(ProcessLookupError, PermissionError):
                     os.killpg(process.pid, signal.SIGKILL)
         self._running.clear()
+
+
+class NodeProcesses(ABC):
+    """What the tester's end of every transport has: a process for each node.
+
+    Args:
+        nodes: to be started.
+        preload: modules to load before the processes are forked.
+    """
+
+    label = ""
+    """The host's name in traces."""
+
+    def __init__(self, nodes: Sequence[Node], preload: Sequence[str]) -> None:
+        self._nodes = {node.component: node for node in nodes}
+        self._processes = Processes(preload)
+        self._dead: dict[str, int] = {}
+        """Exit status of the nodes that have ended."""
+
+    @property
+    def nodes(self) -> Sequence[str]:
+        """The components that have a node."""
+        return tuple(self._nodes)
+
+    @property
+    def pids(self) -> dict[str, int]:
+        """The processes' numbers, by component."""
+        return self._processes.pids()
+
+    def signal(self, node: str, signal: int) -> None:
+        """Send the node's process a signal."""
+        self._processes.signal(node, signal)
+
+    @abstractmethod
+    def poll(self, until: int) -> Sequence[tuple[str, Report]]:
+        """Return what nodes have said, waiting until the monotonic clock shows `until` [ns]."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """End all nodes, and wait until they have ended. Again: do nothing."""
+
+    def _start(self, line: Callable[..., Line], *arguments: object) -> None:
+        for node in self._nodes.values():
+            self._processes.start(node, line, *arguments)
+
+    def _await_nodes(self, is_connected: Callable[[], bool] = lambda: True) -> None:
+        """Return once all nodes have reported and `is_connected`. Raises HostFailure if a node does not start."""
+        missing = set(self._nodes)
+        deadline = time.perf_counter_ns() + int(_START * 1e9)
+        while missing or not is_connected():
+            for node, said in self.poll(time.perf_counter_ns() + 5_000_000):
+                if isinstance(said, Broke):
+                    self._processes.status(node, within=_GRACE)  # it leaves the graph in order if it is not killed
+                    raise HostFailure(f"node {node}", f"must start, but raised {said.text}", slug="node-start")
+                if isinstance(said, Died):
+                    raise HostFailure(f"node {node}", f"must start, but its process ended: {ending(said.status)}",
+                                      "its own words stand above", slug="node-start")  # fmt: skip
+                missing.discard(node)
+            if time.perf_counter_ns() > deadline:
+                who = ", ".join(sorted(missing)) or "connection with all of them"
+                rule = f"nodes must start within {_START:g} s, but there is no {who}"
+                raise HostFailure(f"{self.label} host", rule, slug="node-start")
+
+    @contextlib.contextmanager
+    def _closing_on_failure(self) -> Iterator[None]:
+        """Kill the nodes and close if the start fails: what hears them may belong to another tester."""
+        try:
+            yield
+        except BaseException:
+            for name in self.pids:
+                self._processes.signal(name, signal.SIGKILL)
+            self._dead = dict.fromkeys(self._nodes, 0)
+            self.close()
+            raise
+
+
+def ending(status: int) -> str:
+    """Return how a process ended, in words.
+
+    >>> ending(-9), ending(3)
+    ('killed by SIGKILL', 'exit status 3')
+    """
+    if status >= 0:
+        return f"exit status {status}"
+    known = {one.value: one.name for one in signal.Signals}
+    return f"killed by {known.get(-status, f'signal {-status}')}"
 
 
 def _ensure_server() -> None:
@@ -102,7 +192,7 @@ def _ensure_server() -> None:
 def _let_go_of_server() -> None:
     """Close this process's copy of the pipe by which the server sees that its tester has ended.
 
-    A node that hangs or is frozen would keep it open, and so the server and itself alive for ever.
+    A node that hangs or is frozen would keep it open, and so the server and itself alive without end.
     """
     server = getattr(forkserver, "_forkserver", None)
     alive = getattr(server, "_forkserver_alive_fd", None)

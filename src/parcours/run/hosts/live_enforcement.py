@@ -1,4 +1,4 @@
-"""A transport of nodes -> the instances of an abstract case, driven turn by turn by gated execution.
+"""Drives the instances of an abstract case, on a transport's nodes, turn by turn by gated execution.
 
 Each reference is an instance in its component's node; a message between references passes through the tester, which
 holds it in its gate.
@@ -18,15 +18,15 @@ from parcours.errors import HostFailure
 from parcours.run.clocks import ClockName, WallClock
 from parcours.run.enforcement import Turn as Due
 from parcours.run.hosts.frames import Begin, Died, Grant, Look, Ready, Report, Rest, Shown, Turn, Turned, Wire
+from parcours.run.hosts.launching import ending
 from parcours.run.hosts.node_program import Codec, Transport
-from parcours.run.hosts.processes import ending
 from parcours.run.instance import Outcome
 
 _ANSWER = 10_000_000_000
-"""So long a node may take to make instances, or to show them [ns]."""
+"""How long a node may take to make instances, or to show them [ns]."""
 
 _REST = 1_000_000_000
-"""So long a node may take to forget a case [ns]; then it is let go on, in case it is frozen, and then killed."""
+"""How long a node may take to forget a case [ns]; then it is continued, in case it is frozen, and then killed."""
 
 
 class Stimuli(Protocol):
@@ -182,7 +182,7 @@ class DrivenInstances:
         node, said = self._heard.pop(0)
         if isinstance(said, Died) and node in waiting:
             rule = f"must live as long as the host, but its process ended: {ending(said.status)}"
-            raise HostFailure(f"node {node}", rule, "start the host anew", slug="node-gone")
+            raise HostFailure(f"node {node}", rule, "start the host again", slug="node-gone")
         return node, said
 
 

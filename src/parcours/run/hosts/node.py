@@ -1,4 +1,4 @@
-"""A line and a component -> a process that lives: it acts by its own timers, or takes the turns it is granted.
+"""Runs a component in a process: it acts by its own timers, or takes the turns it is granted.
 
 This is the same component that runs in simulated time; only its clock and its messages are real.
 """
@@ -36,7 +36,7 @@ from parcours.run.instance import Begin, Instance, Outcome
 from parcours.run.port import Component, LinkKind, Send, Step
 
 _AT_ONCE = 1000
-"""After so many commands a component gets to work, even if more are there."""
+"""After this number of commands a component gets to work, even if more are there."""
 
 
 def live(node: Node, node_program: NodeProgram, line: Line) -> None:

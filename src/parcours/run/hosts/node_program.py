@@ -45,7 +45,7 @@ class Line(Protocol):
     """A node's end of the transport."""
 
     def poll(self, until: int | None) -> Command | None:
-        """Return the next command; None once the monotonic clock shows `until` [ns]; None as `until` waits for ever.
+        """Return the next command; None once the monotonic clock shows `until` [ns], if that is not None.
 
         Messages that travel by themselves arrive joined with the command that announces them.
         """

@@ -1,4 +1,4 @@
-"""Nodes -> processes on this machine, each joined to the tester by a Unix socket.
+"""Runs nodes as processes on this machine, each joined to the tester by a Unix socket.
 
 Of what sleeps while it waits, a Unix socket has the shortest round trip (bench/bench_transport.py, docs/hosts.md).
 """
@@ -12,14 +12,10 @@ import time
 from collections import deque
 from collections.abc import Sequence
 
-from parcours.errors import HostFailure
-from parcours.run.hosts.frames import Broke, Command, Deliver, Died, Quit, Report, Wire, command, packed, report
-from parcours.run.hosts.launching import Processes
+from parcours.run.hosts.frames import Command, Deliver, Died, Quit, Report, Wire, command, packed, report
+from parcours.run.hosts.launching import NodeProcesses
 from parcours.run.hosts.node_program import Node
 from parcours.run.hosts.sockets import FrameSocket
-
-_START = 120.0
-"""So long the nodes may take to say that they are there [s]; the first start on a machine compiles."""
 
 
 class SocketLine:
@@ -49,7 +45,7 @@ class SocketLine:
         self._socket.send(packed(report), wait=True)
 
 
-class ProcessTransport:
+class ProcessTransport(NodeProcesses):
     """The tester's end.
 
     Args:
@@ -63,13 +59,12 @@ class ProcessTransport:
     label = "processes"
 
     def __init__(self, nodes: Sequence[Node], preload: Sequence[str] = ()) -> None:
-        self._processes = Processes(preload)
+        super().__init__(nodes, preload)
         self._sockets: dict[str, FrameSocket] = {}
         self._names: dict[FrameSocket, str] = {}
-        self._gone: dict[str, int] = {}
         self._news: list[tuple[str, Report]] = []
         self._receivers = {link.channel: link.receiver for node in nodes for link in node.links}
-        try:
+        with self._closing_on_failure():
             for node in nodes:
                 mine, its = socket.socketpair()
                 self._sockets[node.component] = FrameSocket(mine)
@@ -77,24 +72,11 @@ class ProcessTransport:
                 with its:
                     self._processes.start(node, SocketLine, its)
             self._await_nodes()
-        except BaseException:
-            self.close()
-            raise
-
-    @property
-    def nodes(self) -> Sequence[str]:
-        """The components that have a node."""
-        return tuple(self._sockets)
-
-    @property
-    def pids(self) -> dict[str, int]:
-        """The processes' numbers, by component."""
-        return self._processes.pids()
 
     def command(self, node: str, command: Command) -> None:
         """Tell a node; for one that has ended, what comes back is again that it has died."""
-        if node in self._gone:
-            self._news.append((node, Died(time.perf_counter_ns(), self._gone[node])))
+        if node in self._dead:
+            self._news.append((node, Died(time.perf_counter_ns(), self._dead[node])))
         else:
             self._sockets[node].send(packed(command))
 
@@ -108,7 +90,7 @@ class ProcessTransport:
         """Return what nodes have said, waiting until the monotonic clock shows `until` [ns]."""
         while True:
             said, self._news = self._news, []
-            there = [one for name, one in self._sockets.items() if name not in self._gone]
+            there = [one for name, one in self._sockets.items() if name not in self._dead]
             full = [one for one in there if one.waits]
             for one in full:
                 one.flush()
@@ -122,15 +104,11 @@ class ProcessTransport:
     def _hear(self, node: str) -> list[tuple[str, Report]]:
         connection = self._sockets[node]
         said: list[tuple[str, Report]] = [(node, report(frame)) for frame in connection.frames()]
-        if connection.closed and node not in self._gone:
+        if connection.closed and node not in self._dead:
             status = self._processes.status(node, within=1.0)
-            self._gone[node] = 0 if status is None else status
-            said.append((node, Died(time.perf_counter_ns(), self._gone[node])))
+            self._dead[node] = 0 if status is None else status
+            said.append((node, Died(time.perf_counter_ns(), self._dead[node])))
         return said
-
-    def signal(self, node: str, signal: int) -> None:
-        """Send the node's process a signal."""
-        self._processes.signal(node, signal)
 
     def close(self) -> None:
         """End all nodes, and wait until they have ended. Again: do nothing."""
@@ -139,32 +117,5 @@ class ProcessTransport:
                 self._processes.signal(name, signal.SIGCONT)
                 connection.send(packed(Quit()))
             connection.close()
-            self._gone.setdefault(name, 0)
+            self._dead.setdefault(name, 0)
         self._processes.stop()
-
-    def _await_nodes(self) -> None:
-        missing = set(self._sockets)
-        deadline = time.perf_counter_ns() + int(_START * 1e9)
-        while missing and time.perf_counter_ns() < deadline:
-            for node, said in self.poll(deadline):
-                if isinstance(said, Broke):
-                    raise HostFailure(f"node {node}", f"must start, but raised {said.text}", slug="node-start")
-                if isinstance(said, Died):
-                    raise HostFailure(f"node {node}", f"must start, but its process ended: {ending(said.status)}",
-                                      "its own words stand above", slug="node-start")  # fmt: skip
-                missing.discard(node)
-        if missing:
-            rule = f"nodes must start within {_START:g} s, but there is no {', '.join(sorted(missing))}"
-            raise HostFailure("processes host", rule, slug="node-start")
-
-
-def ending(status: int) -> str:
-    """Return how a process ended, in words.
-
-    >>> ending(-9), ending(3)
-    ('killed by SIGKILL', 'exit status 3')
-    """
-    if status >= 0:
-        return f"exit status {status}"
-    known = {one.value: one.name for one in signal.Signals}
-    return f"killed by {known.get(-status, f'signal {-status}')}"

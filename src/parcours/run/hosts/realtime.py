@@ -1,4 +1,4 @@
-"""Nodes of a transport and components of the tester's own -> a trace: they live in real time, each message is relayed.
+"""Runs the nodes of a transport, and components of the tester's own, in real time, and relays every message.
 
 The tester is in the middle of every channel: it records, and by a plan of faults it delays, drops, doubles, reorders
 and corrupts. A sender never waits for room: what a receiver cannot keep up with is dropped there (topics) or queues up.
@@ -20,8 +20,8 @@ from parcours.run.faults.effects import UNTOUCHED, Effect, Effects, Signal, sign
 from parcours.run.faults.plan import FaultPlan
 from parcours.run.hosts.event_log import EventLog
 from parcours.run.hosts.frames import Broke, Died, Dropped, Idle, Ready, Received, Report, Rest, Run, Took, Wire
+from parcours.run.hosts.launching import ending
 from parcours.run.hosts.node_program import Codec, Transport
-from parcours.run.hosts.processes import ending
 from parcours.run.hosts.slots import Answer, Answering, silence
 from parcours.run.noise import Noise
 from parcours.run.port import ENVIRONMENT, Component, Link, Step
@@ -29,7 +29,7 @@ from parcours.run.trace import Trace, TraceEvent
 
 _SIGNALS = {"stop": signal.SIGSTOP, "continue": signal.SIGCONT, "kill": signal.SIGKILL}
 _ANSWER = 5_000_000_000
-"""So long a node may take to come to rest [ns]."""
+"""How long a node may take to come to rest [ns]."""
 
 DIED = "died: "
 """How the note begins that says how a component ended."""
@@ -44,9 +44,9 @@ class RealTimeHost:
         codec: of the payloads; with `flatten` and `restore`, so that messages can be corrupted field by field.
         case: what the nodes' programs are given; they make their components from it.
         local: components that live in the tester's own process.
-        environment: the tester; gets what is sent to nobody else.
-        faults: what befalls messages and nodes.
-        listener: told of each event as soon as it is known, payload included.
+        environment: the tester; gets what no component here receives.
+        faults: what happens to messages and nodes.
+        listener: called with each event as soon as it is known, payload included.
 
     Raises:
         HostFailure: two components share a name.
@@ -184,7 +184,7 @@ class RealTimeHost:
         if self.deaths:
             how = ", ".join(f"{node}: {how}" for node, how in self.deaths.items())
             rule = f"nodes must live as long as the host, but dead are {how}"
-            raise HostFailure(f"{self.label} host", rule, "start the host anew", slug="node-gone")
+            raise HostFailure(f"{self.label} host", rule, "start the host again", slug="node-gone")
         self._clock.restart()
         self._begun = True
         for node in self._transport.nodes:
@@ -253,7 +253,7 @@ class RealTimeHost:
             self.deaths[node] = how
             self._record("note", max(when, 0), component=node, text=DIED + how)
 
-    # Messages: from whoever sends, by their effect, to whoever receives.
+    # Messages: from their sender, by their effect, to their receiver.
 
     def _send(self, sender: str, wire: Wire, when: int) -> None:
         link = self._links.get(wire.channel)
@@ -269,9 +269,9 @@ class RealTimeHost:
         if effect is UNTOUCHED:
             self._pass_on(link, wire, number, self._now())
         else:
-            self._befall(link, wire, number, effect)
+            self._affect(link, wire, number, effect)
 
-    def _befall(self, link: Link, wire: Wire, number: int, effect: Effect) -> None:
+    def _affect(self, link: Link, wire: Wire, number: int, effect: Effect) -> None:
         now = self._now()
         if not effect.copies:
             self._record("drop", now, component=link.sender, wire=wire, number=number, text=f"fault: {effect.why}")

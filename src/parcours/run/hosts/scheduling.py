@@ -1,4 +1,4 @@
-"""A process -> the same process, before all ordinary ones, on processors that stay awake, where the system allows it.
+"""Lets a process run before all ordinary ones, on processors that stay awake, where the system allows it.
 
 Deadlines of milliseconds are not kept beside ordinary processes, which are given slices of several milliseconds; and a
 processor that sleeps between two messages, as an idle one does, takes longer to wake up than a message to travel.

@@ -50,7 +50,7 @@ class Slot:
 
     @property
     def is_out(self) -> bool:
-        """Whether it can do nothing now, since a fault has befallen it."""
+        """Whether it can do nothing now, by a fault."""
         return self.dead or self.frozen
 
     @property

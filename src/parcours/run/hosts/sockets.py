@@ -1,33 +1,43 @@
-"""Frames <-> a Unix stream socket: a length and so many bytes, never blocking the tester.
+"""Sends and receives frames on a stream socket without ever blocking the tester.
 
-A node may be frozen for as long as a test wants; what is meant for it waits here meanwhile.
+A frame is its length and its bytes. A node may be frozen for as long as a test wants: what is meant for it waits here.
 """
 
 from __future__ import annotations
 
 import select
 import socket
+import struct
 import time
 from collections import deque
 
 from parcours.errors import HostFailure
 
-_LENGTH = 4
+_LENGTH = struct.Struct("<I")
 _MOST = 64 * 1024 * 1024
-"""No frame is larger [bytes]; a length beyond is none."""
+"""The largest frame [bytes]; a length beyond ends the connection."""
 
 _BUFFER = 1 << 22
 _CHUNK = 1 << 16
 
 
 class FrameSocket:
-    """One end of a connection. `fileno` lets many be waited for at once."""
+    """One end of a connection. `fileno` lets one thread wait for many.
 
-    def __init__(self, connection: socket.socket) -> None:
+    Args:
+        connection: closed with this object.
+        marked: whether a byte stands before the length of each frame that arrives, as in answers of ROS 1 services.
+    """
+
+    def __init__(self, connection: socket.socket, *, marked: bool = False) -> None:
+        connection.setblocking(False)
+        if connection.family == socket.AF_UNIX:
+            for option in (socket.SO_SNDBUF, socket.SO_RCVBUF):
+                connection.setsockopt(socket.SOL_SOCKET, option, _BUFFER)
+        else:
+            connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self._socket = connection
-        self._socket.setblocking(False)
-        for option in (socket.SO_SNDBUF, socket.SO_RCVBUF):
-            self._socket.setsockopt(socket.SOL_SOCKET, option, _BUFFER)
+        self._n_marks = int(marked)
         self._incoming = bytearray()
         self._outgoing: deque[memoryview] = deque()
         self._readable = select.poll()
@@ -38,7 +48,7 @@ class FrameSocket:
         """Whether the other end has gone."""
 
     def fileno(self) -> int:
-        """The file descriptor."""
+        """The file descriptor; -1 once closed."""
         return self._socket.fileno()
 
     @property
@@ -46,88 +56,85 @@ class FrameSocket:
         """Whether something is still to be sent."""
         return bool(self._outgoing)
 
-    def send(self, frame: bytes, *, wait: bool = False) -> None:
-        """Send a frame now, as far as the other end has room; the rest with `flush`, unless told to `wait`.
+    def send(self, *frames: bytes, mark: bytes = b"", wait: bool = False) -> None:
+        """Send frames now, as far as the other end has room; the rest with `flush`, unless `wait` is true.
+
+        Args:
+            frames: in order.
+            mark: stands before the length of each frame.
+            wait: whether to block until all has left.
 
         Raises:
-            HostFailure: the frame is larger than any that is read.
+            HostFailure: a frame is larger than any that is read.
         """
-        if len(frame) > _MOST:
-            rule = f"a frame has at most {_MOST >> 20} MiB, but this one has {len(frame)} bytes"
-            raise HostFailure("node", rule, "send less at once", slug="frame-size")
-        whole = len(frame).to_bytes(_LENGTH, "little") + frame
-        if not self._outgoing:
+        for frame in frames:
+            if len(frame) > _MOST:
+                rule = f"a frame has at most {_MOST >> 20} MiB, but this one has {len(frame)} bytes"
+                raise HostFailure("node", rule, "send less at once", slug="frame-size")
+        whole = b"".join([part for frame in frames for part in (mark, _LENGTH.pack(len(frame)), frame)])
+        self._outgoing.append(memoryview(whole))
+        self.flush(wait=wait)
+
+    def flush(self, *, wait: bool = False) -> None:
+        """Send what is still to be sent, as far as there is room; with `wait`, block until all has left."""
+        while self._outgoing and not self.closed:
+            part = self._outgoing[0]
             try:
-                sent = self._socket.send(whole)
+                sent = self._socket.send(part)
             except BlockingIOError:
-                sent = 0
+                if not wait:
+                    return
+                self._writable.poll()
             except OSError:
                 self.closed = True
-                return
-            if sent == len(whole):
-                return
-            self._outgoing.append(memoryview(whole)[sent:])
-        else:
-            self._outgoing.append(memoryview(whole))
-            self.flush()
-        while wait and self._outgoing and not self.closed:
-            self._writable.poll()
-            self.flush()
-
-    def flush(self) -> None:
-        """Send on what waits."""
-        try:
-            while self._outgoing:
-                part = self._outgoing[0]
-                sent = self._socket.send(part)
-                if sent < len(part):
-                    self._outgoing[0] = part[sent:]
-                else:
+            else:
+                if sent == len(part):
                     self._outgoing.popleft()
-        except BlockingIOError:
-            return
-        except OSError:
-            self.closed = True
+                else:
+                    self._outgoing[0] = part[sent:]
+        if self.closed:
             self._outgoing.clear()
 
     def frames(self) -> list[bytes]:
         """Return frames that have arrived, without waiting. Of one that floods, not all at once: others wait, too."""
+        return [frame for _, frame in self.marked_frames()]
+
+    def marked_frames(self) -> list[tuple[bytes, bytes]]:
+        """Return the same, each with the mark before it, which is empty unless the connection has marks."""
         try:
             chunk = self._socket.recv(_CHUNK)
-            self.closed = not chunk
-            if not self._incoming and len(chunk) - _LENGTH == int.from_bytes(chunk[:_LENGTH], "little"):
-                return [chunk[_LENGTH:]]  # as a rule it is just one
-            self._incoming += chunk
         except BlockingIOError:
-            pass
+            return []
         except OSError:
-            self.closed = True
+            chunk = b""
+        self.closed = self.closed or not chunk
+        self._incoming += chunk
         return self._cut()
 
-    def _cut(self) -> list[bytes]:
-        whole: list[bytes] = []
-        buffer, at = self._incoming, 0
-        while len(buffer) - at >= _LENGTH:
-            size = int.from_bytes(buffer[at : at + _LENGTH], "little")
+    def _cut(self) -> list[tuple[bytes, bytes]]:
+        whole: list[tuple[bytes, bytes]] = []
+        buffer, at, head = self._incoming, 0, self._n_marks + _LENGTH.size
+        while len(buffer) - at >= head:
+            (size,) = _LENGTH.unpack_from(buffer, at + self._n_marks)
             if size > _MOST:
                 self.closed = True
                 break
-            if len(buffer) - at - _LENGTH < size:
+            end = at + head + size
+            if len(buffer) < end:
                 break
-            whole.append(bytes(buffer[at + _LENGTH : at + _LENGTH + size]))
-            at += _LENGTH + size
+            whole.append((bytes(buffer[at : at + self._n_marks]), bytes(buffer[at + head : end])))
+            at = end
         del buffer[:at]
         return whole
 
     def wait(self, until: int | None) -> None:
-        """Return once something has arrived, or the monotonic clock shows `until` [ns]; None waits for ever."""
-        left = None if until is None else max(0, until - time.perf_counter_ns()) * 1e-9
-        if left is None:
+        """Return once something has arrived, or the monotonic clock shows `until` [ns]; None waits without limit."""
+        if until is None:
             self._readable.poll()
         else:
-            select.select([self._socket], [], [], left)
+            select.select([self._socket], [], [], max(0, until - time.perf_counter_ns()) * 1e-9)
 
     def close(self) -> None:
-        """Let go of the socket."""
+        """Close the socket. Again: do nothing."""
         self._socket.close()
         self.closed = True

@@ -1,7 +1,4 @@
-"""Messages that components send -> events in order of time, the trace of them, and what waits at the receivers.
-
-The part of an exchange that is about links: room on them, delays, faults, arrival. Its components' work is the other.
-"""
+"""The part of the simulated host that is about links: room on them, delays, faults, arrival, and the trace."""
 
 from __future__ import annotations
 
@@ -10,7 +7,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 
 from parcours.errors import HostFailure
-from parcours.run.clocks import Clock
+from parcours.run.clocks import SimulatedClock
 from parcours.run.hosts.channel_delay import ChannelDelay, Streams
 from parcours.run.hosts.component_faults import Striker
 from parcours.run.hosts.slots import Message, Queue, Slot
@@ -21,13 +18,13 @@ STRIKE, END, ARRIVE, WAKE = range(-1, 3)
 """What happens first of what happens at the same time."""
 
 LIVELOCK = 100_000
-"""So many events at one instant of simulated time are taken for an endless loop."""
+"""More events at one instant of simulated time are taken for an endless loop."""
 
 
 class Traffic(ABC):
-    """Messages under way. `Exchange` makes it, and works off what arrives."""
+    """Messages under way; `SimulatedHost` works off what arrives."""
 
-    _clock: Clock
+    _clock: SimulatedClock
     _slots: dict[str, Slot]
     _environment: Slot
     _queues: dict[str, Queue]
@@ -52,7 +49,7 @@ class Traffic(ABC):
         self._count(self._at_instant, self._acting)
 
     def _count(self, turns: int, name: str) -> None:
-        """Raise HostFailure if a component took so many turns at one instant that they will never end."""
+        """Raise HostFailure if a component takes turns at one instant without end."""
         if turns <= LIVELOCK:
             return
         rule = f"time must pass, but {LIVELOCK} events followed one another at {self._clock.now()} ns"

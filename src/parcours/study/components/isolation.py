@@ -15,7 +15,7 @@ from typing import TypeVar
 from parcours.abtc import Event
 from parcours.run.enforcement import instance_name
 from parcours.run.heartbeat import write_place
-from parcours.run.hosts.processes import ending
+from parcours.run.hosts.launching import ending
 from parcours.run.workers import Crew, Done, failure_of
 from parcours.run.workers import Lost as LostWorker
 

@@ -25,7 +25,7 @@ from typing import IO, TYPE_CHECKING
 import msgspec
 
 from parcours.errors import HostFailure
-from parcours.run.hosts.processes import ending
+from parcours.run.hosts.launching import ending
 
 if TYPE_CHECKING:
     from parcours.study.components.systems import ProgramPart

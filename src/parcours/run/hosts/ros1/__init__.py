@@ -1,4 +1,4 @@
-"""ROS 1 as a host's transport: a master, messages without a workspace. The only room that imports rospy, and late."""
+"""Runs components as nodes of a ROS 1 graph, and tests foreign nodes there; imports ROS packages late."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from functools import cache
 from parcours.errors import HostFailure
 
 _DISTRIBUTION = "/usr/bin/python3"
-_PACKAGES = "/usr/lib/python3/dist-packages"
+PACKAGES = "/usr/lib/python3/dist-packages"
 """Where Debian and Ubuntu keep Python packages; ROS's are among them, all of plain Python."""
 
-if importlib.util.find_spec("genpy") is None and _PACKAGES not in sys.path:
-    sys.path.append(_PACKAGES)  # behind all that this interpreter has itself
+if importlib.util.find_spec("genpy") is None and PACKAGES not in sys.path:
+    sys.path.append(PACKAGES)  # behind all that this interpreter has itself
 
 
 @cache
@@ -31,7 +31,7 @@ def interpreter_with(module: str) -> str:
     True
     """
     found = importlib.util.find_spec(module)
-    if found is not None and not (found.origin or "").startswith(_PACKAGES):
+    if found is not None and not (found.origin or "").startswith(PACKAGES):
         return sys.executable
     probe = [_DISTRIBUTION, "-c", f"import {module}"]
     try:

@@ -1,31 +1,36 @@
-"""A binding -> a running ROS 1 system of somebody else, every bound channel of which passes the tester."""
+"""Puts the tester into the graph of a foreign ROS 1 system: every bound channel passes it."""
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import os
 import time
 from collections.abc import Callable
 from pathlib import Path
-from types import TracebackType
 from typing import Self
 
-from parcours.errors import BadRequest, HostFailure
+from parcours.errors import BadRequest
 from parcours.filenames import file_name
 from parcours.run.binding import Binding, Compiled, MessageTypes, compile_binding
 from parcours.run.binding.passing import Answered
 from parcours.run.binding.readings import message_type
 from parcours.run.binding.slots import Slot, SlotPlan, Spoke
-from parcours.run.hosts.ros1.foreign_endpoints import ANY, Caller, Kind, Publisher, Reply, Subscriber
-from parcours.run.hosts.ros1.foreign_graph import Middle
+from parcours.run.hosts.graph_line import Reply
+from parcours.run.hosts.interfaces import TESTER
+from parcours.run.hosts.ros1.client import Client
+from parcours.run.hosts.ros1.ends import ANY, Caller, Kind, Publisher
 from parcours.run.hosts.ros1.foreign_master import MasterEnd, plain_value
-from parcours.run.hosts.ros1.foreign_nodes import NodeProcess
 from parcours.run.hosts.ros1.foreign_types import ForeignTypes
+from parcours.run.hosts.ros1.graph import LOOPBACK
 from parcours.run.hosts.ros1.master import Master, require_master
+from parcours.run.hosts.ros1.process import KeptProcess
 
-NAME = "/parcours"
 _MASTER = 3.0
-"""So long a master that shall run already may take to answer [s]."""
+"""How long a master that runs already may take to answer [s]."""
+
+Owner = tuple[Callable[[Spoke, bytes], None], Callable[[Spoke, bytes, Reply], None], Spoke]
+"""What is called with messages and requests that come on a spoke."""
 
 
 class ForeignHost:
@@ -35,6 +40,10 @@ class ForeignHost:
         binding: of transport ros1.
         folder: for the output of the nodes; made if it is not there.
         master: of a ROS 1 master that runs; the binding's, if empty; one of the tester's own, if that is empty, too.
+
+    Attributes:
+        refusals: connections that were declined, or could not be made, and why.
+        running: slots whose process was started here and is not ended.
 
     Raises:
         HostFailure: there is no ROS 1, or no master answers at the address within 5 s.
@@ -48,65 +57,50 @@ class ForeignHost:
         self.binding, self.folder = binding, folder
         self.types = ForeignTypes(binding.python_paths, binding.interfaces)
         self._uri = master or binding.master
-        self._own: Master | None = None
-        self.environment: dict[str, str] = {}
         self.refusals: list[str] = []
-        """Connections that were declined, or could not be made, and why."""
-        self._publishers: dict[str, Publisher] = {}
-        self._subscribers: dict[str, Subscriber] = {}
-        self._served: set[str] = set()
+        self.running: dict[str, tuple[Slot, KeptProcess]] = {}
         self._callers: dict[str, Caller] = {}
-        self._owner: dict[str, tuple[Callable[[Spoke, bytes], None], Callable[[Spoke, bytes, Reply], None], Spoke]] = {}
-        self.running: dict[str, tuple[Slot, NodeProcess]] = {}
-        """Slots whose process was started here and is not ended."""
+        self._owner: dict[str, Owner] = {}
         self._kinds: dict[str, tuple[str, str, str]] = {}
-        self.compiled: Compiled | None = self._tried()
-
-    def _tried(self) -> Compiled | None:
-        """Return the binding compiled; None while a type is not known that a node may yet tell."""
+        self._compiled: Compiled | None = None
+        self._closing = contextlib.ExitStack()
         try:
-            return compile_binding(self.binding, MessageTypes(self.types.find))
+            self.compile()
         except BadRequest as error:
-            if "unknown-message-type" not in str(error):
+            if "unknown-message-type" not in str(error):  # a node may yet tell its type
                 raise
-            return None
 
     def compile(self) -> Compiled:
         """Return the binding compiled for the types that are known by now. Raises BadRequest if it does not fit."""
-        if self.compiled is None:
-            self.compiled = compile_binding(self.binding, MessageTypes(self.types.find))
-        return self.compiled
+        if self._compiled is None:
+            self._compiled = compile_binding(self.binding, MessageTypes(self.types.find))
+        return self._compiled
 
     def __enter__(self) -> Self:
         self.folder.mkdir(parents=True, exist_ok=True)
         if self._uri:
             require_master(self._uri, _MASTER)
-            self.environment = {"ROS_MASTER_URI": self._uri, "ROS_IP": "127.0.0.1", "ROS_HOSTNAME": "127.0.0.1"}
+            self.environment = {"ROS_MASTER_URI": self._uri, "ROS_IP": LOOPBACK, "ROS_HOSTNAME": LOOPBACK}
         else:
-            self._own = Master()
-            self._own.__enter__()
-            self._uri, self.environment = self._own.uri, self._own.environment
+            own = self._closing.enter_context(Master())
+            self._uri, self.environment = own.uri, own.environment
         try:
-            self.middle = Middle(NAME, self._uri, self._refused)
-            self.master = MasterEnd(NAME, self._uri)
+            self.middle = Client(TESTER, self._uri, self._refused)
+            self._closing.callback(self.middle.close)
+            self.master = MasterEnd(TESTER, self._uri)
             self.master.set_parameters({name: plain_value(value) for name, value in self.binding.parameters})
         except BaseException:
             self.close()
             raise
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
-                 trace: TracebackType | None) -> None:  # fmt: skip
+    def __exit__(self, *exception: object) -> None:
         self.close()
 
     def close(self) -> None:
         """End the processes, leave the graph, and stop the master if it is the tester's own."""
         self.stop(list(self.running))
-        if hasattr(self, "middle"):
-            self.middle.close()
-        if self._own is not None:
-            self._own.close()
-            self._own = None
+        self._closing.close()
 
     def _refused(self, text: str) -> None:
         if text not in self.refusals:
@@ -128,49 +122,51 @@ class ForeignHost:
             node = slot.node
             env = {**os.environ, **self.environment, **dict(node.env)}
             log = self.folder / f"{file_name(slot.name)}.log"
-            process = NodeProcess(slot.name, (*node.command, *slot.arguments), node.cwd, env, log)
+            process = KeptProcess(slot.name, (*node.command, *slot.arguments), node.cwd, env, log)
             self.running[slot.name] = slot, process
             self.middle.watch(process.descriptor, functools.partial(self._look, process))
         for slot in fresh:
             self.running[slot.name][1].await_start()
 
-    def _look(self, process: NodeProcess) -> None:
+    def _look(self, process: KeptProcess) -> None:
         if process.look():
             self.middle.unwatch(process.descriptor)
 
     def stop(self, names: list[str], patience: float = float("inf")) -> None:
         """End processes; those that do not end when asked, within their `stop` and the patience [s], are killed."""
-        ending = [(name, *self.running.pop(name)) for name in names if name in self.running]
-        for _, _, process in ending:
+        ending = [self.running.pop(name) for name in names if name in self.running]
+        for _, process in ending:
             process.ask_to_end()
         asked = time.monotonic()
-        for _, slot, process in ending:
-            if hasattr(self, "middle"):
-                self.middle.unwatch(process.descriptor)
+        for slot, process in ending:
+            self.middle.unwatch(process.descriptor)
             process.end(asked + min(slot.node.stop, patience) - time.monotonic())
-            if process.was_killed and slot.ros_node and hasattr(self, "middle"):
+            if process.was_killed and slot.ros_node:
                 self.master.forget(slot.ros_node)
 
-    # Ends on the graph; made once for each name, whoever is behind them.
+    # Ends on the graph; made once for each name, for all runs.
 
     def attach(self, slot_plan: SlotPlan, heard: Callable[[Spoke, bytes], None],
                asked: Callable[[Spoke, bytes, Reply], None]) -> None:  # fmt: skip
-        """Listen and serve wherever the slot_plan says; what is not said any more is not heard any more.
+        """Listen and serve wherever the slot_plan says, and only there.
 
         Raises:
             HostFailure: the master refuses.
             BadRequest: a service's type is unknown.
         """
         self._owner = {spoke.address: (heard, asked, spoke) for spoke in slot_plan.spokes if spoke.side == "out"}
-        for publisher in self._publishers.values():
-            publisher.forget()
+        for publisher in self.middle.publishers.values():
+            publisher.forget_last()
         for spoke in slot_plan.spokes:
             if spoke.is_service:
                 self._attach_service(spoke)
-            elif spoke.side == "out":
-                self._listen(spoke)
-            else:
+            elif spoke.side == "into":
                 self.publisher(spoke)
+            elif spoke.address not in self.middle.subscribers:
+                kind = self.types.kind(spoke.type) or Kind(spoke.type, ANY)
+                heard_here = functools.partial(self._heard, spoke.address)
+                self.middle.subscribe(spoke.address, kind, heard_here, joined=self.types.learn)
+        self.middle.join()
 
     def detach(self) -> None:
         """Hear nothing; calls are refused."""
@@ -186,10 +182,8 @@ class ForeignHost:
             raise BadRequest(where, rule, remedy, slug="unknown-message-type")
         if spoke.side == "into":
             self._callers.setdefault(spoke.address, self.middle.call(spoke.address, kind))
-        elif spoke.address not in self._served:
-            self._served.add(spoke.address)
-            address = spoke.address
-            self.middle.serve(address, kind, lambda who, data, reply: self._asked(address, data, reply))
+        elif spoke.address not in self.middle.servers:
+            self.middle.serve(spoke.address, kind, functools.partial(self._asked, spoke.address))
 
     def _asked(self, address: str, data: bytes, reply: Reply) -> None:
         owner = self._owner.get(address)
@@ -198,47 +192,27 @@ class ForeignHost:
         else:
             owner[1](owner[2], data, reply)
 
-    def _listen(self, spoke: Spoke) -> None:
-        if spoke.address in self._subscribers:
-            return
-        address, kind = spoke.address, self.types.kind(spoke.type) or Kind(spoke.type, ANY)
-
-        def heard(who: str, data: bytes) -> None:
-            owner = self._owner.get(address)
-            if owner is not None:
-                owner[0](owner[2], data)
-
-        def joined(told: Kind) -> None:
-            self.types.learn(told)
-
-        self._subscribers[address] = self.middle.subscribe(address, kind, heard, joined)
+    def _heard(self, address: str, data: bytes) -> None:
+        owner = self._owner.get(address)
+        if owner is not None:
+            owner[0](owner[2], data)
 
     def publisher(self, spoke: Spoke) -> Publisher | None:
         """Return where the tester publishes; None while the type is unknown."""
-        if spoke.address not in self._publishers:
+        if spoke.address not in self.middle.publishers:
             kind = self.types.kind(spoke.type)
             if kind is None:
                 return None
             channel = self.binding.channel(spoke.channels[0])
-            queue = max(channel.queue, 16)
-            self._publishers[spoke.address] = self.middle.publish(spoke.address, kind, queue=queue, latch=channel.latch)
-        return self._publishers[spoke.address]
+            self.middle.publish(spoke.address, kind, queue=max(channel.queue, 16), latch=channel.latch)
+        return self.middle.publishers[spoke.address]
 
     def is_connected(self, spoke: Spoke, ros_node: str) -> bool:
         """Return whether a slot's end of a spoke is there: by its name, if that is known."""
-        if spoke.is_service:
-            if spoke.side == "out":
-                return True  # clients do not register
-            try:
-                self._callers[spoke.address].connect()
-            except HostFailure:
-                return False
-            return True
-        if spoke.side == "out":
-            peers = self._subscribers[spoke.address].peers
-        else:
-            publisher = self.publisher(spoke)
-            peers = publisher.peers if publisher is not None else set()
+        if spoke.is_service:  # clients do not register
+            return spoke.side == "out" or self._callers[spoke.address].is_matched
+        end = self.middle.subscribers[spoke.address] if spoke.side == "out" else self.publisher(spoke)
+        peers = end.peers if end is not None else set()
         return ros_node in peers if ros_node else bool(peers)
 
     # What a relay asks for.
@@ -246,7 +220,7 @@ class ForeignHost:
     def say(self, spoke: Spoke, data: bytes) -> int:
         """Publish; return to how many listeners it was lost."""
         publisher = self.publisher(spoke)
-        return publisher.say(data) if publisher is not None else 0
+        return publisher.send(data) if publisher is not None else 0
 
     def ask(self, spoke: Spoke, data: bytes, answered: Answered) -> None:
         """Call a service."""

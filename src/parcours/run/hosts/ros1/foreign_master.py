@@ -1,15 +1,14 @@
-"""What is registered at a ROS 1 master -> a binding's graph, and parameters set, read and copied."""
+"""Asks a ROS 1 master for the graph of a binding, and sets, reads and copies parameters there."""
 
 from __future__ import annotations
 
-import contextlib
 from typing import Any
 
 from parcours.errors import HostFailure
 from parcours.run.binding.graph import Graph
 from parcours.run.binding.structure import Binding, Value
-from parcours.run.hosts.ros1.foreign_endpoints import WITHIN, probed
-from parcours.run.hosts.ros1.graph import ask, ask_all
+from parcours.run.hosts.ros1.ends import ANY, WITHIN, called
+from parcours.run.hosts.ros1.graph import ask, ask_all, leave
 
 
 def plain_value(value: Value) -> Any:
@@ -59,10 +58,16 @@ class MasterEnd:
         bound = {channel.address for channel in binding.channels if channel.part != "topic"} | addresses
         for service in sorted(bound & {name for name, nodes in known.servers.items() if nodes}):
             try:
-                types[service] = probed(self._name, self._uri, service).get("type", "*")
+                types[service] = self._type(service)
             except HostFailure:
                 continue
         return Graph(known.publishers, known.subscribers, known.servers, types)
+
+    def _type(self, service: str) -> str:
+        """Return the type that a service gives itself. Raises HostFailure if it is not served."""
+        connection, header = called(self._name, self._uri, {"service": service, "md5sum": ANY, "probe": "1"})
+        connection.close()
+        return header.get("type", ANY)
 
     def address_of(self, node: str) -> str:
         """Return where a node answers; empty if the master knows none of that name."""
@@ -95,18 +100,4 @@ class MasterEnd:
 
     def forget(self, node: str) -> None:
         """Remove what a node that has ended has left registered."""
-        with contextlib.suppress(HostFailure):
-            at = self.address_of(node)
-            if not at:
-                return
-            state = self.state()
-            calls: list[tuple[str, tuple[object, ...]]] = []
-            for method, table in (
-                ("unregisterPublisher", state.publishers),
-                ("unregisterSubscriber", state.subscribers),
-            ):
-                calls += [(method, (node, topic, at)) for topic, nodes in table.items() if node in nodes]
-            for service in [name for name, nodes in state.servers.items() if node in nodes]:
-                where = ask(self._uri, "lookupService", self._name, service)
-                calls.append(("unregisterService", (node, service, where)))
-            ask_all(self._uri, calls)
+        leave(self._uri, [node])

@@ -1,4 +1,4 @@
-"""A slot_plan whose processes are starting -> whether all of it is there, or what is missing, with its line."""
+"""Waits until the processes of a slot plan are ready, or says what is missing, with its line."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _EARLIEST, _LOOK, _SAME = 1_500_000_000, 200_000_000, 1_000_000_000
 """A graph that has not changed for `_SAME` counts as complete; when, and how often, it is looked at [ns]."""
 
 _AT_WORK = 0.15
-"""So much of a processor is used by nodes that still load what they need; what is complete waits, most of the time."""
+"""Nodes that still load what they need use more of a processor than this; complete ones mostly wait."""
 
 
 class Readiness:
@@ -24,7 +24,7 @@ class Readiness:
 
     Args:
         host: whose processes start.
-        slot_plan: who is waited for.
+        slot_plan: the nodes that are waited for.
         relay: where messages come.
         now: the time since the run began [ns].
     """

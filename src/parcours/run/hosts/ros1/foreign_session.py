@@ -1,4 +1,4 @@
-"""A slot_plan of a foreign system -> its processes up and connected, its messages relayed, its deaths seen: one run."""
+"""Runs a foreign system once: its processes are started and connected, messages relayed, deaths noticed."""
 
 from __future__ import annotations
 
@@ -19,26 +19,26 @@ from parcours.run.faults import FaultPlan
 from parcours.run.faults.effects import Signal, signals
 from parcours.run.hosts.realtime import DIED
 from parcours.run.hosts.ros1.foreign import ForeignHost
-from parcours.run.hosts.ros1.foreign_nodes import NodeProcess
 from parcours.run.hosts.ros1.foreign_ready import Readiness
+from parcours.run.hosts.ros1.process import KeptProcess
 from parcours.run.noise import Noise
 from parcours.run.trace import Trace, TraceEvent
 
 _CANARY = str(Path(__file__).with_name("wakeup_latency.py"))
 _STEP = 5_000_000
-"""So often [ns] it is looked whether nodes are ready."""
+"""How often to look whether nodes are ready [ns]."""
 
 _SETTLED = 100_000_000
-"""A connection that has just been made may not yet be known at the other end: so long is waited [ns]."""
+"""How long to wait, since a new connection may not yet be known at the other end [ns]."""
 
 _BEAT, _STALL = 10_000_000, 20_000_000
-"""So often it is seen whether the machine lets processes run, and what is late by more is noted [ns]."""
+"""How often to look whether the machine lets processes run, and the delay from which on that is noted [ns]."""
 
 _QUICK = 0.2
-"""So long a process that runs for one abstract case may take to end [s]."""
+"""How long a process that runs for one abstract case may take to end [s]."""
 
 _PING = 0.3
-"""So often a node that somebody else started is asked whether it lives [s]."""
+"""How often to ask a node that was not started here whether it lives [s]."""
 
 
 class Session:
@@ -46,9 +46,9 @@ class Session:
 
     Args:
         host: entered.
-        slot_plan: who is run.
-        faults: what befalls messages and components, from the beginning of the case.
-        listener: told of each event as soon as it has happened.
+        slot_plan: the nodes that are run.
+        faults: what happens to messages and components, from the start of the case.
+        listener: called with each event as soon as it has happened.
 
     Attributes:
         relay: where messages pass.
@@ -151,7 +151,7 @@ class Session:
         self.relay.do_what_is_due()
         self._see_deaths()
 
-    def _processes(self) -> Iterator[tuple[Slot, NodeProcess]]:
+    def _processes(self) -> Iterator[tuple[Slot, KeptProcess]]:
         for slot in self.slot_plan.slots:
             if slot.name in self.host.running:
                 yield slot, self.host.running[slot.name][1]

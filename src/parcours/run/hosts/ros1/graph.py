@@ -1,7 +1,4 @@
-"""The graph's XML-RPC: a name at a master, what it offers and wants there, and what others ask of it.
-
-Only while a graph forms, and for its tools; messages travel by `streams`.
-"""
+"""Asks a ROS 1 master and other nodes by XML-RPC, and answers what they ask; messages travel by other ways."""
 
 from __future__ import annotations
 
@@ -19,10 +16,10 @@ from xmlrpc.client import dumps, loads
 from xmlrpc.server import SimpleXMLRPCServer
 
 from parcours.errors import HostFailure
-from parcours.run.hosts.ros1.master import LOOPBACK
 
+LOOPBACK = "127.0.0.1"
 WITHIN = 5.0
-"""So long anybody may take to answer [s]."""
+"""How long a node or the master may take to answer [s]."""
 
 _ASKER = "/parcours"
 _LONGEST_ANSWER = 4_000_000
@@ -37,7 +34,7 @@ def ask(uri: str, method: str, *arguments: object, within: float = WITHIN) -> An
         within: how long to wait [s].
 
     Raises:
-        HostFailure: nobody answers there, or not as ROS does, or the answer is a refusal.
+        HostFailure: there is no answer, or not one of ROS, or it is a refusal.
     """
     code, text, value = _triple(uri, method, _asked(uri, method, arguments, within))
     if code != 1:
@@ -49,7 +46,7 @@ def ask_all(uri: str, calls: Sequence[tuple[str, Sequence[object]]], within: flo
     """Return the answers to several (method, arguments) of the master at once; None for what is refused.
 
     Raises:
-        HostFailure: nobody answers there, or not as ROS does.
+        HostFailure: there is no answer, or not one of ROS.
     """
     if not calls:
         return []
@@ -107,7 +104,7 @@ class _Server(ThreadingMixIn, SimpleXMLRPCServer):
 
 
 Answers = Mapping[str, Callable[..., object]]
-"""Method -> its answer; a HostFailure is told as a refusal."""
+"""Method -> its answer; a HostFailure is answered as a refusal."""
 
 
 class Slave:
@@ -115,7 +112,7 @@ class Slave:
 
     Args:
         answers: beside those that every node gives; without the caller's name as first argument.
-        ended: called, in any thread, after it was told to shut down (rosnode kill) and has answered.
+        ended: called, in any thread, after it was ordered to shut down (rosnode kill) and has answered.
     """
 
     def __init__(self, master: str, answers: Answers, ended: Callable[[], None] = lambda: None) -> None:

@@ -1,27 +1,19 @@
-"""A model's channels and the flat forms of their messages -> a ROS 1 package: .msg and .srv files, C++ headers.
-
-Two channels of one topic in opposite directions are a service, the one that the model names first its request; any
-other channel is a topic. No workspace is needed: `messages.load` makes Python classes of the folder, `write_headers`
-C++.
-"""
+"""Writes the flat forms of a model's messages as a ROS 1 package, .msg and .srv files, without a workspace."""
 
 from __future__ import annotations
 
 import json
 import keyword
 import re
-import subprocess
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
-from typing import Literal, NoReturn, Protocol
+from typing import NoReturn, Protocol
 
 from parcours.errors import HostFailure
-from parcours.model.structure import Cefsm, Channel
-from parcours.run.hosts.ros1 import interpreter_with
-from parcours.run.port import Link
-
-Role = Literal["topic", "request", "response"]
+from parcours.run.hosts.interfaces import Interface, Route, routes
+from parcours.run.hosts.ros1 import no_ros
+from parcours.run.hosts.ros1.ends import Kind
 
 INDEX = "channels.json"
 """The file of a package's folder that tells which message or service carries which channel."""
@@ -45,7 +37,6 @@ _CPP = frozenset(
     """,
     )
 )
-_TEMPLATES = "/usr/share/gencpp"
 
 
 class Field(Protocol):
@@ -62,72 +53,6 @@ class Field(Protocol):
     @property
     def doc(self) -> str:
         """What it means, with its unit."""
-
-
-@dataclass(frozen=True, slots=True)
-class Interface:
-    """A channel as ROS sees it: `type` names a .msg file, or the .srv file of which it is request or response."""
-
-    channel: str
-    topic: str
-    role: Role
-    type: str
-    sender: str
-    receiver: str
-
-
-def interfaces(cefsm: Cefsm, also: Sequence[Link] = ()) -> tuple[Interface, ...]:
-    """Return the model's channels as topics and halves of services, in the model's order, then the other links.
-
-    A channel without a topic gets one of its own name.
-
-    Args:
-        cefsm: a checked model.
-        also: links of which some are not in the model: each of these becomes a topic, with a type of its own name.
-
-    Raises:
-        HostFailure: a topic that goes both ways does not belong to exactly two channels.
-
-    >>> model = Cefsm("m", (), (
-    ...     Channel("ask", "A", "B", "Question", "/path_modification"),
-    ...     Channel("reply", "B", "A", "Answer", "/path_modification"), Channel("news", "A", "B", "obstacle_list")))
-    >>> for one in interfaces(model):
-    ...     print(one.channel, one.topic, one.role, one.type)
-    ask /path_modification request PathModification
-    reply /path_modification response PathModification
-    news /news topic ObstacleList
-    """
-    found = []
-    for channel in cefsm.channels:
-        topic = channel.topic or f"/{channel.name}"
-        role = _role(channel, [other for other in cefsm.channels if channel.topic and other.topic == channel.topic])
-        kind = camel_case(channel.message if role == "topic" else topic)
-        found.append(Interface(channel.name, topic, role, kind, channel.sender, channel.receiver))
-    known = {channel.name for channel in cefsm.channels}
-    found += [
-        Interface(link.channel, f"/{link.channel}", "topic", camel_case(link.channel), link.sender, link.receiver)
-        for link in also
-        if link.channel not in known
-    ]
-    return tuple(found)
-
-
-def _role(channel: Channel, sharing: Sequence[Channel]) -> Role:
-    if all((other.sender, other.receiver) != (channel.receiver, channel.sender) for other in sharing):
-        return "topic"
-    if len(sharing) != 2:
-        rule = "a service has one request and one response, but shared by " + ", ".join(other.name for other in sharing)
-        _refuse(f"topic {channel.topic!r}", rule, "give other channels other topics")
-    return "request" if channel is sharing[0] else "response"
-
-
-def camel_case(name: str) -> str:
-    """Return the name as ROS writes types.
-
-    >>> camel_case("/trajectory_generation"), camel_case("RampTrajectory")
-    ('TrajectoryGeneration', 'RampTrajectory')
-    """
-    return "".join(part[:1].upper() + part[1:] for part in re.split(r"[^A-Za-z0-9]+", name))
 
 
 def ros_name(field: str) -> str:
@@ -221,34 +146,61 @@ def read_index(folder: Path) -> tuple[str, tuple[Interface, ...]]:
         _refuse(str(folder), rule, "write it with write_package")
 
 
-def write_headers(folder: Path, include: Path) -> tuple[Path, ...]:
-    """Write C++ headers of the package's messages and services, as <package/Type.h>, and return their paths.
-
-    Args:
-        folder: a package's folder, as `write_package` left it.
-        include: where the folder <package> with the headers is made; give it to the compiler with -I.
+def write_python(folder: Path) -> Path:
+    """Generate the package's Python classes with genpy, for ROS's tools; return the folder for PYTHONPATH.
 
     Raises:
-        HostFailure: gencpp is not installed, or refuses a file.
+        HostFailure: there is no genpy, or it refuses a file.
     """
+    try:
+        from genmsg import MsgContext, MsgGenerationException
+        from genpy.generate_initpy import write_modules
+        from genpy.generator import MsgGenerator, SrvGenerator
+    except ImportError:
+        raise no_ros("genpy") from None
     package, _ = read_index(folder)
-    target = include / package
-    target.mkdir(parents=True, exist_ok=True)
-    sources = sorted(folder.glob("msg/*.msg")) + sorted(folder.glob("srv/*.srv"))
-    # One process for all, not one each: most of the time goes into starting.
-    script = (
-        "import sys, genmsg.template_tools as t\n"
-        "package, target, templates, *sources = sys.argv[1:]\n"
-        "for source in sources:\n"
-        "    t.generate_from_file(source, package, target, templates, [],\n"
-        "                         {'msg.h.template': '@NAME@.h'}, {'srv.h.template': '@NAME@.h'})\n"
-    )
-    command = [interpreter_with("gencpp"), "-c", script, package, str(target), _TEMPLATES, *map(str, sources)]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    if done.returncode:
-        told = (done.stderr.strip().splitlines() or ["nothing"])[-1]
-        _refuse(f"C++ headers of {package}", f"must be made by gencpp, but it says: {told}", "install ros-core-dev")
-    return tuple(sorted(target.glob("*.h")))
+    target = folder / "python" / package
+    for kind, generator in (("msg", MsgGenerator()), ("srv", SrvGenerator())):
+        (target / kind).mkdir(parents=True, exist_ok=True)
+        context = MsgContext.create_default()
+        for source in sorted((folder / kind).glob(f"*.{kind}")):
+            try:
+                generator.generate(context, f"{package}/{source.stem}", str(source), str(target / kind), {})
+            except MsgGenerationException as error:
+                raise HostFailure(str(source), f"genpy refuses it: {error}", slug="ros1-interface") from error
+        write_modules(str(target / kind))
+    (target / "__init__.py").touch()
+    return target.parent
+
+
+def package_routes(folder: Path) -> tuple[Route, ...]:
+    """Return the routes of a package's channels, with the types that go into connection headers.
+
+    Args:
+        folder: as `write_package` left it.
+
+    Raises:
+        HostFailure: there is no such package, or no ROS 1, or two channels share a topic.
+    """
+    try:
+        from genmsg import MsgContext
+        from genmsg.gentools import compute_full_text, compute_md5
+        from genmsg.msg_loader import load_msg_from_file, load_srv_from_file
+    except ImportError:
+        raise no_ros("genmsg") from None
+    package, channels = read_index(folder)
+    context = MsgContext.create_default()
+    kinds = {}
+    for one in channels:
+        name = f"{package}/{one.type}"
+        if one.role == "topic":
+            spec = load_msg_from_file(context, str(folder / f"msg/{one.type}.msg"), name)
+            context.set_depends(name, [])  # fields of a flat form are of no other message's type
+            kinds[one.channel] = Kind(name, compute_md5(context, spec), compute_full_text(context, spec))
+        else:
+            service = load_srv_from_file(context, str(folder / f"srv/{one.type}.srv"), name)
+            kinds[one.channel] = Kind(name, compute_md5(context, service))
+    return routes(channels, kinds)
 
 
 def _refuse(where: str, rule: str, remedy: str) -> NoReturn:

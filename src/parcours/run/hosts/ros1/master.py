@@ -1,32 +1,28 @@
-"""A port -> a live ROS 1 master on loopback with logs of its own, stopped without leaving anything behind."""
+"""Starts a ROS 1 master on loopback with logs of its own, and stops it without leaving anything behind."""
 
 from __future__ import annotations
 
 import errno
 import os
 import shutil
-import signal
 import socket
-import subprocess
 import tempfile
 import threading
 import time
 from contextlib import suppress
-from http.client import HTTPConnection, HTTPException
 from pathlib import Path
-from types import TracebackType
 from typing import NoReturn
 from urllib.parse import urlsplit
-from xml.parsers.expat import ExpatError
-from xmlrpc.client import Error as RpcError
-from xmlrpc.client import dumps, loads
 
 from parcours.errors import HostFailure
+from parcours.run.hosts.interfaces import TESTER
 from parcours.run.hosts.ros1 import interpreter_with
+from parcours.run.hosts.ros1.graph import LOOPBACK, ask
+from parcours.run.hosts.ros1.process import KeptProcess
 
-LOOPBACK = "127.0.0.1"
 _POLL = 0.01
-_LONGEST_ANSWER = 65_536
+_PATIENCE = 2.0
+"""How long the master may take to end when asked [s]."""
 _TAIL = 6
 
 
@@ -50,7 +46,7 @@ class Master:
         self._within = within
         self._folder: Path | None = None
         self._replaced: dict[str, str | None] = {}
-        self._process: subprocess.Popen[bytes] | None = None
+        self._process: KeptProcess | None = None
 
     @property
     def pid(self) -> int:
@@ -89,9 +85,7 @@ class Master:
             os.environ[name] = value
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *exception: object) -> None:
         self.close()
 
     def close(self) -> None:
@@ -104,11 +98,8 @@ class Master:
         self._replaced.clear()
         process, self._process = self._process, None
         if process is not None:
-            for by, patience in ((signal.SIGINT, 2.0), (signal.SIGTERM, 1.0), (signal.SIGKILL, None)):
-                process.send_signal(by)
-                with suppress(subprocess.TimeoutExpired):
-                    process.wait(patience)
-                    break
+            process.ask_to_end()
+            process.end(_PATIENCE)
         folder, self._folder = self._folder, None
         if folder is not None:
             shutil.rmtree(folder, ignore_errors=True)
@@ -116,24 +107,17 @@ class Master:
     def _start(self, python: str) -> None:
         for part in ("home", "log"):
             (self.folder / part).mkdir()
-        core = str(Path(__file__).with_name("core.py"))
-        command = [python, core, str(os.getpid()), str(self.folder), "--core", "-p", str(self.port)]
-        with (self.folder / "output").open("wb") as output:
-            self._process = subprocess.Popen(
-                command,
-                env=os.environ | self.environment,
-                cwd=self.folder,
-                stdin=subprocess.DEVNULL,
-                stdout=output,
-                stderr=subprocess.STDOUT,
-                start_new_session=True,
-            )
+        command = [python, "-c", "import rosmaster; rosmaster.rosmaster_main()", "--core", "-p", str(self.port)]
+        environment, log = os.environ | self.environment, self.folder / "output"
+        process = KeptProcess("ROS master", command, self.folder, environment, log, str(self.folder))
+        self._process = process
+        process.await_start()
         deadline = time.monotonic() + self._within
         while (left := deadline - time.monotonic()) > 0:
-            if _answer(LOOPBACK, self.port, left) == self._process.pid:
+            if _process_at(self.uri, left) == process.pid:
                 return
-            if self._process.poll() is not None:
-                self._fail(f"must run, but ended with status {self._process.returncode}")
+            if process.look():
+                self._fail(f"must run, but ended with status {process.status}")
             time.sleep(_POLL)
         self._fail(f"must answer within {self._within:g} s, but does not")
 
@@ -175,7 +159,7 @@ for a master on this machine: http://127.0.0.1:11311 [master-uri]
     def ask() -> None:
         # On a thread: to resolve a name may take longer than anybody wants to wait, and cannot be interrupted.
         while (left := deadline - time.monotonic()) > 0:
-            answer = _answer(host, port, left)
+            answer = _process_at(uri, left)
             found.append(answer)
             if isinstance(answer, int):
                 return
@@ -193,22 +177,13 @@ for a master on this machine: http://127.0.0.1:11311 [master-uri]
     raise HostFailure(f"ROS master {uri}", f"must answer within {within:g} s, but: {last}", remedy, slug="no-master")
 
 
-def _answer(host: str, port: int, within: float) -> int | str:
-    """Return the process id that a master tells, or what happened instead."""
-    connection = HTTPConnection(host, port, timeout=within)
+def _process_at(uri: str, within: float) -> int | str:
+    """Return the process id that a master gives, or what happened instead."""
     try:
-        connection.request("POST", "/", dumps(("/parcours",), "getPid"), {"Content-Type": "text/xml"})
-        told, _ = loads(connection.getresponse().read(_LONGEST_ANSWER), use_builtin_types=True)
-    except OSError as error:
-        return error.strerror or str(error)
-    except (HTTPException, RpcError, ExpatError, ValueError, TypeError):
-        return "what listens there is no ROS master"
-    finally:
-        connection.close()
-    match told:
-        case ([1, _, int(process)],):
-            return process
-    return "what listens there is no ROS master"
+        found = ask(uri, "getPid", TESTER, within=within)
+    except HostFailure as failure:
+        return failure.rule.partition("but: ")[2]
+    return found if isinstance(found, int) else f"it answers {found!r:.80}"
 
 
 def _free_port() -> int:
@@ -227,7 +202,7 @@ def _require_free(port: int) -> None:
             return
         except OSError as error:
             taken, reason = error.errno == errno.EADDRINUSE, error.strerror
-    owner = _answer(LOOPBACK, port, 1.0) if taken else ""
+    owner = _process_at(f"http://{LOOPBACK}:{port}/", 1.0) if taken else ""
     who = f"a ROS master (process {owner})" if isinstance(owner, int) else "another program"
     rule = f"must be free, but {who} listens there" if taken else f"must be free to use, but: {reason}"
     remedy = "stop it, give another port or none, or start the graph in a network of its own"

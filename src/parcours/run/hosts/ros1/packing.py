@@ -1,4 +1,4 @@
-"""The values of a channel's flat form <-> the bytes of its ROS 1 message, without an object between them.
+"""Converts the values of a channel's flat form to the bytes of its ROS 1 message and back, without message objects.
 
 ROS 1 writes fields one after the other, little-endian and unpadded, and before an array how many items follow.
 """

@@ -1,8 +1,9 @@
-"""A command -> its process, kept: how it ends is written to a pipe, and nothing of it outlives the tester.
+"""Runs a command, writes how it ends to a pipe, and lets nothing of it outlive the tester.
 
-Run as a file: `process_keeper.py PARENT DESCRIPTOR COMMAND ARGUMENT...`. It adopts what the command leaves behind, so
-that a node that starts others, or that a shell script starts, goes with all it has started. Like `core.py` it watches
-a pidfd: the death signal of the system would come as soon as the *thread* that started it ends.
+Run as a file: `process_keeper.py PARENT DESCRIPTOR FOLDER COMMAND ARGUMENT...`; FOLDER, unless empty, is removed if the
+parent ends first. It adopts what the command leaves behind, so that a node that starts others, or that a shell script
+starts, goes with all it has started. It watches a pidfd: the death signal of the system would come as soon as the
+*thread* that started it ends, and a pipe stays open in forked siblings.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ import contextlib
 import ctypes
 import os
 import select
+import shutil
 import signal
 import sys
 import time
@@ -55,7 +57,7 @@ def _end_all() -> None:
 
 def main(arguments: list[str]) -> None:
     """Keep the command for as long as PARENT lives."""
-    parent, say, *command = arguments
+    parent, say, folder, *command = arguments
     tester = os.pidfd_open(int(parent))
     if os.getppid() != int(parent):  # it has already ended
         return
@@ -76,6 +78,8 @@ def main(arguments: list[str]) -> None:
             with contextlib.suppress(OSError):
                 os.killpg(child, signal.SIGKILL)
             _end_all()
+            if folder:
+                shutil.rmtree(folder, ignore_errors=True)
             return
         if process in ready:
             ended = time.perf_counter_ns()

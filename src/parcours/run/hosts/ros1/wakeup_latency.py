@@ -1,7 +1,7 @@
-"""The machine -> how late an ordinary process is woken on it, beat by beat, to a pipe.
+"""Measures how late the machine wakes an ordinary process, beat by beat, and writes it to a pipe.
 
-Run as a file: `wakeup_latency.py DESCRIPTOR BEAT`. Nodes of others run in the ordinary class, and on a loaded machine
-stand still now and then. Who waits for them must not count that as their silence. It ends when nobody reads.
+Run as a file: `wakeup_latency.py DESCRIPTOR BEAT`. Foreign nodes run in the ordinary class, and on a loaded machine
+stand still now and then; that must not count as their silence. It ends when the pipe is closed.
 """
 
 from __future__ import annotations

@@ -1,1 +1,1 @@
-"""Nodes and their channels -> processes on a ROS 2 graph: topics and services, by rclpy, which nothing else imports."""
+"""Runs components as nodes of a ROS 2 graph by rclpy, which nothing else imports."""

@@ -1,4 +1,4 @@
-"""Bytes <-> the serialised form of `std_msgs/msg/UInt8MultiArray` (OMG CDR), without a message object in between.
+"""Converts bytes to a serialised `std_msgs/msg/UInt8MultiArray` (OMG CDR) and back, without a message object.
 
 rclpy publishes and takes serialised messages as they are; its message objects cost more than all else that it does.
 """

@@ -1,8 +1,8 @@
-"""Bytes <-> standard ROS 2 messages and services: a node of the graph with a wait of its own.
+"""A node of a ROS 2 graph that sends and hears bytes in standard messages and services.
 
 A topic carries `std_msgs/msg/UInt8MultiArray`, a service `diagnostic_msgs/srv/AddDiagnostics`: of the standard service
-types it is the one whose request and response are both free text. rclpy's executors make a wait set, a timer and tasks
-anew for each callback, and wait busily while an answer is held back; this waits on one set, and answers whenever told.
+types it is the one whose request and response are both free text. rclpy's executors make a new wait set, timer and
+tasks for each callback, and wait busily while an answer is held back; this waits on one set, and answers at any time.
 """
 
 from __future__ import annotations
@@ -15,11 +15,14 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import msgspec
+
 from parcours.errors import HostFailure
+from parcours.run.hosts.graph_line import Answered, Reply
 from parcours.run.hosts.ros2.cdr import read, writer
 
 DEPTH = 10_000
-"""So many messages wait for a reader that is slow, or frozen, before the oldest are lost."""
+"""How many messages wait for a reader that is slow, or frozen, before the oldest are lost."""
 
 _LAST_DOMAIN = 232
 
@@ -27,7 +30,7 @@ _SETTINGS = {
     "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
     "FASTDDS_DEFAULT_PROFILES_FILE": str(Path(__file__).with_name("profiles.xml")),
 }
-"""Of the environment, where it has none: nobody outside this machine is spoken to, and losses are made good at once."""
+"""Defaults for the environment: the graph stays on this machine, and losses are made good at once."""
 
 _CHUNK = 20_000_000
 """The longest wait in one piece [ns]: Python hears of signals in between."""
@@ -70,17 +73,33 @@ class Participant:
         }
         self._set: Any = None
 
-    def publish(self, topic: str, message: str) -> Sender:
-        """Advertise a topic whose messages have that name."""
+    is_ended = False
+    """No tool of a ROS 2 graph orders nodes to end."""
+
+    def speaker(self, topic: str, kind: str, peer: str = "") -> Sender:
+        """Publish a topic whose messages are called `kind`."""
         from std_msgs.msg import UInt8MultiArray
 
-        return Sender(self.node.create_publisher(UInt8MultiArray, topic, _quality()), writer(message))
+        return Sender(self.node.create_publisher(UInt8MultiArray, topic, _quality()), writer(kind))
 
-    def subscribe(self, topic: str, heard: Heard) -> Subscription:
+    def listener(self, topic: str, kind: str, peer: str, heard: Heard) -> Subscription:
         """Call `heard` with the bytes of each message."""
         from std_msgs.msg import UInt8MultiArray
 
         return self.overhear(UInt8MultiArray, topic, lambda message: heard(read(message)), _quality())
+
+    def frame_speaker(self, topic: str, peer: str) -> FrameSender:
+        """Publish frames."""
+        return FrameSender(self.speaker(topic, "frames"))
+
+    def frame_listener(self, topic: str, peer: str, heard: Heard, lost: Callable[[], None]) -> Subscription:
+        """Call `heard` with each frame. A graph does not report ends: `lost` is never called."""
+
+        def taken(message: bytes) -> None:
+            for frame in msgspec.msgpack.decode(message, type=list[msgspec.Raw]):
+                heard(bytes(frame))
+
+        return self.listener(topic, "", peer, taken)
 
     def overhear(self, kind: Any, topic: str, heard: Heard, quality: Any) -> Subscription:
         """Call `heard` with each message of any type, serialised."""
@@ -96,7 +115,7 @@ class Participant:
         self._add("subscription", subscription, take)
         return Subscription(subscription)
 
-    def serve(self, service: str, asked: Callable[[bytes, Reply], None]) -> None:
+    def server(self, service: str, kind: str, peer: str, asked: Callable[[bytes, Reply], None]) -> None:
         """Call `asked` with the bytes of each request, and with what answers it, now or later, at most once."""
         from diagnostic_msgs.srv import AddDiagnostics
 
@@ -120,25 +139,28 @@ class Participant:
 
         self._add("service", server, take)
 
-    def call(self, service: str, answered: Callable[[bytes | None], None]) -> Caller:
-        """Call `answered` with the bytes of each response, None if the server has declined."""
+    def caller(self, service: str, kind: str = "") -> Caller:
+        """Return what calls a service."""
         from diagnostic_msgs.srv import AddDiagnostics
 
-        def taken(answer: Any) -> None:
-            answered(_bytes(answer.message) if answer.success else None)
+        waiting: dict[int, Answered] = {}
+
+        def taken(number: int, answer: Any) -> None:
+            answered = waiting.pop(number)
+            answered(*((_bytes(answer.message), "") if answer.success else (None, "declined")))
 
         client = self.inquire(AddDiagnostics, service, taken)
-        return Caller(client, lambda data: AddDiagnostics.Request(load_namespace=_text(data)))
+        return Caller(client, lambda data: AddDiagnostics.Request(load_namespace=_text(data)), waiting)
 
-    def inquire(self, kind: Any, service: str, answered: Callable[[Any], None]) -> Any:
-        """Return a client of a service of any type, which calls `answered` with each response."""
+    def inquire(self, kind: Any, service: str, answered: Callable[[int, Any], None]) -> Any:
+        """Return a client of a service of any type; `answered` gets the number of each request and its response."""
         client = self.node.create_client(kind, service, qos_profile=_quality())
 
         def take() -> bool:
             header, answer = client.handle.take_response(kind.Response)
             if header is None:
                 return False
-            answered(answer)
+            answered(header.request_id.sequence_number, answer)
             return True
 
         self._add("client", client, take)
@@ -149,7 +171,7 @@ class Participant:
         self._set = None
 
     def spin(self, until: int | None) -> bool:
-        """Hear what has arrived, or what arrives before the monotonic clock shows `until` [ns]; None waits for ever.
+        """Hear what has arrived, or what arrives before the monotonic clock shows `until` [ns], if not None.
 
         Returns:
             whether anything was heard.
@@ -189,6 +211,9 @@ class Participant:
             self._set.add_service(handle)
         return self._set
 
+    def flush(self, peer: str) -> None:
+        """Do nothing: the middleware sends in threads of its own."""
+
     def close(self) -> None:
         """Leave the graph. Again: do nothing."""
         self._set = None
@@ -199,19 +224,16 @@ class Participant:
         self._context.try_shutdown()
 
 
-Reply = Callable[[bytes | None], None]
-"""Answers a request with bytes; with None, declines."""
-
-
 class Sender:
     """A publisher of bytes."""
 
     def __init__(self, publisher: Any, write: Callable[[bytes], bytes]) -> None:
         self._publisher, self._write = publisher, write
 
-    def send(self, data: bytes) -> None:
+    def send(self, *messages: bytes) -> None:
         """Publish."""
-        self._publisher.publish(self._write(data))
+        for data in messages:
+            self._publisher.publish(self._write(data))
 
     @property
     def is_matched(self) -> bool:
@@ -219,8 +241,24 @@ class Sender:
         return bool(self._publisher.get_subscription_count())
 
 
+class FrameSender:
+    """A publisher of frames; those that are sent together travel in one message, which costs as much as its content."""
+
+    def __init__(self, sender: Sender) -> None:
+        self._sender = sender
+
+    def send(self, *frames: bytes) -> None:
+        """Publish."""
+        self._sender.send(msgspec.msgpack.encode([msgspec.Raw(frame) for frame in frames]))
+
+    @property
+    def is_matched(self) -> bool:
+        """Whether somebody listens."""
+        return self._sender.is_matched
+
+
 class Subscription:
-    """What is listened to."""
+    """A topic that is heard."""
 
     def __init__(self, subscription: Any) -> None:
         self._subscription = subscription
@@ -237,14 +275,14 @@ class Subscription:
 
 
 class Caller:
-    """A client of a service."""
+    """A client of a service; `waiting` are the calls that have no response yet, by number."""
 
-    def __init__(self, client: Any, request: Callable[[bytes], Any]) -> None:
-        self._client, self._request = client, request
+    def __init__(self, client: Any, request: Callable[[bytes], Any], waiting: dict[int, Answered]) -> None:
+        self._client, self._request, self._waiting = client, request, waiting
 
-    def ask(self, data: bytes) -> None:
-        """Send a request, without waiting for the answer."""
-        self._client.handle.send_request(self._request(data))
+    def ask(self, data: bytes, answered: Answered) -> None:
+        """Send a request, without waiting for the response."""
+        self._waiting[self._client.handle.send_request(self._request(data))] = answered
 
     @property
     def is_matched(self) -> bool:

@@ -1,4 +1,4 @@
-"""Nodes that use simulated time -> the same nodes, led from instant to instant by /clock as fast as they can work.
+"""Leads nodes that use simulated time from instant to instant by /clock, as fast as they can work.
 
 A step publishes the next instant and waits until all nodes are quiet. Whether one is cannot be seen from outside, but
 it can be asked: every node of rclpy and rclcpp serves its parameters in the executor that also runs its callbacks, so a
@@ -25,17 +25,17 @@ _ROUNDS_OF_A_HOP = 2
 
 
 class SteppedClock:
-    """Time that passes on /clock when told to. It is a `Clock`: whole nanoseconds since construction or `restart`.
+    """Time that passes on /clock by command. It is a `Clock`: whole nanoseconds since construction or `restart`.
 
     Args:
         participant: the tester's; it stays open.
         nodes: names of all nodes that use simulated time, e.g. `/follower`.
         watched: topic -> its message class; what passes there is heard, and means that the nodes are not quiet.
         step: the longest time that passes at once [ns]; timers due within a step fire late, at its end.
-        hops: so many messages may follow on each other unheard, e.g. 2 for a service between nodes.
-        quiet: so long nobody may be heard, either, after all have answered [ns of real time]; for nodes that have
+        hops: how many messages may follow on each other unheard, e.g. 2 for a service between nodes.
+        quiet: how long all must be silent after they have answered [ns of real time]; for nodes that have
             threads of their own.
-        within: so long a step may take [s of real time].
+        within: how long a step may take [s of real time].
 
     Raises:
         BadRequest: step is not positive.
@@ -70,7 +70,7 @@ class SteppedClock:
         self._await_nodes()
         self._publish()
 
-    def _answer(self, node: str, answer: object) -> None:
+    def _answer(self, node: str, number: int, answer: object) -> None:
         self._unanswered.discard(node)
 
     def _hear(self, message: bytes) -> None:

@@ -1,4 +1,4 @@
-"""A node of a binding -> its process: started, watched, its output kept, and ended without leaving anything behind."""
+"""Starts a command, watches its process, keeps its output, and ends it without leaving anything behind."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Literal
 
 from parcours.errors import HostFailure
-from parcours.run.hosts.processes import ending
+from parcours.run.hosts.launching import ending
 
 _KEEPER = str(Path(__file__).with_name("process_keeper.py"))
 _TAIL = 5
@@ -22,7 +22,7 @@ _ANSWER = 5.0
 _ACTS = {"stop": signal.SIGSTOP, "continue": signal.SIGCONT, "kill": signal.SIGKILL}
 
 
-class NodeProcess:
+class KeptProcess:
     """A process that a command started, with everything that it starts itself.
 
     Args:
@@ -31,12 +31,14 @@ class NodeProcess:
         cwd: where.
         env: its whole environment.
         log: the file to which its output is appended.
+        folder: removed if this process ends first.
 
     Raises:
         HostFailure: it cannot be started.
     """
 
-    def __init__(self, name: str, command: Sequence[str], cwd: Path, env: Mapping[str, str], log: Path) -> None:
+    def __init__(self, name: str, command: Sequence[str], cwd: Path, env: Mapping[str, str], log: Path,
+                 folder: str = "") -> None:  # fmt: skip
         self.name, self.command, self.log = name, tuple(command), log
         self.pid = 0
         self.status: int | None = None
@@ -49,7 +51,7 @@ class NodeProcess:
         self._failed = ""
         self.descriptor, other = os.pipe()
         os.set_blocking(self.descriptor, False)
-        words = [sys.executable, "-I", "-S", _KEEPER, str(os.getpid()), str(other), *command]
+        words = [sys.executable, "-I", "-S", _KEEPER, str(os.getpid()), str(other), folder, *command]
         try:
             with log.open("ab") as output:
                 self._begin = output.tell()
