@@ -40,6 +40,12 @@ def parts() -> Mapping[str, Part]:
     return dict(sorted(found.items(), key=lambda item: -item[1].seconds))
 
 
+def require_numba(what: str) -> None:
+    """Raise BadRequest unless kernels are compiled: for what plain Python cannot do, or not in time."""
+    if not IS_COMPILED:
+        raise BadRequest(what, "it needs numba, which is not installed", "pip install numba", slug="no-numba")
+
+
 def compile_all(workers: int, report: Callable[[str, int, int], None] = lambda part, done, total: None) -> None:
     """Compile every part that is not on disk yet.
 
@@ -50,9 +56,7 @@ def compile_all(workers: int, report: Callable[[str, int, int], None] = lambda p
     Raises:
         BadRequest: numba is not installed.
     """
-    if not IS_COMPILED:
-        rule = "compiling needs numba, which is not installed: everything runs as plain Python, slowly"
-        raise BadRequest("compile", rule, "pip install numba", slug="no-numba")
+    require_numba("compile")
     with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
         running: dict[Future[None], str] = {pool.submit(part.run): name for name, part in parts().items()}
         report("", 0, len(running))

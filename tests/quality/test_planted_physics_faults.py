@@ -19,8 +19,8 @@ TESTS = Path(__file__).parent.parent
 PROFILES = "planners/test_physics_profiles.py"
 CORNERS = "planners/test_physics_corners.py"
 PREDICTIONS = "planners/test_physics_predictions.py"
-CONTACT = "arena/test_physics_contact.py"
-MOTION = "arena/test_physics_motion.py"
+CONTACT = "navigation/arena/test_physics_contact.py"
+MOTION = "navigation/arena/test_physics_motion.py"
 
 LASTS = "test_a_profile_lasts_as_long_as_ruckig_s_time_optimal_motion"
 FOLLOWS = "test_way_and_speed_are_ruckig_s_at_every_time_of_the_profile"

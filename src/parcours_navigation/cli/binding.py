@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 
-@click.group("binding")
+@click.group("binding", short_help="Check a binding file: foreign nodes as a system under test.")
 def command() -> None:
     """Check bindings: which nodes that know nothing of Parcours a study of kind `ros` runs (docs/bindings.md)."""
 

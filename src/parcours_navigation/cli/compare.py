@@ -9,7 +9,7 @@ import click
 from parcours.cli.options import as_json, print_json, seed, workers
 
 
-@click.command("compare")
+@click.command("compare", short_help="Planners or runs on the same cases, with paired tests.")
 @click.argument("planners", nargs=-1, required=True)
 @click.option(
     "--cases", type=click.IntRange(1, 100_000_000), default=1000, show_default=True, help="How many, the same for all."

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import parcours
+from parcours.compiling import require_numba
 from parcours.errors import BadRequest
 from parcours.run.heartbeat import LostCase
 from parcours.run.store import Campaign
@@ -58,6 +59,7 @@ class NavigationStudy:
     located: PlannerLike = None
 
     def __post_init__(self) -> None:
+        require_numba("simulating the world")
         if self.located is None:
             object.__setattr__(self, "located", located(self.planner))
         self.scenario.require_room(self.cases.robot_radius)

@@ -9,7 +9,7 @@ import click
 from parcours.cli.options import seed, workers
 
 
-@click.command("demo")
+@click.command("demo", short_help="The whole study of the paper, as one report.")
 @click.option(
     "--cases",
     type=click.IntRange(1, 1_000_000),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import click
 
 
-@click.command("nodes")
+@click.command("nodes", short_help="RAMP's nodes on a ROS 1 graph, for testers of other tools.")
 @click.argument("study", type=click.Choice(["ramp_components"]))
 @click.option("--master", envvar="ROS_MASTER_URI", default="http://127.0.0.1:11311", show_default=True,
               help="http://host:port; ROS_MASTER_URI by default.")  # fmt: skip

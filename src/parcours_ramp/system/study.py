@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from parcours.compiling import require_numba
 from parcours.errors import BadRequest, require_known
 from parcours.kernels import Record, kernel
 from parcours.run.store import Campaign
@@ -53,6 +54,7 @@ class SystemStudy:
     watched_on: float = WATCHED_ON
 
     def __post_init__(self) -> None:
+        require_numba("simulating the world")
         for name, value in (("time_limit", self.time_limit), ("watched_on", self.watched_on)):
             least = 0.0 if name == "watched_on" else 0.01
             if not least <= value <= LONGEST:
