@@ -102,7 +102,7 @@ class WallClock:
 def uninterrupted(wanted: bool = True) -> Iterator[None]:
     """Run the block without garbage collection, if that is wanted; afterwards it is as it was.
 
-    A full collection lasts some 80 ms once RAMP's code is loaded: it would be taken for a component's slowness.
+    A full collection lasts some 80 ms once compiled code is loaded: it would be taken for a component's slowness.
 
     >>> with uninterrupted():
     ...     gc.isenabled()

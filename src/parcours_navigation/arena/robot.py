@@ -1,6 +1,6 @@
 """The robot's body: a unicycle that follows commanded speeds within its speed and acceleration limits.
 
-Speeds ramp towards the command at the limiting acceleration. Over one tick the body follows a chord: at 0.01 s,
+Speeds rise or fall towards the command at the limiting acceleration. Over one tick the body follows a chord: at 0.01 s,
 0.25 m/s, pi/2 rad/s, 1 m/s2 and 2/3 pi rad/s2 it strays by less than 3e-8 m at constant speeds and 2.1e-7 m while they
 change.
 """

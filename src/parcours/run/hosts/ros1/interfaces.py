@@ -71,7 +71,7 @@ def write_package(
 
     Args:
         folder: made if it does not exist.
-        package: what ROS calls it, such as parcours_ramp.
+        package: what ROS calls it.
         channels: what `interfaces` returned.
         forms: channel -> fields of its flat form, in order.
 

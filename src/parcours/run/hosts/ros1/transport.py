@@ -144,7 +144,7 @@ class Ros1Transport(GraphTransport):
 
     def __init__(self, nodes: Sequence[Node], channels: Sequence[Interface], codec: Ros1Codec,
                  preload: Sequence[str] = (), *, master: str | None = None,
-                 package: str = "parcours_ramp") -> None:  # fmt: skip
+                 package: str = "parcours_messages") -> None:  # fmt: skip
         super().__init__(nodes, [__name__, *preload])
         self.refusals: list[str] = []
         with self._closing_on_failure():
