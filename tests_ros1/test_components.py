@@ -59,10 +59,10 @@ def test_topics_and_services_on_the_graph_are_those_of_table_i(transport: Ros1Tr
     types = dict(ask(transport.master, "getTopicTypes", "/test"))
     publishers, subscribers, services = (dict(part) for part in ask(transport.master, "getSystemState", "/test"))
     of_the_paper = {
-        "/odometry": ("parcours_ramp/Odometry", "/Sensing"),
-        "/obstacles": ("parcours_ramp/ObstacleList", "/Planner"),
-        "/best_trajectory": ("parcours_ramp/RampTrajectory", "/Control"),
-        "/update": ("parcours_ramp/MotionState", "/Planner"),
+        "/odometry": ("parcours_messages/Odometry", "/Sensing"),
+        "/obstacles": ("parcours_messages/ObstacleList", "/Planner"),
+        "/best_trajectory": ("parcours_messages/RampTrajectory", "/Control"),
+        "/update": ("parcours_messages/MotionState", "/Planner"),
     }
     others = [topic for topic in types if not topic.startswith("/parcours/")]
     assert {topic: (types[topic], *subscribers[topic]) for topic in others} == of_the_paper
