@@ -17,6 +17,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
 from multiprocessing import forkserver, resource_tracker
 from multiprocessing.process import BaseProcess
+from signal import SIGKILL
 
 from parcours.errors import HostFailure
 from parcours.run.hosts.frames import Broke, Died, Report
@@ -108,6 +109,7 @@ class NodeProcesses(ABC):
         self._processes = Processes(preload)
         self._dead: dict[str, int] = {}
         """Exit status of the nodes that have ended."""
+        self._killed: set[str] = set()
 
     @property
     def nodes(self) -> Sequence[str]:
@@ -121,7 +123,16 @@ class NodeProcesses(ABC):
 
     def signal(self, node: str, signal: int) -> None:
         """Send the node's process a signal."""
+        if signal == SIGKILL:
+            self._killed.add(node)
         self._processes.signal(node, signal)
+
+    @property
+    def is_losing_one(self) -> bool:
+        """Whether a process has ended, or is about to, whose end `poll` has not said yet."""
+        # A process that was sent SIGKILL may still be there for a moment.
+        return any(node in self._killed or self._processes.status(node) is not None
+                   for node in self._nodes if node not in self._dead)  # fmt: skip
 
     @abstractmethod
     def poll(self, until: int) -> Sequence[tuple[str, Report]]:

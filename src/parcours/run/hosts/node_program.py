@@ -74,6 +74,10 @@ class Transport(Protocol):
     def poll(self, until: int) -> Sequence[tuple[str, Report]]:
         """Return what nodes have said, (node, report), waiting until the monotonic clock shows `until` [ns]."""
 
+    @property
+    def is_losing_one(self) -> bool:
+        """Whether a process has ended, or is about to, whose end `poll` has not said yet."""
+
     def signal(self, node: str, signal: int) -> None:
         """Send the node's process a signal of the operating system."""
 
@@ -114,7 +118,7 @@ def node_program_of(node: Node) -> NodeProgram:
         make = getattr(import_module(module), name)
     except (ImportError, AttributeError, ValueError) as error:
         rule = f"a node_program is named module:callable, but {node.node_program!r} leads nowhere: {error}"
-        raise BadRequest(f"node {node.component}", rule, slug="node_program-unknown") from error
+        raise BadRequest(f"node {node.component}", rule, slug="node-program-unknown") from error
     return cast(NodeProgram, make(node.component, node.given) if node.given else make(node.component))
 
 
@@ -137,7 +141,7 @@ class Plain:
         """Return a fresh component."""
         if self._component not in self._makers:
             remedy = one_of(self._component, list(self._makers))
-            raise BadRequest("node", f"no component is called {self._component!r}", remedy, slug="node_program-unknown")
+            raise BadRequest("node", f"no component is called {self._component!r}", remedy, slug="node-program-unknown")
         return self._makers[self._component]()
 
     def prompt(self, name: str, component: Component, now: int) -> Iterator[Step]:

@@ -166,7 +166,7 @@ class RealTimeHost:
             while (now := self._now()) < until:
                 self._do_what_is_due()
                 wake = self._next_wake()
-                if wake is None and self._is_at_rest():
+                if wake is None and self._is_at_rest() and not self._transport.is_losing_one:
                     return
                 target = until if wake is None else min(until, wake)
                 for node, said in self._transport.poll(self._clock.zero + max(target, now)):

@@ -33,7 +33,7 @@ class StudyNodeProgram:
         sent = msgspec.json.decode(case, type=Sent)
         system = self.study.system
         if system is None:
-            raise BadRequest(self.study.name, "its components are not made by `system`", slug="node_program-unknown")
+            raise BadRequest(self.study.name, "its components are not made by `system`", slug="node-program-unknown")
         modelled = self.study.model.component(self._component)
         return _InputsByMessage(system.component(modelled, sent.case, self.study.known(sent.case, sent.settings)))
 
