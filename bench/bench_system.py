@@ -26,15 +26,15 @@ import numpy as np
 from arithmetic_limit import OPERATIONS, count_hits, first_hit, tests_a_second
 from numpy.typing import NDArray
 
-from parcours.cli.run import command
 from parcours.kernels import is_warm
 from parcours_navigation.cases.family import PUBLISHED_CASES, WATCHED_ON
 from parcours_navigation.facts import NEVER
 from parcours_ramp.planner.messages import SAMPLE
+from parcours_ramp.system.door import study as ramp_system
 from parcours_ramp.system.ramp_facts import TRANSITIONS
 from parcours_ramp.system.study import SCHEDULES, SystemStudy, system_study
 
-DEFAULT = str(next(option.default for option in command.params if option.name == "schedule"))
+DEFAULT = str(next(one.default for one in ramp_system().parameters if one.name == "schedule"))
 
 LOOKS = (1.0, 4.0, 7.0, 10.0, 13.0, 16.0, 19.0)
 """When the length of the trajectory followed is looked at, after the static second [s]."""
