@@ -12,8 +12,7 @@ from dataclasses import dataclass
 from importlib.metadata import entry_points
 from multiprocessing import get_context
 
-from parcours.errors import BadRequest
-from parcours.kernels import IS_COMPILED
+from parcours.kernels import require_numba
 
 GROUP = "parcours.compiled"
 """Entry points of this group are mappings of names to parts, which packages add."""
@@ -38,12 +37,6 @@ def parts() -> Mapping[str, Part]:
     for entry in sorted(entry_points(group=GROUP), key=lambda entry: entry.name):
         found |= entry.load()
     return dict(sorted(found.items(), key=lambda item: -item[1].seconds))
-
-
-def require_numba(what: str) -> None:
-    """Raise BadRequest unless kernels are compiled: for what plain Python cannot do, or not in time."""
-    if not IS_COMPILED:
-        raise BadRequest(what, "it needs numba, which is not installed", "pip install numba", slug="no-numba")
 
 
 def compile_all(workers: int, report: Callable[[str, int, int], None] = lambda part, done, total: None) -> None:

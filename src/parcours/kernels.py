@@ -19,6 +19,8 @@ from typing import Any, TypeVar, cast
 
 import numpy as np
 
+from parcours.errors import BadRequest
+
 try:
     import numba
 except ImportError:
@@ -89,6 +91,12 @@ def _own(result: object) -> object:
     if isinstance(result, tuple) and type(result) is tuple:
         return tuple(map(_own, result))
     return result.item() if isinstance(result, np.generic) and not isinstance(result, np.uint64) else result
+
+
+def require_numba(what: str) -> None:
+    """Raise BadRequest unless kernels are compiled: for what plain Python cannot do, or not in time."""
+    if not IS_COMPILED:
+        raise BadRequest(what, "it needs numba, which is not installed", "pip install numba", slug="no-numba")
 
 
 def is_warm() -> bool:

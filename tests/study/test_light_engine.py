@@ -45,6 +45,10 @@ def test_its_results_are_shown_and_compared(tmp_path: Path) -> None:
         assert done.returncode == 0, done.stdout + done.stderr
 
 
-def test_what_needs_one_says_so(tmp_path: Path) -> None:
-    done = _parcours(tmp_path, "run", "navigation", "--planner", "orca", "--out", tmp_path / "out")
+@pytest.mark.parametrize(
+    "arguments",
+    [("run", "navigation", "--planner", "orca", "--out", "out"), ("data", "draw", LIFT, "--criterion", "pairwise")],
+)
+def test_what_needs_one_says_so(tmp_path: Path, arguments: tuple[object, ...]) -> None:
+    done = _parcours(tmp_path, *arguments)
     assert done.returncode == 2 and "it needs numba" in done.stderr and "[no-numba]" in done.stderr

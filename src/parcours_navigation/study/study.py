@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 import parcours
-from parcours.compiling import require_numba
 from parcours.errors import BadRequest
+from parcours.kernels import require_numba
 from parcours.run.heartbeat import LostCase
 from parcours.run.store import Campaign
 from parcours_navigation.cases.family import SystemCases

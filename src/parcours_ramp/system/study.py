@@ -9,9 +9,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from parcours.compiling import require_numba
 from parcours.errors import BadRequest, require_known
-from parcours.kernels import Record, kernel
+from parcours.kernels import Record, kernel, require_numba
 from parcours.run.store import Campaign
 from parcours_navigation.cases.family import LONGEST, TIME_LIMIT, WATCHED_ON, Protocol, SystemCases
 from parcours_navigation.facts import TRACK, TRACK_PERIOD

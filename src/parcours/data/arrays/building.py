@@ -20,15 +20,13 @@ from parcours.data.arrays.other_engine import MAX_MUST, MAX_TUPLES, covertable_r
 from parcours.data.arrays.shrinking import repair, table_of
 from parcours.data.rules import UndecidedError
 from parcours.errors import BadRequest
-from parcours.kernels import IS_COMPILED
+from parcours.kernels import require_numba
 from parcours.streams import ROWS, starts
 
-_SHARE = 1 if IS_COMPILED else 100  # plain Python looks up a hundredth in the same time, and so gets no more to do
-
-EFFORT = 150_000_000 // _SHARE
+EFFORT = 150_000_000
 """Most tuples that are looked up without a time budget: a few seconds."""
 
-PATIENCE = 30_000_000 // _SHARE
+PATIENCE = 30_000_000
 """After how many tuples looked up in vain a size counts as the last, without a time budget; ten times what came before,
 if that is more."""
 
@@ -38,9 +36,9 @@ LEAST_GROWTH = 1.0
 LOST_STEPS = 30_000
 """Most choices that searches for allowed rows take back while an array grows without a time budget: a few seconds."""
 
-_PART = 20_000_000 // _SHARE  # tuples looked up while growing between two looks at the clock
+_PART = 20_000_000  # tuples looked up while growing between two looks at the clock
 _ANY = 1_000_000  # rows
-_PIECE = 3_000_000 // _SHARE  # tuples looked up between two looks at the clock
+_PIECE = 3_000_000  # tuples looked up between two looks at the clock
 _COUNTS = 4  # how often all tuples of an array are looked up to take a row away and to verify the result
 _CANDIDATES, _GROWTH = 50, 200_000_000
 
@@ -98,7 +96,8 @@ def covering_array(
         progress: gets every smaller array.
 
     Raises:
-        BadRequest: a row of `must` is not allowed.
+        BadRequest: a row of `must` is not allowed, or there is no numba: the search would take hours, and a shorter
+            one would find other rows.
         BadDomain: the rules leave no row, or the search for a first one took too long.
 
     >>> from parcours.data.arrays.goals import goals_of
@@ -106,6 +105,7 @@ def covering_array(
     >>> array.rows.shape, array.fewest
     ((9, 4), 9)
     """
+    require_numba("covering arrays")
     if must is None:
         must = np.zeros((0, len(goals.sizes)), dtype=np.int64)
     for index in np.flatnonzero(~goals.rules.hold(must)):
