@@ -31,5 +31,4 @@ PARTS = {
     "RAMP": Part(_loop, 30.0),
     "covering arrays": Part(_covering_arrays, 10.0),
     "RAMP's components": Part(_components, 1.0),  # shares its kernels with the loop, so it comes last
-}
-"""Name -> part (entry points `parcours.compiled`)."""
+}  # Name -> part (entry points `parcours.compiled`)

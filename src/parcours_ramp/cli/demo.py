@@ -11,11 +11,7 @@ from parcours.cli.options import seed, workers
 
 @click.command("demo", short_help="The whole study of the paper, as one report.")
 @click.option(
-    "--cases",
-    type=click.IntRange(1, 1_000_000),
-    default=905,
-    show_default=True,
-    help="System cases per schedule.",
+    "--cases", type=click.IntRange(1, 1_000_000), default=905, show_default=True, help="System cases per schedule."
 )
 @click.option(
     "--delayed",
@@ -26,11 +22,7 @@ from parcours.cli.options import seed, workers
 @seed
 @workers
 @click.option(
-    "--out",
-    type=click.Path(path_type=Path),
-    default=Path("out/demo"),
-    show_default=True,
-    help="Folder to write.",
+    "--out", type=click.Path(path_type=Path), default=Path("out/demo"), show_default=True, help="Folder to write."
 )
 def command(cases: int, delayed: int | None, seed: int, workers: int, out: Path) -> None:
     """Model, paths, abstract cases, data, component and timing cases, system campaigns; judged and drawn.

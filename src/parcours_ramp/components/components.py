@@ -19,8 +19,7 @@ from parcours_ramp.planner.whole import component
 
 GOAL = (2.0, 2.0)
 
-_LONG_AFTER = 60_000_000_000
-"""No case lasts so long [ns]."""
+_LONG_AFTER = 60_000_000_000  # No case lasts so long [ns]
 
 
 def parameters_of(case: Case, base: Parameters | None = None) -> Parameters:
@@ -86,8 +85,7 @@ PROMPTS: Mapping[str, Callable[[Component, int], Iterator[Step]]] = {
     "tick, interval over": partial(_tick, due=True),
     "execute": partial(_execute, later=COMMAND_PERIOD),
     "execute, all done": partial(_execute, later=_LONG_AFTER),
-}
-"""What moves an idle component where the model lets no message do so: (component, time [ns]) -> steps."""
+}  # What moves an idle component where the model lets no message do so: (component, time [ns]) -> steps
 
 PROMPT_OF: Mapping[str, str] = {
     "p11": "plan",
@@ -97,8 +95,7 @@ PROMPT_OF: Mapping[str, str] = {
     "p46": "execute, all done",
     "p47": "tick",
     "p48": "tick, interval over",
-}
-"""Transition -> its prompt; of others, poll."""
+}  # Transition -> its prompt; of others, poll
 
 
 def view(component: Component) -> tuple[str, object] | None:

@@ -61,8 +61,7 @@ def path_is_modified(trace: Trace) -> Judgement:
             gap = np.hypot(after.x - before.x, after.y - before.y)[: before.n].max() if same_size else np.inf
             moved = max(moved, float(gap))
     return _judge(
-        holds and moved > SAME_PATH,
-        f"{len(answers)} answers; a knot moved by {moved:.3g} m (inf: another size)",
+        holds and moved > SAME_PATH, f"{len(answers)} answers; a knot moved by {moved:.3g} m (inf: another size)"
     )
 
 
@@ -101,5 +100,4 @@ ORACLES: dict[str, Oracle] = {
     "ITP4": state_is_sent,
     "ITP5": control_follows,
     "ITP6": state_changes,
-}
-"""The expected result of each interaction test path (Table VIII, functional evaluation)."""
+}  # The expected result of each interaction test path (Table VIII, functional evaluation)

@@ -6,8 +6,7 @@ from parcours.run.hosts.ros1.packing import Ros1Codec, Ros1NodeProgram
 from parcours_ramp.components.node_program import ComponentNodeProgram
 from parcours_ramp.planner.wire import FORMS, flatten, restore
 
-CODEC = Ros1Codec(FORMS, flatten, restore)
-"""RAMP's payloads <-> ROS 1 messages."""
+CODEC = Ros1Codec(FORMS, flatten, restore)  # RAMP's payloads <-> ROS 1 messages
 
 
 def codec() -> Ros1Codec:

@@ -40,17 +40,13 @@ LIMITS = {
     "ITP4": (0.005, 0.050),
     "ITP5": (0.010, 0.100),
     "ITP6": (0.010, 0.100),
-}
-"""Least and greatest injected upper limit of each interaction test path [s] (Table VIII)."""
+}  # Least and greatest injected upper limit of each interaction test path [s] (Table VIII)
 
 REPEATS = 60
 """So many repeats show with 95 % confidence that 95 % of all stay within a limit, if none of them misses it."""
 
-PERCENT = 95.0
-"""So many of all repeats must stay within the limit [%]."""
-
-duration_of = executing.whole_case
-"""How long a repeat took [ns]."""
+PERCENT = 95.0  # So many of all repeats must stay within the limit [%]
+duration_of = executing.whole_case  # How long a repeat took [ns]
 
 __all__ = ["Execute", "Functional", "RampComponents", "Timing", "duration_of"]
 

@@ -23,8 +23,7 @@ SERVICES = (
     "evaluation_response",
     "modification_request",
     "modification_response",
-)
-"""The channels of the three services: the planner waits for each answer."""
+)  # The channels of the three services: the planner waits for each answer
 
 COMPONENTS = ("Planner", "Control", "Sensing", "TrajectoryGenerator", "TrajectoryEvaluation", "PathModification")
 """What can be struck; the world and the witness cannot."""

@@ -16,17 +16,13 @@ from parcours.run.hosts.component_faults import Death
 from parcours_navigation.facts import NEVER
 from parcours_ramp.system.component_form import ComponentRun
 
-TOLERANCE = 1_000_000_000
-"""A goal reached by so much later than without the fault counts as reached in time [ns]."""
-
-STILL = 5_000_000_000
-"""A robot stands that has not moved for so long [ns]."""
+TOLERANCE = 1_000_000_000  # A goal reached by so much later than without the fault counts as reached in time [ns]
+STILL = 5_000_000_000  # A robot stands that has not moved for so long [ns]
 
 SILENT = 2_000_000_000
 """A component that always has something to do, and has done nothing for so long at the end of a case, hangs [ns]."""
 
-SLOW_V, SLOW_W = 0.01, 0.02
-"""What is slower does not move [m/s], [rad/s]."""
+SLOW_V, SLOW_W = 0.01, 0.02  # What is slower does not move [m/s], [rad/s]
 
 
 class Outcome(StrEnum):
@@ -65,8 +61,7 @@ SHOWN = (
     Outcome.RUNS_ON,
     Outcome.CONTACT,
     Outcome.ERROR,
-)
-"""All outcomes, from welcome to unwelcome."""
+)  # All outcomes, from welcome to unwelcome
 
 
 @dataclass(frozen=True, slots=True)

@@ -24,17 +24,10 @@ from parcours_ramp.planner.latency import none
 from parcours_ramp.system.component_form import run_components
 from parcours_ramp.system.study import SCHEDULES, SystemStudy, system_study
 
-WATCHED = 39.0
-"""A case is watched for this long after its static second [s], twice as long as the paper's."""
-
-SOON = 25.0
-"""A case goes well if the goal is reached by then [s]: the rest of the time is for what a fault delays."""
-
-PATIENCE = 120.0
-"""A case that takes longer has hung [s of wall clock]; one takes about a second."""
-
-_BLOCK, _MOST = 64, 4096
-"""Cases are looked at by blocks, and no more than so many."""
+WATCHED = 39.0  # A case is watched for this long after its static second [s], twice as long as the paper's
+SOON = 25.0  # A case goes well if the goal is reached by then [s]: the rest of the time is for what a fault delays
+PATIENCE = 120.0  # A case that takes longer has hung [s of wall clock]; one takes about a second
+_BLOCK, _MOST = 64, 4096  # Cases are looked at by blocks, and no more than so many
 
 
 @dataclass(frozen=True, slots=True)

@@ -30,12 +30,10 @@ from parcours_ramp.components.tester import ComponentTester
 from parcours_ramp.gtest.tables import GtestCase, GtestChannel, GtestLimit, GtestStimulus, folder_texts, tables
 from parcours_ramp.planner.wire import FORMS
 
-PACKAGE = "parcours_ramp"
-"""What the messages' ROS package is called."""
+PACKAGE = "parcours_ramp"  # What the messages' ROS package is called
 
 STUDY = "ramp_components"
-MOST_CASES = 2_000
-"""So many cases a program holds at most: some 2 kB of messages each."""
+MOST_CASES = 2_000  # So many cases a program holds at most: some 2 kB of messages each
 
 
 @dataclass(frozen=True, slots=True)

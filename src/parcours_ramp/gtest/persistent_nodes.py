@@ -26,13 +26,11 @@ from parcours_ramp.components.model import component_model
 from parcours_ramp.gtest.export import PACKAGE
 from parcours_ramp.planner.wire import FORMS
 
-NODE_PROGRAM = "parcours_ramp.components.ros1:node_program"
-"""What the nodes run if nothing else is named."""
+NODE_PROGRAM = "parcours_ramp.components.ros1:node_program"  # What the nodes run if nothing else is named
 
 _PRELOAD = ("parcours.run.hosts.ros1.transport", "parcours_ramp.components.ros1",
             "parcours_ramp.components.warm")  # fmt: skip
-_LOOK = 0.1
-"""How often it is looked for a tester, and after the nodes [s]."""
+_LOOK = 0.1  # How often it is looked for a tester, and after the nodes [s]
 
 Say = Callable[[str], None]
 

@@ -15,9 +15,7 @@ from parcours.abtc import Event
 from parcours.errors import BadRequest
 from parcours.suite.cases import Case
 
-PROGRAM = "test_cases.cpp"
-"""The file with the tables and the tests."""
-
+PROGRAM = "test_cases.cpp"  # The file with the tables and the tests
 _PLAIN = frozenset(b"abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789 _-+.,:;/{}[]()<>=*#@&!'\n")
 _WIDTH = 100
 

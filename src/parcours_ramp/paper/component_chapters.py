@@ -21,8 +21,7 @@ EXPECTED = {
     "ITP4": "latest motion state ≠ null",
     "ITP5": "control ← trajectory",
     "ITP6": "latest motion state is changed",
-}
-"""Expected results as Table VIII prints them."""
+}  # Expected results as Table VIII prints them
 
 _PAPER_ABTCS = {"EPC": "19", "SPC": "49", "all": "67"}
 
@@ -38,13 +37,7 @@ def models_chapter() -> Section:
     rows = tuple((c.sender, c.receiver, c.message, c.topic, _receivers(c)) for c in cefsm.channels)
     channels = Table(
         "Table I: components, messages and channels",
-        (
-            Column("from"),
-            Column("to"),
-            Column("message"),
-            Column("topic or service", code=True),
-            Column("received by"),
-        ),
+        (Column("from"), Column("to"), Column("message"), Column("topic or service", code=True), Column("received by")),
         rows,
         "Table II gives `update` (p48) and the answer of Path Modification (p54) no receiver: the paper's own gap, "
         "which `parcours model check` reports as a warning. Odometry (p62) comes from outside.",

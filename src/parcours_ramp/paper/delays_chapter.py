@@ -12,8 +12,7 @@ WORDS = {
     "stuck": "stuck in imminent collision",
     "contact": "contact closed by the moving robot",
     "reached": "goal reached within 20 s",
-}
-"""Questions as a reader of tables meets them."""
+}  # Questions as a reader of tables meets them
 
 DIALS = {"sensing": "sensing", "planning": "planning and control", "stop": "stop command"}
 """Delays as a reader of charts meets them."""

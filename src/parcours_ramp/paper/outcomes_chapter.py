@@ -8,23 +8,12 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from parcours.report.pieces import (
-    Cell,
-    Column,
-    Section,
-    Table,
-)
+from parcours.report.pieces import Cell, Column, Section, Table
 from parcours.report.rates import shares
 from parcours.verdict.judgement import Verdict
 from parcours.verdict.statistics import Rate, compare_with_published, wilson
 from parcours_navigation.cases.published import TIME_LEFT_QUANTILES, total
-from parcours_navigation.outcomes import (
-    VERDICT_OF,
-    Outcome,
-    Share,
-    outcomes,
-    published,
-)
+from parcours_navigation.outcomes import VERDICT_OF, Outcome, Share, outcomes, published
 from parcours_navigation.outcomes import shares as slices_of
 from parcours_navigation.study.outcome_tables import OUTCOME_WORDS
 from parcours_ramp.paper.results import PaperResults
@@ -93,8 +82,7 @@ _REASONS = {
     "feasible": "follows from reaching the goal more often: an arrived robot was on a feasible trajectory",
     "halted": "the published transport delays and the phase of its timers were never measured; ours are assumed",
     "stuck": "within the intervals of both",
-}
-"""What we think is behind each difference; none of it is tested."""
+}  # What we think is behind each difference; none of it is tested
 
 
 def _gaps_table(results: PaperResults) -> Table:

@@ -5,14 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from parcours.report.pieces import (
-    Section,
-)
-from parcours_navigation.outcomes import (
-    Outcome,
-    outcomes,
-    published,
-)
+from parcours.report.pieces import Section
+from parcours_navigation.outcomes import Outcome, outcomes, published
 from parcours_navigation.study.still import animation
 from parcours_ramp.paper.results import PaperResults
 from parcours_ramp.system.campaigns import SystemResults, replay

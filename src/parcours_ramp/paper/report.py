@@ -4,12 +4,7 @@ from __future__ import annotations
 
 from parcours import __version__
 from parcours.report.pieces import Page, Section, Text
-from parcours_ramp.paper.component_chapters import (
-    abstract_chapter,
-    models_chapter,
-    paths_chapter,
-    results_chapter,
-)
+from parcours_ramp.paper.component_chapters import abstract_chapter, models_chapter, paths_chapter, results_chapter
 from parcours_ramp.paper.delays_chapter import delays_chapter
 from parcours_ramp.paper.outcomes_chapter import outcomes_chapter
 from parcours_ramp.paper.replays_chapter import replays_chapter

@@ -12,23 +12,13 @@ from pathlib import Path
 from parcours.run.campaign import run_campaign
 from parcours.run.store import create
 from parcours_navigation.cases.family import PROTOCOLS, PUBLISHED_CASES, Protocol
-from parcours_ramp.components.study import (
-    Functional,
-    Timing,
-    component_plan,
-    paper_sample,
-    run_functional,
-    run_timing,
-)
+from parcours_ramp.components.study import Functional, Timing, component_plan, paper_sample, run_functional, run_timing
 from parcours_ramp.system.campaigns import SystemResults
 from parcours_ramp.system.delays import DelayResults, DelayStudy
 from parcours_ramp.system.study import SCHEDULES, system_study
 
-Progress = Callable[[str, int, int], None]
-"""Told (what, done, in all)."""
-
-DELAYED_CASES = 300
-"""How many cases are run with each added delay, unless fewer are asked for."""
+Progress = Callable[[str, int, int], None]  # Told (what, done, in all)
+DELAYED_CASES = 300  # How many cases are run with each added delay, unless fewer are asked for
 
 
 @dataclass(frozen=True, slots=True)

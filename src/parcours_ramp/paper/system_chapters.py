@@ -11,26 +11,12 @@ from numpy.typing import NDArray
 from parcours.data import cover
 from parcours.model import to_svg
 from parcours.report.distributions import histogram
-from parcours.report.pieces import (
-    Cell,
-    Column,
-    Figure,
-    Finding,
-    Findings,
-    Piece,
-    Section,
-    Table,
-)
+from parcours.report.pieces import Cell, Column, Figure, Finding, Findings, Piece, Section, Table
 from parcours.report.rates import intervals
 from parcours.verdict.statistics import Rate, compare_pairs, wilson
 from parcours_navigation.cases.family import obstacle_model, start_cases
 from parcours_navigation.cases.published import PUBLISHED, TIME_LEFT_QUANTILES
-from parcours_navigation.outcomes import (
-    Outcome,
-    outcomes,
-    published,
-    true_time_left,
-)
+from parcours_navigation.outcomes import Outcome, outcomes, published, true_time_left
 from parcours_navigation.study.analysis import analyse
 from parcours_navigation.study.outcome_tables import measure_table
 from parcours_ramp.components.model import component_model
@@ -76,11 +62,7 @@ def inputs_chapter(results: PaperResults) -> Section:
 
 def _spelled(vector: tuple[int, ...]) -> tuple[Cell, ...]:
     words = ("together with the one before", "while it moves", "after it has stopped")
-    return (
-        "(" + ",".join(map(str, vector)) + ")",
-        words[vector[1] - vector[0]],
-        words[vector[2] - vector[1]],
-    )
+    return ("(" + ",".join(map(str, vector)) + ")", words[vector[1] - vector[0]], words[vector[2] - vector[1]])
 
 
 def headline(results: PaperResults) -> Section:

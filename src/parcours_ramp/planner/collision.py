@@ -287,18 +287,7 @@ def earliest_collision(
         prediction = predictions[k]
         reach = parameters.robot_radius + prediction.radius + margin
         last, slack, valid_until = first_collision(
-            trajectory,
-            begins,
-            first,
-            last,
-            x0,
-            y0,
-            prediction,
-            drift_x,
-            drift_y,
-            reach,
-            may_leave,
-            parameters.v_max,
+            trajectory, begins, first, last, x0, y0, prediction, drift_x, drift_y, reach, may_leave, parameters.v_max
         )
         least_slack, least_valid_until = min(least_slack, slack), min(least_valid_until, valid_until)
     return last, least_slack, least_valid_until
@@ -319,15 +308,6 @@ def collision_time(
 ) -> float:
     """Return when the trajectory first meets any obstacle, from its begin on [s]; NO_COLLISION if it meets none."""
     earliest, _, _ = earliest_collision(
-        trajectory,
-        begins,
-        first,
-        last,
-        predictions,
-        drift_x,
-        drift_y,
-        margin,
-        may_leave,
-        parameters,
+        trajectory, begins, first, last, predictions, drift_x, drift_y, margin, may_leave, parameters
     )
     return earliest * SAMPLE if earliest < last else NO_COLLISION

@@ -13,22 +13,12 @@ import numpy as np
 
 from parcours.elementary import sin_cos, wrap
 from parcours.kernels import Record, kernel
-from parcours_ramp.planner.messages import (
-    POSE,
-    SAMPLE,
-    TRAJECTORY,
-    Report,
-    Step,
-    one,
-)
+from parcours_ramp.planner.messages import POSE, SAMPLE, TRAJECTORY, Report, Step, one
 from parcours_ramp.planner.parameters import GUARDED, ORIGINAL, Parameters
 from parcours_ramp.planner.trajectory import copy_trajectory, pose_at
 
-COMMAND_PERIOD = 50_000_000
-"""Time between two commands [ns]."""
-
-REPORT_PERIOD = 33_333_333
-"""Time between two reports of the robot's state [ns] (30 Hz)."""
+COMMAND_PERIOD = 50_000_000  # Time between two commands [ns]
+REPORT_PERIOD = 33_333_333  # Time between two reports of the robot's state [ns] (30 Hz)
 
 CONTROL = np.dtype(
     [
@@ -44,14 +34,10 @@ CONTROL = np.dtype(
         ("command_v", "f8"),  # [m/s]
         ("command_w", "f8"),  # [rad/s]
     ]
-)
-"""State of the controller."""
+)  # State of the controller
 
-_ALONG, _ACROSS, _TURN = 2.0, 64.0, 16.0
-"""Feedback gains: [1/s], [1/m2], [1/m]."""
-
-_ASKEW = 0.3
-"""The plan waits for a robot whose heading is farther off than this [rad]."""
+_ALONG, _ACROSS, _TURN = 2.0, 64.0, 16.0  # Feedback gains: [1/s], [1/m2], [1/m]
+_ASKEW = 0.3  # The plan waits for a robot whose heading is farther off than this [rad]
 
 _STRAIGHT = 1e-4
 _HEADING_GAIN = 0.5

@@ -14,8 +14,7 @@ from parcours_ramp.planner.sensing_cycle import evaluate_population
 from parcours_ramp.planner.switching import earliest_switch, generate_from_switch, latest_switch
 from parcours_ramp.planner.trajectory import copy_trajectory, pose_at, shift
 
-DRAGGED = 0.01
-"""A trajectory that was dragged farther than this [m] is generated anew rather than continued."""
+DRAGGED = 0.01  # A trajectory that was dragged farther than this [m] is generated anew rather than continued
 
 
 @kernel

@@ -21,8 +21,7 @@ from parcours_ramp.planner.messages import many
 _PLACES = np.arange(1024)
 _SCALARS: dict[str, type] = {"float": float, "int": int, "bool": bool}
 _NUMBERS: dict[str, type] = {"floats": np.float64, "ints": np.int64}
-_WORD = 8
-"""Bytes of every number in a record."""
+_WORD = 8  # Bytes of every number in a record
 
 
 @dataclass(frozen=True, slots=True)

@@ -44,8 +44,7 @@ from parcours_ramp.planner.route import HYBRID, TRANSITION
 SHORTEST_STRAIGHT = 1e-3
 """The least time for which a predicted motion may be taken for uniform [s]: an evaluation goes on by steps of it."""
 
-LATEST_SAMPLE = 10**9
-"""No evaluation looks at a later sample: three years."""
+LATEST_SAMPLE = 10**9  # No evaluation looks at a later sample: three years
 
 CYCLES: tuple[Literal["planning", "sensing", "control"], ...] = ("planning", "sensing", "control")
 

@@ -24,8 +24,7 @@ from parcours_ramp.planner.messages import (
     TRAJECTORY,
 )
 
-MOST_OBSTACLES = 1000
-"""More obstacles, or predictions, are not taken in one message."""
+MOST_OBSTACLES = 1000  # More obstacles, or predictions, are not taken in one message
 
 
 def _part(kind: Any, sort: Literal["floats", "ints"], name: str, of: str, doc: str, *, endless: bool = False) -> Part:

@@ -19,26 +19,13 @@ from parcours_ramp.planner.parameters import GUARDED, ORIGINAL
 from parcours_ramp.planner.prediction import STANDS
 from parcours_ramp.planner.trajectory_evaluation import passes_up_to, remember
 
-GUARD_PERIOD = 50_000_000
-"""Time between two imminent-collision checks of the published planner [ns] (20 Hz)."""
-
-CREEP = 0.02
-"""Beside a standing obstacle the robot is never made slower than this [m/s], or it would never pass."""
-
-_SAFE_CLEARANCE = 0.4
-"""Farther obstacles do not matter [m]."""
-
-_TURNS_TOWARDS = 0.15
-"""Sine of the angle by which the robot may turn towards an obstacle between two looks."""
-
-_VEERS = 0.04
-"""How far an obstacle that sets out may leave its heading until the robot rests [m]."""
-
-_UNTIL_OBEYED = 0.1
-"""A limit counts for the robot's place so much later [s]: until the next look and the next command."""
-
-_AHEAD = 20
-"""How many samples beyond its window the guarded schedule looks while it is at it."""
+GUARD_PERIOD = 50_000_000  # Time between two imminent-collision checks of the published planner [ns] (20 Hz)
+CREEP = 0.02  # Beside a standing obstacle the robot is never made slower than this [m/s], or it would never pass
+_SAFE_CLEARANCE = 0.4  # Farther obstacles do not matter [m]
+_TURNS_TOWARDS = 0.15  # Sine of the angle by which the robot may turn towards an obstacle between two looks
+_VEERS = 0.04  # How far an obstacle that sets out may leave its heading until the robot rests [m]
+_UNTIL_OBEYED = 0.1  # A limit counts for the robot's place so much later [s]: until the next look and the next command
+_AHEAD = 20  # How many samples beyond its window the guarded schedule looks while it is at it
 
 
 @kernel

@@ -94,8 +94,7 @@ LATENCIES = np.dtype(
         ("added_planning", "i8"),  # [ns]
         ("added_stop", "i8"),  # [ns]
     ]
-)
-"""The layout of `Latencies.record()`."""
+)  # The layout of `Latencies.record()`
 
 
 @kernel

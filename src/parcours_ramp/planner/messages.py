@@ -11,14 +11,9 @@ import numpy as np
 
 from parcours.kernels import Record, kernel
 
-SAMPLE = 0.1
-"""Time between two samples of a trajectory [s]."""
-
-MAX_SAMPLES = 501
-"""A trajectory is cut off after 50 s."""
-
-MAX_KNOTS = 8
-"""A path has at most seven knot points; a switch puts the state it starts from before them."""
+SAMPLE = 0.1  # Time between two samples of a trajectory [s]
+MAX_SAMPLES = 501  # A trajectory is cut off after 50 s
+MAX_KNOTS = 8  # A path has at most seven knot points; a switch puts the state it starts from before them
 
 MAX_POPULATION = 16
 
@@ -28,8 +23,7 @@ POSE = np.dtype([("x", "f8"), ("y", "f8"), ("heading", "f8"), ("v", "f8"), ("w",
 PATH = np.dtype([("n", "i8"), ("x", "f8", (MAX_KNOTS,)), ("y", "f8", (MAX_KNOTS,))])
 """Knot points from start to goal [m] (Path)."""
 
-LINE, CURVE, TURN = 0, 1, 2
-"""Kinds of piece: a straight, a rounded corner, a turn on the spot."""
+LINE, CURVE, TURN = 0, 1, 2  # Kinds of piece: a straight, a rounded corner, a turn on the spot
 
 MAX_PIECES = 3 * MAX_KNOTS + 4
 
@@ -58,8 +52,7 @@ PIECE = np.dtype(
         ("down", "f8"),
         ("end", "f8"),  # when it ends, from the begin of the first piece [s]
     ]
-)
-"""A piece of a trajectory with its speed profile."""
+)  # A piece of a trajectory with its speed profile
 
 MAX_LEGS = 3 * MAX_PIECES
 
@@ -74,8 +67,7 @@ LEG = np.dtype(
         ("per_square", "f8"),  # 1 / (dx^2 + dy^2); 0 where it leads nowhere
         ("stray", "f8"),  # how far the robot is at most from where uniform motion would have it [m]
     ]
-)
-"""A stretch of a trajectory that is nearly uniform motion."""
+)  # A stretch of a trajectory that is nearly uniform motion
 
 TRAJECTORY = np.dtype(
     [
@@ -105,11 +97,9 @@ TRAJECTORY = np.dtype(
         ("drift_x", "f8"),  # the drift with which that was found [m]
         ("drift_y", "f8"),
     ]
-)
-"""A path with time, and what the evaluation says of it (RampTrajectory); `trajectory.samples` gives its samples."""
+)  # A path with time, and what the evaluation says of it (RampTrajectory); `trajectory.samples` gives its samples
 
-NO_COLLISION = 9999.0
-"""The collision time of a trajectory that meets nobody [s]."""
+NO_COLLISION = 9999.0  # The collision time of a trajectory that meets nobody [s]
 
 MEMBER = np.dtype([("id", "i8"), ("path", PATH), ("trajectory", TRAJECTORY), ("switches", "i8")])
 """A member of the population; `switches` is 1 while it is not known when it can be joined (working memory)."""
@@ -117,8 +107,7 @@ MEMBER = np.dtype([("id", "i8"), ("path", PATH), ("trajectory", TRAJECTORY), ("s
 OBSTACLE_STATE = np.dtype([("pose", POSE), ("radius", "f8")])
 """An obstacle as it was sensed (Obstacle); `pose.v` is its speed along its heading."""
 
-HORIZON = 121
-"""Samples of a predicted obstacle motion: 12 s."""
+HORIZON = 121  # Samples of a predicted obstacle motion: 12 s
 
 PREDICTION = np.dtype(
     [
@@ -135,13 +124,11 @@ PREDICTION = np.dtype(
         ("radius", "f8"),
         ("stamp", "i8"),
     ]
-)
-"""Where an obstacle is expected to be, every SAMPLE seconds from `stamp` [ns]; it stays where the samples end."""
+)  # Where an obstacle is expected to be, every SAMPLE seconds from `stamp` [ns]; it stays where the samples end
 
 MODIFICATION = np.dtype(
     [("operator", "i8"), ("first", PATH), ("second", PATH), ("direction", "f8"), ("distance", "f8")]
-)
-"""One or two paths to modify by an operator; direction [rad] and distance [m] of the nearest obstacle (for `move`)."""
+)  # One or two paths to modify by an operator; direction [rad] and distance [m] of the nearest obstacle (for `move`)
 
 
 class Step(NamedTuple):

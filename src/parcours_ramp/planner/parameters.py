@@ -17,8 +17,7 @@ import numpy as np
 from parcours.errors import BadRequest
 from parcours.kernels import Record
 
-ORIGINAL, GUARDED = 0, 1
-"""The schedules, as kernels know them."""
+ORIGINAL, GUARDED = 0, 1  # The schedules, as kernels know them
 
 
 @dataclass(frozen=True, slots=True)

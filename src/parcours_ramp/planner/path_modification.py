@@ -9,27 +9,16 @@ import numpy as np
 from parcours.elementary import PI, atan2, sin_cos
 from parcours.kernels import Record, kernel
 from parcours.streams import Stream, below, between, start
-from parcours_ramp.planner.messages import (
-    PATH,
-    ModificationRequest,
-    ModificationResponse,
-    Step,
-    copy_path,
-    many,
-)
+from parcours_ramp.planner.messages import PATH, ModificationRequest, ModificationResponse, Step, copy_path, many
 from parcours_ramp.planner.parameters import Parameters
 from parcours_ramp.planner.service import Service
 
-INSERT, DELETE, CHANGE, SWAP, CROSSOVER, MOVE = range(6)
-"""The operators."""
+INSERT, DELETE, CHANGE, SWAP, CROSSOVER, MOVE = range(6)  # The operators
 
 OPERATORS = ("insert", "delete", "change", "swap", "crossover", "move")
 
-LONGEST_FOR_INSERT = 5
-"""A path of this many knots is not lengthened."""
-
-MODIFIER_STREAM = np.uint64(2)
-"""Purpose of the random stream of this component."""
+LONGEST_FOR_INSERT = 5  # A path of this many knots is not lengthened
+MODIFIER_STREAM = np.uint64(2)  # Purpose of the random stream of this component
 
 _ESCAPE_CLEARANCE = 0.275
 _TRIES = 64

@@ -46,19 +46,13 @@ from parcours_ramp.planner.messages import (
 )
 from parcours_ramp.planner.parameters import ORIGINAL, Parameters
 from parcours_ramp.planner.planner_state import PLANNER, begin_population
-from parcours_ramp.planner.planning_cycle import (
-    choose_modification,
-    compensate,
-    offer_candidate,
-    set_candidate,
-)
+from parcours_ramp.planner.planning_cycle import choose_modification, compensate, offer_candidate, set_candidate
 from parcours_ramp.planner.prediction import predict
 from parcours_ramp.planner.sensing_cycle import evaluate_population, evaluates_population, note_nearest
 from parcours_ramp.planner.switching import switch_path, take_up
 from parcours_ramp.planner.trajectory import copy_trajectory
 
-PLANNER_STREAM = np.uint64(1)
-"""Purpose of the random stream of this component."""
+PLANNER_STREAM = np.uint64(1)  # Purpose of the random stream of this component
 
 _GUARDED = "guarded"
 """The channel of an obstacle list that waits behind a control cycle, and that the guard has seen already."""

@@ -7,15 +7,7 @@ import numpy as np
 from parcours.elementary import sin_cos
 from parcours.kernels import Record, kernel
 from parcours.streams import below
-from parcours_ramp.planner.messages import (
-    MAX_POPULATION,
-    MEMBER,
-    MODIFICATION,
-    NO_COLLISION,
-    PATH,
-    POSE,
-    TRAJECTORY,
-)
+from parcours_ramp.planner.messages import MAX_POPULATION, MEMBER, MODIFICATION, NO_COLLISION, PATH, POSE, TRAJECTORY
 from parcours_ramp.planner.path_modification import far_point
 from parcours_ramp.planner.route import HYBRID, ROUTE
 from parcours_ramp.planner.trajectory_generator import generate
@@ -57,8 +49,7 @@ PLANNER = np.dtype(
         ("request", MODIFICATION),
         ("route", ROUTE),
     ]
-)
-"""State of the planner."""
+)  # State of the planner
 
 
 @kernel

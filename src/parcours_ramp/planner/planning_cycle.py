@@ -16,11 +16,8 @@ from parcours_ramp.planner.switching import generate_from_switch
 from parcours_ramp.planner.trajectory import pose_at
 from parcours_ramp.planner.trajectory_evaluation import evaluate
 
-TURNING = 0.1
-"""Above this yaw rate [rad/s] a moving robot's error is not corrected for."""
-
-MOVING = 0.01
-"""Above this speed the robot moves [m/s]."""
+TURNING = 0.1  # Above this yaw rate [rad/s] a moving robot's error is not corrected for
+MOVING = 0.01  # Above this speed the robot moves [m/s]
 
 N_OPERATORS = len(OPERATORS)
 

@@ -12,8 +12,7 @@ from parcours.streams import Stream, below
 from parcours_ramp.planner.messages import copy_path
 from parcours_ramp.planner.trajectory import copy_trajectory
 
-SAME_PATH = 0.05
-"""Paths whose knots all lie within this distance of each other are one [m]."""
+SAME_PATH = 0.05  # Paths whose knots all lie within this distance of each other are one [m]
 
 SECTORS = 12
 

@@ -12,18 +12,10 @@ from parcours.elementary import PI, sin_cos, wrap
 from parcours.kernels import Record, kernel
 from parcours_ramp.planner.messages import HORIZON, SAMPLE
 
-STANDS = 0.01
-"""Below this speed an obstacle is expected to stay [m/s]."""
-
-STRAIGHT = 0.01
-"""Below this yaw rate it is expected to go straight [rad/s]."""
-
-LONGEST_ARC = 5.0
-"""An arc is predicted for at most this time [s]."""
-
-
-_OFF = 0.04
-"""An arc is taken for a chord as long as it strays from it by less than this [m]."""
+STANDS = 0.01  # Below this speed an obstacle is expected to stay [m/s]
+STRAIGHT = 0.01  # Below this yaw rate it is expected to go straight [rad/s]
+LONGEST_ARC = 5.0  # An arc is predicted for at most this time [s]
+_OFF = 0.04  # An arc is taken for a chord as long as it strays from it by less than this [m]
 
 
 @kernel

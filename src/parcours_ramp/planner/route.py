@@ -40,20 +40,14 @@ ROUTE = np.dtype(
         ("rest_turn", "f8"),  # [rad]
         ("first_heading", "f8"),  # from the start towards the next knot [rad]
     ]
-)
-"""The pieces of a way."""
+)  # The pieces of a way
 
 NEAR = 0.01
 """Knots nearer than this are one [m]; headings nearer than this are one [rad]; slower than this is at rest [m/s]."""
 
-GENTLE = 0.3
-"""Heading change up to which no stop is needed [rad]."""
-
-SLOW_CORNER = 0.4
-"""A corner that cannot be driven at this share of the top speed is not rounded."""
-
-SHORTEST_LEG = 0.1
-"""A rounded corner needs segments of at least this length [m]."""
+GENTLE = 0.3  # Heading change up to which no stop is needed [rad]
+SLOW_CORNER = 0.4  # A corner that cannot be driven at this share of the top speed is not rounded
+SHORTEST_LEG = 0.1  # A rounded corner needs segments of at least this length [m]
 
 
 @kernel

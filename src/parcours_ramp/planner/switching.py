@@ -15,8 +15,7 @@ from parcours_ramp.planner.route import TRANSITION, can_switch
 from parcours_ramp.planner.trajectory import pose_at
 from parcours_ramp.planner.trajectory_generator import generate
 
-EARLIEST = 0.2
-"""No switch comes earlier than this after a control cycle [s]."""
+EARLIEST = 0.2  # No switch comes earlier than this after a control cycle [s]
 
 
 @kernel

@@ -25,11 +25,8 @@ from parcours_ramp.planner.messages import (
 )
 from parcours_ramp.planner.profile import along, trapezoid
 
-_SLIGHT = 0.004
-"""Being off uniform motion by less than this is not worth a leg of its own [m]."""
-
-LONGEST = (MAX_SAMPLES - 1) * SAMPLE
-"""A trajectory longer than this is cut off [s] (published)."""
+_SLIGHT = 0.004  # Being off uniform motion by less than this is not worth a leg of its own [m]
+LONGEST = (MAX_SAMPLES - 1) * SAMPLE  # A trajectory longer than this is cut off [s] (published)
 
 
 @kernel

@@ -9,18 +9,11 @@ import numpy as np
 from parcours.elementary import PI, wrap
 from parcours.kernels import Record, kernel
 from parcours_ramp.planner.collision import collision_time, earliest_collision
-from parcours_ramp.planner.messages import (
-    NO_COLLISION,
-    SAMPLE,
-    EvaluationRequest,
-    EvaluationResponse,
-    Step,
-)
+from parcours_ramp.planner.messages import NO_COLLISION, SAMPLE, EvaluationRequest, EvaluationResponse, Step
 from parcours_ramp.planner.parameters import GUARDED, Parameters
 from parcours_ramp.planner.service import Service
 
-MODEST_TURN = 0.1
-"""Least angle an orientation penalty counts [rad]."""
+MODEST_TURN = 0.1  # Least angle an orientation penalty counts [rad]
 
 
 @kernel
@@ -158,20 +151,8 @@ class TrajectoryEvaluation(Service):
                 continue
             begins, first, last, margin, may_leave = request.window
             trajectories[k].t_collision = collision_time(
-                trajectories[k],
-                begins,
-                first,
-                last,
-                predictions,
-                drift_x,
-                drift_y,
-                margin,
-                may_leave,
-                self._parameters,
+                trajectories[k], begins, first, last, predictions, drift_x, drift_y, margin, may_leave, self._parameters
             )
         return EvaluationResponse(
-            request.tag,
-            trajectories.feasible.copy(),
-            trajectories.fitness.copy(),
-            trajectories.t_collision.copy(),
+            request.tag, trajectories.feasible.copy(), trajectories.fitness.copy(), trajectories.t_collision.copy()
         )

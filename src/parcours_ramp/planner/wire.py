@@ -20,8 +20,7 @@ from parcours_ramp.planner.forms import FORMS
 
 __all__ = ["FORMS", "VERSION", "Field", "decode", "encode", "flatten", "restore"]
 
-VERSION = 1
-"""Version of the forms; every message begins with it."""
+VERSION = 1  # Version of the forms; every message begins with it
 
 
 def encode(channel: str, payload: object) -> bytes:

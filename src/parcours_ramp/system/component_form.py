@@ -39,8 +39,7 @@ from parcours_ramp.system.study import SystemStudy
 from parcours_ramp.system.workspace import WORKSPACE
 
 _COLUMNS = len(TRACK.names or ())
-_STRETCH = 500_000_000
-"""So long [ns] the host runs on before it is asked whether the case has ended."""
+_STRETCH = 500_000_000  # So long [ns] the host runs on before it is asked whether the case has ended
 
 
 class World:

@@ -21,11 +21,8 @@ from parcours_navigation.outcomes import published
 from parcours_ramp.planner.latency import Latencies
 from parcours_ramp.system.study import SCHEDULES, SystemStudy, ramp_digest, system_study
 
-DELAYS = ("sensing", "planning", "stop")
-"""What a delay can be added to."""
-
-SECONDS = (0.0, 0.1, 0.25, 0.5, 0.75, 1.0)
-"""How much is added [s]; the first is none."""
+DELAYS = ("sensing", "planning", "stop")  # What a delay can be added to
+SECONDS = (0.0, 0.1, 0.25, 0.5, 0.75, 1.0)  # How much is added [s]; the first is none
 
 QUESTIONS = ("stuck", "contact", "reached")
 """What is asked of a case: stuck in imminent collision at the end by the published rule; a contact whose gap the moving

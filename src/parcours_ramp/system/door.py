@@ -20,8 +20,7 @@ from parcours_navigation.study.results import CampaignResults, report_folders
 from parcours_ramp.planner.latency import Latencies
 from parcours_ramp.system.study import SCHEDULES, SystemStudy, system_study
 
-LIVE_CASES = 20
-"""Cases of a run in real time if nothing is said."""
+LIVE_CASES = 20  # Cases of a run in real time if nothing is said
 
 
 @dataclasses.dataclass(frozen=True, slots=True)

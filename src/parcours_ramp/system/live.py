@@ -41,8 +41,7 @@ _OUTSIDE = Allowance(unmodelled=frozenset({"trajectory_request", "evaluation_req
 QUIESCENCE = dict.fromkeys(("trajectory_response", "evaluation_response", "modification_response"), 2_000_000_000)
 """So long [ns] a service may keep silent that owes an answer: it needs milliseconds, and a busy machine more."""
 
-_STRETCH = 100_000_000
-"""So long [ns] the host runs on before it is asked whether the case has ended."""
+_STRETCH = 100_000_000  # So long [ns] the host runs on before it is asked whether the case has ended
 
 
 class Told(TypedDict):

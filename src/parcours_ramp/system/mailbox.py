@@ -6,11 +6,8 @@ import numpy as np
 
 from parcours.kernels import Record, kernel
 
-ROOM = 128
-"""Messages that can be on their way at once: those of 6 s at 20 Hz."""
-
-FAR = 1 << 62
-"""The time of what will not happen [ns]."""
+ROOM = 128  # Messages that can be on their way at once: those of 6 s at 20 Hz
+FAR = 1 << 62  # The time of what will not happen [ns]
 
 MAILBOX = np.dtype(
     [
@@ -20,8 +17,7 @@ MAILBOX = np.dtype(
         ("due", "i8", (ROOM,)),
         ("value", "f8", (ROOM,)),
     ]
-)
-"""A channel that keeps the order of its messages."""
+)  # A channel that keeps the order of its messages
 
 
 @kernel

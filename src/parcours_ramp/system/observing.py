@@ -6,8 +6,7 @@ from parcours.kernels import Record, kernel
 from parcours_navigation.arena.observing import freeze_world
 from parcours_ramp.planner.control import COMMAND_PERIOD
 
-SENSING_PERIOD = 50_000_000
-"""Time between two obstacle messages [ns] (20 Hz)."""
+SENSING_PERIOD = 50_000_000  # Time between two obstacle messages [ns] (20 Hz)
 
 
 @kernel

@@ -63,13 +63,7 @@ def decide(work: Record, predictions: Record, now: int, parameters: Record, late
 
 @kernel
 def _callback(
-    work: Record,
-    seen: Record,
-    predictions: Record,
-    now: int,
-    parameters: Record,
-    latencies: Record,
-    facts: Record,
+    work: Record, seen: Record, predictions: Record, now: int, parameters: Record, latencies: Record, facts: Record
 ) -> bool:
     """Run the callback of the planner's thread that was pending longest; return False if none is left."""
     planner = work.planner
@@ -110,13 +104,7 @@ def _callback(
 
 @kernel
 def guard(
-    work: Record,
-    seen: Record,
-    predictions: Record,
-    guarded: Record,
-    now: int,
-    parameters: Record,
-    latencies: Record,
+    work: Record, seen: Record, predictions: Record, guarded: Record, now: int, parameters: Record, latencies: Record
 ) -> None:
     """Run the guard as a task of its own on the obstacles just seen; it can only halt, or limit the speed."""
     planner = work.planner
@@ -147,13 +135,7 @@ def guard(
 
 @kernel
 def think(
-    work: Record,
-    seen: Record,
-    predictions: Record,
-    now: int,
-    parameters: Record,
-    latencies: Record,
-    facts: Record,
+    work: Record, seen: Record, predictions: Record, now: int, parameters: Record, latencies: Record, facts: Record
 ) -> None:
     """Let the planner's thread do its next piece of work."""
     planner = work.planner

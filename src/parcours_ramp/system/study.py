@@ -25,8 +25,7 @@ from parcours_ramp.system.workspace import SETTING, WORKSPACE
 Track = tuple[NDArray[np.void], NDArray[np.void], Floats]
 """Of one case: facts, array of FACTS of shape (1,); track, array of TRACK, shape (n,); places, shape (n, k, 2) [m]."""
 
-STUDY = "ramp_system"
-"""The name with which ids of its cases begin."""
+STUDY = "ramp_system"  # The name with which ids of its cases begin
 
 SCHEDULES = ("original", "guarded")
 

@@ -23,8 +23,7 @@ SETTING = np.dtype(
         ("goal_y", "f8"),
         ("goal_tolerance", "f8"),  # [m]
     ]
-)
-"""What all cases of a campaign share."""
+)  # What all cases of a campaign share
 
 WORKSPACE = np.dtype(
     [
@@ -56,5 +55,4 @@ WORKSPACE = np.dtype(
         ("t_moving", "i8"),  # last time the robot moved [ns]
         ("t_halted", "i8"),  # when the guard last halted the robot [ns]
     ]
-)
-"""Working memory of one run."""
+)  # Working memory of one run
