@@ -93,8 +93,7 @@ def _entries() -> Iterator[Entry]:
 def chosen(only: str) -> tuple[Entry, ...]:
     """Return the entries whose line contains the text; all if it is empty.
 
-    Raises:
-        BadRequest: there is none.
+    Raises BadRequest: there is none.
 
     >>> [str(entry) for entry in chosen("Planner: crash")]
     ['Planner: crash at 3 s', 'Planner: crash at 8 s']

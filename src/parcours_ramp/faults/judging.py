@@ -69,26 +69,18 @@ class CaseOutcome:
     """What became of one case under one fault.
 
     Attributes:
-        number: of the case.
-        outcome: of the robot.
-        t_goal: when it reached the goal [ns]; NEVER.
-        t_contact: when it, moving, first touched an obstacle [ns]; NEVER.
         rest_after: if it stops or is stuck, how long after the fault began, or a component died, it stood [ns]; NEVER.
-        strikes: how many messages and components were struck.
-        deaths: components that died, with their reasons.
-        silent: components that live, but had done nothing for the last two seconds of the case.
-        detail: what went wrong with the computation; else empty.
     """
 
-    number: int
-    outcome: Outcome
-    t_goal: int = NEVER
-    t_contact: int = NEVER
+    number: int  # of the case
+    outcome: Outcome  # of the robot
+    t_goal: int = NEVER  # when it reached the goal [ns]; NEVER
+    t_contact: int = NEVER  # when it, moving, first touched an obstacle [ns]; NEVER
     rest_after: int = NEVER
-    strikes: int = 0
-    deaths: tuple[Death, ...] = ()
-    silent: tuple[str, ...] = ()
-    detail: str = ""
+    strikes: int = 0  # how many messages and components were struck
+    deaths: tuple[Death, ...] = ()  # components that died, with their reasons
+    silent: tuple[str, ...] = ()  # components that live, but had done nothing for the last two seconds of the case
+    detail: str = ""  # what went wrong with the computation; else empty
 
 
 def rest_since(track: NDArray[np.void]) -> int | None:

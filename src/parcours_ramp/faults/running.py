@@ -82,8 +82,7 @@ def good_cases(
         count: how many are wanted.
         most: no more cases than so many are looked at, rounded up to a block of 64.
 
-    Raises:
-        BadRequest: there are not so many.
+    Raises BadRequest: there are not so many.
     """
     numbers: list[int] = []
     times: list[list[int]] = [[] for _ in studies]
@@ -138,8 +137,7 @@ def run_faults(
         patience: a case that takes longer is an error [s of wall clock].
         progress: told what is done, how much of it, and of how much.
 
-    Raises:
-        BadRequest: a schedule is unknown, or there are not so many cases that go well without a fault.
+    Raises BadRequest: a schedule is unknown, or there are not so many cases that go well without a fault.
     """
     for schedule in schedules:
         require_known(schedule, SCHEDULES, "schedule", slug="unknown-schedule")

@@ -38,17 +38,11 @@ MOST_CASES = 2_000  # So many cases a program holds at most: some 2 kB of messag
 
 @dataclass(frozen=True, slots=True)
 class Repeats:
-    """How often a timing case is executed, and how many of all repeats must stay within its limit.
+    """How often a timing case is executed, and how many of all repeats must stay within its limit."""
 
-    Attributes:
-        repeats: those that count, at least 1.
-        warm_up: those before, which are forgotten.
-        percent: of all repeats [%], above 0 and below 100.
-    """
-
-    repeats: int = 60
-    warm_up: int = 3
-    percent: float = 95.0
+    repeats: int = 60  # those that count, at least 1
+    warm_up: int = 3  # those before, which are forgotten
+    percent: float = 95.0  # of all repeats [%], above 0 and below 100
 
 
 @dataclass(frozen=True, slots=True)

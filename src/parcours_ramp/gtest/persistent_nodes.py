@@ -43,8 +43,7 @@ class StandingNodes:
         node_program: dotted name `module:callable` of what runs in the nodes; RAMP's own components if not given.
         say: told what happens, in words.
 
-    Raises:
-        HostFailure: there is no ROS 1 or no master, or a name is taken on its graph.
+    Raises HostFailure: there is no ROS 1 or no master, or a name is taken on its graph.
     """
 
     def __init__(self, master: str, node_program: str = NODE_PROGRAM, say: Say = lambda text: None) -> None:
@@ -75,8 +74,7 @@ class StandingNodes:
     def look(self) -> None:
         """Start nodes if a tester waits for them, and clear away those that have ended.
 
-        Raises:
-            HostFailure: the master does not answer any more, or a node cannot be started.
+        Raises HostFailure: the master does not answer any more, or a node cannot be started.
         """
         for name in sorted(self._running):
             status = self._processes.status(name)

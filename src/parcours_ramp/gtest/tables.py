@@ -22,28 +22,18 @@ _WIDTH = 100
 
 @dataclass(frozen=True, slots=True)
 class GtestChannel:
-    """A channel of the model on ROS 1.
-
-    Attributes:
-        role: of a topic, or which half of a service.
-        topic: its name, or that of the service.
-        type: package/Type.
-        md5sum: of the type; of a service, of both halves.
-        definition: the .msg file's text; empty for a service.
-        other: the other half of the service; empty for a topic.
-        fields: (type, name) of the message's fields, in order.
-    """
+    """A channel of the model on ROS 1."""
 
     name: str
     sender: str
     receiver: str
-    role: Literal["topic", "request", "response"]
-    topic: str
-    type: str
-    md5sum: str
-    definition: str
-    other: str
-    fields: tuple[tuple[str, str], ...]
+    role: Literal["topic", "request", "response"]  # of a topic, or which half of a service
+    topic: str  # its name, or that of the service
+    type: str  # package/Type
+    md5sum: str  # of the type; of a service, of both halves
+    definition: str  # the .msg file's text; empty for a service
+    other: str  # the other half of the service; empty for a topic
+    fields: tuple[tuple[str, str], ...]  # (type, name) of the message's fields, in order
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,47 +51,30 @@ class GtestStimulus:
 
 @dataclass(frozen=True, slots=True)
 class GtestLimit:
-    """The limit of a timing case, and the ranks by which its repeats and the noise beside them are judged.
+    """The limit of a timing case, and the ranks by which its repeats and the noise beside them are judged."""
 
-    Attributes:
-        bound: in words.
-        limit: [ns].
-        percent: so many of all repeats must stay within it [%].
-        ranks: of repeats: below, above, below if some misses are put down to noise; 0 for none.
-        noise_samples: after each repeat.
-        noise_ranks: of noise: what a pass, what a failure must exceed.
-        trips: round trips in a sample of noise.
-    """
-
-    bound: str
-    limit: int
-    percent: float
+    bound: str  # in words
+    limit: int  # [ns]
+    percent: float  # so many of all repeats must stay within it [%]
     repeats: int
     warm_up: int
-    ranks: tuple[int, int, int]
-    noise_samples: int
-    noise_ranks: tuple[int, int]
-    trips: int
+    ranks: tuple[int, int, int]  # of repeats: below, above, below if some misses are put down to noise; 0 for none
+    noise_samples: int  # after each repeat
+    noise_ranks: tuple[int, int]  # of noise: what a pass, what a failure must exceed
+    trips: int  # round trips in a sample of noise
 
 
 @dataclass(frozen=True, slots=True)
 class GtestCase:
-    """A case as a test: its serialised events, what moves and feeds them, and what is expected.
-
-    Attributes:
-        document: the case as its nodes know it.
-        prompts: of each event, what moves an idle component to it.
-        oracle: the C++ function that knows the expected result.
-        limit: of a timing case beside the functional one; None if it has none.
-    """
+    """A case as a test: its serialised events, what moves and feeds them, and what is expected."""
 
     case: Case
-    document: bytes
+    document: bytes  # the case as its nodes know it
     events: tuple[Event, ...]
-    prompts: tuple[str, ...]
+    prompts: tuple[str, ...]  # of each event, what moves an idle component to it
     stimuli: tuple[GtestStimulus, ...]
-    oracle: str
-    limit: GtestLimit | None = None
+    oracle: str  # the C++ function that knows the expected result
+    limit: GtestLimit | None = None  # of a timing case beside the functional one; None if it has none
 
 
 def literal(data: bytes | str) -> str:
@@ -134,8 +107,7 @@ def tables(cases: Sequence[GtestCase], channels: Sequence[GtestChannel], compone
         components: those whose nodes are under test.
         title: what the cases are, for the first line.
 
-    Raises:
-        BadRequest: there is no case, two tests would have one name, or a case names a channel that is none.
+    Raises BadRequest: there is no case, two tests would have one name, or a case names a channel that is none.
     """
     names = _names(cases)
     places = {channel.name: place for place, channel in enumerate(channels)}

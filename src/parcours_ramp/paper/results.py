@@ -23,23 +23,14 @@ DELAYED_CASES = 300  # How many cases are run with each added delay, unless fewe
 
 @dataclass(frozen=True, slots=True)
 class PaperResults:
-    """Everything the report stands on.
+    """Everything the report stands on."""
 
-    Attributes:
-        seed: of all campaigns.
-        functional: every component case: 67 abstract cases times the rows of Each Choice.
-        sample: ids of the 60 of them that Table VIII counts.
-        timing: the 60 timing cases.
-        system: (protocol, schedule) -> campaign.
-        delays: the first cases, with delays added to RAMP's work.
-    """
-
-    seed: int
-    functional: tuple[Functional, ...]
-    sample: tuple[str, ...]
-    timing: tuple[Timing, ...]
-    system: dict[tuple[Protocol, str], SystemResults]
-    delays: DelayResults
+    seed: int  # of all campaigns
+    functional: tuple[Functional, ...]  # every component case: 67 abstract cases times the rows of Each Choice
+    sample: tuple[str, ...]  # ids of the 60 of them that Table VIII counts
+    timing: tuple[Timing, ...]  # the 60 timing cases
+    system: dict[tuple[Protocol, str], SystemResults]  # (protocol, schedule) -> campaign
+    delays: DelayResults  # the first cases, with delays added to RAMP's work
 
 
 class Interrupted(Exception):
@@ -65,8 +56,7 @@ def run_paper(
         delayed: cases a point of the curves over delays; DELAYED_CASES, or `cases` if that is fewer, if None.
         progress: called as the work goes on.
 
-    Raises:
-        Interrupted: Ctrl-C during a campaign.
+    Raises Interrupted: Ctrl-C during a campaign.
     """
     studies = {
         (protocol, schedule): system_study(schedule, seed=seed, protocol=protocol)

@@ -73,8 +73,7 @@ def flatten(channel: str, payload: object) -> tuple[object, ...]:
         channel: one of FORMS.
         payload: what RAMP's components send there (see `messages`).
 
-    Raises:
-        BadRequest: the channel is unknown, or the payload is none of its.
+    Raises BadRequest: the channel is unknown, or the payload is none of its.
 
     >>> flatten("cmd_vel", (0.25, 0.0))
     (0.25, 0.0)
@@ -164,8 +163,7 @@ def restore(channel: str, values: Sequence[object]) -> Any:
         channel: one of FORMS.
         values: in the order of the form; arrays may be other sequences of numbers, too.
 
-    Raises:
-        BadRequest: the channel is unknown, or the values are not what its form says.
+    Raises BadRequest: the channel is unknown, or the values are not what its form says.
 
     >>> restore("pose", flatten("pose", Report(7, one(POSE)))).stamp
     7

@@ -14,6 +14,7 @@ from parcours.elementary import log
 from parcours.errors import BadRequest
 from parcours.kernels import Record, kernel
 from parcours.streams import Stream, lognormal
+from parcours_ramp.planner.messages import fields
 
 _LONGEST = {"transport": 0.2, "added_sensing": 5.0, "added_planning": 5.0, "added_stop": 5.0}
 """The most that these may take [s]: a trajectory must arrive before the next one, a channel keeps 6 s of flags."""
@@ -81,18 +82,10 @@ def none() -> Latencies:
 
 LATENCIES = np.dtype(
     [
-        ("planning", "f8"),  # median [s]
-        ("planning_spread", "f8"),
-        ("control", "f8"),
-        ("control_spread", "f8"),
-        ("sensing", "f8"),
-        ("sensing_spread", "f8"),
-        ("guard", "f8"),
-        ("guard_spread", "f8"),
-        ("transport", "i8"),  # [ns]
-        ("added_sensing", "i8"),  # [ns]
-        ("added_planning", "i8"),  # [ns]
-        ("added_stop", "i8"),  # [ns]
+        *fields(
+            "f8", "planning planning_spread control control_spread sensing sensing_spread guard guard_spread"
+        ),  # [s]
+        *fields("i8", "transport added_sensing added_planning added_stop"),  # [ns]
     ]
 )  # The layout of `Latencies.record()`
 

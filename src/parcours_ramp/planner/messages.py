@@ -17,10 +17,16 @@ MAX_KNOTS = 8  # A path has at most seven knot points; a switch puts the state i
 
 MAX_POPULATION = 16
 
-POSE = np.dtype([("x", "f8"), ("y", "f8"), ("heading", "f8"), ("v", "f8"), ("w", "f8")])
+
+def fields(kind: str, names: str, *shape: int) -> list[tuple[str, str, tuple[int, ...]]]:
+    """Return fields of one kind ("f8", "i8", ...) and shape for a record layout, in the order of their names."""
+    return [(name, kind, shape) for name in names.split()]
+
+
+POSE = np.dtype(fields("f8", "x y heading v w"))
 """Where a body is and how it moves (MotionState): position [m], heading [rad], speed [m/s], yaw rate [rad/s]."""
 
-PATH = np.dtype([("n", "i8"), ("x", "f8", (MAX_KNOTS,)), ("y", "f8", (MAX_KNOTS,))])
+PATH = np.dtype([("n", "i8"), *fields("f8", "x y", MAX_KNOTS)])
 """Knot points from start to goal [m] (Path)."""
 
 LINE, CURVE, TURN = 0, 1, 2  # Kinds of piece: a straight, a rounded corner, a turn on the spot
@@ -30,27 +36,18 @@ MAX_PIECES = 3 * MAX_KNOTS + 4
 PIECE = np.dtype(
     [
         ("kind", "i8"),
-        ("x", "f8"),  # where it begins [m]
-        ("y", "f8"),
-        ("heading", "f8"),  # its heading there [rad], and that angle's sine and cosine
-        ("s", "f8"),
-        ("c", "f8"),
-        ("length", "f8"),  # [m], or [rad] for a turn
-        ("leg", "f8"),  # of a curve [m]
-        ("angle", "f8"),  # turned by a curve or turn [rad]
-        ("to_s", "f8"),  # sine and cosine of its heading at the end of a curve
-        ("to_c", "f8"),
-        ("half_s", "f8"),  # sine and cosine of half the angle
-        ("half_c", "f8"),
-        ("per_way", "f8"),  # 2 half_s / (leg half_c^2): from way to what `slope_at` takes [1/m]
-        ("per_slope", "f8"),  # half_c / (2 half_s): from slope to the curve's parameter
-        ("v0", "f8"),  # speed at its begin [m/s], or [rad/s] for a turn
-        ("peak", "f8"),  # its greatest speed
-        ("rate", "f8"),  # the limit by which it speeds up and slows down [m/s2], or [rad/s2]
-        ("up", "f8"),  # how long it speeds up, holds and slows down [s]
-        ("hold", "f8"),
-        ("down", "f8"),
-        ("end", "f8"),  # when it ends, from the begin of the first piece [s]
+        *fields("f8", "x y heading s c"),  # where it begins [m], its heading there [rad], and that angle's sine, cosine
+        *fields(
+            "f8", "length leg angle"
+        ),  # [m], or [rad] for a turn; leg of a curve [m]; angle of a curve or turn [rad]
+        *fields(
+            "f8", "to_s to_c half_s half_c"
+        ),  # sine and cosine of a curve's heading at its end, and of half its angle
+        *fields("f8", "per_way per_slope"),  # 2 half_s / (leg half_c^2) [1/m] and half_c / (2 half_s), for `slope_at`
+        *fields("f8", "v0 peak rate"),  # speed at its begin, its greatest [m/s], and the limit of its change [m/s2]
+        *fields(
+            "f8", "up hold down end"
+        ),  # how long it speeds up, holds, slows down; end from the first piece's begin [s]
     ]
 )  # A piece of a trajectory with its speed profile
 
@@ -58,44 +55,33 @@ MAX_LEGS = 3 * MAX_PIECES
 
 LEG = np.dtype(
     [
-        ("begin", "f8"),  # [s], counted as PIECE.end
-        ("end", "f8"),
-        ("x", "f8"),  # where it begins [m]
-        ("y", "f8"),
-        ("dx", "f8"),  # how far it leads [m]
-        ("dy", "f8"),
-        ("per_square", "f8"),  # 1 / (dx^2 + dy^2); 0 where it leads nowhere
-        ("stray", "f8"),  # how far the robot is at most from where uniform motion would have it [m]
+        *fields(
+            "f8", "begin end x y dx dy"
+        ),  # from when to when [s], as PIECE.end; where it begins and how far it leads [m]
+        *fields("f8", "per_square stray"),  # 1 / (dx^2 + dy^2), or 0; how far uniform motion is off at most [m]
     ]
 )  # A stretch of a trajectory that is nearly uniform motion
 
 TRAJECTORY = np.dtype(
     [
-        ("id", "i8"),
-        ("n", "i8"),  # samples, one every SAMPLE seconds and the end; the first is the start
-        ("n_pieces", "i8"),
+        *fields("i8", "id n n_pieces"),  # n samples, one every SAMPLE seconds and the end; the first is the start
         ("pieces", PIECE, (MAX_PIECES,)),
         ("n_legs", "i8"),
         ("legs", LEG, (MAX_LEGS,)),  # the same way in outline; times count as those of the pieces
-        ("skipped", "f8"),  # how long before the begin the first piece would have begun [s]
-        ("duration", "f8"),  # of the generated part [s]
+        *fields("f8", "skipped duration"),  # how long before the begin the first piece would have begun; its length [s]
         ("curve_end", "f8"),  # when its first corner is done [s]; 0 without a corner
         ("knot_time", "f8", (MAX_KNOTS,)),  # when each knot of its path is passed [s]; NO_COLLISION if never
-        ("rest_length", "f8"),  # way from its end to the goal that is not generated [m]
-        ("rest_turn", "f8"),  # turning on that way [rad]
+        *fields("f8", "rest_length rest_turn"),  # way from its end to the goal that is not generated [m], [rad]
         ("first_heading", "f8"),  # heading needed towards the next knot [rad]
-        ("smooth", "i8"),  # 1 if it can be joined without stopping to rotate
-        ("begins", "i8"),  # when it would begin [ns]
-        ("lag", "i8"),  # the lag that this takes into account [ns]
+        *fields(
+            "i8", "smooth begins lag"
+        ),  # 1 if joined without a stop; when it would begin, and the lag it allows for [ns]
         ("feasible", "i8"),
-        ("fitness", "f8"),
-        ("t_collision", "f8"),  # first predicted collision, from its begin [s]; NO_COLLISION
-        ("epoch", "i8"),  # the epoch in which obstacles were looked at last; 0 for none
-        ("valid_until", "i8"),  # the sample up to which it was found to pass them
-        ("slack", "f8"),  # by how much they and it may come nearer at least until it meets one of them [m]
-        ("changed", "f8"),  # how much the epoch had changed then [m]
-        ("drift_x", "f8"),  # the drift with which that was found [m]
-        ("drift_y", "f8"),
+        *fields("f8", "fitness t_collision"),  # first predicted collision, from its begin [s]; NO_COLLISION
+        # What the last look at the obstacles leaves known (see `passes_up_to`):
+        *fields("i8", "epoch valid_until"),  # its epoch, 0 for none; the sample up to which it was found to pass them
+        *fields("f8", "slack changed"),  # how much nearer they may come until then; how much the epoch had changed [m]
+        *fields("f8", "drift_x drift_y"),  # the drift with which that was found [m]
     ]
 )  # A path with time, and what the evaluation says of it (RampTrajectory); `trajectory.samples` gives its samples
 
@@ -112,23 +98,19 @@ HORIZON = 121  # Samples of a predicted obstacle motion: 12 s
 PREDICTION = np.dtype(
     [
         ("n", "i8"),
-        ("x", "f8", (HORIZON,)),
-        ("y", "f8", (HORIZON,)),
-        ("heading", "f8"),  # at the first sample [rad], and that angle's sine and cosine where it moves
-        ("s", "f8"),
-        ("c", "f8"),
-        ("speed", "f8"),  # along its heading [m/s]; 0 if it stands
-        ("turn", "f8"),  # yaw rate [rad/s]
-        ("straight", "f8"),  # for how long it may be taken to move uniformly [s]
-        ("bend", "f8"),  # and how far it is then off at most, by the square of that time [m/s2]
+        *fields("f8", "x y", HORIZON),
+        *fields("f8", "heading s c"),  # at the first sample [rad], and that angle's sine and cosine where it moves
+        *fields("f8", "speed turn"),  # along its heading, 0 if it stands [m/s]; yaw rate [rad/s]
+        *fields(
+            "f8", "straight bend"
+        ),  # how long it may be taken for uniform [s]; it is then off by bend * time^2 [m/s2]
         ("radius", "f8"),
         ("stamp", "i8"),
     ]
 )  # Where an obstacle is expected to be, every SAMPLE seconds from `stamp` [ns]; it stays where the samples end
 
-MODIFICATION = np.dtype(
-    [("operator", "i8"), ("first", PATH), ("second", PATH), ("direction", "f8"), ("distance", "f8")]
-)  # One or two paths to modify by an operator; direction [rad] and distance [m] of the nearest obstacle (for `move`)
+# One or two paths to modify by an operator; where the nearest obstacle is (for `move`) [rad], [m].
+MODIFICATION = np.dtype([("operator", "i8"), ("first", PATH), ("second", PATH), *fields("f8", "direction distance")])
 
 
 class Step(NamedTuple):

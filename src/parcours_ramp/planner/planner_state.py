@@ -7,43 +7,49 @@ import numpy as np
 from parcours.elementary import sin_cos
 from parcours.kernels import Record, kernel
 from parcours.streams import below
-from parcours_ramp.planner.messages import MAX_POPULATION, MEMBER, MODIFICATION, NO_COLLISION, PATH, POSE, TRAJECTORY
+from parcours_ramp.planner.messages import (
+    MAX_POPULATION,
+    MEMBER,
+    MODIFICATION,
+    NO_COLLISION,
+    PATH,
+    POSE,
+    TRAJECTORY,
+    fields,
+)
 from parcours_ramp.planner.path_modification import far_point
 from parcours_ramp.planner.route import HYBRID, ROUTE
 from parcours_ramp.planner.trajectory_generator import generate
 
 PLANNER = np.dtype(
     [
-        ("goal_x", "f8"),  # [m]
-        ("goal_y", "f8"),  # [m]
-        ("n", "i8"),  # members of the population
-        ("next_id", "i8"),
+        *fields("f8", "goal_x goal_y"),  # [m]
+        *fields("i8", "n next_id"),  # members of the population
         ("members", MEMBER, (MAX_POPULATION,)),
         ("moving_on", TRAJECTORY),  # what the robot was told to do at the last control cycle
         ("moving_on_hit", "i8"),  # 1 if its guarded part met an obstacle when it was last evaluated
         ("moving_on_t", "f8"),  # when it would [s]
-        ("t_control", "i8"),  # last control cycle [ns]
-        ("t_next", "i8"),  # next control cycle [ns]
+        *fields("i8", "t_control t_next"),  # last and next control cycle [ns]
         ("anchor", POSE),  # the state expected after the longest period, where paths begin
         ("switch", POSE),  # the state expected at the next control cycle, where trajectories begin
         ("switch_kind", "i8"),  # HYBRID if the switch is the anchor, else TRANSITION
         ("latest", POSE),  # the robot's state as last reported
-        ("t_latest", "i8"),  # when it was [ns]
-        ("lag", "i8"),  # by how much the robot was then behind its plan, for limited speed [ns], in all
-        ("drift_x", "f8"),  # measured minus planned position since the last control cycle [m]
-        ("drift_y", "f8"),
+        *fields(
+            "i8", "t_latest lag"
+        ),  # when that was, and how far it was behind its plan for limited speed, in all [ns]
+        *fields("f8", "drift_x drift_y"),  # measured minus planned position since the last control cycle [m]
         ("dragged", "i8"),  # 1 if the last commitment was moved onto the robot noticeably
-        ("halted", "i8"),  # 1 while imminent collision is on
-        ("rested", "i8"),  # 1 if, while halted, the population begins at rest where the robot stands
+        *fields(
+            "i8", "halted rested"
+        ),  # 1 during imminent collision; 1 if the population then begins at rest at the robot
         ("knows_obstacles", "i8"),
         ("epoch", "i8"),  # a new number whenever an obstacle does what was not predicted; 0 at first
         ("changed", "f8"),  # by how much predictions have changed since, at most [m]
-        ("near_direction", "f8"),  # from the robot to the nearest obstacle [rad]
-        ("near_distance", "f8"),  # [m], between centres
-        ("n_switches", "i8"),  # control cycles that chose another member than the one followed
-        ("followed", "i8"),  # id of the member followed
+        *fields("f8", "near_direction near_distance"),  # to the nearest obstacle [rad], [m] between centres
+        *fields("i8", "n_switches followed"),  # control cycles that chose another member; the id of the member followed
         ("stream", "u8", (1,)),
-        ("candidate", MEMBER),  # working memory
+        # Working memory:
+        ("candidate", MEMBER),
         ("candidate_pose", POSE),
         ("work_path", PATH),
         ("request", MODIFICATION),

@@ -12,7 +12,7 @@ import numpy as np
 from parcours.elementary import atan2, sin_cos, wrap
 from parcours.kernels import Record, kernel
 from parcours_ramp.planner.corner import corner_length, corner_rate, corner_speed
-from parcours_ramp.planner.messages import CURVE, LINE, MAX_PIECES, TURN
+from parcours_ramp.planner.messages import CURVE, LINE, MAX_PIECES, TURN, fields
 from parcours_ramp.planner.profile import reachable
 
 HYBRID, HOLONOMIC, TRANSITION = 0, 1, 2
@@ -22,23 +22,18 @@ ROUTE = np.dtype(
     [
         ("n", "i8"),  # pieces
         ("kind", "i8", (MAX_PIECES,)),
-        ("x", "f8", (MAX_PIECES,)),  # where the piece begins [m]
-        ("y", "f8", (MAX_PIECES,)),
-        ("heading", "f8", (MAX_PIECES,)),  # ... and its heading there [rad]
-        ("s", "f8", (MAX_PIECES,)),  # that angle's sine and cosine, but for turns
-        ("c", "f8", (MAX_PIECES,)),
-        ("to_s", "f8", (MAX_PIECES,)),  # those of the heading at the end of a curve
-        ("to_c", "f8", (MAX_PIECES,)),
-        ("length", "f8", (MAX_PIECES,)),  # [m], or [rad] for a turn
-        ("leg", "f8", (MAX_PIECES,)),  # of a curve [m]
-        ("angle", "f8", (MAX_PIECES,)),  # turned by a curve or turn [rad]
+        *fields(
+            "f8", "x y heading s c", MAX_PIECES
+        ),  # where the piece begins [m], its heading there, its sine and cosine
+        *fields("f8", "to_s to_c", MAX_PIECES),  # those of the heading at the end of a curve
+        *fields(
+            "f8", "length leg angle", MAX_PIECES
+        ),  # [m], or [rad] for a turn; of a curve [m]; of curve or turn [rad]
         ("cap", "f8", (MAX_PIECES,)),  # speed limit [m/s]
-        ("v_in", "f8", (MAX_PIECES + 1,)),  # speed at the begin of each piece [m/s], and at the end
+        ("v_in", "f8", (MAX_PIECES + 1,)),  # speed at the start of each piece [m/s], and at the end
         ("knot", "i8", (MAX_PIECES,)),  # the knot that the end of the piece passes; 0 for none
         ("smooth", "i8"),  # 1 if it begins without a stop
-        ("rest_length", "f8"),  # [m]
-        ("rest_turn", "f8"),  # [rad]
-        ("first_heading", "f8"),  # from the start towards the next knot [rad]
+        *fields("f8", "rest_length rest_turn first_heading"),  # as in TRAJECTORY
     ]
 )  # The pieces of a way
 

@@ -29,8 +29,7 @@ def component(
         begin: POSE the robot begins in.
         goal: (x, y) [m].
 
-    Raises:
-        BadRequest: RAMP has none of that name.
+    Raises BadRequest: RAMP has none of that name.
     """
     match name:
         case "Planner":

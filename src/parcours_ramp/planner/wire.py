@@ -28,8 +28,7 @@ def encode(channel: str, payload: object) -> bytes:
 
     Arrays travel as raw bytes, little-endian.
 
-    Raises:
-        BadRequest: the channel is unknown, or the payload is none of its.
+    Raises BadRequest: the channel is unknown, or the payload is none of its.
 
     >>> decode("speed_limit", encode("speed_limit", 0.1))
     0.1
@@ -61,8 +60,7 @@ def decode(channel: str, data: bytes) -> Any:
         channel: on which the bytes were received.
         data: from anybody; whatever they are, nothing but BadRequest is raised.
 
-    Raises:
-        BadRequest: the bytes are no message of this channel, or hold what no component can be given.
+    Raises BadRequest: the bytes are no message of this channel, or hold what no component can be given.
     """
     require_known(channel, tuple(FORMS), "channel of RAMP", slug="wire-channel")
     try:

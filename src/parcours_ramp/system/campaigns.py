@@ -53,8 +53,7 @@ class SystemResults:
 def load_campaign(folder: Path) -> SystemResults:
     """Return the finished cases of a campaign folder, with the study that can run any of them again.
 
-    Raises:
-        BadResults: there is no campaign of system cases in the folder, or it is damaged or of another version.
+    Raises BadResults: there is no campaign of system cases in the folder, or it is damaged or of another version.
     """
     store = open_results(folder)
     campaign = store.campaign
@@ -86,8 +85,7 @@ def load_campaign(folder: Path) -> SystemResults:
 def replay(campaign: SystemResults, number: int, words: str = "") -> Replay:
     """Return the replay of one case: a re-simulation, shown up to 3 s beyond its end.
 
-    Raises:
-        BadResults: the re-simulation differs from the facts that the campaign kept.
+    Raises BadResults: the re-simulation differs from the facts that the campaign kept.
     """
     study = campaign.study
     facts, track, places = study.track(number)

@@ -226,21 +226,15 @@ class ComponentRun:
     """What a case leaves behind that ran component by component.
 
     Attributes:
-        facts: array of FACTS, shape (1,); None if the case was not run to its end.
-        track: array of TRACK, shape (n,), one entry a command.
-        places: of the obstacles at the same times [m], shape (n, n_obstacles, 2).
-        trace: every message and transition.
-        deaths: the components that died of a fault.
-        strikes: how many messages and components a fault struck.
         acted: for those that always have something to do (Planner, Control, Sensing), when they last did [ns].
     """
 
-    facts: NDArray[np.void] | None
-    track: NDArray[np.void]
-    places: NDArray[np.float64]
-    trace: Trace
-    deaths: tuple[Death, ...] = ()
-    strikes: int = 0
+    facts: NDArray[np.void] | None  # array of FACTS, shape (1,); None if the case was not run to its end
+    track: NDArray[np.void]  # array of TRACK, shape (n,), one entry a command
+    places: NDArray[np.float64]  # of the obstacles at the same times [m], shape (n, n_obstacles, 2)
+    trace: Trace  # every message and transition
+    deaths: tuple[Death, ...] = ()  # the components that died of a fault
+    strikes: int = 0  # how many messages and components a fault struck
     acted: tuple[tuple[str, int], ...] = ()
 
 

@@ -34,17 +34,11 @@ DELAYED = np.dtype([("number", "i8"), *((name, "i1") for name in QUESTIONS)])
 
 @dataclass(frozen=True, slots=True)
 class Setting:
-    """One schedule with one delay.
+    """One schedule with one delay."""
 
-    Attributes:
-        schedule: "original" or "guarded".
-        delay: one of DELAYS; "" where none is added.
-        seconds: how much is added [s].
-    """
-
-    schedule: str
-    delay: str
-    seconds: float
+    schedule: str  # "original" or "guarded"
+    delay: str  # one of DELAYS; "" where none is added
+    seconds: float  # how much is added [s]
 
     def study(self, seed: int) -> SystemStudy:
         """Return the study that runs cases under this setting; nothing is watched beyond the end."""
@@ -59,8 +53,7 @@ def settings_of(seconds: tuple[float, ...] = SECONDS) -> tuple[Setting, ...]:
     Args:
         seconds: what is added [s], increasing, from 0.
 
-    Raises:
-        BadRequest: the times do not increase from 0.
+    Raises BadRequest: the times do not increase from 0.
 
     >>> [(s.schedule, s.delay, s.seconds) for s in settings_of((0.0, 1.0))][:3]
     [('original', '', 0.0), ('original', 'sensing', 1.0), ('original', 'planning', 1.0)]
@@ -79,17 +72,11 @@ def settings_of(seconds: tuple[float, ...] = SECONDS) -> tuple[Setting, ...]:
 
 @dataclass(frozen=True, slots=True)
 class DelayStudy:
-    """The same cases under every setting, one setting after the other; callable as a campaign's `simulate`.
+    """The same cases under every setting, one setting after the other; callable as a campaign's `simulate`."""
 
-    Args:
-        seed: of the cases.
-        n_cases: how many cases each setting runs.
-        seconds: what is added [s], increasing, from 0.
-    """
-
-    seed: int
-    n_cases: int
-    seconds: tuple[float, ...] = SECONDS
+    seed: int  # of the cases
+    n_cases: int  # how many cases each setting runs
+    seconds: tuple[float, ...] = SECONDS  # what is added [s], increasing, from 0
 
     def __post_init__(self) -> None:
         if self.n_cases < 1:
@@ -135,18 +122,10 @@ class DelayStudy:
 
 @dataclass(frozen=True, slots=True)
 class DelayResults:
-    """What became of the runs of a DelayStudy.
+    """What became of the runs of a DelayStudy. Raises BadRequest: the rows are not one a run."""
 
-    Attributes:
-        study: what was run.
-        rows: array of DELAYED, shape (study.n_runs,).
-
-    Raises:
-        BadRequest: the rows are not one a run.
-    """
-
-    study: DelayStudy
-    rows: NDArray[np.void]
+    study: DelayStudy  # what was run
+    rows: NDArray[np.void]  # array of DELAYED, shape (study.n_runs,)
 
     def __post_init__(self) -> None:
         if len(self.rows) != self.study.n_runs:
@@ -156,8 +135,7 @@ class DelayResults:
     def flags(self, schedule: str, delay: str, seconds: float, question: str) -> NDArray[np.bool_]:
         """Return in which cases the answer is yes, shape (n_cases,); with 0 s, any delay is the run without.
 
-        Raises:
-            BadRequest: schedule, delay or question is unknown, or that much was not added.
+        Raises BadRequest: schedule, delay or question is unknown, or that much was not added.
         """
         require_known(schedule, SCHEDULES, "schedule", slug="unknown-schedule")
         require_known(delay, DELAYS, "delay", slug="unknown-delay")

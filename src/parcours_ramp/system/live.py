@@ -128,25 +128,15 @@ class Observer:
 
 @dataclass(frozen=True, slots=True)
 class LiveRun:
-    """What a case leaves behind that ran in real time.
+    """What a case leaves behind that ran in real time."""
 
-    Attributes:
-        facts: array of FACTS, shape (1,).
-        track: array of TRACK, shape (n,).
-        places: of the obstacles at the same times [m], shape (n, n_obstacles, 2).
-        trace: every message and transition.
-        deaths: component -> how it ended, of those that did.
-        conformance: whether the components did what the model allows.
-        judgement: of the outcome, of that, and of all components' being alive.
-    """
-
-    facts: NDArray[np.void]
-    track: NDArray[np.void]
-    places: NDArray[np.float64]
-    trace: Trace
-    deaths: dict[str, str]
-    conformance: Judgement
-    judgement: Judgement
+    facts: NDArray[np.void]  # array of FACTS, shape (1,)
+    track: NDArray[np.void]  # array of TRACK, shape (n,)
+    places: NDArray[np.float64]  # of the obstacles at the same times [m], shape (n, n_obstacles, 2)
+    trace: Trace  # every message and transition
+    deaths: dict[str, str]  # component -> how it ended, of those that did
+    conformance: Judgement  # whether the components did what the model allows
+    judgement: Judgement  # of the outcome, of that, and of all components' being alive
 
 
 def run_live(

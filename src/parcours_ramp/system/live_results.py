@@ -32,20 +32,15 @@ _FORMAT = "live/1"
 
 @dataclass(frozen=True, slots=True)
 class LiveResult:
-    """One judged case.
-
-    Attributes:
-        deaths: component -> how it ended, of those that did.
-        seconds: how long the case lasted.
-    """
+    """One judged case."""
 
     number: int
     id: str
     verdict: str
     outcome: str
     why: str
-    deaths: dict[str, str]
-    seconds: float
+    deaths: dict[str, str]  # component -> how it ended, of those that did
+    seconds: float  # how long the case lasted
     min_clearance: float
 
     def junit(self) -> CaseResult:
@@ -215,8 +210,7 @@ def system_about(schedule: str, seed: int, number: int, protocol: str, time_limi
 def rejudge(path: Path) -> Rejudged:
     """Judge a recording of a live case by what is recorded alone.
 
-    Raises:
-        BadResults: the file is no recording, or not one of a system case.
+    Raises BadResults: the file is no recording, or not one of a system case.
     """
     recording = read_recording(path, RampCodec())
     judgement = incomplete(recording)

@@ -34,22 +34,14 @@ SCHEDULES = ("original", "guarded")
 class SystemStudy:
     """RAMP with one schedule on one family of cases; callable as a campaign's `simulate`.
 
-    Args:
-        cases: the cases.
-        parameters: of RAMP.
-        latencies: how long its work takes.
-        time_limit: length of a test after the static second [s].
-        watched_on: how long an unfinished case is watched beyond its end [s].
-
-    Raises:
-        BadRequest: a time is out of its range, or cases and planner have robots of different size.
+    Raises BadRequest: a time is out of its range, or cases and planner have robots of different size.
     """
 
-    cases: SystemCases
-    parameters: Parameters
-    latencies: Latencies = dataclasses.field(default_factory=Latencies)
-    time_limit: float = TIME_LIMIT
-    watched_on: float = WATCHED_ON
+    cases: SystemCases  # the cases
+    parameters: Parameters  # of RAMP
+    latencies: Latencies = dataclasses.field(default_factory=Latencies)  # how long its work takes
+    time_limit: float = TIME_LIMIT  # length of a test after the static second [s]
+    watched_on: float = WATCHED_ON  # how long an unfinished case is watched beyond its end [s]
 
     def __post_init__(self) -> None:
         require_numba("simulating the world")
@@ -188,8 +180,7 @@ def system_study(
         radius: of the robot [m].
         obstacle_radius: [m].
 
-    Raises:
-        BadRequest: schedule or protocol is unknown, or a radius is out of range.
+    Raises BadRequest: schedule or protocol is unknown, or a radius is out of range.
     """
     require_known(schedule, SCHEDULES, "schedule", slug="unknown-schedule")
     cases = SystemCases(seed, protocol, radius, obstacle_radius, STUDY)
