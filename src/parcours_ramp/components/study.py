@@ -192,15 +192,10 @@ def timing_groups(sample: Sequence[Case], percent: float = PERCENT) -> list[Timi
 
 
 def run_timing(
-    sample: Sequence[Case],
-    execute: Execute | None = None,
-    *,
-    repeats: int = REPEATS,
-    percent: float = PERCENT,
-    warm_up: int = 3,
-    listener: Callable[[Case, Trace], None] = lambda case, trace: None,
+    sample: Sequence[Case], execute: Execute | None = None, *, repeats: int = REPEATS, percent: float = PERCENT,
+    warm_up: int = 3, listener: Callable[[Case, Trace], None] = lambda case, trace: None,
     progress: Callable[[int], None] = lambda done: None,
-) -> Iterator[Timing]:
+) -> Iterator[Timing]:  # fmt: skip
     """Yield the timing results of the paper's sample of cases, interaction path by interaction path.
 
     Args:

@@ -29,29 +29,17 @@ COMPONENTS = ("Planner", "Control", "Sensing", "TrajectoryGenerator", "Trajector
 """What can be struck; the world and the witness cannot."""
 
 _OF_TOPICS = (
-    "drop 30 % from 2 s",
-    "drop from 3 s to 6 s",
-    "delay 100 ms from 2 s",
-    "delay 500 ms from 2 s",
-    "jitter 200 ms from 2 s",
-    "duplicate 30 % from 2 s",
-    "reorder 30 % by 200 ms from 2 s",
-    "corrupt 5 % from 2 s",
-)
+    "drop 30 % from 2 s", "drop from 3 s to 6 s", "delay 100 ms from 2 s", "delay 500 ms from 2 s",
+    "jitter 200 ms from 2 s", "duplicate 30 % from 2 s", "reorder 30 % by 200 ms from 2 s", "corrupt 5 % from 2 s",
+)  # fmt: skip
 _OF_OTHERS = (
-    "odometry: drop from 3 s",
-    "odometry: corrupt 5 % from 2 s",
-    "speed_limit: drop from 2 s",
+    "odometry: drop from 3 s", "odometry: corrupt 5 % from 2 s", "speed_limit: drop from 2 s",
     "speed_limit: delay 500 ms from 2 s",
-)
+)  # fmt: skip
 _OF_SERVICES = ("drop 1 % from 2 s", "delay 20 ms from 2 s", "duplicate 5 % from 2 s", "corrupt 1 % from 2 s")
 _OF_COMPONENTS = (
-    "crash at 3 s",
-    "crash at 8 s",
-    "freeze at 4 s for 500 ms",
-    "freeze at 4 s for 3 s",
-    "slow down 20 x at 2 s",
-)
+    "crash at 3 s", "crash at 8 s", "freeze at 4 s for 500 ms", "freeze at 4 s for 3 s", "slow down 20 x at 2 s",
+)  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)

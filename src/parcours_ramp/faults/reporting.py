@@ -60,11 +60,9 @@ def fault_table(results: FaultResults, schedule: str, group: str) -> Table:
     """Return the table fault x outcome of one schedule and group of the catalogue."""
     rows = [row for row in results.rows if row.schedule == schedule and row.entry.group == group]
     columns = (
-        Column("fault", code=True),
-        *(Column(outcome.value, align="right") for outcome in SHOWN),
-        Column("rest after", ".1f", unit="s"),
-        Column("died or hangs"),
-    )
+        Column("fault", code=True), *(Column(outcome.value, align="right") for outcome in SHOWN),
+        Column("rest after", ".1f", unit="s"), Column("died or hangs"),
+    )  # fmt: skip
     return Table(f"{_GROUPS[group]}, {schedule}", columns, tuple(_cells(row) for row in rows))
 
 
@@ -72,11 +70,9 @@ def _cells(row: Row) -> tuple[Cell, ...]:
     counts = count([row])
     rests = [one.rest_after for one in row.outcomes if one.rest_after != NEVER]
     return (
-        str(row.entry),
-        *(Marked(counts[outcome], _TONE[outcome]) if counts[outcome] else None for outcome in SHOWN),
-        max(rests) * 1e-9 if rests else None,
-        died(row),
-    )
+        str(row.entry), *(Marked(counts[outcome], _TONE[outcome]) if counts[outcome] else None for outcome in SHOWN),
+        max(rests) * 1e-9 if rests else None, died(row),
+    )  # fmt: skip
 
 
 def total_table(results: FaultResults) -> Table:
@@ -103,11 +99,9 @@ def fault_page(results: FaultResults) -> Page:
     """Return the report on all rows."""
     n, m = len(results.numbers), len(results.rows) // max(len(results.t_goal), 1)
     facts = (
-        ("seed", str(results.seed)),
-        ("cases", ", ".join(map(str, results.numbers))),
-        ("faults", str(m)),
+        ("seed", str(results.seed)), ("cases", ", ".join(map(str, results.numbers))), ("faults", str(m)),
         ("watched", f"{WATCHED + 1.0:g} s"),
-    )
+    )  # fmt: skip
     *detailed, total = tables(results)
     lead = (
         f"{m} faults, each in the same {n} cases, which all go well without. A fault may be survived, it may be "

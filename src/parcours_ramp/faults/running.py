@@ -117,15 +117,9 @@ def run_trial(trial: Trial) -> CaseOutcome:
 
 
 def run_faults(
-    entries: Sequence[Entry],
-    schedules: Sequence[str] = SCHEDULES,
-    *,
-    seed: int = 1,
-    cases: int = 5,
-    workers: int = 1,
-    patience: float = PATIENCE,
-    progress: Callable[[str, int, int], None] = lambda what, done, total: None,
-) -> FaultResults:
+    entries: Sequence[Entry], schedules: Sequence[str] = SCHEDULES, *, seed: int = 1, cases: int = 5, workers: int = 1,
+    patience: float = PATIENCE, progress: Callable[[str, int, int], None] = lambda what, done, total: None,
+) -> FaultResults:  # fmt: skip
     """Return what becomes of RAMP under each entry.
 
     Args:

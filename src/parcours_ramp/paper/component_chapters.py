@@ -87,11 +87,9 @@ def paths_chapter() -> Section:
         "need 24 edge pairs here. ITP5 and ITP6 are specified paths.",
     )
     pairs = Table(
-        "Rendezvous",
-        (Column("send", code=True), Column("receive", code=True), Column("channel", code=True)),
-        tuple((pair.send, pair.receive, pair.channel) for pair in rendezvous_pairs(cefsm)),
-        folded=True,
-    )
+        "Rendezvous", (Column("send", code=True), Column("receive", code=True), Column("channel", code=True)),
+        tuple((pair.send, pair.receive, pair.channel) for pair in rendezvous_pairs(cefsm)), folded=True,
+    )  # fmt: skip
     lead = "Which way through each component, and which interactions between them, the tests must take."
     return Section("Test paths", lead, (table_iii, table_iv, pairs), "paths")
 
@@ -131,10 +129,8 @@ def abstract_chapter() -> Section:
     first = next(iter(interaction_cases().values()))
     why = Table(
         "Combinations that RCC drops, and why",
-        (Column("path", code=True), Column("combination", code=True), Column("reason")),
-        tuple(dropped),
-        folded=True,
-    )
+        (Column("path", code=True), Column("combination", code=True), Column("reason")), tuple(dropped), folded=True,
+    )  # fmt: skip
     lead = (
         "Internal paths of the visited components are combined where they have a rendezvous, and started at every "
         "point of their partner (rendezvous serialisation). Each ABTC below was executed in exactly its order."

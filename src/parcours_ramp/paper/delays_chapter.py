@@ -83,12 +83,9 @@ def _rates(results: DelayResults) -> Table:
     )
     heads = (Column(f"{s:g} s", group="added") for s in results.study.seconds)
     return Table(
-        "Rates over an added delay, in numbers",
-        (Column("schedule"), Column("delay of"), Column("what"), *heads),
-        rows,
-        f"{results.study.n_cases} cases each; per cent with Wilson 95 % intervals.",
-        folded=True,
-    )
+        "Rates over an added delay, in numbers", (Column("schedule"), Column("delay of"), Column("what"), *heads), rows,
+        f"{results.study.n_cases} cases each; per cent with Wilson 95 % intervals.", folded=True,
+    )  # fmt: skip
 
 
 def _reading(results: DelayResults) -> str:

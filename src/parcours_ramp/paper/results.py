@@ -38,14 +38,9 @@ class Interrupted(Exception):
 
 
 def run_paper(
-    folder: Path,
-    *,
-    cases: int,
-    seed: int,
-    workers: int,
-    delayed: int | None = None,
+    folder: Path, *, cases: int, seed: int, workers: int, delayed: int | None = None,
     progress: Progress = lambda what, done, total: None,
-) -> PaperResults:
+) -> PaperResults:  # fmt: skip
     """Run the whole study and return its results.
 
     Args:

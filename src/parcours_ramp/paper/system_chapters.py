@@ -173,11 +173,9 @@ def _folder_table(results: PaperResults) -> Table:
     ]
     return Table(
         "The authors' eight folders of raw results, and the same protocol with the original schedule",
-        (Column("folder"), Column("delays", unit="s"), Column("tests"), *pairs),
-        tuple(rows),
-        "Folder 1 (16 % reached) looks like an earlier build of the published system.",
-        folded=True,
-    )
+        (Column("folder"), Column("delays", unit="s"), Column("tests"), *pairs), tuple(rows),
+        "Folder 1 (16 % reached) looks like an earlier build of the published system.", folded=True,
+    )  # fmt: skip
 
 
 def time_left_chapter(results: PaperResults) -> Section:

@@ -38,17 +38,9 @@ def _gap(
 
 @kernel
 def _first_hit(
-    trajectory: Record,
-    first: int,
-    last: int,
-    prediction: Record,
-    shift: float,
-    dx: float,
-    dy: float,
-    reach: float,
-    leaving: bool,
-    closing: float,
-) -> int:
+    trajectory: Record, first: int, last: int, prediction: Record, shift: float, dx: float, dy: float, reach: float,
+    leaving: bool, closing: float,
+) -> int:  # fmt: skip
     """Return the first sample from `first` on at which the two are within reach, looking at one sample after the other.
 
     Samples are skipped as long as the gap cannot close (conservative advancement); where it can, the least distance
@@ -91,15 +83,9 @@ def _first_hit(
 
 @kernel
 def _collision_with_standing(
-    trajectory: Record,
-    first: int,
-    last: int,
-    prediction: Record,
-    drift_x: float,
-    drift_y: float,
-    reach: float,
+    trajectory: Record, first: int, last: int, prediction: Record, drift_x: float, drift_y: float, reach: float,
     v_max: float,
-) -> tuple[int, float, int]:
+) -> tuple[int, float, int]:  # fmt: skip
     """Return what `first_collision` does for an obstacle that stands, and a robot that begins out of its reach."""
     x, y = prediction.x[0] - drift_x, prediction.y[0] - drift_y
     slack, valid_until = np.inf, last
@@ -141,18 +127,9 @@ def _collision_with_standing(
 
 @kernel
 def _collision_with_moving(
-    trajectory: Record,
-    first: int,
-    last: int,
-    x0: float,
-    y0: float,
-    prediction: Record,
-    shift: float,
-    drift_x: float,
-    drift_y: float,
-    reach: float,
-    v_max: float,
-) -> tuple[int, float, int]:
+    trajectory: Record, first: int, last: int, x0: float, y0: float, prediction: Record, shift: float, drift_x: float,
+    drift_y: float, reach: float, v_max: float,
+) -> tuple[int, float, int]:  # fmt: skip
     """Return what `first_collision` does for an obstacle that moves, and a robot that begins out of its reach."""
     closing = (v_max + abs(prediction.speed)) * SAMPLE
     time, until = first * SAMPLE, last * SAMPLE
@@ -218,19 +195,9 @@ def _collision_with_moving(
 
 @kernel
 def first_collision(
-    trajectory: Record,
-    begins: int,
-    first: int,
-    last: int,
-    x0: float,
-    y0: float,
-    prediction: Record,
-    drift_x: float,
-    drift_y: float,
-    reach: float,
-    may_leave: bool,
-    v_max: float,
-) -> tuple[int, float, int]:
+    trajectory: Record, begins: int, first: int, last: int, x0: float, y0: float, prediction: Record, drift_x: float,
+    drift_y: float, reach: float, may_leave: bool, v_max: float,
+) -> tuple[int, float, int]:  # fmt: skip
     """Return the first sample at which robot and obstacle are predicted to be within `reach`, or `last` if at none.
 
     Beside it stand the slack left: by how much the two may at least come nearer before anything is found [m]; and up to
@@ -269,17 +236,9 @@ def first_collision(
 
 @kernel
 def earliest_collision(
-    trajectory: Record,
-    begins: int,
-    first: int,
-    last: int,
-    predictions: Record,
-    drift_x: float,
-    drift_y: float,
-    margin: float,
-    may_leave: bool,
-    parameters: Record,
-) -> tuple[int, float, int]:
+    trajectory: Record, begins: int, first: int, last: int, predictions: Record, drift_x: float, drift_y: float,
+    margin: float, may_leave: bool, parameters: Record,
+) -> tuple[int, float, int]:  # fmt: skip
     """Return the first sample at which any obstacle is met, `last` if none is; the slack [m]; up to which sample."""
     least_slack, least_valid_until = np.inf, last
     x0, y0 = place_at(trajectory, first * SAMPLE)
@@ -295,17 +254,9 @@ def earliest_collision(
 
 @kernel
 def collision_time(
-    trajectory: Record,
-    begins: int,
-    first: int,
-    last: int,
-    predictions: Record,
-    drift_x: float,
-    drift_y: float,
-    margin: float,
-    may_leave: bool,
-    parameters: Record,
-) -> float:
+    trajectory: Record, begins: int, first: int, last: int, predictions: Record, drift_x: float, drift_y: float,
+    margin: float, may_leave: bool, parameters: Record,
+) -> float:  # fmt: skip
     """Return when the trajectory first meets any obstacle, from its begin on [s]; NO_COLLISION if it meets none."""
     earliest, _, _ = earliest_collision(
         trajectory, begins, first, last, predictions, drift_x, drift_y, margin, may_leave, parameters

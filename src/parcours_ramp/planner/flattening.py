@@ -246,14 +246,9 @@ def _evaluation_request(given: Given, tag: Tag) -> EvaluationRequest:
     elif any(window):
         given.refuse("windowed", f"must be true with a window, but it is false with {window}", "wire-range")
     return EvaluationRequest(
-        tag,
-        TRAJECTORIES.restore(given),
-        _predictions(given),
-        (given["drift_x"], given["drift_y"]),
-        given["heading"],
-        given["halted"],
-        (begins, first, last, margin, may_leave) if given["windowed"] else None,
-    )
+        tag, TRAJECTORIES.restore(given), _predictions(given), (given["drift_x"], given["drift_y"]), given["heading"],
+        given["halted"], (begins, first, last, margin, may_leave) if given["windowed"] else None,
+    )  # fmt: skip
 
 
 def _evaluation_response(given: Given, tag: Tag) -> EvaluationResponse:

@@ -190,13 +190,9 @@ class Planner:
         drift = (float(planner.drift_x), float(planner.drift_y))
         assert self._conversation is not None
         request = EvaluationRequest(
-            self._conversation,
-            trajectories,
-            self._predictions,
-            drift,
-            float(self._latest.heading),
+            self._conversation, trajectories, self._predictions, drift, float(self._latest.heading),
             bool(planner.halted),
-        )
+        )  # fmt: skip
         return "evaluation_request", request
 
     def _evaluation_of_moving_on(self, now: int) -> tuple[str, object]:

@@ -117,15 +117,8 @@ def planning_cycle(
         trajectory = planner.candidate.trajectory
         generate_from_switch(planner, planner.candidate.path, planner.switch_kind, trajectory, parameters)
         evaluate(
-            trajectory,
-            predictions,
-            planner.epoch,
-            planner.changed,
-            planner.drift_x,
-            planner.drift_y,
-            planner.latest.heading,
-            planner.halted == 1,
-            parameters,
-        )
+            trajectory, predictions, planner.epoch, planner.changed, planner.drift_x, planner.drift_y,
+            planner.latest.heading, planner.halted == 1, parameters,
+        )  # fmt: skip
         offer_candidate(planner, parameters)
     return int(n)

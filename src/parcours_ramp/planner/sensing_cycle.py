@@ -38,16 +38,9 @@ def evaluate_population(planner: Record, predictions: Record, parameters: Record
     """Evaluate every member of the population."""
     for i in range(planner.n):
         evaluate(
-            planner.members[i].trajectory,
-            predictions,
-            planner.epoch,
-            planner.changed,
-            planner.drift_x,
-            planner.drift_y,
-            planner.latest.heading,
-            planner.halted == 1,
-            parameters,
-        )
+            planner.members[i].trajectory, predictions, planner.epoch, planner.changed, planner.drift_x,
+            planner.drift_y, planner.latest.heading, planner.halted == 1, parameters,
+        )  # fmt: skip
 
 
 @kernel

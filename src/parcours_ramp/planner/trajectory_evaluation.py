@@ -37,30 +37,17 @@ def remember(
 
 @kernel
 def _first_meeting(
-    trajectory: Record,
-    predictions: Record,
-    epoch: int,
-    changed: float,
-    drift_x: float,
-    drift_y: float,
+    trajectory: Record, predictions: Record, epoch: int, changed: float, drift_x: float, drift_y: float,
     parameters: Record,
-) -> float:
+) -> float:  # fmt: skip
     """Return when the trajectory first meets any obstacle [s]; looks only at what the last look leaves open."""
     first = passes_up_to(trajectory, epoch, changed, drift_x, drift_y)
     if first >= trajectory.n:
         return NO_COLLISION
     earliest, slack, valid_until = earliest_collision(
-        trajectory,
-        trajectory.begins,
-        first,
-        trajectory.n,
-        predictions,
-        drift_x,
-        drift_y,
-        parameters.plan_margin,
-        parameters.schedule == GUARDED and first == 0,
-        parameters,
-    )
+        trajectory, trajectory.begins, first, trajectory.n, predictions, drift_x, drift_y, parameters.plan_margin,
+        parameters.schedule == GUARDED and first == 0, parameters,
+    )  # fmt: skip
     if first == 0:
         remember(trajectory, epoch, changed, drift_x, drift_y, slack, valid_until)
     return earliest * SAMPLE if earliest < trajectory.n else NO_COLLISION
@@ -68,16 +55,9 @@ def _first_meeting(
 
 @kernel
 def evaluate(
-    trajectory: Record,
-    predictions: Record,
-    epoch: int,
-    changed: float,
-    drift_x: float,
-    drift_y: float,
-    heading: float,
-    halted: bool,
-    parameters: Record,
-) -> None:
+    trajectory: Record, predictions: Record, epoch: int, changed: float, drift_x: float, drift_y: float, heading: float,
+    halted: bool, parameters: Record,
+) -> None:  # fmt: skip
     """Set feasible, fitness and t_collision of the trajectory.
 
     Feasible: no collision at samples or between them, and joined without a stop while the robot moves. The fitness is
@@ -138,16 +118,9 @@ class TrajectoryEvaluation(Service):
         for k in range(len(trajectories)):
             if request.window is None:
                 evaluate(
-                    trajectories[k],
-                    predictions,
-                    0,
-                    0.0,
-                    drift_x,
-                    drift_y,
-                    request.heading,
-                    request.halted,
+                    trajectories[k], predictions, 0, 0.0, drift_x, drift_y, request.heading, request.halted,
                     self._parameters,
-                )
+                )  # fmt: skip
                 continue
             begins, first, last, margin, may_leave = request.window
             trajectories[k].t_collision = collision_time(

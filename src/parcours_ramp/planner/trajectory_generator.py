@@ -58,11 +58,7 @@ class TrajectoryGenerator(Service):
         trajectories = many(TRAJECTORY, len(request.paths))
         for k in range(len(request.paths)):
             generate(
-                request.paths[k],
-                request.starts[k],
-                int(request.kinds[k]),
-                self._parameters,
-                self._route,
+                request.paths[k], request.starts[k], int(request.kinds[k]), self._parameters, self._route,
                 trajectories[k],
-            )
+            )  # fmt: skip
         return trajectories

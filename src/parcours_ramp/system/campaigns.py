@@ -100,18 +100,9 @@ def replay(campaign: SystemResults, number: int, words: str = "") -> Replay:
     schedule = study.parameters.schedule
     title = f"{words}: {schedule}" if words else f"{study.cases.id(number)}, {schedule}"
     return Replay(
-        title=title,
-        subtitle=f"{study.cases.id(number)}: {explain(facts[0])}",
-        times=shown["time"] * 1e-9,
-        x=shown["x"],
-        y=shown["y"],
-        heading=shown["heading"],
-        halted=shown["halted"] == 1,
-        obstacle_x=places[:, :, 0],
-        obstacle_y=places[:, :, 1],
-        robot_radius=study.parameters.robot_radius,
-        obstacle_radii=(study.cases.obstacle_radius,) * 3,
-        arena=(study.parameters.arena, study.parameters.arena),
-        goal=(2.0, 2.0),
-        goal_tolerance=0.2,
-    )
+        title=title, subtitle=f"{study.cases.id(number)}: {explain(facts[0])}", times=shown["time"] * 1e-9,
+        x=shown["x"], y=shown["y"], heading=shown["heading"], halted=shown["halted"] == 1, obstacle_x=places[:, :, 0],
+        obstacle_y=places[:, :, 1], robot_radius=study.parameters.robot_radius,
+        obstacle_radii=(study.cases.obstacle_radius,) * 3, arena=(study.parameters.arena, study.parameters.arena),
+        goal=(2.0, 2.0), goal_tolerance=0.2,
+    )  # fmt: skip

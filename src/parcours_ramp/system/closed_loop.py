@@ -59,20 +59,9 @@ def _execute(work: Record, now: int, parameters: Record, facts: Record) -> None:
 
 @kernel
 def run_case(
-    number: int,
-    obstacles: Record,
-    setting: Record,
-    parameters: Record,
-    latencies: Record,
-    work: Record,
-    seen: Record,
-    predictions: Record,
-    guarded: Record,
-    facts: Record,
-    track: Record,
-    places: Floats,
-    radii: Floats,
-) -> None:
+    number: int, obstacles: Record, setting: Record, parameters: Record, latencies: Record, work: Record, seen: Record,
+    predictions: Record, guarded: Record, facts: Record, track: Record, places: Floats, radii: Floats,
+) -> None:  # fmt: skip
     """Run one case from its number alone and fill its FACTS.
 
     Args:
@@ -208,14 +197,6 @@ def run_case(
                 n_judged += 0 if frozen else 1
     facts.n_track = n_track
     measure(
-        track[:n_judged],
-        places[:n_judged],
-        radii,
-        robot.radius,
-        setting.goal_x,
-        setting.goal_y,
-        setting.goal_tolerance,
-        facts.t_goal,
-        SAFE_DISTANCE,
-        facts.measures,
-    )
+        track[:n_judged], places[:n_judged], radii, robot.radius, setting.goal_x, setting.goal_y,
+        setting.goal_tolerance, facts.t_goal, SAFE_DISTANCE, facts.measures,
+    )  # fmt: skip

@@ -108,12 +108,9 @@ def system_links() -> tuple[Link, ...]:
         for link in links(component_model())
     ]
     return (
-        *inner,
-        Link("imminent_collision", "Planner", "Control", 8),
-        Link("speed_limit", "Planner", "Control", 8),
-        Link("pose", "World", "Control", 8),
-        Link("cmd_vel", "Control", "World", 8),
-    )
+        *inner, Link("imminent_collision", "Planner", "Control", 8), Link("speed_limit", "Planner", "Control", 8),
+        Link("pose", "World", "Control", 8), Link("cmd_vel", "Control", "World", 8),
+    )  # fmt: skip
 
 
 class Witness:
@@ -204,14 +201,10 @@ class Witness:
         facts["transitions"] = [taken[name] for name in TRANSITIONS]
         track, places = self.track()
         facts["measures"] = measures_of(
-            track[: self._judged],
-            places[: self._judged],
-            self._world.obstacles["radius"],
-            robot_radius=float(self._world.world.robot.radius),
-            goal=self._goal,
-            goal_tolerance=self._tolerance,
+            track[: self._judged], places[: self._judged], self._world.obstacles["radius"],
+            robot_radius=float(self._world.world.robot.radius), goal=self._goal, goal_tolerance=self._tolerance,
             t_goal=int(self._facts.t_goal),
-        )
+        )  # fmt: skip
         return facts
 
     def track(self) -> tuple[NDArray[np.void], NDArray[np.float64]]:
@@ -258,13 +251,9 @@ def start_pose(study: SystemStudy) -> Record:
 
 
 def run_components(
-    study: SystemStudy,
-    number: int,
-    seconds: float | None = None,
-    *,
-    recording: bool = True,
+    study: SystemStudy, number: int, seconds: float | None = None, *, recording: bool = True,
     faults: FaultPlan | None = None,
-) -> ComponentRun:
+) -> ComponentRun:  # fmt: skip
     """Run one case of the study to its end, or for that long [s] if given.
 
     The study's latencies are not applied: every message arrives at once and no work takes time. Without `recording` the
@@ -282,15 +271,9 @@ def run_components(
     planner, control = Planner(parameters, seed, number, start_pose(study), goal), Control(parameters)
     witness = Witness(setting, body, planner, control)
     components = (
-        body,
-        Sensing(),
-        TrajectoryGenerator(parameters),
-        TrajectoryEvaluation(parameters),
-        PathModification(parameters, seed, number),
-        planner,
-        control,
-        witness,
-    )
+        body, Sensing(), TrajectoryGenerator(parameters), TrajectoryEvaluation(parameters),
+        PathModification(parameters, seed, number), planner, control, witness,
+    )  # fmt: skip
     host = SimulatedHost(components, system_links(), recording=recording, faults=faults, codec=wire)
     if seconds is not None:
         host.run(round(seconds * 1e9))

@@ -110,14 +110,10 @@ class DelayStudy:
     def campaign(self) -> Campaign:
         """Return the campaign of all runs, one setting a shard."""
         return Campaign(
-            study="ramp_system/delays",
-            schedule=" and ".join(SCHEDULES),
-            seed=self.seed,
-            n_cases=self.n_runs,
-            dtype=DELAYED,
-            parameters={"code": ramp_digest(), "seconds": list(self.seconds), "cases": self.n_cases},
+            study="ramp_system/delays", schedule=" and ".join(SCHEDULES), seed=self.seed, n_cases=self.n_runs,
+            dtype=DELAYED, parameters={"code": ramp_digest(), "seconds": list(self.seconds), "cases": self.n_cases},
             shard_size=self.n_cases,
-        )
+        )  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)

@@ -140,14 +140,9 @@ class LiveRun:
 
 
 def run_live(
-    study: SystemStudy,
-    number: int,
-    transport: Transport,
-    codec: Codec | None = None,
-    *,
-    faults: FaultPlan | None = None,
-    listener: Callable[[TraceEvent], None] | None = None,
-) -> LiveRun:
+    study: SystemStudy, number: int, transport: Transport, codec: Codec | None = None, *,
+    faults: FaultPlan | None = None, listener: Callable[[TraceEvent], None] | None = None,
+) -> LiveRun:  # fmt: skip
     """Run one case of the study on the transport's nodes until the goal is reached or its time limit is over.
 
     Args:

@@ -147,30 +147,15 @@ def _run_cases(
     """Run the cases one after the other; shapes as in `run_case`, with the cases as leading axis."""
     for k in range(len(numbers)):
         run_case(
-            numbers[k],
-            obstacles[k],
-            setting,
-            parameters,
-            latencies,
-            work,
-            seen,
-            predictions,
-            guarded,
-            facts[k],
-            track,
-            places,
-            radii,
-        )
+            numbers[k], obstacles[k], setting, parameters, latencies, work, seen, predictions, guarded, facts[k], track,
+            places, radii,
+        )  # fmt: skip
 
 
 def system_study(
-    schedule: str,
-    *,
-    seed: int = 0,
-    protocol: Protocol = "table-vii",
-    radius: float = 0.125,
+    schedule: str, *, seed: int = 0, protocol: Protocol = "table-vii", radius: float = 0.125,
     obstacle_radius: float = 0.1,
-) -> SystemStudy:
+) -> SystemStudy:  # fmt: skip
     """Return the study of the paper for one schedule.
 
     Args:
