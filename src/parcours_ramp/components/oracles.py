@@ -9,13 +9,7 @@ import numpy as np
 from parcours.kernels import Record
 from parcours.run.trace import SHOWN, Trace
 from parcours.verdict.judgement import Judgement, Verdict
-from parcours_ramp.planner.messages import (
-    EvaluationResponse,
-    ModificationRequest,
-    ModificationResponse,
-    Report,
-    TrajectoryResponse,
-)
+from parcours_ramp.planner import messages
 from parcours_ramp.planner.population import SAME_PATH
 from parcours_ramp.planner.trajectory import samples
 
@@ -33,7 +27,7 @@ def _judge(holds: bool, why: str) -> Judgement:
 
 def trajectory_size(trace: Trace) -> Judgement:
     """ITP1: 10 <= size(trajectory) <= 500."""
-    answers = [m for m in _sent(trace, "trajectory_response") if isinstance(m, TrajectoryResponse)]
+    answers = [m for m in _sent(trace, "trajectory_response") if isinstance(m, messages.TrajectoryResponse)]
     sizes = [int(n) for answer in answers for n in answer.trajectories["n"]]
     holds = bool(sizes) and all(10 <= n <= 500 for n in sizes)
     return _judge(holds, f"sizes of the trajectories: {', '.join(map(str, sizes)) or 'none came'}; 10..500 expected")
@@ -41,7 +35,7 @@ def trajectory_size(trace: Trace) -> Judgement:
 
 def fitness_range(trace: Trace) -> Judgement:
     """ITP2: 0 < fitness <= 2."""
-    answers = [m for m in _sent(trace, "evaluation_response") if isinstance(m, EvaluationResponse)]
+    answers = [m for m in _sent(trace, "evaluation_response") if isinstance(m, messages.EvaluationResponse)]
     values = np.concatenate([answer.fitness for answer in answers]) if answers else np.zeros(0)
     holds = values.size > 0 and bool(np.all((values > 0.0) & (values <= 2.0)))
     spread = f"{values.min():.4g} to {values.max():.4g}" if values.size else "none came"
@@ -50,8 +44,8 @@ def fitness_range(trace: Trace) -> Judgement:
 
 def path_is_modified(trace: Trace) -> Judgement:
     """ITP3: modified path != previous path."""
-    requests = [m for m in _sent(trace, "modification_request") if isinstance(m, ModificationRequest)]
-    answers = [m for m in _sent(trace, "modification_response") if isinstance(m, ModificationResponse)]
+    requests = [m for m in _sent(trace, "modification_request") if isinstance(m, messages.ModificationRequest)]
+    answers = [m for m in _sent(trace, "modification_response") if isinstance(m, messages.ModificationResponse)]
     moved = 0.0
     holds = bool(requests) and bool(answers)
     for answer in answers:
@@ -67,7 +61,7 @@ def path_is_modified(trace: Trace) -> Judgement:
 
 def state_is_sent(trace: Trace) -> Judgement:
     """ITP4: latest motion state != null."""
-    states = [m for m in _sent(trace, "update") if isinstance(m, Report)]
+    states = [m for m in _sent(trace, "update") if isinstance(m, messages.Report)]
     holds = bool(states) and all(np.isfinite(list(state.pose)).all() for state in states)
     return _judge(holds, f"{len(states)} motion states were sent, all of finite numbers")
 
@@ -88,7 +82,7 @@ def control_follows(trace: Trace) -> Judgement:
 
 def state_changes(trace: Trace) -> Judgement:
     """ITP6: the latest motion state is changed."""
-    states = [m.pose for m in _sent(trace, "update") if isinstance(m, Report)]
+    states = [m.pose for m in _sent(trace, "update") if isinstance(m, messages.Report)]
     distance = max((float(np.hypot(s.x - states[0].x, s.y - states[0].y)) for s in states), default=0.0)
     return _judge(distance > 0.0, f"{len(states)} motion states, the last {distance:.3g} m from the first")
 

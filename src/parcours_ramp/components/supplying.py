@@ -12,30 +12,14 @@ from parcours.elementary import sin_cos
 from parcours.errors import HostFailure
 from parcours.kernels import Record
 from parcours.suite import Case
-from parcours_ramp.planner.messages import (
-    MODIFICATION,
-    OBSTACLE_STATE,
-    PATH,
-    POSE,
-    PREDICTION,
-    TRAJECTORY,
-    EvaluationRequest,
-    EvaluationResponse,
-    ModificationRequest,
-    Obstacles,
-    Tag,
-    TrajectoryRequest,
-    TrajectoryResponse,
-    many,
-    one,
-)
+from parcours_ramp.planner import messages
 from parcours_ramp.planner.parameters import Parameters
 from parcours_ramp.planner.path_modification import CHANGE, INSERT
 from parcours_ramp.planner.prediction import predict
 from parcours_ramp.planner.route import HYBRID, ROUTE
 from parcours_ramp.planner.trajectory_generator import generate
 
-_SENSING, _PLANNING = Tag("sensing", 2), Tag("planning", 2)
+_SENSING, _PLANNING = messages.Tag("sensing", 2), messages.Tag("planning", 2)
 """The first conversations of a planner whose own first was the control cycle that prepared it."""
 
 _N_OBSTACLES = 2  # So many that p16 has something left to ask for (Table II)
@@ -72,12 +56,12 @@ class Supply:
                               slug="no-supply")  # fmt: skip
         return makers[channel]()
 
-    def last_evaluation(self) -> EvaluationResponse:
+    def last_evaluation(self) -> messages.EvaluationResponse:
         """Return the answer that ends a sensing cycle: of the motion under way alone."""
-        return EvaluationResponse(_SENSING, np.ones(1, np.int64), np.full(1, 0.1), np.full(1, 9999.0))
+        return messages.EvaluationResponse(_SENSING, np.ones(1, np.int64), np.full(1, 0.1), np.full(1, 9999.0))
 
-    def _obstacles(self) -> Obstacles:
-        states = many(OBSTACLE_STATE, _N_OBSTACLES)
+    def _obstacles(self) -> messages.Obstacles:
+        states = messages.many(messages.OBSTACLE_STATE, _N_OBSTACLES)
         for k in range(_N_OBSTACLES):
             angle = self._stream.uniform(0.0, 0.5 * np.pi)
             s, c = sin_cos(angle)
@@ -86,11 +70,11 @@ class Supply:
             pose.heading, pose.v = angle - np.pi, self._case["motion"]
             pose.w = self._stream.uniform(-0.5 * np.pi, 0.5 * np.pi)
             states[k].radius = 0.1
-        return Obstacles(0, states)
+        return messages.Obstacles(0, states)
 
     def _path(self) -> Record:
         """Return a PATH of the case's number of knots and length, from the robot on, bending gently at random."""
-        path, n = many(PATH, 1)[0], int(self._case["path"])
+        path, n = messages.many(messages.PATH, 1)[0], int(self._case["path"])
         path.n = n
         leg, heading = self._case["trajectory"] / (n - 1), float(self._begin.heading)
         for k in range(1, n):
@@ -100,35 +84,35 @@ class Supply:
         return path
 
     def _trajectory(self) -> Record:
-        trajectory = one(TRAJECTORY)
-        generate(self._path(), self._begin, HYBRID, self._parameters.record(), one(ROUTE), trajectory)
+        trajectory = messages.one(messages.TRAJECTORY)
+        generate(self._path(), self._begin, HYBRID, self._parameters.record(), messages.one(ROUTE), trajectory)
         return trajectory
 
     def _predictions(self) -> Record:
-        predictions = many(PREDICTION, 1)
+        predictions = messages.many(messages.PREDICTION, 1)
         predict(self._obstacles().states[0], 0, predictions[0])
         return predictions
 
-    def _trajectory_request(self) -> TrajectoryRequest:
-        paths, starts = many(PATH, 1), many(POSE, 1)
+    def _trajectory_request(self) -> messages.TrajectoryRequest:
+        paths, starts = messages.many(messages.PATH, 1), messages.many(messages.POSE, 1)
         paths[0], starts[0] = self._path(), self._begin
-        return TrajectoryRequest(_SENSING, paths, starts, np.array([HYBRID]))
+        return messages.TrajectoryRequest(_SENSING, paths, starts, np.array([HYBRID]))
 
-    def _trajectory_response(self) -> TrajectoryResponse:
-        return TrajectoryResponse(_SENSING, self._predictions())
+    def _trajectory_response(self) -> messages.TrajectoryResponse:
+        return messages.TrajectoryResponse(_SENSING, self._predictions())
 
-    def _evaluation_request(self) -> EvaluationRequest:
-        trajectories = many(TRAJECTORY, int(self._case["population"]))
+    def _evaluation_request(self) -> messages.EvaluationRequest:
+        trajectories = messages.many(messages.TRAJECTORY, int(self._case["population"]))
         for k in range(len(trajectories)):
             trajectories[k] = self._trajectory()
-        return EvaluationRequest(_SENSING, trajectories, self._predictions(), (0.0, 0.0), 0.0, False)
+        return messages.EvaluationRequest(_SENSING, trajectories, self._predictions(), (0.0, 0.0), 0.0, False)
 
-    def _evaluation_response(self) -> EvaluationResponse:
+    def _evaluation_response(self) -> messages.EvaluationResponse:
         n = int(self._case["population"])
-        return EvaluationResponse(_SENSING, np.ones(n, np.int64), np.full(n, 0.1), np.full(n, 9999.0))
+        return messages.EvaluationResponse(_SENSING, np.ones(n, np.int64), np.full(n, 0.1), np.full(n, 9999.0))
 
-    def _modification_request(self) -> ModificationRequest:
-        modification = one(MODIFICATION)
+    def _modification_request(self) -> messages.ModificationRequest:
+        modification = messages.one(messages.MODIFICATION)
         modification.first = self._path()
         modification.operator = INSERT if modification.first.n < 5 else CHANGE
-        return ModificationRequest(_PLANNING, modification)
+        return messages.ModificationRequest(_PLANNING, modification)

@@ -35,15 +35,27 @@ def compose(results: PaperResults) -> Page:
     """Return the whole report."""
     campaign = results.system["table-vii", "original"]
     facts = (
-        ("Parcours", __version__), ("seed", str(results.seed)), ("system cases", f"{len(campaign.facts)} per schedule"),
+        ("Parcours", __version__),
+        ("seed", str(results.seed)),
+        ("system cases", f"{len(campaign.facts)} per schedule"),
         ("component cases", f"{len(results.functional)} functional, {len(results.timing)} timing"),
-    )  # fmt: skip
+    )
     sections: tuple[Section, ...] = (
-        headline(results), replays_chapter(results), outcomes_chapter(results), vectors_chapter(results),
-        time_left_chapter(results), measures_chapter(results), delays_chapter(results.delays), inputs_chapter(results),
-        models_chapter(), paths_chapter(), abstract_chapter(), results_chapter(results), coverage_chapter(results),
+        headline(results),
+        replays_chapter(results),
+        outcomes_chapter(results),
+        vectors_chapter(results),
+        time_left_chapter(results),
+        measures_chapter(results),
+        delays_chapter(results.delays),
+        inputs_chapter(results),
+        models_chapter(),
+        paths_chapter(),
+        abstract_chapter(),
+        results_chapter(results),
+        coverage_chapter(results),
         Section("How to read this report", "", (Text(_READING),), "reading"),
-    )  # fmt: skip
+    )
     return Page(
         "Model-based testing of RAMP, repeated",
         "Abdelgawad, McLeod, Andrews, Xiao: *Model-based Testing of Real-time Adaptive Motion Planning*",

@@ -14,30 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parcours.errors import require_known
+from parcours_ramp.planner import messages
 from parcours_ramp.planner.flat import Given, refusal
 from parcours_ramp.planner.forms import FORMS, MOST_OBSTACLES, PATHS, POSE_FIELDS, PREDICTIONS, STATES, TRAJECTORIES
-from parcours_ramp.planner.messages import (
-    MAX_KNOTS,
-    MAX_POPULATION,
-    MAX_SAMPLES,
-    MODIFICATION,
-    OBSTACLE_STATE,
-    PATH,
-    POSE,
-    PREDICTION,
-    TRAJECTORY,
-    EvaluationRequest,
-    EvaluationResponse,
-    ModificationRequest,
-    ModificationResponse,
-    Obstacles,
-    Report,
-    Tag,
-    TrajectoryRequest,
-    TrajectoryResponse,
-    many,
-    one,
-)
 from parcours_ramp.planner.path_modification import CROSSOVER, OPERATORS
 from parcours_ramp.planner.route import HYBRID, TRANSITION
 
@@ -49,19 +28,19 @@ LATEST_SAMPLE = 10**9  # No evaluation looks at a later sample: three years
 CYCLES: tuple[Literal["planning", "sensing", "control"], ...] = ("planning", "sensing", "control")
 
 _PAYLOADS: dict[str, type | tuple[type, ...]] = {
-    "odometry": Obstacles,
-    "obstacles": Obstacles,
-    "trajectory_request": TrajectoryRequest,
-    "trajectory_response": TrajectoryResponse,
-    "evaluation_request": EvaluationRequest,
-    "evaluation_response": EvaluationResponse,
-    "modification_request": ModificationRequest,
-    "modification_response": ModificationResponse,
+    "odometry": messages.Obstacles,
+    "obstacles": messages.Obstacles,
+    "trajectory_request": messages.TrajectoryRequest,
+    "trajectory_response": messages.TrajectoryResponse,
+    "evaluation_request": messages.EvaluationRequest,
+    "evaluation_response": messages.EvaluationResponse,
+    "modification_request": messages.ModificationRequest,
+    "modification_response": messages.ModificationResponse,
     "best_trajectory": np.void,
-    "update": Report,
+    "update": messages.Report,
     "imminent_collision": bool,
     "speed_limit": float,
-    "pose": Report,
+    "pose": messages.Report,
     "cmd_vel": tuple,
 }
 
@@ -82,10 +61,10 @@ def flatten(channel: str, payload: object) -> tuple[object, ...]:
     if not isinstance(payload, _PAYLOADS[channel]):
         raise refusal(channel, "", f"carries {_PAYLOADS[channel]}, but {payload!r:.60} was given", "wire-payload")
     match payload:
-        case Obstacles(stamp, states):
-            return int(stamp), _flat(channel, "states", OBSTACLE_STATE, states)
-        case Report(stamp, pose, lag):
-            return int(stamp), *_flat(channel, "x", POSE, pose).tolist(), int(lag)
+        case messages.Obstacles(stamp, states):
+            return int(stamp), _flat(channel, "states", messages.OBSTACLE_STATE, states)
+        case messages.Report(stamp, pose, lag):
+            return int(stamp), *_flat(channel, "x", messages.POSE, pose).tolist(), int(lag)
         case bool():
             return (payload,)
         case float():
@@ -94,7 +73,7 @@ def flatten(channel: str, payload: object) -> tuple[object, ...]:
             return TRAJECTORIES.flatten(channel, payload)
         case (float(v), float(w)):
             return float(v), float(w)
-        case (Tag(cycle, serial), *_) if cycle in CYCLES:
+        case (messages.Tag(cycle, serial), *_) if cycle in CYCLES:
             return CYCLES.index(cycle), int(serial), *_flat_conversation(channel, payload)
     raise refusal(channel, "", f"its parts must be of their types, but {payload!r:.60} was given", "wire-payload")
 
@@ -102,15 +81,15 @@ def flatten(channel: str, payload: object) -> tuple[object, ...]:
 def _flat_conversation(channel: str, payload: object) -> tuple[object, ...]:
     """Return the values after the tag."""
     match payload:
-        case TrajectoryRequest(_, None, None, None, Obstacles(stamp, states)):
-            nothing = *PATHS.flatten(channel, many(PATH, 0)), np.zeros(0), np.zeros(0, np.int64)
-            return True, *nothing, int(stamp), _flat(channel, "states", OBSTACLE_STATE, states)
-        case TrajectoryRequest(_, paths, starts, kinds, None):
-            asked = *PATHS.flatten(channel, paths), _flat(channel, "starts", POSE, starts), _ints(kinds)
+        case messages.TrajectoryRequest(_, None, None, None, messages.Obstacles(stamp, states)):
+            nothing = *PATHS.flatten(channel, messages.many(messages.PATH, 0)), np.zeros(0), np.zeros(0, np.int64)
+            return True, *nothing, int(stamp), _flat(channel, "states", messages.OBSTACLE_STATE, states)
+        case messages.TrajectoryRequest(_, paths, starts, kinds, None):
+            asked = *PATHS.flatten(channel, paths), _flat(channel, "starts", messages.POSE, starts), _ints(kinds)
             return False, *asked, 0, np.zeros(0)
-        case TrajectoryResponse(_, answer):
-            of_obstacles = np.ascontiguousarray(answer).itemsize == PREDICTION.itemsize
-            trajectories, predictions = many(TRAJECTORY, 0), many(PREDICTION, 0)
+        case messages.TrajectoryResponse(_, answer):
+            of_obstacles = np.ascontiguousarray(answer).itemsize == messages.PREDICTION.itemsize
+            trajectories, predictions = messages.many(messages.TRAJECTORY, 0), messages.many(messages.PREDICTION, 0)
             if of_obstacles:
                 predictions = answer
             else:
@@ -120,21 +99,21 @@ def _flat_conversation(channel: str, payload: object) -> tuple[object, ...]:
                 *TRAJECTORIES.flatten(channel, trajectories),
                 *PREDICTIONS.flatten(channel, predictions),
             )
-        case EvaluationRequest(_, trajectories, predictions, (dx, dy), heading, halted, window):
+        case messages.EvaluationRequest(_, trajectories, predictions, (dx, dy), heading, halted, window):
             begins, first, last, margin, may_leave = window or (0, 0, 0, 0.0, False)
             return (
                 *TRAJECTORIES.flatten(channel, trajectories), *PREDICTIONS.flatten(channel, predictions),
                 float(dx), float(dy), float(heading), bool(halted),
                 window is not None, int(begins), int(first), int(last), float(margin), bool(may_leave),
             )  # fmt: skip
-        case EvaluationResponse(_, feasible, fitness, t_collision):
+        case messages.EvaluationResponse(_, feasible, fitness, t_collision):
             return _ints(feasible), _floats(fitness), _floats(t_collision)
-        case ModificationRequest(_, modification):
-            paths = many(PATH, 2)
+        case messages.ModificationRequest(_, modification):
+            paths = messages.many(messages.PATH, 2)
             paths[0], paths[1] = modification.first, modification.second
             operator, direction, distance = (modification[name] for name in ("operator", "direction", "distance"))
             return int(operator), *PATHS.flatten(channel, paths), float(direction), float(distance)
-        case ModificationResponse(_, paths):
+        case messages.ModificationResponse(_, paths):
             return PATHS.flatten(channel, paths)
     raise refusal(channel, "", "it wants either paths or obstacles, but both or neither were given", "wire-payload")
 
@@ -172,12 +151,12 @@ def restore(channel: str, values: Sequence[object]) -> Any:
     given = Given(channel, FORMS[channel], values)
     if "cycle" in given:
         given.within("cycle", 0, len(CYCLES) - 1)
-        return _RESTORE[channel](given, Tag(CYCLES[given["cycle"]], given["serial"]))
+        return _RESTORE[channel](given, messages.Tag(CYCLES[given["cycle"]], given["serial"]))
     if "states" in given:
         return _obstacles(given)
     if "lag" in given:
-        pose = _records(POSE, np.array([given[field.name] for field in POSE_FIELDS]), 1)[0]
-        return Report(given["stamp"], pose, given["lag"])
+        pose = _records(messages.POSE, np.array([given[field.name] for field in POSE_FIELDS]), 1)[0]
+        return messages.Report(given["stamp"], pose, given["lag"])
     if channel == "best_trajectory":
         given.as_many("trajectory_counts", 1, "trajectory")
         return TRAJECTORIES.restore(given)[0]
@@ -186,20 +165,20 @@ def restore(channel: str, values: Sequence[object]) -> Any:
 
 
 def _records(kind: Any, numbers: NDArray[np.float64], n: int) -> Any:
-    records = many(kind, n)
+    records = messages.many(kind, n)
     np.asarray(records).view(np.float64)[:] = numbers
     return records
 
 
-def _obstacles(given: Given) -> Obstacles:
+def _obstacles(given: Given) -> messages.Obstacles:
     n = given["states"].size // STATES.width
     given.within("states", 0, MOST_OBSTACLES, n, slug="wire-counts")
-    return Obstacles(given["stamp"], _records(OBSTACLE_STATE, given["states"], n))
+    return messages.Obstacles(given["stamp"], _records(messages.OBSTACLE_STATE, given["states"], n))
 
 
 def _paths(given: Given) -> Any:
     """Return the paths, each of two knots at least."""
-    given.all_within("path_counts", 2, MAX_KNOTS, given["path_counts"], "wire-counts")
+    given.all_within("path_counts", 2, messages.MAX_KNOTS, given["path_counts"], "wire-counts")
     return PATHS.restore(given)
 
 
@@ -213,69 +192,71 @@ def _predictions(given: Given) -> Any:
     return predictions
 
 
-def _trajectory_request(given: Given, tag: Tag) -> TrajectoryRequest:
+def _trajectory_request(given: Given, tag: messages.Tag) -> messages.TrajectoryRequest:
     if given["for_obstacles"]:
         for name in ("path_counts", "starts", "kinds"):
             given.as_many(name, 0, "paths with for_obstacles")
-        return TrajectoryRequest(tag, obstacles=_obstacles(given))
+        return messages.TrajectoryRequest(tag, obstacles=_obstacles(given))
     given.within("stamp", 0, 0)
     given.as_many("states", 0, "obstacles without for_obstacles")
     paths = _paths(given)
     given.as_many("starts", len(paths), "path_counts")
     given.as_many("kinds", len(paths), "path_counts")
     given.all_within("kinds", HYBRID, TRANSITION, given["kinds"], "wire-range")
-    return TrajectoryRequest(tag, paths, _records(POSE, given["starts"], len(paths)), given["kinds"].copy())
+    return messages.TrajectoryRequest(
+        tag, paths, _records(messages.POSE, given["starts"], len(paths)), given["kinds"].copy()
+    )
 
 
-def _trajectory_response(given: Given, tag: Tag) -> TrajectoryResponse:
+def _trajectory_response(given: Given, tag: messages.Tag) -> messages.TrajectoryResponse:
     trajectories, predictions = TRAJECTORIES.restore(given), _predictions(given)
     wanted, other = (predictions, trajectories) if given["for_obstacles"] else (trajectories, predictions)
     if len(other):
         rule = f"must agree with what is sent, but is {given['for_obstacles']} and {len(other)} of the others are there"
         given.refuse("for_obstacles", rule, "wire-counts")
-    return TrajectoryResponse(tag, wanted)
+    return messages.TrajectoryResponse(tag, wanted)
 
 
-def _evaluation_request(given: Given, tag: Tag) -> EvaluationRequest:
+def _evaluation_request(given: Given, tag: messages.Tag) -> messages.EvaluationRequest:
     begins, first, last, margin, may_leave = window = tuple(
         given[f"window_{name}"] for name in ("begins", "first", "last", "margin", "may_leave")
     )
     if given["windowed"]:
         given.within("window_first", 0, LATEST_SAMPLE)
-        given.within("window_last", first, first + MAX_SAMPLES)
+        given.within("window_last", first, first + messages.MAX_SAMPLES)
     elif any(window):
         given.refuse("windowed", f"must be true with a window, but it is false with {window}", "wire-range")
-    return EvaluationRequest(
+    return messages.EvaluationRequest(
         tag, TRAJECTORIES.restore(given), _predictions(given), (given["drift_x"], given["drift_y"]), given["heading"],
         given["halted"], (begins, first, last, margin, may_leave) if given["windowed"] else None,
     )  # fmt: skip
 
 
-def _evaluation_response(given: Given, tag: Tag) -> EvaluationResponse:
+def _evaluation_response(given: Given, tag: messages.Tag) -> messages.EvaluationResponse:
     n = given["feasible"].size
-    given.within("feasible", 0, MAX_POPULATION, n, slug="wire-counts")
+    given.within("feasible", 0, messages.MAX_POPULATION, n, slug="wire-counts")
     given.as_many("fitness", n, "values of feasible")
     given.as_many("t_collision", n, "values of feasible")
-    return EvaluationResponse(tag, *(given[name].copy() for name in ("feasible", "fitness", "t_collision")))
+    return messages.EvaluationResponse(tag, *(given[name].copy() for name in ("feasible", "fitness", "t_collision")))
 
 
-def _modification_request(given: Given, tag: Tag) -> ModificationRequest:
+def _modification_request(given: Given, tag: messages.Tag) -> messages.ModificationRequest:
     given.within("operator", 0, len(OPERATORS) - 1)
     given.as_many("path_counts", 2, "paths")
     parents = 2 if given["operator"] == CROSSOVER else 1
-    given.all_within("path_counts", 2, MAX_KNOTS, given["path_counts"][:parents], "wire-counts")
-    modification, paths = one(MODIFICATION), PATHS.restore(given)
+    given.all_within("path_counts", 2, messages.MAX_KNOTS, given["path_counts"][:parents], "wire-counts")
+    modification, paths = messages.one(messages.MODIFICATION), PATHS.restore(given)
     modification.first, modification.second = paths[0], paths[1]
     for name in ("operator", "direction", "distance"):
         modification[name] = given[name]
-    return ModificationRequest(tag, modification)
+    return messages.ModificationRequest(tag, modification)
 
 
-_RESTORE: dict[str, Callable[[Given, Tag], object]] = {
+_RESTORE: dict[str, Callable[[Given, messages.Tag], object]] = {
     "trajectory_request": _trajectory_request,
     "trajectory_response": _trajectory_response,
     "evaluation_request": _evaluation_request,
     "evaluation_response": _evaluation_response,
     "modification_request": _modification_request,
-    "modification_response": lambda given, tag: ModificationResponse(tag, _paths(given)),
+    "modification_response": lambda given, tag: messages.ModificationResponse(tag, _paths(given)),
 }

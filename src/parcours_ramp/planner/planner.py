@@ -15,6 +15,7 @@ import numpy as np
 
 from parcours.kernels import Record, kernel
 from parcours.streams import start
+from parcours_ramp.planner import messages
 from parcours_ramp.planner.control_cycle import adapt, commit, entry_kind, is_at_rest
 from parcours_ramp.planner.guard import (
     GUARD_PERIOD,
@@ -24,25 +25,6 @@ from parcours_ramp.planner.guard import (
     speed_limit,
     take_report,
     window,
-)
-from parcours_ramp.planner.messages import (
-    MAX_POPULATION,
-    PATH,
-    POSE,
-    PREDICTION,
-    TRAJECTORY,
-    EvaluationRequest,
-    EvaluationResponse,
-    ModificationRequest,
-    ModificationResponse,
-    Obstacles,
-    Report,
-    Step,
-    Tag,
-    TrajectoryRequest,
-    TrajectoryResponse,
-    many,
-    one,
 )
 from parcours_ramp.planner.parameters import ORIGINAL, Parameters
 from parcours_ramp.planner.planner_state import PLANNER, begin_population
@@ -57,7 +39,7 @@ PLANNER_STREAM = np.uint64(1)  # Purpose of the random stream of this component
 _GUARDED = "guarded"
 """The channel of an obstacle list that waits behind a control cycle, and that the guard has seen already."""
 
-Message = TrajectoryResponse | EvaluationResponse | ModificationResponse
+Message = messages.TrajectoryResponse | messages.EvaluationResponse | messages.ModificationResponse
 
 
 class Planner:
@@ -83,28 +65,28 @@ class Planner:
 
     def reset(self) -> None:
         """Begin anew: a fresh population, no obstacles known, nothing under way."""
-        planner = one(PLANNER)
+        planner = messages.one(PLANNER)
         planner.goal_x, planner.goal_y = self._goal
         start(planner.stream, *self._origin)
         begin_population(planner, self._begin, self._parameters)
         planner.followed = planner.members[0].id
-        evaluate_population(planner, many(PREDICTION, 0), self._parameters)
+        evaluate_population(planner, messages.many(messages.PREDICTION, 0), self._parameters)
         self._planner = planner
         # Views of its parts, since to reach them takes longer than most kernels run.
-        self._members = [planner.members[i] for i in range(MAX_POPULATION)]
+        self._members = [planner.members[i] for i in range(messages.MAX_POPULATION)]
         self._candidate, self._switch = planner.candidate, planner.switch
         self._candidate_trajectory, self._candidate_path = planner.candidate.trajectory, planner.candidate.path
         self._moving_on, self._request, self._latest = planner.moving_on, planner.request, planner.latest
-        self._predictions = many(PREDICTION, 0)
+        self._predictions = messages.many(messages.PREDICTION, 0)
         self._serial = 0
-        self._conversation: Tag | None = None
+        self._conversation: messages.Tag | None = None
         self._waiting: deque[tuple[str, object]] = deque()
         self._next_planning = 0
         self._next_guard = GUARD_PERIOD
         self._t_halted = -1
         self._limit = np.inf
         self._reported = False
-        self._obstacles = Obstacles(0, many(POSE, 0))
+        self._obstacles = messages.Obstacles(0, messages.many(messages.POSE, 0))
         self._to_predict: list[int] = []
         self._to_try: list[Record] = []
         self._asked_population = False
@@ -122,7 +104,7 @@ class Planner:
             return None
         return min(self._next_planning, self._next_guard) if self._is_original else self._next_planning
 
-    def wake(self, now: int) -> Iterator[Step]:
+    def wake(self, now: int) -> Iterator[messages.Step]:
         """Run what is due: a control cycle first, then the published check, then a planning cycle."""
         if self._conversation is not None and self._conversation.cycle != "planning":
             return
@@ -131,15 +113,17 @@ class Planner:
         elif self._is_original and self._next_guard <= now:
             self._next_guard += GUARD_PERIOD
             self._planner.halted = 1 if is_imminent(self._planner, now, self._parameters) else 0
-            yield Step("", (("imminent_collision", bool(self._planner.halted)),))
+            yield messages.Step("", (("imminent_collision", bool(self._planner.halted)),))
         elif self._next_planning <= now:
             yield from self.plan()
 
-    def handle(self, channel: str | None, message: object, now: int) -> Iterator[Step]:
+    def handle(self, channel: str | None, message: object, now: int) -> Iterator[messages.Step]:
         """Take up an obstacle list, a report, or the answer of a service."""
         if channel is None:
-            yield Step("p14")
-        elif isinstance(message, TrajectoryResponse | EvaluationResponse | ModificationResponse):
+            yield messages.Step("p14")
+        elif isinstance(
+            message, messages.TrajectoryResponse | messages.EvaluationResponse | messages.ModificationResponse
+        ):
             if message.tag == self._conversation:
                 yield from self._go_on(message, now)
                 while self._conversation is None and self._waiting:
@@ -149,12 +133,12 @@ class Planner:
         else:
             yield from self._take(channel, message, now)
 
-    def _take(self, channel: str, message: object, now: int) -> Iterator[Step]:
-        if isinstance(message, Report):
+    def _take(self, channel: str, message: object, now: int) -> Iterator[messages.Step]:
+        if isinstance(message, messages.Report):
             take_report(self._planner, message.pose, message.stamp, message.lag)
             self._reported = True
             self._hasten_if_at_rest()
-        elif isinstance(message, Obstacles):
+        elif isinstance(message, messages.Obstacles):
             if not self._is_original and channel != _GUARDED:
                 yield from self._guard(message, now)
                 if self._planner.t_next < message.stamp:  # it was due before these obstacles came
@@ -171,7 +155,7 @@ class Planner:
         if is_at_rest(planner):
             planner.t_next = min(int(planner.t_next), self._next_planning)
 
-    def _go_on(self, message: Message, now: int) -> Iterator[Step]:
+    def _go_on(self, message: Message, now: int) -> Iterator[messages.Step]:
         cycle = message.tag.cycle
         if cycle == "sensing":
             yield from self._sense_on(message, now)
@@ -180,63 +164,63 @@ class Planner:
         else:
             yield from self._control_on(message, now)
 
-    def _open(self, cycle: str) -> Tag:
+    def _open(self, cycle: str) -> messages.Tag:
         self._serial += 1
-        self._conversation = Tag(cycle, self._serial)  # type: ignore[arg-type]
+        self._conversation = messages.Tag(cycle, self._serial)  # type: ignore[arg-type]
         return self._conversation
 
     def _evaluation(self, trajectories: Record) -> tuple[str, object]:
         planner = self._planner
         drift = (float(planner.drift_x), float(planner.drift_y))
         assert self._conversation is not None
-        request = EvaluationRequest(
+        request = messages.EvaluationRequest(
             self._conversation, trajectories, self._predictions, drift, float(self._latest.heading),
             bool(planner.halted),
         )  # fmt: skip
         return "evaluation_request", request
 
     def _evaluation_of_moving_on(self, now: int) -> tuple[str, object]:
-        moving_on = many(TRAJECTORY, 1)
+        moving_on = messages.many(messages.TRAJECTORY, 1)
         copy_trajectory(moving_on[0], self._moving_on, 0)
         channel, request = self._evaluation(moving_on)
-        assert isinstance(request, EvaluationRequest)
+        assert isinstance(request, messages.EvaluationRequest)
         return channel, request._replace(window=window(self._planner, now, self._parameters))
 
     def _population(self) -> Record:
-        trajectories = many(TRAJECTORY, int(self._planner.n))
+        trajectories = messages.many(messages.TRAJECTORY, int(self._planner.n))
         _copy_members(self._planner, trajectories)
         return trajectories
 
-    def _note_population(self, response: EvaluationResponse) -> None:
+    def _note_population(self, response: messages.EvaluationResponse) -> None:
         if len(response.feasible) != self._planner.n:  # what is compiled checks no bounds
             raise ValueError(f"{len(response.feasible)} evaluations of {self._planner.n} trajectories")
         _note_members(self._planner, response.feasible, response.fitness, response.t_collision)
 
     # Sensing cycle, p15 .. p19. p16 and p18 are answers with more left to ask; the last ones lead to p17 and p19.
 
-    def _begin_sensing(self, obstacles: Obstacles) -> Iterator[Step]:
+    def _begin_sensing(self, obstacles: messages.Obstacles) -> Iterator[messages.Step]:
         self._obstacles = obstacles
         self._to_predict = list(range(len(obstacles.states)))
-        self._predictions = many(PREDICTION, len(obstacles.states))
+        self._predictions = messages.many(messages.PREDICTION, len(obstacles.states))
         tag = self._open("sensing")
-        yield Step("p15", self._prediction_request(tag))
+        yield messages.Step("p15", self._prediction_request(tag))
 
-    def _guard(self, obstacles: Obstacles, now: int) -> Iterator[Step]:
+    def _guard(self, obstacles: messages.Obstacles, now: int) -> Iterator[messages.Step]:
         """Run the guard as the task of its own that it is, before anything else: limit the speed, and perhaps halt."""
         limit = float(speed_limit(self._planner, obstacles.states, self._parameters))
         if limit != self._limit:
             self._limit = limit
-            yield Step("", (("speed_limit", limit),))
+            yield messages.Step("", (("speed_limit", limit),))
         if not self._planner.halted and self._sees_imminent_collision(obstacles, now):
-            yield Step("", (("imminent_collision", True),))
+            yield messages.Step("", (("imminent_collision", True),))
         if self._reported:
             self._reported = False
             self._hasten_if_at_rest()
 
-    def _sees_imminent_collision(self, obstacles: Obstacles, now: int) -> bool:
+    def _sees_imminent_collision(self, obstacles: messages.Obstacles, now: int) -> bool:
         """Look at the motion under way with fresh predictions."""
         planner = self._planner
-        fresh = many(PREDICTION, len(obstacles.states))
+        fresh = messages.many(messages.PREDICTION, len(obstacles.states))
         for k in range(len(fresh)):
             predict(obstacles.states[k], obstacles.stamp, fresh[k])
         planner.knows_obstacles = 1
@@ -248,58 +232,58 @@ class Planner:
         self._t_halted = now
         return True
 
-    def _prediction_request(self, tag: Tag) -> tuple[tuple[str, object], ...]:
+    def _prediction_request(self, tag: messages.Tag) -> tuple[tuple[str, object], ...]:
         if not self._to_predict:
             return ()
         k = self._to_predict[0]
-        only = Obstacles(self._obstacles.stamp, self._obstacles.states[k : k + 1])
-        return (("trajectory_request", TrajectoryRequest(tag, obstacles=only)),)
+        only = messages.Obstacles(self._obstacles.stamp, self._obstacles.states[k : k + 1])
+        return (("trajectory_request", messages.TrajectoryRequest(tag, obstacles=only)),)
 
-    def _sense_on(self, message: Message, now: int) -> Iterator[Step]:
+    def _sense_on(self, message: Message, now: int) -> Iterator[messages.Step]:
         planner = self._planner
-        if isinstance(message, TrajectoryResponse):
+        if isinstance(message, messages.TrajectoryResponse):
             self._predictions[self._to_predict.pop(0)] = message.trajectories[0]
             if self._to_predict:
-                yield Step("p16", self._prediction_request(message.tag))
+                yield messages.Step("p16", self._prediction_request(message.tag))
                 return
             note_nearest(planner, self._obstacles.states)
             self._asked_population = evaluates_population(planner, now)
             asked = (
                 self._evaluation(self._population()) if self._asked_population else self._evaluation_of_moving_on(now)
             )
-            yield Step("p17", (asked,))
-        elif isinstance(message, EvaluationResponse):
+            yield messages.Step("p17", (asked,))
+        elif isinstance(message, messages.EvaluationResponse):
             if not self._asked_population:
                 note_moving_on(planner, float(message.t_collision[0]))
             else:
                 self._note_population(message)
                 self._asked_population = False
                 if self._moving_on.n > 0:
-                    yield Step("p18", (self._evaluation_of_moving_on(now),))
+                    yield messages.Step("p18", (self._evaluation_of_moving_on(now),))
                     return
             self._conversation = None
-            yield Step("p19")
+            yield messages.Step("p19")
 
     # Planning cycle: p11, then answers that the model does not name.
 
-    def plan(self) -> Iterator[Step]:
+    def plan(self) -> Iterator[messages.Step]:
         """Begin a planning cycle."""
         self._next_planning += self._period
         compensate(self._planner, self._parameters)
         choose_modification(self._planner)
-        request = ModificationRequest(self._open("planning"), self._request.copy())
-        yield Step("p11", (("modification_request", request),))
+        request = messages.ModificationRequest(self._open("planning"), self._request.copy())
+        yield messages.Step("p11", (("modification_request", request),))
 
-    def _plan_on(self, message: Message) -> Iterator[Step]:
+    def _plan_on(self, message: Message) -> Iterator[messages.Step]:
         planner = self._planner
-        if isinstance(message, ModificationResponse):
+        if isinstance(message, messages.ModificationResponse):
             self._to_try = [message.paths[k] for k in range(len(message.paths))]
-        elif isinstance(message, TrajectoryResponse):
+        elif isinstance(message, messages.TrajectoryResponse):
             copy_trajectory(self._candidate_trajectory, message.trajectories[0], 0)
             take_up(planner, self._candidate_trajectory, planner.switch_kind)
-            trajectories = many(TRAJECTORY, 1)
+            trajectories = messages.many(messages.TRAJECTORY, 1)
             copy_trajectory(trajectories[0], self._candidate_trajectory, 0)
-            yield Step("", (self._evaluation(trajectories),))
+            yield messages.Step("", (self._evaluation(trajectories),))
             return
         else:
             _note(self._candidate_trajectory, message, 0)
@@ -309,47 +293,51 @@ class Planner:
             return
         set_candidate(planner, self._to_try.pop(0))
         request = self._way_request(message.tag, [(self._candidate_path, int(planner.switch_kind))])
-        yield Step("", (("trajectory_request", request),))
+        yield messages.Step("", (("trajectory_request", request),))
 
-    def _way_request(self, tag: Tag, ways: list[tuple[Record, int]]) -> TrajectoryRequest:
-        paths, starts, kinds = many(PATH, len(ways)), many(POSE, len(ways)), np.zeros(len(ways), np.int64)
+    def _way_request(self, tag: messages.Tag, ways: list[tuple[Record, int]]) -> messages.TrajectoryRequest:
+        paths, starts, kinds = (
+            messages.many(messages.PATH, len(ways)),
+            messages.many(messages.POSE, len(ways)),
+            np.zeros(len(ways), np.int64),
+        )
         for k, (path, kind) in enumerate(ways):
             switch_path(path, self._switch, kind, paths[k])
             starts[k], kinds[k] = self._switch, kind
-        return TrajectoryRequest(tag, paths, starts, kinds)
+        return messages.TrajectoryRequest(tag, paths, starts, kinds)
 
     # Control cycle: p12 and p13, then the adaptation of the population.
 
-    def control(self, now: int) -> Iterator[Step]:
+    def control(self, now: int) -> Iterator[messages.Step]:
         """Run a control cycle at `now` [ns], as far as it needs no answer."""
         self._best = commit(self._planner, now, self._parameters)
-        best = one(TRAJECTORY)
+        best = messages.one(messages.TRAJECTORY)
         copy_trajectory(best, self._moving_on, 0)
         self._open("control")
         self._asked_members = []
-        yield Step("p12", (("best_trajectory", best),))
-        yield Step("p13")
-        yield Step("", (self._evaluation_of_moving_on(now),))
+        yield messages.Step("p12", (("best_trajectory", best),))
+        yield messages.Step("p13")
+        yield messages.Step("", (self._evaluation_of_moving_on(now),))
 
-    def _control_on(self, message: Message, now: int) -> Iterator[Step]:
+    def _control_on(self, message: Message, now: int) -> Iterator[messages.Step]:
         planner = self._planner
-        if isinstance(message, TrajectoryResponse):
+        if isinstance(message, messages.TrajectoryResponse):
             for k, i in enumerate(self._asked_members):
                 member = self._members[i]
                 copy_trajectory(member.trajectory, message.trajectories[k], 0)
                 take_up(planner, member.trajectory, entry_kind(planner, i, self._best))
                 member.trajectory.id = member.id
             self._asked_population = True
-            yield Step("", (self._evaluation(self._population()),))
-        elif self._asked_population and isinstance(message, EvaluationResponse):
+            yield messages.Step("", (self._evaluation(self._population()),))
+        elif self._asked_population and isinstance(message, messages.EvaluationResponse):
             self._asked_population = False
             self._note_population(message)
             self._conversation = None
-        elif isinstance(message, EvaluationResponse):
+        elif isinstance(message, messages.EvaluationResponse):
             note_moving_on(planner, float(message.t_collision[0]))
             yield from self._adapt(message.tag, now)
 
-    def _adapt(self, tag: Tag, now: int) -> Iterator[Step]:
+    def _adapt(self, tag: messages.Tag, now: int) -> Iterator[messages.Step]:
         """Decide on the halt and ask for the members' new trajectories."""
         planner, parameters = self._planner, self._parameters
         was_halted = bool(planner.halted)
@@ -364,10 +352,10 @@ class Planner:
         else:
             self._asked_population = True
             sends.append(self._evaluation(self._population()))
-        yield Step("", tuple(sends))
+        yield messages.Step("", tuple(sends))
 
 
-def _note(trajectory: Record, response: EvaluationResponse, k: int) -> None:
+def _note(trajectory: Record, response: messages.EvaluationResponse, k: int) -> None:
     """Write the k-th evaluation of the response into the trajectory."""
     trajectory["feasible"] = response.feasible[k]
     trajectory["fitness"] = response.fitness[k]
