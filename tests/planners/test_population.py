@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
@@ -14,7 +13,7 @@ from parcours.kernels import Record
 from parcours.streams import start
 from parcours_ramp.planner.messages import MEMBER, many, one
 from parcours_ramp.planner.parameters import Parameters, guarded
-from parcours_ramp.planner.population import SAME_PATH, SECTORS, best_member, is_same, offer, sector
+from parcours_ramp.planner.population import SAME_PATH, best_member, is_same, offer
 
 
 def member(direction: float, fitness: float, feasible: bool = True, id: int = 0) -> Record:
@@ -123,26 +122,3 @@ def test_an_infeasible_candidate_finds_its_victim_in_most_draws() -> None:
         offered(five((True, True, False, True, False)), 5, member(2.5, 0.001, False), seed) for seed in range(50)
     ]
     assert sum(bool(gone) for gone in members) >= 45
-
-
-@pytest.mark.parametrize("angle", np.linspace(-math.pi + 0.01, math.pi - 0.01, 25))
-def test_a_sector_is_a_twelfth_of_the_circle(angle: float) -> None:
-    path = member(float(angle), 0.1).path
-    assert sector(path) == int(math.degrees(angle) % 360.0 // 30.0)
-    assert 0 <= sector(path) < SECTORS
-
-
-@given(st.integers(0, 2**32))
-def test_with_sub_populations_the_last_of_its_sector_stays(seed: int) -> None:
-    # Members 1, 2 share a sector, 4, 5 another; 3 is alone in its own and the least fit of all.
-    parts = [(0.1, 0.05), (0.3, 0.04), (1.8, 0.001), (-1.1, 0.06), (-1.2, 0.09)]
-    members = population(*(member(direction, fitness) for direction, fitness in parts))
-    apart = guarded(sectors=True)
-    gone = offered(members, 5, member(3.0, 0.5), seed, apart)
-    assert gone
-    assert gone <= {1, 2, 4}
-
-
-def test_without_a_replaceable_member_the_search_gives_up() -> None:
-    members = population(*(member(k * math.pi / 3 + 0.1, 0.1) for k in range(5)))
-    assert offered(members, 5, member(1.9, 0.5), 0, guarded(sectors=True)) == set()

@@ -19,8 +19,8 @@ from parcours.run.hosts.component_faults import Death
 from parcours.run.trace import Trace
 from parcours_navigation.facts import NEVER, TRACK
 from parcours_ramp.faults.catalogue import COMPONENTS, SERVICES, TOPICS, Entry, catalogue, chosen
-from parcours_ramp.faults.judging import SHOWN, CaseOutcome, Outcome, judge
-from parcours_ramp.faults.reporting import fault_document, fault_page, tables
+from parcours_ramp.faults.judging import CaseOutcome, Outcome, judge
+from parcours_ramp.faults.reporting import SHOWN, fault_document, fault_page, tables
 from parcours_ramp.faults.running import (
     SOON,
     FaultResults,

@@ -35,8 +35,8 @@ def command(cases: int, delayed: int | None, seed: int, workers: int, out: Path)
     from parcours.report.terminal import print_page
     from parcours.report.writing import write_text
     from parcours.run.atomic import require_writable
+    from parcours.study.components.results import component_results, write_components
     from parcours_navigation.study.campaigns import junit_results
-    from parcours_ramp.components.results import component_results, write_components
     from parcours_ramp.paper.report import compose
     from parcours_ramp.paper.results import Interrupted, run_paper
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
-from functools import partial
+from typing import Any
 
 from parcours.kernels import Record
 from parcours.run.port import Component, Step
@@ -57,34 +57,14 @@ def _prepared(planner: Planner, parameters: Parameters) -> Planner:
     return planner
 
 
-def _tick(component: Component, now: int, *, due: bool) -> Iterator[Step]:
-    assert isinstance(component, Control)
-    return component.tick(REPORT_PERIOD if due else 0)
-
-
-def _execute(component: Component, now: int, *, later: int) -> Iterator[Step]:
-    assert isinstance(component, Control)
-    return component.execute(now + later)
-
-
-def _plan(component: Component, now: int) -> Iterator[Step]:
-    assert isinstance(component, Planner)
-    return component.plan()
-
-
-def _control(component: Component, now: int) -> Iterator[Step]:
-    assert isinstance(component, Planner)
-    return component.control(now)
-
-
-PROMPTS: Mapping[str, Callable[[Component, int], Iterator[Step]]] = {
+PROMPTS: Mapping[str, Callable[[Any, int], Iterator[Step]]] = {
     "poll": lambda component, now: component.handle(None, None, now),
-    "plan": _plan,
-    "control": _control,
-    "tick": partial(_tick, due=False),
-    "tick, interval over": partial(_tick, due=True),
-    "execute": partial(_execute, later=COMMAND_PERIOD),
-    "execute, all done": partial(_execute, later=_LONG_AFTER),
+    "plan": lambda planner, now: planner.plan(),
+    "control": lambda planner, now: planner.control(now),
+    "tick": lambda control, now: control.tick(0),
+    "tick, interval over": lambda control, now: control.tick(REPORT_PERIOD),
+    "execute": lambda control, now: control.execute(now + COMMAND_PERIOD),
+    "execute, all done": lambda control, now: control.execute(now + _LONG_AFTER),
 }  # What moves an idle component where the model lets no message do so: (component, time [ns]) -> steps
 
 PROMPT_OF: Mapping[str, str] = {

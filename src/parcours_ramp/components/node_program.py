@@ -13,35 +13,18 @@ from parcours_ramp.planner.wire import FORMS, Field, decode, encode, flatten, re
 
 
 class RampCodec:
-    """RAMP's payloads <-> bytes."""
+    """RAMP's payloads <-> bytes, and <-> the fields of their flat forms."""
 
-    def encode(self, channel: str, payload: object) -> bytes:
-        """Return the payload's bytes."""
-        return encode(channel, payload)
-
-    def decode(self, channel: str, data: bytes) -> object:
-        """Return the payload. Raises BadRequest, naming channel and field, if these bytes are none."""
-        return decode(channel, data)
+    encode, decode = staticmethod(encode), staticmethod(decode)
+    flatten, restore = staticmethod(flatten), staticmethod(restore)
 
     def form(self, channel: str) -> Sequence[Field] | None:
         """Return the fields of the channel's messages; None if RAMP has no such channel."""
         return FORMS.get(channel)
 
-    def flatten(self, channel: str, payload: object) -> tuple[object, ...]:
-        """Return the payload's fields."""
-        return flatten(channel, payload)
-
-    def restore(self, channel: str, values: Sequence[object]) -> object:
-        """Return the payload of these fields. Raises BadRequest if they make none."""
-        return restore(channel, values)
-
 
 class ComponentNodeProgram(RampCodec):
-    """One of RAMP's components, for component cases.
-
-    Args:
-        component: its name in the model.
-    """
+    """One of RAMP's components, for component cases."""
 
     def __init__(self, component: str) -> None:
         self._component = component

@@ -199,13 +199,9 @@ def run_timing(
     """Yield the timing results of the paper's sample of cases, interaction path by interaction path.
 
     Args:
-        sample: as `paper_sample` gives it.
         execute: by default in this process on the wall clock.
         repeats: of each case, beside `warm_up` that are not counted.
         percent: so many of all repeats must stay within the limit [%].
-        warm_up: repeats before those that count.
-        listener: given each repeat that counts.
-        progress: given the number of cases measured so far.
     """
     return executing.run_timing(
         _exercise(), timing_groups(sample, percent), execute or here(WallClock), repeats=repeats, warm_up=warm_up,

@@ -30,8 +30,6 @@ class Supply:
 
     Args:
         case: values motion [m/s], path [knots], trajectory [m], population [members], odometry [m].
-        parameters: of RAMP.
-        begin: the robot's POSE.
         event: what is drawn for it does not depend on when others draw.
     """
 

@@ -50,20 +50,6 @@ class Outcome(StrEnum):
     """The case could not be computed to its end: an endless loop, or a process that hung or died."""
 
 
-SHOWN = (
-    Outcome.NOT_STRUCK,
-    Outcome.NO_EFFECT,
-    Outcome.RECOVERS,
-    Outcome.LATE,
-    Outcome.STOPS,
-    Outcome.STUCK,
-    Outcome.COASTS,
-    Outcome.RUNS_ON,
-    Outcome.CONTACT,
-    Outcome.ERROR,
-)  # All outcomes, from welcome to unwelcome
-
-
 @dataclass(frozen=True, slots=True)
 class CaseOutcome:
     """What became of one case under one fault.
@@ -106,7 +92,6 @@ def judge(ran: ComponentRun, begins: int, until: int | None, t_goal_without: int
     """Return what became of a case.
 
     Args:
-        ran: the case, run to its end.
         begins: when the fault begins [ns].
         until: when it is over [ns]; None is never.
         t_goal_without: when the robot reaches the goal without the fault [ns].

@@ -4,11 +4,16 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import asdict
 
 from parcours.report.pieces import Cell, Column, Finding, Findings, Marked, Page, Section, Table, Tone
+from parcours.study.faults import FaultReport, FaultRequest
+from parcours.study.protocol import Progress
 from parcours_navigation.facts import NEVER
-from parcours_ramp.faults.judging import SHOWN, Outcome
-from parcours_ramp.faults.running import WATCHED, FaultResults, Row
+from parcours_ramp.faults.catalogue import chosen
+from parcours_ramp.faults.judging import Outcome
+from parcours_ramp.faults.running import WATCHED, FaultResults, Row, run_faults
+from parcours_ramp.system.study import SCHEDULES
 
 _TONE: dict[Outcome, Tone] = {
     Outcome.NOT_STRUCK: "neutral",
@@ -22,6 +27,8 @@ _TONE: dict[Outcome, Tone] = {
     Outcome.CONTACT: "worst",
     Outcome.ERROR: "bad",
 }
+
+SHOWN = tuple(_TONE)  # all outcomes, from welcome to unwelcome
 
 _GROUPS = {"topics": "Messages sent unasked", "services": "Questions and answers", "components": "Components"}
 
@@ -144,20 +151,23 @@ def fault_document(results: FaultResults) -> dict[str, object]:
                 "fault": str(row.entry),
                 "outcomes": {outcome.value: n for outcome in SHOWN if (n := count([row])[outcome])},
                 "runs": [
-                    {
-                        "case": one.number,
-                        "outcome": one.outcome.value,
-                        "t_goal": one.t_goal,
-                        "t_contact": one.t_contact,
-                        "rest_after": one.rest_after,
-                        "strikes": one.strikes,
-                        "deaths": [{"time": d.time, "component": d.component, "why": d.why} for d in one.deaths],
-                        "silent": list(one.silent),
-                        "detail": one.detail,
-                    }
+                    {"case": one.number, **{k: v for k, v in asdict(one).items() if k != "number"}}
                     for one in row.outcomes
                 ],
             }
             for row in results.rows
         ],
     }
+
+
+def strike(request: FaultRequest, progress: Progress) -> FaultReport:
+    """Run the catalogue, or what is chosen of it, under the schedule that the user named, or under both."""
+    entries = chosen(request.only)
+    lines = tuple(map(str, entries))
+    if request.listed:
+        return FaultReport(lines)
+    schedules = (str(request.settings["schedule"]),) if "schedule" in request.given else SCHEDULES
+    results = run_faults(
+        entries, schedules, seed=request.seed, cases=request.cases, workers=request.workers, progress=progress
+    )
+    return FaultReport(lines, tables(results), fault_page(results), fault_document(results))

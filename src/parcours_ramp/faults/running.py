@@ -78,8 +78,6 @@ def good_cases(
     """Return the first cases that go well under every study, and for each study when they reach the goal [ns].
 
     Args:
-        studies: alike but for the schedule.
-        count: how many are wanted.
         most: no more cases than so many are looked at, rounded up to a block of 64.
 
     Raises BadRequest: there are not so many.
@@ -123,11 +121,7 @@ def run_faults(
     """Return what becomes of RAMP under each entry.
 
     Args:
-        entries: of the catalogue.
-        schedules: each "original" or "guarded".
         seed: of the cases and of what befalls which message.
-        cases: how many cases an entry, at least 1.
-        workers: how many processes.
         patience: a case that takes longer is an error [s of wall clock].
         progress: told what is done, how much of it, and of how much.
 

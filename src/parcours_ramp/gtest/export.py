@@ -60,7 +60,6 @@ def export_gtest(suite: Path, folder: Path, repeats: Repeats | None = None) -> E
     Of the paper's 60 timing cases those are written that the suite holds; three rows of data hold all.
 
     Args:
-        suite: cases of ramp_components.
         folder: made if need be; files of the same names are replaced.
         repeats: of the timing cases; 60, of which 95 % must stay within the limit, if not given.
 

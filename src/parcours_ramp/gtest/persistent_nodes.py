@@ -39,9 +39,7 @@ class StandingNodes:
     """The nodes of RAMP's components; as a context manager: they end, and leave the graph, at its end.
 
     Args:
-        master: http://host:port.
         node_program: dotted name `module:callable` of what runs in the nodes; RAMP's own components if not given.
-        say: told what happens, in words.
 
     Raises HostFailure: there is no ROS 1 or no master, or a name is taken on its graph.
     """

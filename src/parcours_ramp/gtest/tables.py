@@ -101,12 +101,6 @@ def identifier(case: Case) -> str:
 def tables(cases: Sequence[GtestCase], channels: Sequence[GtestChannel], components: Sequence[str], title: str) -> str:
     """Return the program's text: tables of channels, events, messages and cases, then the tests.
 
-    Args:
-        cases: at least one.
-        channels: of the model.
-        components: those whose nodes are under test.
-        title: what the cases are, for the first line.
-
     Raises BadRequest: there is no case, two tests would have one name, or a case names a channel that is none.
     """
     names = _names(cases)
@@ -208,7 +202,6 @@ def folder_texts(program: str, words: dict[str, str]) -> dict[str, str]:
     """Return the program, the headers it includes, and how it is built: name of the file -> its text.
 
     Args:
-        program: what `tables` returned.
         words: what stands for @NAME@ in the README; letters, digits and _ . , - are left of it.
 
     >>> sorted(folder_texts("", dict.fromkeys(("FUNCTIONAL", "TIMING", "SUITE", "SHA256"), "?")))[:3]

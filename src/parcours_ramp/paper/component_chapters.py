@@ -8,9 +8,10 @@ from parcours.abtc import case_counts, combinations, interaction_paths, notation
 from parcours.model import Channel, Machine, to_svg
 from parcours.paths import internal_paths, measure
 from parcours.report.pieces import Cell, Code, Column, Figure, Marked, Piece, Section, Table, Text
+from parcours.report.timings import timing_figure, timing_table
+from parcours.study.components.results import ComponentResults, component_results, timed
 from parcours.verdict.judgement import Verdict
 from parcours_ramp.components.model import component_model
-from parcours_ramp.components.results import component_results, timing_pieces
 from parcours_ramp.components.study import CASES_OF_PAPER, interaction_cases, interaction_of
 from parcours_ramp.paper.results import PaperResults
 
@@ -163,7 +164,7 @@ def results_chapter(results: PaperResults) -> Section:
     )  # fmt: skip
     failed = [run for run in results.functional if not run.judgement.passed]
     measured = component_results("here", (), results.timing)
-    pieces: list[Piece] = [functional, *timing_pieces(measured, "in one process, the tester's own work included")]
+    pieces: list[Piece] = [functional, *_timing_pieces(measured, "in one process, the tester's own work included")]
     if failed:
         pieces.append(Text("\n\n".join(f"{run.case.id}: {run.judgement.why}" for run in failed[:10])))
     lead = "What the executed component cases showed, beside the paper's Table VIII."
@@ -173,3 +174,20 @@ def results_chapter(results: PaperResults) -> Section:
 def _passed(counts: Counter[Verdict]) -> Cell:
     n, good = sum(counts.values()), counts[Verdict.PASS]
     return Marked(f"{good} of {n}", "good" if good == n else "bad")
+
+
+def _timing_pieces(given: ComponentResults, where: str) -> tuple[Table | Figure, ...]:
+    """Return Fig. 5a and the table beside it; nothing if no case was timed."""
+    cases = timed(given)
+    if not cases:
+        return ()
+    note = (
+        f"Durations on the wall clock of this machine, {where}, from the first to the last event of an abstract case; "
+        "warm-up left out. A verdict that noise could have made is refused. Durations are measured anew in every run, "
+        "so they are not part of the results that repeat bit for bit."
+    )
+    noise = max(given.noise.values(), key=lambda one: one.p99)
+    return (
+        timing_table("Table VIII, performance", cases, note),
+        timing_figure("Fig. 5a: duration of component interactions", cases, noise),
+    )

@@ -44,12 +44,8 @@ def run_paper(
     """Run the whole study and return its results.
 
     Args:
-        folder: where campaigns keep their shards.
         cases: system cases per schedule; the published protocol runs its 905, or as many if fewer are asked for.
-        seed: campaign seed.
-        workers: processes for the campaigns.
         delayed: cases a point of the curves over delays; DELAYED_CASES, or `cases` if that is fewer, if None.
-        progress: called as the work goes on.
 
     Raises Interrupted: Ctrl-C during a campaign.
     """

@@ -13,6 +13,17 @@ from parcours_ramp.planner.messages import NO_COLLISION, SAMPLE
 from parcours_ramp.planner.prediction import predicted_place
 from parcours_ramp.planner.trajectory import place_at, place_from
 
+# Collision search, leg by leg:
+#
+#       robot, a leg of nearly uniform motion         * obstacle, uniform over the same time
+#       o--------------o--------------o               |
+#                 ^                                   v        reach = robot radius + obstacle radius + margin
+#                 |<------- near ------->|                     least = reach + all that uniform motion leaves out
+#
+#   near >= least   nothing can happen on this leg; slack = near - least is remembered: as long as predictions have
+#                   changed by less than the least slack, the next evaluation need not look at all
+#   near <  least   |--------[enters ~~~~~~~~ leaves]------|   only samples between these instants are looked at, and
+#                                 i --> i+k                    there k samples are skipped that the gap needs to close
 _UNSEEN = 0.003
 """What legs leave out at joints of the way between two samples [m]: up to 2.4 m/s2 over a sample.
 
@@ -207,15 +218,9 @@ def first_collision(
     nearer than reach and all that was left out could matter, are samples looked at.
 
     Args:
-        trajectory: TRAJECTORY.
         begins: when its first sample is reached [ns].
-        first: first sample to look at.
-        last: one past the last sample to look at.
         x0: where the trajectory is at the first [m].
-        y0: ...
-        prediction: PREDICTION of one obstacle.
         drift_x: what to add to the trajectory's positions [m].
-        drift_y: ...
         reach: distance between centres that counts as collision [m].
         may_leave: whether a robot that begins within reach may go as long as it leaves.
         v_max: the robot's top speed [m/s].

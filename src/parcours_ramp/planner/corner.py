@@ -25,7 +25,6 @@ def corner_rate(turn: float, parameters: Record) -> float:
 
     Args:
         turn: turning angle phi [rad], either sign.
-        parameters: PARAMETERS; w_max and alpha_max are read.
     """
     s, c = sin_cos(0.5 * abs(turn))
     if c <= 1e-6:

@@ -179,11 +179,7 @@ class Layout:
     """How an array of records travels: as counts (its first part), columns and counted parts.
 
     Args:
-        kind: the records' layout.
-        ends: the least and greatest of each count.
-        most: no more records are taken.
         counts: how many entries a record has in its counted parts.
-        parts: everything else.
     """
 
     def __init__(self, kind: Any, ends: Sequence[tuple[int, int]], most: int, counts: Part,

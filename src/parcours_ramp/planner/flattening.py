@@ -49,7 +49,6 @@ def flatten(channel: str, payload: object) -> tuple[object, ...]:
     """Return the values of a payload in the order of its channel's form; arrays have one dimension and are contiguous.
 
     Args:
-        channel: one of FORMS.
         payload: what RAMP's components send there (see `messages`).
 
     Raises BadRequest: the channel is unknown, or the payload is none of its.
@@ -139,7 +138,6 @@ def restore(channel: str, values: Sequence[object]) -> Any:
     """Return the payload that `flatten` made the values from; nothing of it lies in the memory of the values.
 
     Args:
-        channel: one of FORMS.
         values: in the order of the form; arrays may be other sequences of numbers, too.
 
     Raises BadRequest: the channel is unknown, or the values are not what its form says.

@@ -19,6 +19,16 @@ from parcours_ramp.planner.parameters import GUARDED, ORIGINAL
 from parcours_ramp.planner.prediction import STANDS
 from parcours_ramp.planner.trajectory_evaluation import passes_up_to, remember
 
+# What the imminent-collision check looks at (===), at the instant `now` between two control cycles:
+#
+#               t_control             now                  t_next            end of moving_on
+#   plan        |---------------------+--------------------|-----------------|
+#   original    |==========================================|                    robot as if it set out at `now` from the
+#               times of the robot count from t_control, those of the            start of the plan: misaligned, and
+#               obstacles from `now`                                             nothing beyond t_next is seen
+#   guarded                           |====================|== _AHEAD ==|       guard_horizon from now on, robot and
+#                                     obstacles at the same instants            obstacles at the same instants; beyond
+#                                                                               it only slack is gathered
 GUARD_PERIOD = 50_000_000  # Time between two imminent-collision checks of the published planner [ns] (20 Hz)
 CREEP = 0.02  # Beside a standing obstacle the robot is never made slower than this [m/s], or it would never pass
 _SAFE_CLEARANCE = 0.4  # Farther obstacles do not matter [m]
@@ -57,11 +67,8 @@ def evaluate_moving_on(planner: Record, predictions: Record, now: int, changed: 
     The guarded schedule looks farther ahead than it needs to, and remembers the slack that it found.
 
     Args:
-        planner: PLANNER.
-        predictions: array of PREDICTION.
         now: [ns].
         changed: by how much these predictions have changed in this epoch [m]; inf if that is unknown.
-        parameters: PARAMETERS.
     """
     if planner.moving_on.n == 0 or len(predictions) == 0 or is_known_to_pass(planner, now, changed, parameters):
         note_moving_on(planner, NO_COLLISION)
@@ -135,11 +142,6 @@ def speed_limit(planner: Record, obstacles: Record, parameters: Record) -> float
 
     An obstacle that stands may set out: it matters if the robot heads towards it and is where it may drive, ahead of it
     and not aside. One that moves may stop: it matters if the robot would drive into the place where it is.
-
-    Args:
-        planner: PLANNER with the robot's latest state.
-        obstacles: array of OBSTACLE_STATE as just sensed.
-        parameters: PARAMETERS.
     """
     limit = np.inf
     robot = planner.latest

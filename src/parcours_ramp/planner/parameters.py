@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NoReturn
 
 import numpy as np
 
@@ -32,7 +32,6 @@ class Parameters:
     robot_radius: float = 0.125  # [m]; with obstacles of 0.1 m contact is at [S]'s 0.225 m between centres
     arena: float = 2.0  # knot points are drawn in [0, arena]^2 [m] [P]
     population: int = 5  # members [S]
-    sectors: bool = False  # keep sub-populations by direction [S]: off
     planning_rate: float = 20.0  # [Hz] [S]
     control_period: float = 2.0  # longest time between two control cycles [s] [S]
     halted_period: float = 0.2  # ... while halted, guarded schedule only [s]; ours
@@ -61,48 +60,29 @@ class Parameters:
         return record
 
     def __post_init__(self) -> None:
-        for field in dataclasses.fields(self):
-            value = getattr(self, field.name)
-            if field.name in ("schedule", "population", "sectors"):
-                continue
+        for name in _REALS:
+            value = getattr(self, name)
             is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
-            least = 0.0 if field.name in _MAY_BE_ZERO else 1e-9
+            least = 0.0 if name in _MAY_BE_ZERO else 1e-9
             if not is_number or not least <= value < 1e9:
-                rule = "at least 0" if least == 0.0 else "above 0"
-                raise BadRequest(
-                    f"RAMP parameter {field.name!r}",
-                    f"it must be a number {rule} and below 1e9, but is {value!r}",
-                    slug="parameter-range",
-                )
+                self._refuse(name, f"it must be a number {'above' if least else 'at least'} 0 and below 1e9")
         if type(self.population) is not int or not 1 <= self.population <= 16:
-            raise BadRequest(
-                "RAMP parameter 'population'",
-                f"it must be a whole number from 1 to 16, but is {self.population!r}",
-                slug="parameter-range",
-            )
+            self._refuse("population", "it must be a whole number from 1 to 16")
         if self.arena < 2.0 * self.robot_radius:
-            raise BadRequest(
-                "RAMP parameter 'arena'",
-                f"the robot must fit in, whose diameter is {2.0 * self.robot_radius} m, but it is {self.arena} m",
-                slug="parameter-range",
-            )
+            self._refuse("arena", f"the robot must fit in, whose diameter is {2.0 * self.robot_radius} m")
         if self.schedule not in ("original", "guarded"):
-            raise BadRequest(
-                "RAMP parameter 'schedule'",
-                f"it must be 'original' or 'guarded', but is {self.schedule!r}",
-                slug="parameter-range",
-            )
+            self._refuse("schedule", "it must be 'original' or 'guarded'")
+
+    def _refuse(self, name: str, rule: str) -> NoReturn:
+        where = f"RAMP parameter {name!r}"
+        raise BadRequest(where, f"{rule}, but is {getattr(self, name)!r}", slug="parameter-range")
 
 
 _MAY_BE_ZERO = ("knot_distance", "operator_distance", "plan_margin", "guard_margin", "guard_horizon")
+_REALS = tuple(field.name for field in dataclasses.fields(Parameters) if field.name not in ("schedule", "population"))
 
-
-def _kind(name: str) -> str:
-    return "i8" if name in ("schedule", "population", "sectors") else "f8"
-
-
-PARAMETERS = np.dtype([(field.name, _kind(field.name)) for field in dataclasses.fields(Parameters)])
-"""The layout of `Parameters.record()`."""
+# The layout of `Parameters.record()`.
+PARAMETERS = np.dtype([(each.name, "f8" if each.name in _REALS else "i8") for each in dataclasses.fields(Parameters)])
 
 
 def original(**changes: float) -> Parameters:

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 
 from parcours.elementary import PI, atan2, sin_cos
 from parcours.kernels import Record, kernel
 from parcours.streams import Stream, below, between, start
-from parcours_ramp.planner.messages import PATH, ModificationRequest, ModificationResponse, Step, copy_path, many
+from parcours_ramp.planner.messages import PATH, ModificationRequest, ModificationResponse, copy_path, many
 from parcours_ramp.planner.parameters import Parameters
 from parcours_ramp.planner.service import Service
 
@@ -140,15 +138,10 @@ def modify(request: Record, parameters: Record, stream: Stream, one: Record, two
 
 
 class PathModification(Service):
-    """The component: answers modification requests from a random stream of its own.
-
-    Args:
-        parameters: RAMP's parameters.
-        seed: campaign seed.
-        case: case number.
-    """
+    """The component: answers modification requests from a random stream of its own."""
 
     name = "PathModification"
+    machine, takes, gives = 5, ModificationRequest, "modification_response"
 
     def __init__(self, parameters: Parameters, seed: int, case: int) -> None:
         self._parameters = parameters.record()
@@ -160,14 +153,8 @@ class PathModification(Service):
         """Begin the random stream again."""
         start(self._stream, *self._origin)
 
-    def handle(self, channel: str | None, message: object, now: int) -> Iterator[Step]:
-        """Answer a ModificationRequest with a ModificationResponse."""
-        if not isinstance(message, ModificationRequest):
-            yield Step("p51")
-            return
-        yield Step("p52")
+    def answer(self, request: ModificationRequest) -> ModificationResponse:
+        """Return the modified paths."""
         made = many(PATH, 2)
-        n = modify(message.modification, self._parameters, self._stream, made[0], made[1])
-        yield Step("p53")
-        yield Step("p54", (("modification_response", ModificationResponse(message.tag, made[:n])),))
-        yield Step("p55")
+        n = modify(request.modification, self._parameters, self._stream, made[0], made[1])
+        return ModificationResponse(request.tag, made[:n])

@@ -46,9 +46,6 @@ class Planner:
     """The component.
 
     Args:
-        parameters: RAMP's parameters; the schedule among them.
-        seed: campaign seed.
-        case: case number.
         begin: POSE the robot begins in; it may move already.
         goal: (x, y) [m].
     """

@@ -102,12 +102,7 @@ def planning_cycle(
     """Run one whole planning cycle; return how many candidates it made.
 
     Args:
-        planner: PLANNER.
         predictions: array of PREDICTION, one an obstacle (of length 0 before the first message).
-        parameters: PARAMETERS.
-        modifier: random stream of Path Modification.
-        one: PATH, working memory.
-        two: PATH, working memory.
     """
     compensate(planner, parameters)
     choose_modification(planner)

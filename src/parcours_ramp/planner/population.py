@@ -1,20 +1,17 @@
 """The population: members side by side, which of them is best, and whether a candidate may join.
 
 Admission follows the published rules, with bounded search for a victim: never the best, never a feasible one for an
-infeasible candidate, and with sub-populations never the last of its sector. The worse of two drawn victims goes.
+infeasible candidate. The worse of two drawn victims goes.
 """
 
 from __future__ import annotations
 
-from parcours.elementary import PI, TAU, atan2
 from parcours.kernels import Record, kernel
 from parcours.streams import Stream, below
 from parcours_ramp.planner.messages import copy_path
 from parcours_ramp.planner.trajectory import copy_trajectory
 
 SAME_PATH = 0.05  # Paths whose knots all lie within this distance of each other are one [m]
-
-SECTORS = 12
 
 
 @kernel
@@ -39,24 +36,6 @@ def is_same(one: Record, two: Record) -> bool:
 
 
 @kernel
-def sector(path: Record) -> int:
-    """Return the sector, 0 .. 11, in which the path's first segment leads."""
-    angle = atan2(path.y[1] - path.y[0], path.x[1] - path.x[0])
-    if angle < 0.0:
-        angle += TAU
-    return int(min(angle / (PI / 6.0), SECTORS - 1.0))
-
-
-@kernel
-def _sector_size(members: Record, n: int, which: int) -> int:
-    count = 0
-    for i in range(n):
-        if sector(members[i].path) == which:
-            count += 1
-    return count
-
-
-@kernel
 def copy_member(target: Record, source: Record) -> None:
     """Make the target MEMBER equal to the source."""
     target.id = source.id
@@ -70,10 +49,6 @@ def offer(members: Record, n: int, candidate: Record, parameters: Record, stream
 
     Args:
         members: array of MEMBER, the first n of which are in use.
-        n: members in use.
-        candidate: the MEMBER that wants to join, evaluated.
-        parameters: PARAMETERS; population and sectors are read.
-        stream: random stream for the choice of the victim.
     """
     any_infeasible = False
     for i in range(n):
@@ -91,8 +66,6 @@ def offer(members: Record, n: int, candidate: Record, parameters: Record, stream
     for _ in range(4 * n):
         i = below(stream, n)
         if i == best or (candidate.trajectory.feasible == 0 and members[i].trajectory.feasible == 1):
-            continue
-        if parameters.sectors and _sector_size(members, n, sector(members[i].path)) < 2:
             continue
         if victim < 0 or members[i].trajectory.fitness < members[victim].trajectory.fitness:
             victim = i

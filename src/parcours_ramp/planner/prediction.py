@@ -39,8 +39,6 @@ def change_of(prediction: Record, obstacle: Record, stamp: int) -> float:
     As long as the obstacle does as predicted, only the end of its way becomes known: that much it goes on [m].
 
     Args:
-        prediction: PREDICTION made earlier.
-        obstacle: OBSTACLE_STATE as sensed now.
         stamp: when that was sensed [ns].
     """
     pose = obstacle.pose

@@ -15,6 +15,17 @@ from parcours_ramp.planner.corner import corner_length, corner_rate, corner_spee
 from parcours_ramp.planner.messages import CURVE, LINE, MAX_PIECES, TURN, fields
 from parcours_ramp.planner.profile import reachable
 
+# A hybrid way: turn on the spot if the robot stands, then straight - rounded corner - straight.
+#
+#      knot k+1 o
+#               |                     leg       how far before and after knot k the curve begins and ends:
+#               | after - leg                   (1 - lambda) of the shorter segment, chosen by `_round_corner`
+#               |
+#               C2                    C0, C1 = knot k, C2 are the control points of a quadratic Bezier curve
+#             . |
+#         .     | leg                 pieces    LINE (before - leg), CURVE (C0 to C2), LINE (after - leg), ...
+#   o-----C0----C1 knot k
+#    before-leg  leg                  A turn that needs a stop ends the generated part: `_estimate_rest` takes over.
 HYBRID, HOLONOMIC, TRANSITION = 0, 1, 2
 """Kinds of way: round the first corner; stop and rotate at each; a switch (rounds the joint and one corner more)."""
 
@@ -263,8 +274,6 @@ def plan_route(path: Record, pose: Record, kind: int, parameters: Record, route:
     Args:
         path: PATH; its first knot is the start, which `pose` replaces.
         pose: POSE the robot has there; its speed need not be zero.
-        kind: HYBRID, HOLONOMIC or TRANSITION.
-        parameters: PARAMETERS with the limits.
         route: ROUTE that is filled. `smooth` is 0 if the robot must stop and rotate before it can follow the way.
     """
     for attempt in range(4):

@@ -78,10 +78,7 @@ def earliest_switch(planner: Record, followed: int, latest: int, parameters: Rec
     """Return the sample of moving_on at which the next control cycle comes; the latest if nothing can switch earlier.
 
     Args:
-        planner: PLANNER with anchor and moving_on set.
         followed: the index of the member that moving_on comes from, which needs no switch.
-        latest: the sample at which the anchor is.
-        parameters: PARAMETERS.
     """
     earliest = latest
     for i in range(planner.n):

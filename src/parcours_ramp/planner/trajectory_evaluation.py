@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 
 from parcours.elementary import PI, wrap
 from parcours.kernels import Record, kernel
 from parcours_ramp.planner.collision import collision_time, earliest_collision
-from parcours_ramp.planner.messages import NO_COLLISION, SAMPLE, EvaluationRequest, EvaluationResponse, Step
+from parcours_ramp.planner.messages import NO_COLLISION, SAMPLE, EvaluationRequest, EvaluationResponse
 from parcours_ramp.planner.parameters import GUARDED, Parameters
 from parcours_ramp.planner.service import Service
 
@@ -65,15 +63,11 @@ def evaluate(
     of the way at the estimated speeds. Infeasible ones come after all feasible ones, by time to collision.
 
     Args:
-        trajectory: TRAJECTORY; `begins` says when.
-        predictions: array of PREDICTION.
         epoch: a number that changes whenever an obstacle does what was not predicted; 0 if unknown.
         changed: by how much predictions have changed since, at most [m].
         drift_x: correction of planned towards measured position [m].
-        drift_y: ...
         heading: the robot's heading now [rad].
         halted: whether the robot is stopped for imminent collision; then orientation costs nothing.
-        parameters: PARAMETERS.
     """
     t = _first_meeting(trajectory, predictions, epoch, changed, drift_x, drift_y, parameters)
     angle = abs(wrap(trajectory.first_heading - heading))
@@ -97,22 +91,13 @@ class TrajectoryEvaluation(Service):
     """The component: answers evaluation requests, one at a time, and keeps nothing in between."""
 
     name = "TrajectoryEvaluation"
+    machine, takes, gives = 3, EvaluationRequest, "evaluation_response"
 
     def __init__(self, parameters: Parameters) -> None:
         self._parameters = parameters.record()
 
-    def handle(self, channel: str | None, message: object, now: int) -> Iterator[Step]:
-        """Answer an EvaluationRequest with an EvaluationResponse."""
-        if not isinstance(message, EvaluationRequest):
-            yield Step("p31")
-            return
-        yield Step("p32")
-        response = self._answer(message)
-        yield Step("p33")
-        yield Step("p34", (("evaluation_response", response),))
-        yield Step("p35")
-
-    def _answer(self, request: EvaluationRequest) -> EvaluationResponse:
+    def answer(self, request: EvaluationRequest) -> EvaluationResponse:
+        """Return what `evaluate` finds, or the collision time within the window alone."""
         trajectories, predictions = request.trajectories.copy(), request.predictions
         drift_x, drift_y = request.drift
         for k in range(len(trajectories)):

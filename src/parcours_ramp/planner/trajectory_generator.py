@@ -2,18 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 from parcours.kernels import Record, kernel
-from parcours_ramp.planner.messages import (
-    PREDICTION,
-    TRAJECTORY,
-    Step,
-    TrajectoryRequest,
-    TrajectoryResponse,
-    many,
-    one,
-)
+from parcours_ramp.planner.messages import PREDICTION, TRAJECTORY, TrajectoryRequest, TrajectoryResponse, many, one
 from parcours_ramp.planner.parameters import Parameters
 from parcours_ramp.planner.prediction import predict
 from parcours_ramp.planner.route import ROUTE, plan_route
@@ -32,33 +22,22 @@ class TrajectoryGenerator(Service):
     """The component: answers trajectory requests, one at a time."""
 
     name = "TrajectoryGenerator"
+    machine, takes, gives = 2, TrajectoryRequest, "trajectory_response"
 
     def __init__(self, parameters: Parameters) -> None:
         self._parameters = parameters.record()
         self._route = one(ROUTE)
 
-    def handle(self, channel: str | None, message: object, now: int) -> Iterator[Step]:
-        """Answer a TrajectoryRequest with a TrajectoryResponse."""
-        if not isinstance(message, TrajectoryRequest):
-            yield Step("p21")
-            return
-        yield Step("p22")
-        response = TrajectoryResponse(message.tag, self._answer(message))
-        yield Step("p23")
-        yield Step("p24", (("trajectory_response", response),))
-        yield Step("p25")
-
-    def _answer(self, request: TrajectoryRequest) -> Record:
+    def answer(self, request: TrajectoryRequest) -> TrajectoryResponse:
+        """Return the predictions of obstacles, or the trajectories of paths."""
         if request.obstacles is not None:
             states = request.obstacles.states
             predictions = many(PREDICTION, len(states))
             for k in range(len(states)):
                 predict(states[k], request.obstacles.stamp, predictions[k])
-            return predictions
+            return TrajectoryResponse(request.tag, predictions)
         trajectories = many(TRAJECTORY, len(request.paths))
         for k in range(len(request.paths)):
-            generate(
-                request.paths[k], request.starts[k], int(request.kinds[k]), self._parameters, self._route,
-                trajectories[k],
-            )  # fmt: skip
-        return trajectories
+            kind = int(request.kinds[k])
+            generate(request.paths[k], request.starts[k], kind, self._parameters, self._route, trajectories[k])
+        return TrajectoryResponse(request.tag, trajectories)

@@ -57,7 +57,6 @@ def decode(channel: str, data: bytes) -> Any:
     """Return the payload that `encode` made the bytes from.
 
     Args:
-        channel: on which the bytes were received.
         data: from anybody; whatever they are, nothing but BadRequest is raised.
 
     Raises BadRequest: the bytes are no message of this channel, or hold what no component can be given.

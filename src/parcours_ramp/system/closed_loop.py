@@ -20,10 +20,9 @@ from parcours_ramp.planner.guard import GUARD_PERIOD
 from parcours_ramp.planner.parameters import GUARDED, ORIGINAL
 from parcours_ramp.planner.planner_state import begin_population
 from parcours_ramp.planner.sensing_cycle import evaluate_population
-from parcours_ramp.system.mailbox import FAR, clear, take
-from parcours_ramp.system.observing import SENSING_PERIOD, freeze, watch
 from parcours_ramp.system.planner_thread import decide, guard, think
 from parcours_ramp.system.ramp_facts import TRANSITIONS
+from parcours_ramp.system.workspace import FAR, SENSING_PERIOD, clear, freeze, take, watch
 
 Floats = NDArray[np.float64]
 
@@ -67,14 +66,9 @@ def run_case(
     Args:
         number: case number; seeds its random streams together with `setting.seed`.
         obstacles: array of OBSTACLE with the case's data; shape (n_obstacles,).
-        setting: SETTING.
-        parameters: PARAMETERS.
-        latencies: LATENCIES.
-        work: WORKSPACE.
         seen: array of OBSTACLE_STATE, working memory; shape (n_obstacles,).
         predictions: array of PREDICTION, working memory; shape (n_obstacles,).
         guarded: array of PREDICTION, working memory of the guard; shape (n_obstacles,).
-        facts: FACTS.
         track: array of TRACK that receives one entry a command until it is full; shape (n,).
         places: receives where the obstacles were at these entries [m]; shape (n, n_obstacles, 2).
         radii: receives the obstacles' radii [m]; shape (n_obstacles,).

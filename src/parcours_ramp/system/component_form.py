@@ -30,13 +30,12 @@ from parcours_ramp.planner.control import COMMAND_PERIOD, REPORT_PERIOD, Control
 from parcours_ramp.planner.messages import OBSTACLE_STATE, POSE, Obstacles, Report, Step, many, one
 from parcours_ramp.planner.path_modification import PathModification
 from parcours_ramp.planner.planner import Planner
-from parcours_ramp.planner.sensing import Sensing
+from parcours_ramp.planner.service import Sensing
 from parcours_ramp.planner.trajectory_evaluation import TrajectoryEvaluation
 from parcours_ramp.planner.trajectory_generator import TrajectoryGenerator
-from parcours_ramp.system.observing import SENSING_PERIOD, freeze, watch
 from parcours_ramp.system.ramp_facts import FACTS, TRANSITIONS
 from parcours_ramp.system.study import SystemStudy
-from parcours_ramp.system.workspace import WORKSPACE
+from parcours_ramp.system.workspace import SENSING_PERIOD, WORKSPACE, freeze, watch
 
 _COLUMNS = len(TRACK.names or ())
 _STRETCH = 500_000_000  # So long [ns] the host runs on before it is asked whether the case has ended
@@ -46,8 +45,6 @@ class World:
     """The world as a component: sends what the sensors see, and drives the robot as commanded.
 
     Args:
-        world: WORLD with robot and goal set.
-        obstacles: array of OBSTACLE.
         before: called with the time [ns] before the world goes on to it.
     """
 
@@ -114,11 +111,7 @@ def system_links() -> tuple[Link, ...]:
 
 
 class Witness:
-    """A component that takes part in nothing, and keeps the facts of the case: after every command, and at its end.
-
-    Args:
-        setting: SETTING.
-    """
+    """A component that takes part in nothing, and keeps the facts of the case: after every command, and at its end."""
 
     name = "Witness"
 

@@ -135,7 +135,7 @@ class RampSystem:
 
     def faults(self, request: FaultRequest, progress: Progress) -> FaultReport:
         """Strike RAMP's channels and components; under both schedules if none is named."""
-        from parcours_ramp.faults.door import strike
+        from parcours_ramp.faults.reporting import strike
 
         return strike(request, progress)
 

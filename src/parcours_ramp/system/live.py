@@ -53,11 +53,7 @@ class Told(TypedDict):
 
 
 class SystemNodeProgram(RampCodec):
-    """One of RAMP's components, for system cases.
-
-    Args:
-        component_name: in the model.
-    """
+    """One of RAMP's components, for system cases."""
 
     def __init__(self, component_name: str) -> None:
         self._component = component_name
@@ -81,10 +77,6 @@ class SystemNodeProgram(RampCodec):
 
 class Observer:
     """Follows robot and obstacles whenever the world is about to go on, and sees the case end.
-
-    Args:
-        study: the case is of.
-        number: of the case.
 
     Attributes:
         world: the component whom it follows.
@@ -147,11 +139,8 @@ def run_live(
 
     Args:
         study: its latencies are not applied: they are whatever they are.
-        number: of the case.
         transport: started, with a node for each of `COMPONENTS`; stays open, its nodes at rest.
         codec: of the transport's messages; MessagePack's if not given.
-        faults: what befalls messages and nodes.
-        listener: told of each event as soon as it is known.
 
     Raises:
         BadRequest: a fault names what RAMP does not have.
@@ -173,13 +162,7 @@ def run_live(
 
 
 def rerun(study: SystemStudy, number: int, trace: Trace) -> LiveRun:
-    """Return a run made anew from its trace: the same world, driven by the commands that reached it when they did.
-
-    Args:
-        study: of the case.
-        number: of the case.
-        trace: with payloads.
-    """
+    """Return a run made anew from its trace: the same world, driven by the commands that reached it when they did."""
     observer = Observer(study, number)
     deaths = {event.component: event.text.removeprefix(DIED) for event in trace.events
               if event.kind == "note" and event.text.startswith(DIED)}  # fmt: skip

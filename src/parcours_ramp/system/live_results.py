@@ -57,10 +57,7 @@ class LiveLog:
 
     Args:
         folder: made if it is not there; what is in it of the same study goes on.
-        study: of the cases.
-        host: that runs them.
         record: the format of recordings; None for none.
-        faults: on purpose.
 
     Raises:
         BadRequest: the folder cannot be written to.

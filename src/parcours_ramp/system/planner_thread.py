@@ -22,9 +22,17 @@ from parcours_ramp.planner.parameters import GUARDED, ORIGINAL
 from parcours_ramp.planner.planning_cycle import compensate, planning_cycle
 from parcours_ramp.planner.prediction import predict
 from parcours_ramp.planner.sensing_cycle import changes_of, sensing_cycle
-from parcours_ramp.system.mailbox import FAR, post
 from parcours_ramp.system.ramp_facts import TRANSITIONS
+from parcours_ramp.system.workspace import FAR, post
 
+# Who runs when (time runs to the right; #: busy for a drawn duration; its effects hold from its start):
+#
+#   planner thread  [plan ###]........[sense ##][control ####][plan ###]........[report][sense ##] ...
+#                   ^ 1/20 s, or longer if late ^              ^ woken: pending callbacks first, oldest first
+#   sensing         |    o         o         o         o       20 Hz: one obstacle message; a newer one replaces it
+#   guard           |    g         g         g         g       guarded: at once, on each message, beside the thread
+#                                  \--> halt, speed limit ------> mailbox, transport later, to control
+#   control         c    c    c    c    c    c    c    c       20 Hz: a command to the robot; 30 Hz: a report
 _INDEX = {name: i for i, name in enumerate(TRANSITIONS)}
 _P11, _P12, _P13, _P15, _P16, _P17, _P18, _P19, _P21, _P31, _P51 = (
     _INDEX[name] for name in ("p11", "p12", "p13", "p15", "p16", "p17", "p18", "p19", "p21", "p31", "p51")

@@ -159,9 +159,6 @@ def system_study(
     """Return the study of the paper for one schedule.
 
     Args:
-        schedule: "original" or "guarded".
-        seed: campaign seed.
-        protocol: which family of cases.
         radius: of the robot [m].
         obstacle_radius: [m].
 

@@ -1,14 +1,29 @@
-"""What the compiled run of a system case is given and works in: arrays with a documented layout."""
+"""What the compiled run of a system case is given and works in, messages to control on their way, and what is noted."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from parcours.kernels import Record, kernel
+from parcours_navigation.arena.observing import freeze_world
 from parcours_navigation.arena.world import WORLD
-from parcours_ramp.planner.control import CONTROL
+from parcours_ramp.planner.control import COMMAND_PERIOD, CONTROL
 from parcours_ramp.planner.messages import PATH, POSE, fields
 from parcours_ramp.planner.planner_state import PLANNER
-from parcours_ramp.system.mailbox import MAILBOX
+
+SENSING_PERIOD = 50_000_000  # Time between two obstacle messages [ns] (20 Hz)
+ROOM = 128  # Messages that can be on their way at once: those of 6 s at 20 Hz
+FAR = 1 << 62  # The time of what will not happen [ns]
+
+MAILBOX = np.dtype(
+    [
+        ("n", "i8"),  # messages on their way
+        ("first", "i8"),  # where the oldest is
+        ("next", "i8"),  # when it is due [ns]; FAR if there is none
+        ("due", "i8", (ROOM,)),
+        ("value", "f8", (ROOM,)),
+    ]
+)  # A channel that keeps the order of its messages
 
 SETTING = np.dtype(
     [
@@ -45,3 +60,61 @@ WORKSPACE = np.dtype(
         *fields("i8", "t_moving t_halted"),  # when the robot last moved, and when the guard last halted it [ns]
     ]
 )  # Working memory of one run
+
+
+@kernel
+def clear(box: Record) -> None:
+    """Forget all messages."""
+    box.n = box.first = 0
+    box.next = FAR
+
+
+@kernel
+def post(box: Record, due: int, value: float) -> None:
+    """Send a value that arrives at `due` [ns], or with the one before if that comes later.
+
+    A full box replaces its newest message.
+    """
+    if box.n == ROOM:
+        box.n -= 1
+    if box.n > 0:
+        due = max(due, box.due[(box.first + box.n - 1) % ROOM])
+    box.due[(box.first + box.n) % ROOM] = due
+    box.value[(box.first + box.n) % ROOM] = value
+    box.n += 1
+    box.next = box.due[box.first]
+
+
+@kernel
+def take(box: Record) -> float:
+    """Return the oldest message and take it out."""
+    value = box.value[box.first]
+    box.first = (box.first + 1) % ROOM
+    box.n -= 1
+    box.next = box.due[box.first] if box.n > 0 else FAR
+    return float(value)
+
+
+@kernel
+def watch(work: Record, now: int, facts: Record) -> None:
+    """Keep what the robot and its controller do between two commands."""
+    control, robot = work.control, work.world.robot
+    if control.halt and not work.halted_before:
+        facts.n_halts += 1
+    work.halted_before = control.halt
+    if control.halt:
+        facts.halted_time += COMMAND_PERIOD
+    if robot.v * robot.v > 1e-4:
+        work.t_moving = now
+
+
+@kernel
+def freeze(work: Record, obstacles: Record, facts: Record) -> None:
+    """Write down how a case of RAMP stands at its end."""
+    planner = work.planner
+    freeze_world(work.world, obstacles, facts)
+    facts.feasible = planner.moving_on.feasible
+    facts.time_left = planner.moving_on.duration
+    facts.halted = work.control.halt
+    facts.n_switches = planner.n_switches
+    facts.t_last_moving = work.t_moving
