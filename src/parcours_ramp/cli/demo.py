@@ -14,11 +14,9 @@ from parcours.cli.options import seed, workers
     "--cases", type=click.IntRange(1, 1_000_000), default=905, show_default=True, help="System cases per schedule."
 )
 @click.option(
-    "--delayed",
-    type=click.IntRange(1, 1_000_000),
-    show_default="300, or --cases if fewer",
+    "--delayed", type=click.IntRange(1, 1_000_000), show_default="300, or --cases if fewer",
     help="Cases a point of the curves over added delays.",
-)
+)  # fmt: skip
 @seed
 @workers
 @click.option(

@@ -34,12 +34,7 @@ CASES_OF_PAPER = {"ITP1": 8, "ITP2": 8, "ITP3": 8, "ITP4": 12, "ITP5": 9, "ITP6"
 """Executable cases per interaction test path (Table VIII), for function and for time each."""
 
 LIMITS = {
-    "ITP1": (0.005, 0.050),
-    "ITP2": (0.005, 0.050),
-    "ITP3": (0.005, 0.050),
-    "ITP4": (0.005, 0.050),
-    "ITP5": (0.010, 0.100),
-    "ITP6": (0.010, 0.100),
+    itp: (0.010, 0.100) if itp in ("ITP5", "ITP6") else (0.005, 0.050) for itp in CASES_OF_PAPER
 }  # Least and greatest injected upper limit of each interaction test path [s] (Table VIII)
 
 REPEATS = 60

@@ -5,6 +5,8 @@ Trajectories come from a Trajectory Generator of the tester's own.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from parcours.abtc import Event
@@ -39,13 +41,13 @@ class Supply:
 
     def message(self, channel: str) -> object:
         """Return the message for a channel. Raises HostFailure if none is known."""
-        makers = {
+        makers: dict[str, Callable[[], object]] = {
             "odometry": self._obstacles,
             "obstacles": self._obstacles,
             "trajectory_request": self._trajectory_request,
-            "trajectory_response": self._trajectory_response,
+            "trajectory_response": lambda: messages.TrajectoryResponse(_SENSING, self._predictions()),
             "evaluation_request": self._evaluation_request,
-            "evaluation_response": self._evaluation_response,
+            "evaluation_response": lambda: self._evaluations(int(self._case["population"])),
             "modification_request": self._modification_request,
             "best_trajectory": self._trajectory,
         }
@@ -56,7 +58,10 @@ class Supply:
 
     def last_evaluation(self) -> messages.EvaluationResponse:
         """Return the answer that ends a sensing cycle: of the motion under way alone."""
-        return messages.EvaluationResponse(_SENSING, np.ones(1, np.int64), np.full(1, 0.1), np.full(1, 9999.0))
+        return self._evaluations(1)
+
+    def _evaluations(self, n: int) -> messages.EvaluationResponse:
+        return messages.EvaluationResponse(_SENSING, np.ones(n, np.int64), np.full(n, 0.1), np.full(n, 9999.0))
 
     def _obstacles(self) -> messages.Obstacles:
         states = messages.many(messages.OBSTACLE_STATE, _N_OBSTACLES)
@@ -96,18 +101,11 @@ class Supply:
         paths[0], starts[0] = self._path(), self._begin
         return messages.TrajectoryRequest(_SENSING, paths, starts, np.array([HYBRID]))
 
-    def _trajectory_response(self) -> messages.TrajectoryResponse:
-        return messages.TrajectoryResponse(_SENSING, self._predictions())
-
     def _evaluation_request(self) -> messages.EvaluationRequest:
         trajectories = messages.many(messages.TRAJECTORY, int(self._case["population"]))
         for k in range(len(trajectories)):
             trajectories[k] = self._trajectory()
         return messages.EvaluationRequest(_SENSING, trajectories, self._predictions(), (0.0, 0.0), 0.0, False)
-
-    def _evaluation_response(self) -> messages.EvaluationResponse:
-        n = int(self._case["population"])
-        return messages.EvaluationResponse(_SENSING, np.ones(n, np.int64), np.full(n, 0.1), np.full(n, 9999.0))
 
     def _modification_request(self) -> messages.ModificationRequest:
         modification = messages.one(messages.MODIFICATION)

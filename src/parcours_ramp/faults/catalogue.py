@@ -60,11 +60,7 @@ class Entry:
 
 @cache
 def catalogue() -> tuple[Entry, ...]:
-    """Return all entries.
-
-    >>> len(catalogue()), str(catalogue()[0])
-    (106, 'obstacles: drop 30 % from 2 s')
-    """
+    """Return all entries."""
     return tuple(_entries())
 
 
@@ -82,9 +78,6 @@ def chosen(only: str) -> tuple[Entry, ...]:
     """Return the entries whose line contains the text; all if it is empty.
 
     Raises BadRequest: there is none.
-
-    >>> [str(entry) for entry in chosen("Planner: crash")]
-    ['Planner: crash at 3 s', 'Planner: crash at 8 s']
     """
     found = tuple(entry for entry in catalogue() if only.lower() in str(entry).lower())
     if not found:

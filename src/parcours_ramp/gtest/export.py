@@ -127,13 +127,7 @@ def _test(case: Case, limit: GtestLimit | None) -> GtestCase:
 
 
 def timing_limits(cases: Sequence[Case], repeats: Repeats) -> dict[str, GtestLimit]:
-    """Return the limits of the paper's timing cases among these, by the cases' ids (Table VIII).
-
-    >>> from parcours_ramp.components.study import component_plan
-    >>> three_rows, one_row = (list(component_plan(0, rows).cases(0, 67 * rows)) for rows in (3, 1))
-    >>> len(timing_limits(three_rows, Repeats())), len(timing_limits(one_row, Repeats()))
-    (60, 43)
-    """
+    """Return the limits of the paper's timing cases among these, by the cases' ids (Table VIII)."""
     by_place = {(case.abstract, case.row): case for case in cases}
     found: dict[str, GtestLimit] = {}
     for itp, wanted in CASES_OF_PAPER.items():

@@ -78,11 +78,7 @@ class GtestCase:
 
 
 def literal(data: bytes | str) -> str:
-    r"""Return a C++ string literal of these bytes, in one or several lines.
-
-    >>> print(literal('a"; system("x'), literal("\\\n"))
-    "a\042; system(\042x" "\134\012"
-    """
+    """Return a C++ string literal of these bytes, in one or several lines."""
     given = data.encode() if isinstance(data, str) else data
     text = "".join(chr(byte) if byte in _PLAIN and byte != 10 else f"\\{byte:03o}" for byte in given)
     pieces = re.findall(rf"(?:\\[0-7]{{3}}|[^\\]){{1,{_WIDTH}}}", text) or [""]
@@ -90,11 +86,7 @@ def literal(data: bytes | str) -> str:
 
 
 def identifier(case: Case) -> str:
-    """Return the name of a case's test.
-
-    >>> identifier(Case("ramp_components", 4, "ITP4-tp11.tp41+tp42.tp11-3.0", 1, (), (), 5.0, seed=0))
-    'ITP4_tp11_tp41_tp42_tp11_3_0_row1'
-    """
+    """Return the name of a case's test."""
     return "_".join(re.findall("[A-Za-z0-9]+", case.abstract)) + f"_row{case.row}"
 
 
@@ -203,9 +195,6 @@ def folder_texts(program: str, words: dict[str, str]) -> dict[str, str]:
 
     Args:
         words: what stands for @NAME@ in the README; letters, digits and _ . , - are left of it.
-
-    >>> sorted(folder_texts("", dict.fromkeys(("FUNCTIONAL", "TIMING", "SUITE", "SHA256"), "?")))[:3]
-    ['CMakeLists.txt', 'README.md', 'cases.test']
     """
     texts = {PROGRAM: program}
     for source in (files(__package__) / "cpp").iterdir():

@@ -57,7 +57,7 @@ def _ends(results: DelayResults) -> Table:
                 pairs = results.against_none(schedule, delay, question)
                 p = f"{pairs.p_value:.2g}"
                 rows.append(
-                    (schedule, DIALS[delay], WORDS[question], _interval(rates[0]), _interval(rates[-1]),
+                    (schedule, DIALS[delay], WORDS[question], interval(rates[0]), interval(rates[-1]),
                      pairs.second_only, pairs.first_only, Marked(p, "neutral") if pairs.p_value < _CLEAR else p)
                 )  # fmt: skip
     return Table(
@@ -76,7 +76,7 @@ _CLEAR = 0.05 / (len(SCHEDULES) * len(DELAYS) * len(QUESTIONS))
 def _rates(results: DelayResults) -> Table:
     """Return every rate of the figure."""
     rows = tuple(
-        (schedule, DIALS[delay], WORDS[question], *(_interval(r) for r in results.rates(schedule, delay, question)))
+        (schedule, DIALS[delay], WORDS[question], *(interval(r) for r in results.rates(schedule, delay, question)))
         for schedule in SCHEDULES
         for delay in DELAYS
         for question in QUESTIONS
@@ -116,5 +116,6 @@ def _move(results: DelayResults, schedule: str, delay: str, question: str) -> st
     return f"{100 * none.share:.1f} % → {100 * late.share:.1f} %"
 
 
-def _interval(rate: Rate) -> str:
+def interval(rate: Rate) -> str:
+    """Return a share and its interval in per cent."""
     return f"{100 * rate.share:.1f}\u00a0[{100 * rate.low:.1f},\u00a0{100 * rate.high:.1f}]"

@@ -1,4 +1,4 @@
-"""System campaigns -> how they ended: the paper's four results and Fig. 5b, the differences, the sound outcomes."""
+"""System campaigns -> how they ended: the paper's four results and Fig. 5b, the differences, replays."""
 
 from __future__ import annotations
 
@@ -11,12 +11,15 @@ from numpy.typing import NDArray
 from parcours.report.pieces import Cell, Column, Section, Table
 from parcours.report.rates import shares
 from parcours.verdict.judgement import Verdict
-from parcours.verdict.statistics import Rate, compare_with_published, wilson
+from parcours.verdict.statistics import compare_with_published, wilson
 from parcours_navigation.cases.published import TIME_LEFT_QUANTILES, total
 from parcours_navigation.outcomes import VERDICT_OF, Outcome, Share, outcomes, published
 from parcours_navigation.outcomes import shares as slices_of
 from parcours_navigation.study.outcome_tables import OUTCOME_WORDS
+from parcours_navigation.study.still import animation
+from parcours_ramp.paper.delays_chapter import interval
 from parcours_ramp.paper.results import PaperResults
+from parcours_ramp.system.campaigns import SystemResults, replay
 
 
 def outcomes_chapter(results: PaperResults) -> Section:
@@ -38,9 +41,9 @@ def outcomes_chapter(results: PaperResults) -> Section:
     for words, field, rule in rules:
         cells: list[Cell] = [words]
         known = total(field) if field else total("halted") - total("stuck")
-        cells.append(_interval(wilson(known, total("n"))))
+        cells.append(interval(wilson(known, total("n"))))
         for facts in series.values():
-            cells.append(_interval(wilson(int(rule(facts).sum()), len(facts))))
+            cells.append(interval(wilson(int(rule(facts).sum()), len(facts))))
         ours = series["original, published protocol"]
         p = compare_with_published(int(rule(ours).sum()), len(ours), known, total("n")).p_value
         cells.append(p)
@@ -146,10 +149,6 @@ def _stuck_table(results: PaperResults) -> Table:
     )  # fmt: skip
 
 
-def _interval(rate: Rate) -> str:
-    return f"{rate.share * 100:.1f}\u00a0[{rate.low * 100:.1f},\u00a0{rate.high * 100:.1f}]"
-
-
 def _sound_table(series: dict[str, NDArray[np.void]]) -> Table:
     codes = {name: Counter(outcomes(facts).tolist()) for name, facts in series.items()}
     rows: list[tuple[Cell, ...]] = [
@@ -165,3 +164,35 @@ def _sound_table(series: dict[str, NDArray[np.void]]) -> Table:
         "An unfinished case is watched for 40 s more. Contacts that found the robot standing, or that the obstacle "
         "closed alone, are not the robot's: they are counted in the facts but fail nothing.",
     )
+
+
+def replays_chapter(results: PaperResults) -> Section:
+    """Return replays: a case that original ends stuck and guarded solves, its repair, a late stop and a success."""
+    original, guarded = results.system["table-vii", "original"], results.system["table-vii", "guarded"]
+    stuck = outcomes(original.facts) == Outcome.STUCK
+    untouched = original.facts["min_clearance"] >= 0.0
+    stopped_too_near = outcomes(original.facts) != Outcome.REACHED
+    stopped_too_near &= published(original.facts).stuck & (original.facts["n_obstacle_contacts"] == 0)
+    solved = outcomes(guarded.facts) == Outcome.REACHED
+    touched = outcomes(original.facts) == Outcome.COLLIDED
+    picks: list[tuple[str, SystemResults, int]] = []
+    first = _first(stopped_too_near & stuck & untouched & solved, stopped_too_near & solved, stuck & solved, stuck)
+    if first is not None:
+        picks += [("Stuck", original, first), ("The same case, repaired", guarded, first)]
+    late = _first(touched & solved & ~stuck, touched)
+    if late is not None:
+        picks.append(("Stopped too late", original, late))
+    success = _first((outcomes(original.facts) == Outcome.REACHED) & (original.facts["n_halts"] > 0), solved)
+    if success is not None:
+        picks.append(("Paused, then reached the goal", original, success))
+    pieces = tuple(animation(replay(campaign, number, words)) for words, campaign, number in picks)
+    lead = "Cases run again from their numbers. Orange: halted for imminent collision."
+    return Section("Replays", lead, pieces, "replays")
+
+
+def _first(*preferred: NDArray[np.bool_]) -> int | None:
+    """Return the first case of the first non-empty choice."""
+    for flags in preferred:
+        if flags.any():
+            return int(np.flatnonzero(flags)[0])
+    return None

@@ -6,8 +6,7 @@ from parcours import __version__
 from parcours.report.pieces import Page, Section, Text
 from parcours_ramp.paper.component_chapters import abstract_chapter, models_chapter, paths_chapter, results_chapter
 from parcours_ramp.paper.delays_chapter import delays_chapter
-from parcours_ramp.paper.outcomes_chapter import outcomes_chapter
-from parcours_ramp.paper.replays_chapter import replays_chapter
+from parcours_ramp.paper.outcomes_chapter import outcomes_chapter, replays_chapter
 from parcours_ramp.paper.results import PaperResults
 from parcours_ramp.paper.system_chapters import (
     coverage_chapter,

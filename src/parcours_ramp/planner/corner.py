@@ -62,11 +62,7 @@ def _doubled_area(x: float) -> float:
 
 @kernel
 def corner_length(leg: float, turn: float) -> float:
-    """Return the length of the curve [m].
-
-    >>> round(corner_length(1.0, 0.0), 9)
-    2.0
-    """
+    """Return the length of the curve [m]."""
     s, c = sin_cos(0.5 * abs(turn))
     return float(leg * c * c / s * _doubled_area(s / c)) if s > 1e-6 else 2.0 * leg
 
@@ -108,11 +104,7 @@ _RISES = 0.5 / np.sqrt(1.0 + _SLOPES * _SLOPES) / _PER_UNIT
 
 @kernel
 def slope_at(way: float) -> float:
-    """Return x with x sqrt(1 + x^2) + asinh x = way, the slope of a parabola after some way from its vertex.
-
-    >>> round(slope_at(-2.2955871493926380), 8)
-    -1.0
-    """
+    """Return x with x sqrt(1 + x^2) + asinh x = way, the slope of a parabola after some way from its vertex."""
     y = abs(way)
     if y >= _KNOWN:
         x = _slope_by_newton(y)

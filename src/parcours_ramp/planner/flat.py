@@ -165,12 +165,7 @@ class CountedPart:
 
 
 def columns(kind: Any, *names: str) -> NDArray[np.intp]:
-    """Return the columns at which the named fields of a record layout lie.
-
-    >>> from parcours_ramp.planner.messages import PATH, POSE
-    >>> columns(POSE, "heading", "x").tolist(), columns(PATH, "y").tolist()
-    ([2, 0], [9, 10, 11, 12, 13, 14, 15, 16])
-    """
+    """Return the columns at which the named fields of a record layout lie."""
     places = [(kind.fields[name][1] // _WORD, kind.fields[name][0].itemsize // _WORD) for name in names]
     return np.concatenate([np.arange(begin, begin + n) for begin, n in places])
 

@@ -52,9 +52,6 @@ def flatten(channel: str, payload: object) -> tuple[object, ...]:
         payload: what RAMP's components send there (see `messages`).
 
     Raises BadRequest: the channel is unknown, or the payload is none of its.
-
-    >>> flatten("cmd_vel", (0.25, 0.0))
-    (0.25, 0.0)
     """
     require_known(channel, tuple(FORMS), "channel of RAMP", slug="wire-channel")
     if not isinstance(payload, _PAYLOADS[channel]):
@@ -94,10 +91,8 @@ def _flat_conversation(channel: str, payload: object) -> tuple[object, ...]:
             else:
                 trajectories = answer
             return (
-                of_obstacles,
-                *TRAJECTORIES.flatten(channel, trajectories),
-                *PREDICTIONS.flatten(channel, predictions),
-            )
+                of_obstacles, *TRAJECTORIES.flatten(channel, trajectories), *PREDICTIONS.flatten(channel, predictions),
+            )  # fmt: skip
         case messages.EvaluationRequest(_, trajectories, predictions, (dx, dy), heading, halted, window):
             begins, first, last, margin, may_leave = window or (0, 0, 0, 0.0, False)
             return (
@@ -141,9 +136,6 @@ def restore(channel: str, values: Sequence[object]) -> Any:
         values: in the order of the form; arrays may be other sequences of numbers, too.
 
     Raises BadRequest: the channel is unknown, or the values are not what its form says.
-
-    >>> restore("pose", flatten("pose", Report(7, one(POSE)))).stamp
-    7
     """
     require_known(channel, tuple(FORMS), "channel of RAMP", slug="wire-channel")
     given = Given(channel, FORMS[channel], values)

@@ -78,13 +78,10 @@ PREDICTIONS = Layout(
 )  # fmt: skip
 
 PATHS = Layout(
-    PATH,
-    ((0, MAX_KNOTS),),
-    MAX_POPULATION,
-    _part(PATH, "ints", "path_counts", "n", "knot points of each path"),
+    PATH, ((0, MAX_KNOTS),), MAX_POPULATION, _part(PATH, "ints", "path_counts", "n", "knot points of each path"),
     CountedPart(Field("path_x", "floats", "all knot points of all paths [m]"), 0, _begin(PATH, "x"), MAX_KNOTS),
     CountedPart(Field("path_y", "floats", "all knot points of all paths [m]"), 0, _begin(PATH, "y"), MAX_KNOTS),
-)
+)  # fmt: skip
 
 _POSES = ("x [m]", "y [m]", "heading [rad]", "forward speed [m/s]", "yaw rate [rad/s]")
 POSE_FIELDS = tuple(Field(name, "float", doc) for name, doc in zip(POSE.names or (), _POSES, strict=True))

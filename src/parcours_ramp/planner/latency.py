@@ -32,10 +32,9 @@ class Duration:
     def __post_init__(self) -> None:
         if not 0.0 <= self.median <= self.p95 < 1e6:
             raise BadRequest(
-                "latency",
-                f"a duration needs 0 <= median <= p95 in seconds, but has {self.median} and {self.p95}",
+                "latency", f"a duration needs 0 <= median <= p95 in seconds, but has {self.median} and {self.p95}",
                 slug="latency-range",
-            )
+            )  # fmt: skip
 
     @property
     def spread(self) -> float:

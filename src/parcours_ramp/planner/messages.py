@@ -209,11 +209,7 @@ class ModificationResponse(NamedTuple):
 
 
 def one(kind: np.dtype[np.void]) -> Record:
-    """Return a fresh record of the dtype, all zero, whose fields kernels and Python read by name.
-
-    >>> float(one(POSE).x)
-    0.0
-    """
+    """Return a fresh record of the dtype, all zero, whose fields kernels and Python read by name."""
     return np.zeros(1, kind).view(np.recarray)[0]
 
 

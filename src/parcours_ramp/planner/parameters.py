@@ -48,11 +48,7 @@ class Parameters:
     reaction: float = 0.06  # from then until the robot brakes [s]; sensing period and guard, ours
 
     def record(self) -> Record:
-        """Return the parameters as a record of dtype PARAMETERS, which kernels read.
-
-        >>> float(original().record().v_max)
-        0.25
-        """
+        """Return the parameters as a record of dtype PARAMETERS, which kernels read."""
         record = np.zeros(1, PARAMETERS).view(np.recarray)[0]
         for name in PARAMETERS.names or ():
             value = getattr(self, name)

@@ -294,10 +294,9 @@ class Planner:
 
     def _way_request(self, tag: messages.Tag, ways: list[tuple[Record, int]]) -> messages.TrajectoryRequest:
         paths, starts, kinds = (
-            messages.many(messages.PATH, len(ways)),
-            messages.many(messages.POSE, len(ways)),
+            messages.many(messages.PATH, len(ways)), messages.many(messages.POSE, len(ways)),
             np.zeros(len(ways), np.int64),
-        )
+        )  # fmt: skip
         for k, (path, kind) in enumerate(ways):
             switch_path(path, self._switch, kind, paths[k])
             starts[k], kinds[k] = self._switch, kind

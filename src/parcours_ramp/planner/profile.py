@@ -13,11 +13,7 @@ from parcours.kernels import kernel
 
 @kernel
 def reachable(speed: float, length: float, acceleration: float) -> float:
-    """Return the greatest speed after `length` from `speed`, or the greatest before it that can still be slowed.
-
-    >>> reachable(0.0, 0.5, 1.0)
-    1.0
-    """
+    """Return the greatest speed after `length` from `speed`, or the greatest before it that can still be slowed."""
     return float(np.sqrt(speed * speed + 2.0 * acceleration * length))
 
 
@@ -28,9 +24,6 @@ def trapezoid(
     """Return (peak speed, time speeding up, time holding, time slowing down) over `length` from v0 to v1.
 
     The end speeds must be reachable from each other within the length and not exceed the cap.
-
-    >>> trapezoid(1.0, 0.0, 0.0, 0.5, 1.0)
-    (0.5, 0.5, 1.5, 0.5)
     """
     peak = min(cap, np.sqrt(0.5 * (v0 * v0 + v1 * v1) + acceleration * length))
     peak = max(peak, v0, v1)
@@ -44,11 +37,7 @@ def trapezoid(
 def along(
     time: float, v0: float, peak: float, up: float, hold: float, down: float, acceleration: float
 ) -> tuple[float, float]:
-    """Return (way made, speed) at `time` into the profile.
-
-    >>> along(1.0, 0.0, 0.5, 0.5, 1.5, 0.5, 1.0)
-    (0.375, 0.5)
-    """
+    """Return (way made, speed) at `time` into the profile."""
     if time < up:
         return v0 * time + 0.5 * acceleration * time * time, v0 + acceleration * time
     way = 0.5 * (v0 + peak) * up

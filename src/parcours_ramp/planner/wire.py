@@ -29,9 +29,6 @@ def encode(channel: str, payload: object) -> bytes:
     Arrays travel as raw bytes, little-endian.
 
     Raises BadRequest: the channel is unknown, or the payload is none of its.
-
-    >>> decode("speed_limit", encode("speed_limit", 0.1))
-    0.1
     """
     values = flatten(channel, payload)
     return msgspec.msgpack.encode([VERSION, channel, *(_raw(v) if isinstance(v, np.ndarray) else v for v in values)])

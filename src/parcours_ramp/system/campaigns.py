@@ -59,10 +59,9 @@ def load_campaign(folder: Path) -> SystemResults:
     campaign = store.campaign
     if campaign.study != "ramp_system" or campaign.dtype.names != FACTS.names:
         raise BadResults(
-            str(folder),
-            f"results of ramp_system are expected, but these are of {campaign.study!r}",
+            str(folder), f"results of ramp_system are expected, but these are of {campaign.study!r}",
             slug="results-study",
-        )
+        )  # fmt: skip
     try:
         given = cast(dict[str, dict[str, object]], dict(campaign.parameters))
         latencies = Latencies(

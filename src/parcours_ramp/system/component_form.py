@@ -97,6 +97,12 @@ class World:
             self._robot["command_v"], self._robot["command_w"] = message
             yield Step("")
 
+    def seen(self, now: int, halted: int) -> tuple[float, ...]:
+        """Return an entry of a TRACK at `now` [ns], then where the obstacles are."""
+        places = zip(self.obstacles["x"].tolist(), self.obstacles["y"].tolist(), strict=True)
+        pose = (self._robot[name] for name in ("x", "y", "heading", "v", "w"))
+        return (now, *pose, halted, *(value for place in places for value in place))
+
 
 def system_links() -> tuple[Link, ...]:
     """Return the links of the component model, with the world at its ends and what Table I leaves out."""
@@ -154,10 +160,7 @@ class Witness:
         watch(work, now, facts)
         if self._frozen and work["t_moving"] > facts["t_end"] + 1_000_000_000:
             facts["moved_after"] = 1
-        x, y = body.obstacles["x"].tolist(), body.obstacles["y"].tolist()
-        places = [value for place in zip(x, y, strict=True) for value in place]
-        pose = (robot[name] for name in ("x", "y", "heading", "v", "w"))
-        self._entries.append((now, *pose, halted, *places))
+        self._entries.append(body.seen(now, halted))
         self._judged += not self._frozen
         yield from ()
 
@@ -202,9 +205,14 @@ class Witness:
 
     def track(self) -> tuple[NDArray[np.void], NDArray[np.float64]]:
         """Return the robot's track, array of TRACK of shape (n,), and the obstacles' places, (n, n_obstacles, 2)."""
-        track = np.array([entry[:_COLUMNS] for entry in self._entries], TRACK)
-        places = np.array([entry[_COLUMNS:] for entry in self._entries])
-        return track, places.reshape(len(track), -1, 2)
+        return as_track(self._entries)
+
+
+def as_track(entries: list[tuple[float, ...]]) -> tuple[NDArray[np.void], NDArray[np.float64]]:
+    """Return the track and the places that `World.seen` has noted, as `Witness.track` does."""
+    track = np.array([entry[:_COLUMNS] for entry in entries], TRACK)
+    places = np.array([entry[_COLUMNS:] for entry in entries])
+    return track, places.reshape(len(track), -1, 2)
 
 
 @dataclass(frozen=True, slots=True)

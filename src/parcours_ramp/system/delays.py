@@ -54,9 +54,6 @@ def settings_of(seconds: tuple[float, ...] = SECONDS) -> tuple[Setting, ...]:
         seconds: what is added [s], increasing, from 0.
 
     Raises BadRequest: the times do not increase from 0.
-
-    >>> [(s.schedule, s.delay, s.seconds) for s in settings_of((0.0, 1.0))][:3]
-    [('original', '', 0.0), ('original', 'sensing', 1.0), ('original', 'planning', 1.0)]
     """
     if not seconds or seconds[0] != 0.0 or any(b <= a for a, b in itertools.pairwise(seconds)):
         raise BadRequest("delays", f"times must increase, from 0 s, but are {list(seconds)}", slug="delay-times")

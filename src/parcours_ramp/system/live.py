@@ -24,14 +24,14 @@ from parcours.verdict.conformance import Allowance, check
 from parcours.verdict.judgement import Judgement, Verdict
 from parcours_navigation.arena.observing import freeze_world
 from parcours_navigation.arena.world import advance
-from parcours_navigation.facts import NEVER, TRACK
+from parcours_navigation.facts import NEVER
 from parcours_navigation.outcomes import VERDICT_OF, Outcome, explain, outcomes
 from parcours_ramp.components.model import component_model
 from parcours_ramp.components.node_program import RampCodec
 from parcours_ramp.planner.control import COMMAND_PERIOD
 from parcours_ramp.planner.messages import Report
 from parcours_ramp.planner.whole import component
-from parcours_ramp.system.component_form import World, begin_world, start_pose, system_links
+from parcours_ramp.system.component_form import World, as_track, begin_world, start_pose, system_links
 from parcours_ramp.system.ramp_facts import FACTS
 from parcours_ramp.system.study import SystemStudy, system_study
 
@@ -87,7 +87,6 @@ class Observer:
         self._limit = int(study.setting().limit)
         self._number, self._next = number, 0
         self._entries: list[tuple[float, ...]] = []
-        self._places: list[list[float]] = []
         self._facts = np.zeros(1, FACTS)
         self.ended = False
         self.world = World(begin_world(study), study.cases.obstacles(np.array([number]))[0], self.look)
@@ -100,9 +99,7 @@ class Observer:
         advance(world, obstacles, min(now, self._limit))
         if now >= self._next:
             self._next = now - now % COMMAND_PERIOD + COMMAND_PERIOD
-            robot = world["robot"]
-            self._entries.append((now, *(float(robot[name]) for name in ("x", "y", "heading", "v", "w")), 0))
-            self._places.append([value for pair in zip(obstacles["x"], obstacles["y"], strict=True) for value in pair])
+            self._entries.append(self.world.seen(now, 0))
         if now >= self._limit or world["t_goal"] != NEVER:
             facts = self._facts.view(np.recarray)[0]
             freeze_world(world, obstacles, facts)
@@ -111,11 +108,30 @@ class Observer:
 
     def facts(self, trace: Trace) -> NDArray[np.void]:
         """Return the facts, array of FACTS of shape (1,), completed by what the messages say."""
-        return _facts(self._facts, self._number, trace)
+        facts = self._facts.copy()
+        facts["number"], facts["t_goal_after"], facts["t_last_moving"] = self._number, NEVER, NEVER
+        halted, since, total = False, 0, 0
+        for event in trace.events:
+            if event.kind == "take":
+                facts["n_planning_cycles"] += event.transition == "p11"
+                facts["n_control_cycles"] += event.transition == "p12"
+            if event.kind != "receive":
+                continue
+            if event.channel == "imminent_collision" and bool(event.payload) != halted:
+                halted = not halted
+                total += 0 if halted else event.time - since
+                since = event.time
+                facts["n_halts"] += halted
+            elif event.channel == "best_trajectory":
+                best: Record = event.payload
+                facts["feasible"], facts["time_left"] = int(best["feasible"]), float(best["duration"])
+        facts["halted"] = halted
+        facts["halted_time"] = total + (int(facts["t_end"][0]) - since if halted else 0)
+        return facts
 
     def track(self) -> tuple[NDArray[np.void], NDArray[np.float64]]:
         """Return the robot's track, array of TRACK of shape (n,), and the obstacles' places, (n, n_obstacles, 2)."""
-        return np.array(self._entries, TRACK), np.array(self._places, float).reshape(len(self._entries), -1, 2)
+        return as_track(self._entries)
 
 
 @dataclass(frozen=True, slots=True)
@@ -213,26 +229,3 @@ def judge_live(facts: NDArray[np.void], deaths: dict[str, str], conforms: Judgem
     if conforms.verdict is Verdict.FAIL:
         return Judgement(Verdict.FAIL, f"{conforms.why}; {why}")
     return Judgement(verdict, why)
-
-
-def _facts(seen: NDArray[np.void], number: int, trace: Trace) -> NDArray[np.void]:
-    facts = seen.copy()
-    facts["number"], facts["t_goal_after"], facts["t_last_moving"] = number, NEVER, NEVER
-    halted, since, total = False, 0, 0
-    for event in trace.events:
-        if event.kind == "take":
-            facts["n_planning_cycles"] += event.transition == "p11"
-            facts["n_control_cycles"] += event.transition == "p12"
-        if event.kind != "receive":
-            continue
-        if event.channel == "imminent_collision" and bool(event.payload) != halted:
-            halted = not halted
-            total += 0 if halted else event.time - since
-            since = event.time
-            facts["n_halts"] += halted
-        elif event.channel == "best_trajectory":
-            best: Record = event.payload
-            facts["feasible"], facts["time_left"] = int(best["feasible"]), float(best["duration"])
-    facts["halted"] = halted
-    facts["halted_time"] = total + (int(facts["t_end"][0]) - since if halted else 0)
-    return facts
