@@ -28,7 +28,7 @@ def parameters_of(case: Case, base: Parameters | None = None) -> Parameters:
 
 
 def robot_of(case: Case, parameters: Parameters) -> Record:
-    """Return the robot's POSE at the begin of a case."""
+    """Return the robot's POSE at the start of a case."""
     begin = one(POSE)
     begin.heading, begin.v = 0.7853981633974483, min(case["motion"], parameters.v_max)
     return begin

@@ -38,9 +38,9 @@ LIMITS = {
 }  # Least and greatest injected upper limit of each interaction test path [s] (Table VIII)
 
 REPEATS = 60
-"""So many repeats show with 95 % confidence that 95 % of all stay within a limit, if none of them misses it."""
+"""This number of repeats shows with 95 % confidence that 95 % of all stay within a limit, if none of them misses it."""
 
-PERCENT = 95.0  # So many of all repeats must stay within the limit [%]
+PERCENT = 95.0  # Share of all repeats that must stay within the limit [%]
 duration_of = executing.whole_case  # How long a repeat took [ns]
 
 __all__ = ["Execute", "Functional", "RampComponents", "Timing", "duration_of"]
@@ -196,7 +196,7 @@ def run_timing(
     Args:
         execute: by default in this process on the wall clock.
         repeats: of each case, beside `warm_up` that are not counted.
-        percent: so many of all repeats must stay within the limit [%].
+        percent: share of all repeats that must stay within the limit [%].
     """
     return executing.run_timing(
         _exercise(), timing_groups(sample, percent), execute or here(WallClock), repeats=repeats, warm_up=warm_up,

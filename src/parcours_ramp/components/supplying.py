@@ -24,7 +24,7 @@ from parcours_ramp.planner.trajectory_generator import generate
 _SENSING, _PLANNING = messages.Tag("sensing", 2), messages.Tag("planning", 2)
 """The first conversations of a planner whose own first was the control cycle that prepared it."""
 
-_N_OBSTACLES = 2  # So many that p16 has something left to ask for (Table II)
+_N_OBSTACLES = 2  # Two, so that p16 has something left to ask for (Table II)
 
 
 class Supply:

@@ -77,7 +77,7 @@ def _entries() -> Iterator[Entry]:
 def chosen(only: str) -> tuple[Entry, ...]:
     """Return the entries whose line contains the text; all if it is empty.
 
-    Raises BadRequest: there is none.
+    Raises BadRequest: no entry contains it.
     """
     found = tuple(entry for entry in catalogue() if only.lower() in str(entry).lower())
     if not found:

@@ -29,7 +29,7 @@ class Outcome(StrEnum):
     """What became of the robot; the first that holds, in this order, with `ERROR` before all."""
 
     NOT_STRUCK = "not struck"
-    """Nothing was sent that the fault could have befallen: the case says nothing about it."""
+    """Nothing was sent that the fault could have struck: the case says nothing about it."""
     CONTACT = "contact"
     """The robot, moving, closed the gap to an obstacle."""
     COASTS = "coasts"

@@ -27,7 +27,7 @@ from parcours_ramp.system.study import SCHEDULES, SystemStudy, system_study
 WATCHED = 39.0  # A case is watched for this long after its static second [s], twice as long as the paper's
 SOON = 25.0  # A case goes well if the goal is reached by then [s]: the rest of the time is for what a fault delays
 PATIENCE = 120.0  # A case that takes longer has hung [s of wall clock]; one takes about a second
-_BLOCK, _MOST = 64, 4096  # Cases are looked at by blocks, and no more than so many
+_BLOCK, _MOST = 64, 4096  # Cases are looked at by blocks, and at most this number of cases
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,9 +78,9 @@ def good_cases(
     """Return the first cases that go well under every study, and for each study when they reach the goal [ns].
 
     Args:
-        most: no more cases than so many are looked at, rounded up to a block of 64.
+        most: at most this number of cases is looked at, rounded up to a block of 64.
 
-    Raises BadRequest: there are not so many.
+    Raises BadRequest: there are fewer.
     """
     numbers: list[int] = []
     times: list[list[int]] = [[] for _ in studies]
@@ -121,11 +121,11 @@ def run_faults(
     """Return what becomes of RAMP under each entry.
 
     Args:
-        seed: of the cases and of what befalls which message.
+        seed: of the cases and of what happens to which message.
         patience: a case that takes longer is an error [s of wall clock].
-        progress: told what is done, how much of it, and of how much.
+        progress: given what is done, how much of it, and of how much.
 
-    Raises BadRequest: a schedule is unknown, or there are not so many cases that go well without a fault.
+    Raises BadRequest: a schedule is unknown, or there are too few cases that go well without a fault.
     """
     for schedule in schedules:
         require_known(schedule, SCHEDULES, "schedule", slug="unknown-schedule")

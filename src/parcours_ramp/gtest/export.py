@@ -33,7 +33,7 @@ from parcours_ramp.planner.wire import FORMS
 PACKAGE = "parcours_ramp"  # What the messages' ROS package is called
 
 STUDY = "ramp_components"
-MOST_CASES = 2_000  # So many cases a program holds at most: some 2 kB of messages each
+MOST_CASES = 2_000  # Most cases of a program: each has some 2 kB of messages
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,7 +142,7 @@ def timing_limits(cases: Sequence[Case], repeats: Repeats) -> dict[str, GtestLim
 
 
 def _limit(bound: Bound, repeats: Repeats, trips: int) -> GtestLimit:
-    """Return the limit with the ranks that `verdict.timing.judge` would use for so many repeats."""
+    """Return the limit with the ranks that `verdict.timing.judge` would use for that number of repeats."""
     n, error = repeats.repeats, bound.error
     if n < 1 or repeats.warm_up < 0:
         rule = f"at least 1 repeat and 0 to warm up are needed, but {n} and {repeats.warm_up} were given"

@@ -55,7 +55,7 @@ class GtestLimit:
 
     bound: str  # in words
     limit: int  # [ns]
-    percent: float  # so many of all repeats must stay within it [%]
+    percent: float  # share of all repeats that must stay within it [%]
     repeats: int
     warm_up: int
     ranks: tuple[int, int, int]  # of repeats: below, above, below if some misses are put down to noise; 0 for none
@@ -93,7 +93,7 @@ def identifier(case: Case) -> str:
 def tables(cases: Sequence[GtestCase], channels: Sequence[GtestChannel], components: Sequence[str], title: str) -> str:
     """Return the program's text: tables of channels, events, messages and cases, then the tests.
 
-    Raises BadRequest: there is no case, two tests would have one name, or a case names a channel that is none.
+    Raises BadRequest: there is no case, two tests would have one name, or a case names an unknown channel.
     """
     names = _names(cases)
     places = {channel.name: place for place, channel in enumerate(channels)}

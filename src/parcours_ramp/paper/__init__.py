@@ -1,1 +1,1 @@
-"""The paper's whole study, done anew: component and system tests of RAMP, beside the published results."""
+"""The paper's whole study, repeated: component and system tests of RAMP, beside the published results."""

@@ -262,7 +262,7 @@ def collision_time(
     trajectory: Record, begins: int, first: int, last: int, predictions: Record, drift_x: float, drift_y: float,
     margin: float, may_leave: bool, parameters: Record,
 ) -> float:  # fmt: skip
-    """Return when the trajectory first meets any obstacle, from its begin on [s]; NO_COLLISION if it meets none."""
+    """Return when the trajectory first meets any obstacle, from its start [s]; NO_COLLISION if it meets none."""
     earliest, _, _ = earliest_collision(
         trajectory, begins, first, last, predictions, drift_x, drift_y, margin, may_leave, parameters
     )

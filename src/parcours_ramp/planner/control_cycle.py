@@ -14,7 +14,7 @@ from parcours_ramp.planner.sensing_cycle import evaluate_population
 from parcours_ramp.planner.switching import earliest_switch, generate_from_switch, latest_switch
 from parcours_ramp.planner.trajectory import copy_trajectory, pose_at, shift
 
-DRAGGED = 0.01  # A trajectory that was dragged farther than this [m] is generated anew rather than continued
+DRAGGED = 0.01  # A trajectory that was dragged farther than this [m] is generated again rather than continued
 
 
 @kernel
@@ -25,7 +25,7 @@ def is_at_rest(planner: Record) -> bool:
 
 @kernel
 def commit(planner: Record, now: int, parameters: Record) -> int:
-    """Make the best member's trajectory what the robot is told to do (moving_on); return the member's index.
+    """Make the best member's trajectory what the robot is to do (moving_on); return the member's index.
 
     The published system counts its times from now; the guarded one from when it was planned to begin, unless the robot
     stands and begins now.

@@ -2,7 +2,7 @@
 
 Records travel without what lies beyond their counts: a trajectory with the pieces and legs that it has, a path with its
 knots, a prediction with its samples. No component reads beyond a count, and what comes back is zero there. What comes
-from outside is refused where it could make compiled code read beyond an array, or run for ever.
+from outside is refused where it could make compiled code read beyond an array, or run without end.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ def flatten(channel: str, payload: object) -> tuple[object, ...]:
     Args:
         payload: what RAMP's components send there (see `messages`).
 
-    Raises BadRequest: the channel is unknown, or the payload is none of its.
+    Raises BadRequest: the channel is unknown, or the payload is not one of its.
     """
     require_known(channel, tuple(FORMS), "channel of RAMP", slug="wire-channel")
     if not isinstance(payload, _PAYLOADS[channel]):

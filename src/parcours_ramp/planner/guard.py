@@ -1,6 +1,6 @@
 """Imminent collision: the motion under way and the predicted obstacles -> halt, go on, or stay halted.
 
-`original` looks at the first control period of what the robot was told, counted from its begin although the obstacles
+`original` looks at the first control period of what the robot was to do, counted from its start although the obstacles
 are counted from now, and at nothing beyond it: its look-ahead shrinks to zero before each control cycle. `guarded`
 looks a constant time ahead on the motion that is really left, with robot and obstacles at the same instants. Besides,
 it lets the robot approach a standing obstacle only so fast that it rests before a contact if the obstacle sets out

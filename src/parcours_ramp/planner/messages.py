@@ -44,7 +44,7 @@ PIECE = np.dtype(
             "f8", "to_s to_c half_s half_c"
         ),  # sine and cosine of a curve's heading at its end, and of half its angle
         *fields("f8", "per_way per_slope"),  # 2 half_s / (leg half_c^2) [1/m] and half_c / (2 half_s), for `slope_at`
-        *fields("f8", "v0 peak rate"),  # speed at its begin, its greatest [m/s], and the limit of its change [m/s2]
+        *fields("f8", "v0 peak rate"),  # speed at its start, its greatest [m/s], and the limit of its change [m/s2]
         *fields(
             "f8", "up hold down end"
         ),  # how long it speeds up, holds, slows down; end from the first piece's begin [s]
@@ -68,7 +68,7 @@ TRAJECTORY = np.dtype(
         ("pieces", PIECE, (MAX_PIECES,)),
         ("n_legs", "i8"),
         ("legs", LEG, (MAX_LEGS,)),  # the same way in outline; times count as those of the pieces
-        *fields("f8", "skipped duration"),  # how long before the begin the first piece would have begun; its length [s]
+        *fields("f8", "skipped duration"),  # how long before the start the first piece would have begun; its length [s]
         ("curve_end", "f8"),  # when its first corner is done [s]; 0 without a corner
         ("knot_time", "f8", (MAX_KNOTS,)),  # when each knot of its path is passed [s]; NO_COLLISION if never
         *fields("f8", "rest_length rest_turn"),  # way from its end to the goal that is not generated [m], [rad]
@@ -77,7 +77,7 @@ TRAJECTORY = np.dtype(
             "i8", "smooth begins lag"
         ),  # 1 if joined without a stop; when it would begin, and the lag it allows for [ns]
         ("feasible", "i8"),
-        *fields("f8", "fitness t_collision"),  # first predicted collision, from its begin [s]; NO_COLLISION
+        *fields("f8", "fitness t_collision"),  # first predicted collision, from its start [s]; NO_COLLISION
         # What the last look at the obstacles leaves known (see `passes_up_to`):
         *fields("i8", "epoch valid_until"),  # its epoch, 0 for none; the sample up to which it was found to pass them
         *fields("f8", "slack changed"),  # how much nearer they may come until then; how much the epoch had changed [m]

@@ -61,7 +61,7 @@ class Planner:
         self.reset()
 
     def reset(self) -> None:
-        """Begin anew: a fresh population, no obstacles known, nothing under way."""
+        """Start again: a fresh population, no obstacles known, nothing under way."""
         planner = messages.one(PLANNER)
         planner.goal_x, planner.goal_y = self._goal
         start(planner.stream, *self._origin)

@@ -26,7 +26,7 @@ PLANNER = np.dtype(
         *fields("f8", "goal_x goal_y"),  # [m]
         *fields("i8", "n next_id"),  # members of the population
         ("members", MEMBER, (MAX_POPULATION,)),
-        ("moving_on", TRAJECTORY),  # what the robot was told to do at the last control cycle
+        ("moving_on", TRAJECTORY),  # what the robot is to do since the last control cycle
         ("moving_on_hit", "i8"),  # 1 if its guarded part met an obstacle when it was last evaluated
         ("moving_on_t", "f8"),  # when it would [s]
         *fields("i8", "t_control t_next"),  # last and next control cycle [ns]

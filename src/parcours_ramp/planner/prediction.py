@@ -34,7 +34,7 @@ def predicted_place(prediction: Record, place: float) -> tuple[float, float]:
 
 @kernel
 def change_of(prediction: Record, obstacle: Record, stamp: int) -> float:
-    """Return by how much the prediction will change at most, at any time, when it is made anew; inf if that is unknown.
+    """Return by how much the prediction changes at most, at any time, when it is made again; inf if that is unknown.
 
     As long as the obstacle does as predicted, only the end of its way becomes known: that much it goes on [m].
 

@@ -141,7 +141,7 @@ def _n_samples(duration: float) -> int:
 
 @kernel
 def _piece_at(trajectory: Record, seconds: float, i: int) -> tuple[int, float]:
-    """Return which piece the trajectory is on, `seconds` after its begin (its ends beyond them), and for how long.
+    """Return which piece the trajectory is on, `seconds` after its start (its ends beyond them), and for how long.
 
     It is looked for from piece i on, which must not begin later.
     """
@@ -155,7 +155,7 @@ def _piece_at(trajectory: Record, seconds: float, i: int) -> tuple[int, float]:
 
 @kernel
 def place_at(trajectory: Record, seconds: float) -> tuple[float, float]:
-    """Return where the trajectory is `seconds` after its begin, (x, y) [m]; its ends beyond them."""
+    """Return where the trajectory is `seconds` after its start, (x, y) [m]; its ends beyond them."""
     x, y, _ = place_from(trajectory, seconds, 0)
     return x, y
 
@@ -176,7 +176,7 @@ def place_from(trajectory: Record, seconds: float, first: int) -> tuple[float, f
 
 @kernel
 def pose_at(trajectory: Record, seconds: float, pose: Record) -> None:
-    """Set the POSE to where the trajectory is `seconds` after its begin (its ends, beyond them, at rest)."""
+    """Set the POSE to where the trajectory is `seconds` after its start (its ends, beyond them, at rest)."""
     i, time = _piece_at(trajectory, seconds, 0)
     piece = trajectory.pieces[i]
     way, speed = along(time, piece.v0, piece.peak, piece.up, piece.hold, piece.down, piece.rate)

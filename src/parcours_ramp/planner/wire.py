@@ -28,7 +28,7 @@ def encode(channel: str, payload: object) -> bytes:
 
     Arrays travel as raw bytes, little-endian.
 
-    Raises BadRequest: the channel is unknown, or the payload is none of its.
+    Raises BadRequest: the channel is unknown, or the payload is not one of its.
     """
     values = flatten(channel, payload)
     return msgspec.msgpack.encode([VERSION, channel, *(_raw(v) if isinstance(v, np.ndarray) else v for v in values)])

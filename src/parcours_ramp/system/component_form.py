@@ -38,7 +38,7 @@ from parcours_ramp.system.study import SystemStudy
 from parcours_ramp.system.workspace import SENSING_PERIOD, WORKSPACE, freeze, watch
 
 _COLUMNS = len(TRACK.names or ())
-_STRETCH = 500_000_000  # So long [ns] the host runs on before it is asked whether the case has ended
+_STRETCH = 500_000_000  # How long the host runs on [ns] before it is asked whether the case has ended
 
 
 class World:
@@ -263,7 +263,7 @@ def run_components(
 
     Raises:
         BadRequest: a fault names what RAMP does not have.
-        HostFailure: a component raised, without a plan of faults, or went on for ever.
+        HostFailure: a component raised, without a plan of faults, or never came to an end.
     """
     setting, parameters = study.setting(), study.parameters
     body = World(begin_world(study), study.cases.obstacles(np.array([number]))[0], lambda now: witness.before(now))

@@ -39,13 +39,13 @@ _OUTSIDE = Allowance(unmodelled=frozenset({"trajectory_request", "evaluation_req
 """What RAMP does that Table II leaves out: it also asks its services in planning and control cycles."""
 
 QUIESCENCE = dict.fromkeys(("trajectory_response", "evaluation_response", "modification_response"), 2_000_000_000)
-"""So long [ns] a service may keep silent that owes an answer: it needs milliseconds, and a busy machine more."""
+"""How long a service that owes an answer may keep silent [ns]: it needs milliseconds, and a busy machine more."""
 
-_STRETCH = 100_000_000  # So long [ns] the host runs on before it is asked whether the case has ended
+_STRETCH = 100_000_000  # How long the host runs on [ns] before it is asked whether the case has ended
 
 
 class Told(TypedDict):
-    """What a node is told of its case."""
+    """What a node gets to know of its case."""
 
     schedule: str
     seed: int
@@ -79,7 +79,7 @@ class Observer:
     """Follows robot and obstacles whenever the world is about to go on, and sees the case end.
 
     Attributes:
-        world: the component whom it follows.
+        world: the component that it follows.
         ended: whether the goal is reached, or the time is over.
     """
 
@@ -178,7 +178,7 @@ def run_live(
 
 
 def rerun(study: SystemStudy, number: int, trace: Trace) -> LiveRun:
-    """Return a run made anew from its trace: the same world, driven by the commands that reached it when they did."""
+    """Return a run made again from its trace: the same world, driven by the commands that reached it when they did."""
     observer = Observer(study, number)
     deaths = {event.component: event.text.removeprefix(DIED) for event in trace.events
               if event.kind == "note" and event.text.startswith(DIED)}  # fmt: skip

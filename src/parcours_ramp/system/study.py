@@ -77,7 +77,7 @@ class SystemStudy:
         return self._run(numbers)[0]
 
     def track(self, number: int) -> Track:
-        """Return facts, track and the obstacles' places of one case run anew, for a replay."""
+        """Return facts, track and the obstacles' places of one case run again, for a replay."""
         facts, track, places = self._run(np.array([number]))
         n = int(facts[0]["n_track"])
         return facts, track[:n], places[:n]
