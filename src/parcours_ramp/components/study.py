@@ -88,7 +88,7 @@ class RampComponents(ComponentStudy):
         return timing_groups(paper_sample(self.plan(seed)), float(settings.get("percent", PERCENT)))
 
 
-def component_nodes(kind: str = "component") -> Nodes:
+def component_nodes() -> Nodes:
     """Return RAMP's components as nodes, for component cases or for system cases."""
     from parcours_ramp.system.component_form import system_links
 

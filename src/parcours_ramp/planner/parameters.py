@@ -61,17 +61,19 @@ class Parameters:
             is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
             least = 0.0 if name in _MAY_BE_ZERO else 1e-9
             if not is_number or not least <= value < 1e9:
-                self._refuse(name, f"it must be a number {'above' if least else 'at least'} 0 and below 1e9")
+                given = f"{'above 0' if least else 'at least 0'} and below 1e9, but is {value!r}"
+                _refuse(name, f"it must be a number {given}")
         if type(self.population) is not int or not 1 <= self.population <= 16:
-            self._refuse("population", "it must be a whole number from 1 to 16")
+            _refuse("population", f"it must be a whole number from 1 to 16, but is {self.population!r}")
         if self.arena < 2.0 * self.robot_radius:
-            self._refuse("arena", f"the robot must fit in, whose diameter is {2.0 * self.robot_radius} m")
+            diameter = 2.0 * self.robot_radius
+            _refuse("arena", f"the robot must fit in, whose diameter is {diameter} m, but it is {self.arena} m")
         if self.schedule not in ("original", "guarded"):
-            self._refuse("schedule", "it must be 'original' or 'guarded'")
+            _refuse("schedule", f"it must be 'original' or 'guarded', but is {self.schedule!r}")
 
-    def _refuse(self, name: str, rule: str) -> NoReturn:
-        where = f"RAMP parameter {name!r}"
-        raise BadRequest(where, f"{rule}, but is {getattr(self, name)!r}", slug="parameter-range")
+
+def _refuse(name: str, rule: str) -> NoReturn:
+    raise BadRequest(f"RAMP parameter {name!r}", rule, slug="parameter-range")
 
 
 _MAY_BE_ZERO = ("knot_distance", "operator_distance", "plan_margin", "guard_margin", "guard_horizon")

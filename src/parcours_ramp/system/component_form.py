@@ -50,20 +50,14 @@ class World:
 
     name = "World"
 
-    def __init__(self, world: Record, obstacles: Record, before: Callable[[int], None]) -> None:
-        self._origin = world.copy(), obstacles.copy()
+    def __init__(self, study: SystemStudy, number: int, before: Callable[[int], None]) -> None:
+        self._study, self._origin = study, study.cases.obstacles(np.array([number]))[0]
         self._before = before
         self.reset()
 
     def reset(self) -> None:
         """Put robot and obstacles where they began."""
-        origin, obstacles = self._origin
-        self.world = np.zeros(1, WORLD).view(np.recarray)[0]
-        self.world.robot = origin.robot
-        self.world.goal_x, self.world.goal_y, self.world.goal_tolerance = (
-            origin.goal_x, origin.goal_y, origin.goal_tolerance,
-        )  # fmt: skip
-        self.obstacles = obstacles.copy()
+        self.world, self.obstacles = begin_world(self._study), self._origin.copy()
         begin(self.world, self.obstacles)
         self._robot = self.world.robot
         self._next_report, self._next_sensing, self._next_command = REPORT_PERIOD, SENSING_PERIOD, 0
@@ -266,7 +260,7 @@ def run_components(
         HostFailure: a component raised, without a plan of faults, or never came to an end.
     """
     setting, parameters = study.setting(), study.parameters
-    body = World(begin_world(study), study.cases.obstacles(np.array([number]))[0], lambda now: witness.before(now))
+    body = World(study, number, lambda now: witness.before(now))
     goal = float(setting.goal_x), float(setting.goal_y)
     seed = study.cases.seed
     planner, control = Planner(parameters, seed, number, start_pose(study), goal), Control(parameters)

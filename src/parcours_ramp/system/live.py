@@ -31,7 +31,7 @@ from parcours_ramp.components.node_program import RampCodec
 from parcours_ramp.planner.control import COMMAND_PERIOD
 from parcours_ramp.planner.messages import Report
 from parcours_ramp.planner.whole import component
-from parcours_ramp.system.component_form import World, as_track, begin_world, start_pose, system_links
+from parcours_ramp.system.component_form import World, as_track, start_pose, system_links
 from parcours_ramp.system.ramp_facts import FACTS
 from parcours_ramp.system.study import SystemStudy, system_study
 
@@ -89,7 +89,7 @@ class Observer:
         self._entries: list[tuple[float, ...]] = []
         self._facts = np.zeros(1, FACTS)
         self.ended = False
-        self.world = World(begin_world(study), study.cases.obstacles(np.array([number]))[0], self.look)
+        self.world = World(study, number, self.look)
 
     def look(self, now: int) -> None:
         """See how things stand at `now` [ns]."""
