@@ -219,7 +219,7 @@ def test_a_trajectory_that_came_back_behaves_bit_by_bit_as_the_one_sent(ways: li
         differing += returned.tobytes() != given.tobytes()
         assert samples(returned).tobytes() == samples(given).tobytes()
         for parameters in (guarded(), original()):
-            answers = [TrajectoryEvaluation(parameters)._answer(each) for each in (request, back)]
+            answers = [TrajectoryEvaluation(parameters).answer(each) for each in (request, back)]
             assert bits(answers[0]) == bits(answers[1])
             windowed = [each._replace(window=(600_000_000, 1, 31, 0.025, True)) for each in (request, back)]
             assert bits(TrajectoryEvaluation(parameters)._answer(windowed[0])) == bits(
