@@ -222,8 +222,8 @@ def test_a_trajectory_that_came_back_behaves_bit_by_bit_as_the_one_sent(ways: li
             answers = [TrajectoryEvaluation(parameters).answer(each) for each in (request, back)]
             assert bits(answers[0]) == bits(answers[1])
             windowed = [each._replace(window=(600_000_000, 1, 31, 0.025, True)) for each in (request, back)]
-            assert bits(TrajectoryEvaluation(parameters)._answer(windowed[0])) == bits(
-                TrajectoryEvaluation(parameters)._answer(windowed[1])
+            assert bits(TrajectoryEvaluation(parameters).answer(windowed[0])) == bits(
+                TrajectoryEvaluation(parameters).answer(windowed[1])
             )
             results = []
             for trajectory, seen in ((given, dirty), (returned, back.predictions)):
