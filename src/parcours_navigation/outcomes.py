@@ -24,21 +24,14 @@ GOAL_TOLERANCE = 0.2
 
 @dataclass(frozen=True, slots=True)
 class Published:
-    """The paper's results of each case, shape (n_cases,) each.
+    """The paper's results of each case, shape (n_cases,) each."""
 
-    Attributes:
-        reached: within tolerance of the goal at the end.
-        feasible: the last published trajectory was called feasible.
-        time_left: time stamp of its last sample where it was feasible, else NaN [s]; not the time to the goal.
-        halted_once: imminent collision was signalled at any time.
-        stuck: imminent collision was signalled at the end.
-    """
-
-    reached: Flags
-    feasible: Flags
+    reached: Flags  # within tolerance of the goal at the end
+    feasible: Flags  # the last published trajectory was called feasible
+    # time stamp of its last sample where it was feasible, else NaN [s]; not the time to the goal
     time_left: NDArray[np.float64]
-    halted_once: Flags
-    stuck: Flags
+    halted_once: Flags  # imminent collision was signalled at any time
+    stuck: Flags  # imminent collision was signalled at the end
 
 
 def published(facts: Facts) -> Published:

@@ -33,8 +33,7 @@ def check(planner: str, only: tuple[str, ...], listed: bool, patience: float, as
 
     from parcours.cli.progress import progress, say_if_cold
     from parcours.report.terminal import print_table
-    from parcours_navigation.checking.battery import checks_table, report_lines
-    from parcours_navigation.checking.isolation import check_apart
+    from parcours_navigation.checking.battery import check_apart, checks_table, report_lines
 
     if listed:
         table = checks_table()

@@ -70,19 +70,12 @@ def own_loop(planner: object) -> OwnLoop | None:
 
 @dataclass(frozen=True, slots=True)
 class Plugin:
-    """A planner that is ready to be asked.
+    """A planner that is ready to be asked."""
 
-    Attributes:
-        name: as it was given.
-        observe: called with every observation.
-        reset: called before each case; None if the planner has none.
-        file: the file it is defined in, "" if unknown; faults are placed there.
-    """
-
-    name: str
-    observe: Observe
-    reset: Callable[[Task], object] | None
-    file: str
+    name: str  # as it was given
+    observe: Observe  # called with every observation
+    reset: Callable[[Task], object] | None  # called before each case; None if the planner has none
+    file: str  # the file it is defined in, "" if unknown; faults are placed there
 
 
 def source_digest(planner: str) -> str:

@@ -24,28 +24,19 @@ Values = NDArray[np.float64]
 class Runs:
     """What the scores of many runs are computed from, one entry a run.
 
-    Attributes:
-        facts: array of FACTS, shape (n,).
-        measures: array of MEASURES, shape (n,).
-        published: array of PUBLISHED, shape (n,), needed by the modes that reproduce published code.
-        shortest: length of the shortest way to the goal [m], shape (n,).
-        fastest: least time to the goal within the robot's limits [s], shape (n,).
-        planning_time: mean computing time of a planning cycle [s], shape (n,).
-        top_speed: BARN's optimal time is the shortest way at this speed [m/s].
-        goal_tolerance: [m].
-
     Raises:
         BadRequest: the arrays do not have the same length.
     """
 
-    facts: NDArray[np.void]
-    measures: NDArray[np.void]
+    facts: NDArray[np.void]  # array of FACTS, shape (n,)
+    measures: NDArray[np.void]  # array of MEASURES, shape (n,)
+    # array of PUBLISHED, shape (n,), needed by the modes that reproduce published code
     published: NDArray[np.void] | None = None
-    shortest: Values | None = None
-    fastest: Values | None = None
-    planning_time: Values | None = None
-    top_speed: float = 2.0
-    goal_tolerance: float = GOAL_TOLERANCE
+    shortest: Values | None = None  # length of the shortest way to the goal [m], shape (n,)
+    fastest: Values | None = None  # least time to the goal within the robot's limits [s], shape (n,)
+    planning_time: Values | None = None  # mean computing time of a planning cycle [s], shape (n,)
+    top_speed: float = 2.0  # BARN's optimal time is the shortest way at this speed [m/s]
+    goal_tolerance: float = GOAL_TOLERANCE  # [m]
 
     def __post_init__(self) -> None:
         for name in ("measures", "published", "shortest", "fastest", "planning_time"):
@@ -85,17 +76,11 @@ class Runs:
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """One score of every run.
+    """One score of every run."""
 
-    Attributes:
-        name: what it is called.
-        unit: "1" for shares and counts.
-        values: shape (n,); NaN where it is not defined for a run.
-    """
-
-    name: str
-    unit: str
-    values: Values
+    name: str  # what it is called
+    unit: str  # "1" for shares and counts
+    values: Values  # shape (n,); NaN where it is not defined for a run
 
     @property
     def mean(self) -> float:
@@ -106,17 +91,12 @@ class Column:
 
 @dataclass(frozen=True, slots=True)
 class Benchmark:
-    """A published benchmark's scores.
+    """A published benchmark's scores."""
 
-    Attributes:
-        score: turns runs and the name of a mode into columns.
-        modes: what each mode does; the first is the default. Those that reproduce published code name its defects.
-        source: where it is defined.
-    """
-
-    score: Callable[[Runs, str], tuple[Column, ...]]
+    score: Callable[[Runs, str], tuple[Column, ...]]  # turns runs and the name of a mode into columns
+    # what each mode does; the first is the default. Those that reproduce published code name its defects.
     modes: Mapping[str, str]
-    source: str
+    source: str  # where it is defined
 
 
 def spl(success: ArrayLike, shortest: ArrayLike, travelled: ArrayLike) -> Values:

@@ -32,14 +32,6 @@ _CHECKED = 10_000
 class NavigationStudy:
     """A planner on one family of cases; callable as a campaign's `simulate`.
 
-    Args:
-        planner: see `load_planner`; for a campaign it must be a name.
-        cases: the cases.
-        scenario: robot, goal, clock, deadlines.
-        lost: cases that are not to be run, because the planner hangs there or takes its process down.
-        located: the planner with the whole path of its file (`located`); found out when the study is made, so that
-            a planner that changes the current folder is found all the same.
-
     Raises:
         BadRequest: the planner is not one, or the robot does not fit into the arena.
 
@@ -52,10 +44,13 @@ class NavigationStudy:
     [1.07, 1.07, 1.07, 1.07]
     """
 
-    planner: PlannerLike
-    cases: SystemCases
-    scenario: Scenario = field(default_factory=Scenario)
+    planner: PlannerLike  # see `load_planner`; for a campaign it must be a name
+    cases: SystemCases  # the cases
+    scenario: Scenario = field(default_factory=Scenario)  # robot, goal, clock, deadlines
+    # cases that are not to be run, because the planner hangs there or takes its process down
     lost: tuple[LostCase, ...] = ()
+    # the planner with the whole path of its file (`located`); found out when the study is made, so that a planner that
+    # changes the current folder is found all the same
     located: PlannerLike = None
 
     def __post_init__(self) -> None:

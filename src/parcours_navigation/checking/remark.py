@@ -22,34 +22,26 @@ class Level(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Finding:
-    """One thing that a check found.
+class Remark:
+    """One thing that a check found."""
 
-    Attributes:
-        slug: names the kind of finding; the same for the same fault.
-        level: how grave it is.
-        seen: what was observed, with numbers.
-        remedy: what to do; may be empty for a note.
-        check: name of the check that found it, filled in by the battery.
-    """
-
-    slug: str
-    level: Level
-    seen: str
-    remedy: str = ""
-    check: str = ""
+    slug: str  # names the kind of finding; the same for the same fault
+    level: Level  # how grave it is
+    seen: str  # what was observed, with numbers
+    remedy: str = ""  # what to do; may be empty for a note
+    check: str = ""  # name of the check that found it, filled in by the battery
 
 
-def error(slug: str, seen: str, remedy: str) -> Finding:
+def error(slug: str, seen: str, remedy: str) -> Remark:
     """Return a finding of level error."""
-    return Finding(slug, Level.ERROR, seen, remedy)
+    return Remark(slug, Level.ERROR, seen, remedy)
 
 
-def warning(slug: str, seen: str, remedy: str) -> Finding:
+def warning(slug: str, seen: str, remedy: str) -> Remark:
     """Return a finding of level warning."""
-    return Finding(slug, Level.WARNING, seen, remedy)
+    return Remark(slug, Level.WARNING, seen, remedy)
 
 
-def note(slug: str, seen: str, remedy: str = "") -> Finding:
+def note(slug: str, seen: str, remedy: str = "") -> Remark:
     """Return a finding of level note."""
-    return Finding(slug, Level.NOTE, seen, remedy)
+    return Remark(slug, Level.NOTE, seen, remedy)
