@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -93,7 +94,7 @@ class Column:
 class Benchmark:
     """A published benchmark's scores."""
 
-    score: Callable[[Runs, str], tuple[Column, ...]]  # turns runs and the name of a mode into columns
+    score: Callable[[Runs, str], dict[str, NDArray[Any]]]  # turns runs and the name of a mode into columns
     # what each mode does; the first is the default. Those that reproduce published code name its defects.
     modes: Mapping[str, str]
     source: str  # where it is defined
@@ -102,13 +103,8 @@ class Benchmark:
 def spl(success: ArrayLike, shortest: ArrayLike, travelled: ArrayLike) -> Values:
     """Return success weighted by path length of each run, S l / max(p, l), shape (n,).
 
-    Args:
-        success: S, truth values, shape (n,).
-        shortest: l, length of the shortest way [m], shape (n,); positive.
-        travelled: p, length of the robot's way [m], shape (n,).
-
-    Raises:
-        BadRequest: a shortest way is not positive, or the shapes differ.
+    S is the success, l the shortest way [m], p the way travelled [m], shape (n,) each. Raises BadRequest if a shortest
+    way is not positive, or the shapes differ.
 
     >>> spl([True, True, False], [2.0, 2.0, 2.0], [2.5, 2.0, 9.0]).tolist()
     [0.8, 1.0, 0.0]
@@ -119,13 +115,8 @@ def spl(success: ArrayLike, shortest: ArrayLike, travelled: ArrayLike) -> Values
 def sct(success: ArrayLike, fastest: ArrayLike, taken: ArrayLike) -> Values:
     """Return success weighted by completion time of each run, S T / max(C, T), shape (n,).
 
-    Args:
-        success: S, truth values, shape (n,).
-        fastest: T, least time to the goal within the robot's limits [s], shape (n,); positive.
-        taken: C, time the robot took [s], shape (n,); where it failed, anything.
-
-    Raises:
-        BadRequest: a fastest time is not positive, or the shapes differ.
+    S is the success, T the least time to the goal within the robot's limits [s], C the time taken [s], anything where
+    it failed, shape (n,) each. Raises BadRequest if a fastest time is not positive, or the shapes differ.
 
     >>> sct([True, False], [4.0, 4.0], [8.0, float("nan")]).tolist()
     [0.5, 0.0]

@@ -1,13 +1,16 @@
-"""Where discs that move at constant (v, w) will be, and their least gap in continuous time; parameters of planners."""
+"""Where discs that move at constant (v, w) will be, and their least gap in continuous time; options of planners."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 
 from parcours.elementary import sin_cos
-from parcours.errors import BadRequest
+from parcours.errors import BadRequest, require_known
 from parcours.kernels import kernel
 from parcours_navigation.protocol import Floats, Observation, X, Y
 
@@ -152,21 +155,31 @@ def to_goal(observation: Observation) -> tuple[float, float, float, float]:
     return x, y, distance, min(task.limits.speed, math.sqrt(2.0 * task.limits.acceleration * distance))
 
 
-def require_number(planner: str, name: str, value: float, low: float, high: float, unit: str) -> float:
-    """Return the value as a float if it is a number in [low, high]; raise BadRequest if not."""
+Options = dict[str, tuple[float, float, float, str]]
+"""Name of an option -> default, least, greatest, unit; one whose default is an int takes whole numbers only."""
+
+
+def settled(planner: str, options: Options, given: Mapping[str, float]) -> Any:
+    """Return an object with a value for each option: the one given, or its default.
+
+    Raises:
+        BadRequest: an option is unknown, no number, out of its range, or not whole where it must be.
+    """
+    for name in given:
+        require_known(name, list(options), f"option of {planner}", slug="planner-parameter")
+    return SimpleNamespace(
+        **{name: _settled(planner, name, *one, given.get(name, one[0])) for name, one in options.items()}
+    )
+
+
+def _settled(planner: str, name: str, default: float, low: float, high: float, unit: str, value: object) -> float:
+    where, whole = f"planner {planner}, {name}", isinstance(default, int)
     if isinstance(value, bool) or not isinstance(value, (int, float, np.integer, np.floating)):
         rule, remedy = f"must be a number, but {value!r} was given", f"give a number from {low:g} to {high:g}"
-        raise BadRequest(f"planner {planner}, {name}", rule, remedy, slug="planner-parameter")
+        raise BadRequest(where, rule, remedy, slug="planner-parameter")
     if not low <= value <= high:
         span = f"{low:g} to {high:g} {unit}".rstrip()
-        rule = f"must lie in {span}, but is {value:g}"
-        raise BadRequest(f"planner {planner}, {name}", rule, slug="planner-parameter")
-    return float(value)
-
-
-def require_count(planner: str, name: str, value: int, low: int, high: int) -> int:
-    """Return the value if it is a whole number in low .. high; raise BadRequest if not."""
-    if int(require_number(planner, name, value, low, high, "")) != value:
-        rule = f"must be a whole number, but is {value:g}"
-        raise BadRequest(f"planner {planner}, {name}", rule, slug="planner-parameter")
-    return int(value)
+        raise BadRequest(where, f"must lie in {span}, but is {value:g}", slug="planner-parameter")
+    if whole and int(value) != value:
+        raise BadRequest(where, f"must be a whole number, but is {value:g}", slug="planner-parameter")
+    return int(value) if whole else float(value)
