@@ -62,8 +62,7 @@ class Slot:
     def speeds(self, observation: Observation) -> Speeds:
         """Ask, and return the speeds that the answer means now; a trajectory is followed by the law of campaigns.
 
-        Raises:
-            BadAnswer: the answer is not of the protocol's form.
+        Raises BadAnswer if the answer is not of the protocol's form.
         """
         answer = self.answer(observation)
         if answer is not None:

@@ -177,8 +177,7 @@ def _standing(results: Results, contender: Contender, shared: Flags) -> Standing
 def pair_tests(contenders: Sequence[Contender], *, against_first: bool = True) -> tuple[PairTest, ...]:
     """Return the tests of each planner against the first, or of each against each, corrected by Holm over all of them.
 
-    Raises:
-        BadRequest: the planners did not run the same cases in the same order.
+    Raises BadRequest if the planners did not run the same cases in the same order.
     """
     for other in contenders[1:]:
         if not np.array_equal(contenders[0].facts["number"], other.facts["number"]):

@@ -72,14 +72,7 @@ def _most_track(scenario: Scenario) -> int:
 
 
 class Host:
-    """Runs cases of one scenario with one planner, one after the other.
-
-    Args:
-        plugin: the planner.
-        scenario: the setting.
-        robot_radius: [m].
-        n_obstacles: in each case.
-    """
+    """Runs cases of one scenario with one planner, one after the other."""
 
     def __init__(self, plugin: Plugin, scenario: Scenario, robot_radius: float, n_obstacles: int) -> None:
         self._plugin, self._scenario, self._radius, self._n = plugin, scenario, robot_radius, n_obstacles

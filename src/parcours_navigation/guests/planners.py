@@ -81,8 +81,7 @@ class Plugin:
 def source_digest(planner: str) -> str:
     """Return a digest of the file in which a planner is defined; of shipped ones "", as they are part of Parcours.
 
-    Raises:
-        BadRequest: the name is no planner's, or its module or file is missing.
+    Raises BadRequest if the name is no planner's, or its module or file is missing.
     """
     if planner in names():
         return ""

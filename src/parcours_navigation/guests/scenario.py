@@ -19,8 +19,7 @@ _LIMITS = Limits(speed=0.25, yaw_rate=PI / 2.0, acceleration=1.0, yaw_accelerati
 class Scenario:
     """Where the robot starts and is to go, what it can do, and how the planner is asked. The defaults are the paper's.
 
-    Raises:
-        BadRequest: a value is out of its range.
+    Raises BadRequest if a value is out of its range.
 
     >>> Scenario(period=0.0)
     Traceback (most recent call last):

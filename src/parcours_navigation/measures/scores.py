@@ -25,8 +25,7 @@ Values = NDArray[np.float64]
 class Runs:
     """What the scores of many runs are computed from, one entry a run.
 
-    Raises:
-        BadRequest: the arrays do not have the same length.
+    Raises BadRequest if the arrays do not have the same length.
     """
 
     facts: NDArray[np.void]  # array of FACTS, shape (n,)

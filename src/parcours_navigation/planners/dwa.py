@@ -29,11 +29,7 @@ def drive_arc(
     The times [s] are those of the starts of the steps in which it happens, infinite if it does not. The robot runs into
     an obstacle that it touches while it moves towards it. With that the arc ends.
 
-    Args:
-        robot: as in `Observation.robot`, shape (5,).
-        v, w: speed and yaw rate of the arc [m/s, rad/s].
-        places, reaches, n, step: as in `extrapolate`.
-        comfort: gaps above this are not told apart [m].
+    `places`, `reaches`, `n` and `step` are those of `extrapolate`; gaps above `comfort` [m] are as good as any.
     """
     x, y = robot[0], robot[1]
     half = 0.5 * w * step
@@ -88,14 +84,8 @@ def best_speeds(
 ) -> tuple[float, float]:
     """Return the admissible (v, w) [m/s, rad/s] of the highest objective; v is 0 if nothing else is admissible.
 
-    Args:
-        robot: as in `Observation.robot`, shape (5,).
-        goal, speed: where to go [m], and how fast at most [m/s].
-        limits: speed, yaw rate, acceleration, yaw acceleration [m/s, rad/s, m/s2, rad/s2], shape (4,).
-        world: the obstacles.
-        window: interval, reaction [s], n_v and n_w, as in OPTIONS.
-        weights: of heading, clearance, velocity and gap, shape (4,).
-        comfort: gaps above this are as good as any [m].
+    `limits` are speed, yaw rate, acceleration, yaw acceleration; `window` interval, reaction, n_v and n_w of OPTIONS;
+    `weights` those of heading, clearance, velocity and gap.
     """
     #      w          the dynamic window: what the accelerations let the robot have after `interval`,
     #  +max ┌───────────────────┐             cut by its limits; (v, w) is now
@@ -149,8 +139,7 @@ OPTIONS: Options = {
 class Dwa:
     """The dynamic window approach, among obstacles that are taken to keep their speed and yaw rate.
 
-    Raises:
-        BadRequest: one of OPTIONS is given a value out of its range.
+    Raises BadRequest if one of OPTIONS is given a value out of its range.
     """
 
     def __init__(self, **options: float) -> None:

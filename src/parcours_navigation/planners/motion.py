@@ -76,15 +76,9 @@ def extrapolate(
 
     An obstacle does not matter if no motion of the robot brings it within `comfort` of it in the time looked at.
 
-    Args:
-        robot: as in `Observation.robot`, shape (5,).
-        obstacles: as in `Observation.obstacles`, shape (n, 6).
-        top: the robot's greatest speed [m/s].
-        radius: of the robot with its margin [m].
-        comfort: gaps above this do not matter [m].
-        step: time between two instants, the first of which is now [s].
-        places: receives x, y of each obstacle that matters at each instant [m], shape (n_instants, >= n, 2).
-        reaches: receives the sum of its radius and the robot's [m], shape (>= n,).
+    `top` is the robot's greatest speed [m/s], `radius` its own with its margin [m]; instants are `step` [s] apart, the
+    first is now. `places` receives x, y [m] of each obstacle that matters at each instant, shape (n_instants, >= n, 2),
+    `reaches` the sum of its radius and the robot's [m], shape (>= n,).
     """
     n_instants = places.shape[0]
     span = (n_instants - 1) * step
@@ -111,12 +105,7 @@ def runs_into(
 
     The robot moves at constant (v, w), obstacles keep their speeds. Obstacles that run into a robot which moves away
     from them, or stands, are left out: braking would not help. Without any the time is infinite and `which` is -1.
-
-    Args:
-        robot, obstacles: as in `Observation`.
-        v, w: speed [m/s] and yaw rate [rad/s].
-        radius: of the robot, with its margin [m].
-        horizon, step: how far to look ahead, and for how long both are taken to move straight [s].
+    It looks `horizon` [s] ahead; both are taken to move straight for a `step` [s].
     """
     n_steps = int(np.ceil(horizon / step))
     first, which = np.inf, -1
@@ -162,8 +151,7 @@ Options = dict[str, tuple[float, float, float, str]]
 def settled(planner: str, options: Options, given: Mapping[str, float]) -> Any:
     """Return an object with a value for each option: the one given, or its default.
 
-    Raises:
-        BadRequest: an option is unknown, no number, out of its range, or not whole where it must be.
+    Raises BadRequest if an option is unknown, no number, out of its range, or not whole where it must be.
     """
     for name in given:
         require_known(name, list(options), f"option of {planner}", slug="planner-parameter")

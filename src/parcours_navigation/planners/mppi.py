@@ -69,15 +69,8 @@ def roll_out(
 ) -> float:
     """Return the cost of one future, and replace its speeds by those that the robot's limits let it have.
 
-    Args:
-        robot: as in `Observation.robot`, shape (5,).
-        controls: v, w [m/s, rad/s] to have at the end of each step, shape (n_steps, 2).
-        goal_x, goal_y: where to go [m].
-        limits: speed, yaw rate, acceleration, yaw acceleration [m/s, rad/s, m/s2, rad/s2], shape (4,).
-        places, reaches, n: as `extrapolate` fills them in, an instant after each step.
-        step: length of a step [s].
-        weights: of COLLISION, PROGRESS, HEADING, GAP, CONTROL, shape (5,).
-        comfort: gaps above this cost nothing [m].
+    `controls` are v, w [m/s, rad/s] to have at the end of each step, shape (n_steps, 2); `limits` speed, yaw rate,
+    acceleration, yaw acceleration; `places`, `reaches` and `n` those of `extrapolate`, an instant after each step.
     """
     n_steps = controls.shape[0]
     reach_v, reach_w = limits[2] * step, limits[3] * step
@@ -122,13 +115,9 @@ def sample(
 ) -> None:
     """Fill in sequences of speeds: the plan itself, the plan braking, some fresh ones, and the plan disturbed.
 
-    Args:
-        plan: v, w of each step [m/s, rad/s], shape (n_steps, 2).
-        spread: standard deviation of v and w, and the correlation of one step with the next, shape (3,).
-        fresh: share of the sequences that do not start from the plan.
-        stream, pool: where a sequence starts in the pool of standard normal numbers is drawn from the stream.
-        samples: receives the sequences, shape (n_samples, n_steps, 2).
-        bends: receives the sum of plan times disturbance over variance, the cost of control, shape (n_samples,).
+    `spread` is the standard deviation of v and w, and the correlation of one step with the next. Where a sequence
+    starts in the pool of standard normal numbers is drawn from the stream. `samples` receives the sequences, shape
+    (n_samples, n_steps, 2), `bends` the sum of plan times disturbance over variance, the cost of control, shape (n_samples,).
     """
     n_samples, n_steps = samples.shape[0], samples.shape[1]
     rest = np.sqrt(1.0 - spread[2] * spread[2])
@@ -213,8 +202,7 @@ OPTIONS: Options = {
 class Mppi:
     """Model predictive path integral control, among obstacles that are taken to keep their speed and yaw rate.
 
-    Raises:
-        BadRequest: one of OPTIONS is given a value out of its range.
+    Raises BadRequest if one of OPTIONS is given a value out of its range.
     """
 
     def __init__(self, **options: float) -> None:

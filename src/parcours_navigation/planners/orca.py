@@ -28,11 +28,8 @@ def half_plane(
 ) -> tuple[float, float, float, float]:
     """Return (ux, uy, nx, ny): the least change of velocity [m/s] that leaves the velocity obstacle, and its normal.
 
-    Args:
-        px, py: from the robot to the obstacle [m].
-        vx, vy: the robot's velocity less the obstacle's [m/s].
-        reach: sum of the radii [m].
-        horizon, overlap_time: as in OPTIONS [s].
+    (px, py) runs from the robot to the obstacle [m], (vx, vy) is the robot's velocity less the obstacle's [m/s],
+    `reach` the sum of the radii [m].
     """
     # The relative velocities that lead to contact in time, seen from rest in o: a cone, cut off by a disc in front.
     #
@@ -77,15 +74,7 @@ def permit(
     turn_time: float,
     planes: Floats,
 ) -> None:
-    """Fill in the half-plane of permitted velocities for each obstacle.
-
-    Args:
-        robot: as in `Observation.robot`, shape (5,).
-        obstacles: as in `Observation.obstacles`, shape (n, 6).
-        radius: of the robot with its margin [m].
-        horizon, overlap_time, share, turn_time: as in OPTIONS.
-        planes: receives rows (nx, ny, b): nx*x + ny*y >= b is permitted [m/s], shape (>= n, 3).
-    """
+    """Fill in the half-plane of permitted velocities for each obstacle: nx*x + ny*y >= b [m/s], rows (nx, ny, b)."""
     s, c = sin_cos(robot[2])
     vx, vy = robot[3] * c, robot[3] * s
     for i in range(obstacles.shape[0]):
@@ -168,13 +157,12 @@ def nearest_permitted(
     The two-dimensional linear program of section 5.3: half-planes are added one by one, and the optimum moves to the
     border of a new one that it does not satisfy.
 
-    Args:
-        planes: rows (nx, ny, b): nx*x + ny*y >= b is permitted [m/s], (nx, ny) a unit vector; shape (>= n, 3).
-        n: how many rows count.
-        top: radius of the disc of velocities [m/s].
-        want_x, want_y: the velocity to be near to [m/s], or the direction to go far in.
-        far: whether (want_x, want_y) is a direction, a unit vector.
+    The first n rows (nx, ny, b) of `planes` permit nx*x + ny*y >= b; (nx, ny) is a unit vector. The disc has the radius
+    `top` [m/s]. (want_x, want_y) is the velocity to be near to, or, if `far`, the direction to go far in.
     """
+    #   permitted   :    + wanted      one line after the other is added; while the optimum keeps a new line nothing
+    #     ─ ─ ─ ─ ─ ○ ─ ─ ─ ─ new     changes, else the new one lies on that line, within what the earlier ones leave
+    #          old  :  forbidden
     x, y = want_x, want_y
     if far:
         x, y = want_x * top, want_y * top
@@ -247,8 +235,7 @@ OPTIONS: Options = {
 class Orca:
     """Optimal reciprocal collision avoidance, for a unicycle among obstacles that do not avoid it.
 
-    Raises:
-        BadRequest: one of OPTIONS is given a value out of its range.
+    Raises BadRequest if one of OPTIONS is given a value out of its range.
     """
 
     def __init__(self, **options: float) -> None:

@@ -94,8 +94,7 @@ class NavigationResults:
 def load_results(folder: Path) -> NavigationResults:
     """Return the finished cases of a campaign folder; the planner itself is not loaded.
 
-    Raises:
-        BadResults: there is no such campaign in the folder, or it is damaged or of another version.
+    Raises BadResults if there is no such campaign in the folder, or it is damaged or of another version.
     """
     store = open_results(folder)
     campaign = store.campaign

@@ -65,8 +65,7 @@ class Navigation:
     def study(self, settings: Settings, seed: int) -> CaseStudy:
         """Return the study with its parameters set.
 
-        Raises:
-            BadRequest: no planner is named, the name leads nowhere, or a parameter is out of range.
+        Raises BadRequest if no planner is named, the name leads nowhere, or a parameter is out of range.
         """
         scenario = Scenario(**{name: float(settings[name]) for name in _TIMES})  # type: ignore[arg-type]
         planner = str(settings["planner"])

@@ -24,9 +24,8 @@ PARTS = 1000
 class Replay:
     """One recorded run of a disc robot among disc obstacles.
 
-    Raises:
-        BadRequest: there is no sample, the shapes disagree, a number is not finite, a size is not positive,
-            or the times do not increase.
+    Raises BadRequest if there is no sample, the shapes disagree, a number is not finite, a size is not positive, or the
+    times do not increase.
     """
 
     title: str  # the case, e.g. its id.

@@ -32,8 +32,7 @@ _CHECKED = 10_000
 class NavigationStudy:
     """A planner on one family of cases; callable as a campaign's `simulate`.
 
-    Raises:
-        BadRequest: the planner is not one, or the robot does not fit into the arena.
+    Raises BadRequest if the planner is not one, or the robot does not fit into the arena.
 
     A plain function will do for a planner:
 
@@ -152,9 +151,8 @@ class NavigationStudy:
     def campaign(self, n_cases: int, shard_size: int | None = None) -> Campaign:
         """Return the campaign of cases 0 .. n_cases - 1; by default in shards of 4 to 64 cases, about 16 if they can.
 
-        Raises:
-            BadRequest: the planner has no name under which workers could find it, or an obstacle of the first cases
-                stands where the robot starts.
+        Raises BadRequest if the planner has no name under which workers could find it, or an obstacle of the first
+        cases stands where the robot starts.
         """
         if not isinstance(self.planner, str):
             rule, remedy = "in a campaign it must be a name that worker processes find", "module:name or file.py:name"
@@ -198,11 +196,7 @@ _ROOMS = ("arena", "cases", "guests", "measures", "planners", "study/study.py", 
 
 @functools.cache
 def code_digest(*more: str) -> str:
-    """Return a digest of all that the bits of a case depend on: kernels, test data, models, measures, the host.
-
-    Args:
-        more: folders of other packages that they depend on.
-    """
+    """Return a digest of all that the bits of a case depend on, also in `more` folders of other packages."""
     engine, here = Path(parcours.__file__).parent, Path(__file__).parent.parent
     roots = [*engine.glob("*.py"), *(engine / room for room in _ENGINE_ROOMS), *(here / room for room in _ROOMS)]
     digest = hashlib.sha256()
@@ -217,13 +211,7 @@ def code_digest(*more: str) -> str:
 def study_of(planner: PlannerLike, cases: SystemCases, scenario: Scenario | None = None) -> CaseStudy:
     """Return the study that runs a planner: of its own loop if it has one, else a NavigationStudy.
 
-    Args:
-        planner: see `load_planner`, or one with a loop of its own.
-        cases: the cases.
-        scenario: by default Scenario().
-
-    Raises:
-        BadRequest: the planner is not one, or its own loop cannot run the scenario.
+    Raises BadRequest if the planner is not one, or its own loop cannot run the scenario.
 
     >>> study_of("orca", SystemCases(1)).scenario.watched_on
     0.0
