@@ -96,13 +96,13 @@ def same_in_own_process(subject: Subject) -> Iterator[Remark]:
     with contextlib.closing(Crew(_answer_script, 1, patience=_PATIENCE)) as crew:
         crew.pending.append((0, (subject.name,)))
         [(_, answer)] = crew.answers()
-    if isinstance(answer, Lost) and answer.how == "died":
-        seen = f"a process of its own died with exit code {answer.status} before it had answered"
-        yield error("process-dies", seen, "look for crashes of compiled code, and for calls of sys.exit")
-        return
     if isinstance(answer, Lost):
-        remedy = "look for waiting and endless loops in reset and observe"
-        yield error("process-hangs", f"no answers within {_PATIENCE:.0f} s", remedy)
+        if answer.how == "died":
+            seen = f"a process of its own died with exit code {answer.status} before it had answered"
+            yield error("process-dies", seen, "look for crashes of compiled code, and for calls of sys.exit")
+        else:
+            remedy = "look for waiting and endless loops in reset and observe"
+            yield error("process-hangs", f"no answers within {_PATIENCE:.0f} s", remedy)
         return
     if not isinstance(answer, Done):
         raise failure_of("a process of its own", answer)
@@ -115,8 +115,9 @@ def same_in_own_process(subject: Subject) -> Iterator[Remark]:
         remedy = "make it importable and independent of its caller"
         yield error("planner-raises", f"in a process of its own: {there}", remedy)
     elif there != here:
-        first = next(k for k, pair in enumerate(zip(here, there, strict=True)) if pair[0] != pair[1])
-        seen = f"observation {first}: {_pair(here[first])} here, {_pair(there[first])} in a fresh process"
+        k, one, two = next((k, *pair) for k, pair in enumerate(zip(here, there, strict=True)) if pair[0] != pair[1])
+        pairs = [f"(v, w) = ({v:.6g}, {w:.6g})" for v, w in (one, two)]
+        seen = f"observation {k}: {pairs[0]} here, {pairs[1]} in a fresh process"
         remedy = "draw random numbers from task.seed only; do not iterate over sets or use hash() of texts"
         yield error("process-differs", seen, remedy)
 
@@ -152,7 +153,3 @@ def where_raised(raised: BaseException) -> str:
     frames = traceback.extract_tb(raised.__traceback__)
     place = f" (in {frames[-1].name}, {frames[-1].filename.rpartition('/')[2]}:{frames[-1].lineno})" if frames else ""
     return f"{type(raised).__name__}: {raised}{place}".replace("\n", " ")
-
-
-def _pair(speeds: Speeds) -> str:
-    return f"(v, w) = ({speeds[0]:.6g}, {speeds[1]:.6g})"

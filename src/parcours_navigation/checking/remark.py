@@ -33,15 +33,15 @@ class Remark:
 
 
 def error(slug: str, seen: str, remedy: str) -> Remark:
-    """Return a finding of level error."""
+    """Return a remark of level error."""
     return Remark(slug, Level.ERROR, seen, remedy)
 
 
 def warning(slug: str, seen: str, remedy: str) -> Remark:
-    """Return a finding of level warning."""
+    """Return a remark of level warning."""
     return Remark(slug, Level.WARNING, seen, remedy)
 
 
 def note(slug: str, seen: str, remedy: str = "") -> Remark:
-    """Return a finding of level note."""
+    """Return a remark of level note."""
     return Remark(slug, Level.NOTE, seen, remedy)

@@ -152,16 +152,11 @@ def _unknown(planner: str, rule: str) -> BadRequest:
     return BadRequest(f"planner {planner!r}", rule, _REMEDY, slug="planner-missing")
 
 
-def _importable_here() -> None:
-    """Make modules in the current folder importable, as they are for `python -m`."""
-    here = str(Path.cwd())
-    if here not in sys.path and "" not in sys.path:
-        sys.path.insert(0, here)
-
-
 def _file_of(planner: str, module: str) -> Path | None:
     """Return the file of a module, without importing the module itself."""
-    _importable_here()
+    here = str(Path.cwd())
+    if here not in sys.path and "" not in sys.path:  # the current folder is importable, as it is for `python -m`
+        sys.path.insert(0, here)
     try:
         spec = importlib.util.find_spec(module)
     except (ImportError, ValueError, AttributeError) as error:
@@ -173,7 +168,6 @@ def _file_of(planner: str, module: str) -> Path | None:
 
 def _module(planner: str, where: str) -> ModuleType:
     """Import the module or file."""
-    _importable_here()
     if not _is_file(where):
         _file_of(planner, where)
         return cast(ModuleType, _guarded(planner, "its module", lambda: importlib.import_module(where)))

@@ -117,7 +117,7 @@ def sample(
 
     `spread` is the standard deviation of v and w, and the correlation of one step with the next. Where a sequence
     starts in the pool of standard normal numbers is drawn from the stream. `samples` receives the sequences, shape
-    (n_samples, n_steps, 2), `bends` the sum of plan times disturbance over variance, the cost of control, shape (n_samples,).
+    (n_samples, n_steps, 2), `bends` the sum of plan times disturbance over variance, the cost of control.
     """
     n_samples, n_steps = samples.shape[0], samples.shape[1]
     rest = np.sqrt(1.0 - spread[2] * spread[2])

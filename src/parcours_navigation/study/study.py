@@ -135,11 +135,8 @@ class NavigationStudy:
         if len(numbers) and gap.min() < 0.0:
             k = int(np.argmin(gap.min(axis=1)))
             inside = f"at ({x:g}, {y:g}) m it is {-gap[k].min():.3f} m inside"
-            rule, remedy = (
-                f"the robot must start clear of obstacles, but {inside}",
-                "give another start, or smaller radii",
-            )
-            raise BadRequest(self.cases.id(int(numbers[k])), rule, remedy, slug="start-occupied")
+            rule, id = f"the robot must start clear of obstacles, but {inside}", self.cases.id(int(numbers[k]))
+            raise BadRequest(id, rule, "give another start, or smaller radii", slug="start-occupied")
         return obstacles.view(np.float64).reshape(len(numbers), -1)
 
     def _lost_facts(self, case: LostCase) -> NDArray[np.void]:
