@@ -38,7 +38,7 @@ def check(planner: str, only: tuple[str, ...], listed: bool, patience: float, as
     if listed:
         table = checks_table()
         if as_json:
-            print_json(dict(table.rows))
+            print_json({str(name): words for name, words in table.rows})
         else:
             print_table(table)
         return

@@ -88,7 +88,7 @@ def question_table(found: Analysis) -> Table:
 
 def time_table(found: Analysis) -> Table:
     """Return time to the goal in quartiles, over a planner's own cases and over those that all reach."""
-    rows = [
+    rows: list[tuple[Cell, ...]] = [
         (one.name, *quantiles(one.times, _QUARTERS), *quantiles(one.shared_times, _QUARTERS)) for one in found.standings
     ]
     groups = ("own cases", f"the {found.n_shared} cases that all reach")
@@ -103,7 +103,7 @@ def time_table(found: Analysis) -> Table:
 def clearance_table(found: Analysis) -> Table:
     """Return quantiles of the least clearance of a case."""
     gaps = {one.name: one.clearances[np.isfinite(one.clearances)] for one in found.standings}
-    rows = [(name, *quantiles(values, (0.05, *_QUARTERS))) for name, values in gaps.items()]
+    rows: list[tuple[Cell, ...]] = [(name, *quantiles(values, (0.05, *_QUARTERS))) for name, values in gaps.items()]
     heads = [Column(q, ".3f", unit="m") for q in ("5 %", "q25", "median", "q75")]
     note = "Negative: overlap, whoever closed the gap."
     return _table("Least clearance in a case", (Column("planner", code=True), *heads), rows, note)
@@ -124,7 +124,7 @@ def score_table(found: Analysis) -> Table:
 
 def vector_table(found: Analysis) -> Table:
     """Return the share of goals reached for each start vector."""
-    rows = [
+    rows: list[tuple[Cell, ...]] = [
         (vector, n, *(interval(one.reached_by_vector[vector]) for one in found.standings))
         for vector, n in found.vectors.items()
     ]
@@ -152,7 +152,9 @@ def error_table(found: Analysis) -> Table | None:
 def decision_table(found: Analysis) -> Table:
     """Return how long planners took to decide."""
     taken = [(one.name, one.decisions) for one in found.standings]
-    rows = [(name, *((t.n, t.median, t.p99, t.largest) if t else (None,) * 4)) for name, t in taken]
+    rows: list[tuple[Cell, ...]] = [
+        (name, *((t.n, t.median, t.p99, t.largest) if t else (None,) * 4)) for name, t in taken
+    ]
     heads = [Column(q, ",.0f", unit="us") for q in ("median", "p99", "largest")]
     untimed = "".join(f" {one.name}: {one.of.untimed}." for one in found.standings if one.of.untimed)
     note = (
