@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -148,6 +147,14 @@ Options = dict[str, tuple[float, float, float, str]]
 """Name of an option -> default, least, greatest, unit; one whose default is an int takes whole numbers only."""
 
 
+class Settled:
+    """Values of options as plain attributes: a SimpleNamespace is slower to read, and planners read them each time."""
+
+    def __init__(self, values: Mapping[str, float]) -> None:
+        for name, value in values.items():
+            setattr(self, name, value)
+
+
 def settled(planner: str, options: Options, given: Mapping[str, float]) -> Any:
     """Return an object with a value for each option: the one given, or its default.
 
@@ -155,9 +162,7 @@ def settled(planner: str, options: Options, given: Mapping[str, float]) -> Any:
     """
     for name in given:
         require_known(name, list(options), f"option of {planner}", slug="planner-parameter")
-    return SimpleNamespace(
-        **{name: _settled(planner, name, *one, given.get(name, one[0])) for name, one in options.items()}
-    )
+    return Settled({name: _settled(planner, name, *one, given.get(name, one[0])) for name, one in options.items()})
 
 
 def _settled(planner: str, name: str, default: float, low: float, high: float, unit: str, value: object) -> float:
