@@ -24,21 +24,14 @@ GOAL_TOLERANCE = 0.2
 
 @dataclass(frozen=True, slots=True)
 class Published:
-    """The paper's results of each case, shape (n_cases,) each.
+    """The paper's results of each case, shape (n_cases,) each."""
 
-    Attributes:
-        reached: within tolerance of the goal at the end.
-        feasible: the last published trajectory was called feasible.
-        time_left: time stamp of its last sample where it was feasible, else NaN [s]; not the time to the goal.
-        halted_once: imminent collision was signalled at any time.
-        stuck: imminent collision was signalled at the end.
-    """
-
-    reached: Flags
-    feasible: Flags
+    reached: Flags  # within tolerance of the goal at the end
+    feasible: Flags  # the last published trajectory was called feasible
+    # time stamp of its last sample where it was feasible, else NaN [s]; not the time to the goal
     time_left: NDArray[np.float64]
-    halted_once: Flags
-    stuck: Flags
+    halted_once: Flags  # imminent collision was signalled at any time
+    stuck: Flags  # imminent collision was signalled at the end
 
 
 def published(facts: Facts) -> Published:
@@ -98,13 +91,10 @@ class Outcome(IntEnum):
     """The planner's own fault ended the case: it raised, hung, died or answered nonsense. Goes before all others."""
 
 
-VERDICT_OF = {
-    Outcome.COLLIDED: Verdict.FAIL,
+VERDICT_OF = dict.fromkeys(Outcome, Verdict.FAIL) | {
     Outcome.REACHED: Verdict.PASS,
     Outcome.UNDER_WAY: Verdict.PASS,
     Outcome.BLOCKED: Verdict.INCONCLUSIVE,
-    Outcome.STUCK: Verdict.FAIL,
-    Outcome.ASTRAY: Verdict.FAIL,
     Outcome.ERROR: Verdict.ERROR,
 }
 """The verdict each outcome earns."""
@@ -141,16 +131,15 @@ def true_time_left(facts: Facts) -> NDArray[np.float64]:
 def explain(record: np.void) -> str:
     """Return one sentence on why a case, a record of FACTS, got its outcome."""
     outcome = Outcome(int(outcomes(np.array([record]))[0]))
-    seconds = {
-        name: record[name] * 1e-9 for name in ("t_end", "t_goal", "t_goal_after", "t_last_moving", "halted_time")
-    }
+    times = ("t_end", "t_goal", "t_goal_after", "t_last_moving")
+    seconds = {name: record[name] * 1e-9 for name in times}
     place = f"({record['x']:.2f}, {record['y']:.2f}) m"
     if outcome is Outcome.ERROR:
         reason = record["reason"].decode("utf-8", "replace") if "reason" in (record.dtype.names or ()) else ""
         return f"the planner failed at {seconds['t_end']:.2f} s: {reason or 'no reason was kept'}"
     if outcome is Outcome.COLLIDED:
-        times = [t for t in (record["t_robot_contact"], record["t_shared_contact"]) if t != NEVER]
-        return f"the moving robot closed the gap and touched an obstacle at {min(times) * 1e-9:.2f} s"
+        closed = [t for t in (record["t_robot_contact"], record["t_shared_contact"]) if t != NEVER]
+        return f"the moving robot closed the gap and touched an obstacle at {min(closed) * 1e-9:.2f} s"
     if outcome is Outcome.REACHED:
         return f"goal reached at {seconds['t_goal']:.2f} s, least clearance {record['min_clearance']:.3f} m"
     if outcome is Outcome.UNDER_WAY:
@@ -160,8 +149,7 @@ def explain(record: np.void) -> str:
         return f"an obstacle rests on the goal ({-record['goal_gap']:.2f} m too near); the robot ended at {place}"
     if outcome is Outcome.STUCK:
         hit = ", where an obstacle had run into it" if record["n_obstacle_contacts"] else ""
-        return (
-            f"halted for imminent collision at {place}{hit} since {seconds['t_last_moving']:.1f} s, never moved again"
-        )
+        since = f"{seconds['t_last_moving']:.1f} s"
+        return f"halted for imminent collision at {place}{hit} since {since}, never moved again"
     gap = f"{record['to_goal']:.2f} m from the goal"
     return f"at {place}, {gap}, when the test ended, and never arrived while it was watched on"

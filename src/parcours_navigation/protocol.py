@@ -31,42 +31,25 @@ class Limits:
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """What is the same from the begin to the end of one case.
+    """What is the same from the begin to the end of one case."""
 
-    Attributes:
-        goal: where to go, (x, y) [m].
-        goal_tolerance: as near as this counts as reached [m].
-        robot_radius: the robot is a disc [m].
-        limits: the robot's limits.
-        period: time between two observations [s].
-        arena: obstacles begin in the square [0, arena]^2 [m]; nobody is held back at its border.
-        seed: for planners that draw random numbers; differs from case to case, and replays with it.
-    """
-
-    goal: tuple[float, float]
-    goal_tolerance: float
-    robot_radius: float
-    limits: Limits
-    period: float
-    arena: float
-    seed: int
+    goal: tuple[float, float]  # where to go, (x, y) [m]
+    goal_tolerance: float  # as near as this counts as reached [m]
+    robot_radius: float  # the robot is a disc [m]
+    limits: Limits  # the robot's limits
+    period: float  # time between two observations [s]
+    arena: float  # obstacles begin in the square [0, arena]^2 [m]; nobody is held back at its border
+    seed: int  # for planners that draw random numbers; differs from case to case, and replays with it
 
 
 @dataclass(slots=True)
 class Observation:
-    """What can be sensed now. The arrays are used again for the next observation: copy what is to be kept.
+    """What can be sensed now. The arrays are used again for the next observation: copy what is to be kept."""
 
-    Attributes:
-        time: since the case began [s].
-        robot: x, y, heading, speed, yaw rate [m, m, rad, m/s, rad/s], shape (5,).
-        obstacles: one row each: x, y, heading, speed, yaw rate, radius [m, m, rad, m/s, rad/s, m], shape (n, 6).
-        task: the task, for planners that are plain functions.
-    """
-
-    time: float
-    robot: Floats
-    obstacles: Floats
-    task: Task
+    time: float  # since the case began [s]
+    robot: Floats  # x, y, heading, speed, yaw rate [m, m, rad, m/s, rad/s], shape (5,)
+    obstacles: Floats  # one row each: x, y, heading, speed, yaw rate, radius [m, m, rad, m/s, rad/s, m], shape (n, 6)
+    task: Task  # the task, for planners that are plain functions
 
 
 class Command(NamedTuple):
@@ -78,12 +61,9 @@ class Command(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Trajectory:
-    """Poses to be at, which the host's tracking controller follows until a newer answer replaces it.
+    """Poses to be at, which the host's tracking controller follows until a newer answer replaces it."""
 
-    Attributes:
-        points: one row each: time since the case began, x, y, heading [s, m, m, rad], times increasing, shape (n, 4).
-    """
-
+    # one row each: time since the case began, x, y, heading [s, m, m, rad], times increasing, shape (n, 4)
     points: Floats
 
 

@@ -3,6 +3,11 @@
 Between two ticks both centres are taken to move on straight lines, so contact cannot slip between samples. At 0.01 s
 the true arcs stray from their chords by at most v*w*dt^2/8 = 1e-5 m; in the one tick in which an obstacle sets out or
 stops, its clearance is blurred by at most v*dt/4 = 1.25 mm.
+
+    p0 ●──────share──────○─────────────● p1     the obstacle's place relative to the robot, at two ticks; contact is
+                       .   .   reach            where the chord first enters the disc of both radii (`contact_share`),
+                     .   ●   .                  clearance what the foot of the perpendicular leaves (`least_distance`):
+                       . o .                    neither p0 nor p1 need touch
 """
 
 from __future__ import annotations

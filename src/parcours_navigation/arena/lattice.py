@@ -51,19 +51,12 @@ LATTICE = np.dtype(
 
 @dataclass(frozen=True, slots=True)
 class Lattice:
-    """A lattice, and what follows from the task alone, shared by all cases of it.
+    """A lattice, and what follows from the task alone, shared by all cases of it."""
 
-    Attributes:
-        record: of dtype LATTICE.
-        near: points from which the goal may be entered within one step.
-        edge: points at which a robot that left the lattice's square may come back.
-        caps: for each step the points that could lie on a way to the goal were there no obstacles, shape
-            (n_steps + 1, ...).
-    """
-
-    record: Record
-    near: Bits
-    edge: Bits
+    record: Record  # of dtype LATTICE
+    near: Bits  # points from which the goal may be entered within one step
+    edge: Bits  # points at which a robot that left the lattice's square may come back
+    # for each step the points that could lie on a way to the goal were there no obstacles, shape (n_steps + 1, ...)
     caps: Bits
 
 

@@ -96,15 +96,15 @@ def begin_set(bits: Record, lattice: Record) -> None:
 
 
 @kernel
-def take_obstacles_inner(bits: Record, lattice: Record, obstacles: Record, k: int, margin: float) -> None:
-    """Take out what an obstacle may touch in the step before or after time k, kept clear by a further margin [m]."""
+def take_obstacles_inner(bits: Record, lattice: Record, obstacles: Record, k: int) -> None:
+    """Take out what an obstacle may touch in the step before or after time k."""
     now = nanoseconds(k * lattice.step)
     for i in range(len(obstacles)):
         radius = inflated(obstacles[i], lattice, k)
         if k > 0:
             radius = max(radius, inflated(obstacles[i], lattice, k - 1))
         x, y = place_at(obstacles[i], now)
-        take_disc(bits, lattice, x, y, radius + margin)
+        take_disc(bits, lattice, x, y, radius)
 
 
 @kernel
@@ -130,11 +130,8 @@ def nearest(bits: Record, near: Record, lattice: Record) -> tuple[float, float, 
 
 
 @kernel
-def last_leg(lattice: Record, obstacles: Record, k: int, robot_radius: float, x: float, y: float) -> float:
-    """Return when a disc that leaves (x, y) [m] after k steps, straight for the goal, is there [s].
-
-    inf if it meets an obstacle, or comes too late.
-    """
+def last_leg(lattice: Record, obstacles: Record, k: int, x: float, y: float) -> float:
+    """Return when a disc that leaves (x, y) [m] after k steps, straight for the goal, is there [s]; inf if never."""
     dx, dy = lattice.goal_x - x, lattice.goal_y - y
     far = np.sqrt(dx * dx + dy * dy)
     lasts = max(far - lattice.tolerance + INSIDE, 0.0) / lattice.v_max
@@ -142,25 +139,21 @@ def last_leg(lattice: Record, obstacles: Record, k: int, robot_radius: float, x:
     t0 = nanoseconds(k * lattice.step)
     t1 = t0 + nanoseconds(lasts)
     piece = nanoseconds(0.5 * lattice.step)
-    free = leg_is_free(obstacles, robot_radius, x, y, share * dx, share * dy, t0, t1, piece)
+    free = leg_is_free(obstacles, lattice.robot_radius, x, y, share * dx, share * dy, t0, t1, piece)
     when = k * lattice.step + lasts
     return float(when) if free and when <= lattice.limit else np.inf
 
 
 @kernel
-def arrival(
-    bits: Record, near: Record, lattice: Record, obstacles: Record, k: int, robot_radius: float
-) -> tuple[float, float, float]:
-    """Return (when, x, y): the earliest arrival [s] from a point [m] of the inner set by a free leg within step k.
-
-    (inf, 0, 0) if there is none.
-    """
+def arrival(bits: Record, near: Record, lattice: Record, obstacles: Record, k: int) -> float:
+    """Return the earliest arrival [s] from a point of the inner set by a free leg within step k; inf if none."""
     far, x, y = nearest(bits, near, lattice)
     if far == np.inf:
-        return np.inf, 0.0, 0.0
-    best, best_x, best_y = last_leg(lattice, obstacles, k, robot_radius, x, y), x, y
+        return np.inf
+    best = last_leg(lattice, obstacles, k, x, y)
     if best < np.inf:
-        return best, best_x, best_y
+        return best
+    # The leg from the nearest point is blocked: try them all.
     for row in range(ROWS):
         for w in range(WORDS):
             word = bits[1 + w, EDGE + row] & near[1 + w, EDGE + row]
@@ -169,10 +162,8 @@ def arrival(
             for b in range(64):
                 if (word >> np.uint64(b)) & np.uint64(1):
                     x, y = lattice.x0 + (64 * w + b) * lattice.spacing, lattice.y0 + row * lattice.spacing
-                    when = last_leg(lattice, obstacles, k, robot_radius, x, y)
-                    if when < best:
-                        best, best_x, best_y = when, x, y
-    return best, best_x, best_y
+                    best = min(best, last_leg(lattice, obstacles, k, x, y))
+    return best
 
 
 @kernel
@@ -246,8 +237,8 @@ def earliest_inner(obstacles: Record, lattice: Record, near: Record, bits: Recor
     for k in range(lattice.n_steps + 1):
         if k > 0:
             grow_inner(bits, wide)
-        take_obstacles_inner(bits, lattice, obstacles, k, 0.0)
-        when, _, _ = arrival(bits, near, lattice, obstacles, k, lattice.robot_radius)
+        take_obstacles_inner(bits, lattice, obstacles, k)
+        when = arrival(bits, near, lattice, obstacles, k)
         if when < np.inf:
             return when
     return np.inf

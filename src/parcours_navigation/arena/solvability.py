@@ -3,7 +3,10 @@
 Two sets of places are grown through space and time, over a lattice (`arena.lattice`). The inner one holds only points
 that a disc of top speed v_max certainly reaches without contact; the outer one misses none. Where they disagree the
 answer is UNDECIDED. The disc may move in any direction at once, so UNSOLVABLE holds for every robot of that size and
-speed; that a unicycle could do it too is shown case by case by `arena.solution`. docs/solvability.md has the errors.
+speed, and SOLVABLE only for discs. docs/solvability.md has the errors.
+
+    time of arrival   0 ────────┤ outer ├──── truth ────┤ inner ├────── limit
+                        nobody has arrived          a disc certainly has
 """
 
 from __future__ import annotations

@@ -87,21 +87,15 @@ def _text(name: str) -> str:
 
 @dataclass(frozen=True, slots=True)
 class SystemCases:
-    """A numbered, endless family of system cases.
+    """A numbered, endless family of system cases."""
 
-    Args:
-        seed: the campaign's seed.
-        protocol: "table-vii" (the paper's domains, all nine start vectors) or "published" (the authors' generator and
-            delays, five start vectors).
-        robot_radius, obstacle_radius: [m].
-        study: the name with which their ids begin.
-    """
-
-    seed: int
+    seed: int  # the campaign's seed
+    # "table-vii" (the paper's domains, all nine start vectors) or "published" (the authors' generator and delays, five
+    # start vectors)
     protocol: Protocol = "table-vii"
-    robot_radius: float = 0.125
+    robot_radius: float = 0.125  # [m]
     obstacle_radius: float = 0.1
-    study: str = "navigation"
+    study: str = "navigation"  # the name with which their ids begin
 
     def __post_init__(self) -> None:
         require_known(self.protocol, PROTOCOLS, "protocol", slug="unknown-protocol")

@@ -7,27 +7,16 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class PublishedRuns:
-    """One folder of the published raw results.
+    """One folder of the published raw results."""
 
-    Attributes:
-        folder: its number (system_level/simpar2016).
-        delays: how long each obstacle stood after the static second [s].
-        vector: the start vector these delays give for motions of about 5 s; derived.
-        n: tests.
-        reached: tests that ended within 0.2 m of the goal.
-        feasible: tests whose last trajectory was feasible.
-        halted: tests with imminent collision at any time.
-        stuck: tests with imminent collision at the end.
-    """
-
-    folder: int
-    delays: tuple[float, float, float]
-    vector: tuple[int, int, int]
-    n: int
-    reached: int
-    feasible: int
-    halted: int
-    stuck: int
+    folder: int  # its number (system_level/simpar2016)
+    delays: tuple[float, float, float]  # how long each obstacle stood after the static second [s]
+    vector: tuple[int, int, int]  # the start vector these delays give for motions of about 5 s; derived
+    n: int  # tests
+    reached: int  # tests that ended within 0.2 m of the goal
+    feasible: int  # tests whose last trajectory was feasible
+    halted: int  # tests with imminent collision at any time
+    stuck: int  # tests with imminent collision at the end
 
 
 PUBLISHED = (

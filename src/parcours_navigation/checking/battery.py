@@ -1,4 +1,4 @@
-"""All checks of a planner, as data, and their run: findings, gravest first."""
+"""All checks of a planner, as data, and their run, here or in a process of its own: remarks, gravest first."""
 
 from __future__ import annotations
 
@@ -11,12 +11,13 @@ from dataclasses import dataclass, replace
 
 from parcours.errors import require_known
 from parcours.report.pieces import Cell, Column, Table
+from parcours.run.workers import Crew, Done, Lost, failure_of, tell
 from parcours_navigation.checking import conduct, form, geometry, memory
-from parcours_navigation.checking.finding import Finding, Level, OutOfPatience, error, warning
-from parcours_navigation.checking.subject import Subject
+from parcours_navigation.checking.remark import Level, OutOfPatience, Remark, error, warning
+from parcours_navigation.checking.subject import Subject, load_subject
 from parcours_navigation.guests.answers import BadAnswer
 
-Check = Callable[[Subject], Iterator[Finding]]
+Check = Callable[[Subject], Iterator[Remark]]
 
 GATES: dict[str, Check] = {
     check.__name__: check for check in (form.is_a_planner, form.same_in_own_process, form.answers_in_form)
@@ -51,19 +52,12 @@ CHECKS: dict[str, Check] = GATES | {
 
 @dataclass(frozen=True, slots=True)
 class Report:
-    """What the battery found.
+    """What the battery found."""
 
-    Attributes:
-        planner: its name.
-        findings: gravest first.
-        made: names of the checks that were made.
-        left: names of those that were not, since an earlier one failed.
-    """
-
-    planner: str
-    findings: tuple[Finding, ...]
-    made: tuple[str, ...]
-    left: tuple[str, ...]
+    planner: str  # its name
+    findings: tuple[Remark, ...]  # gravest first
+    made: tuple[str, ...]  # names of the checks that were made
+    left: tuple[str, ...]  # names of those that were not, since an earlier one failed
 
     @property
     def passed(self) -> bool:
@@ -78,21 +72,15 @@ def run_battery(
     patience: float = 120.0,
     progress: Callable[[str, int, int], None] = lambda name, done, total: None,
 ) -> Report:
-    """Return what the checks found of a planner. What it prints meanwhile is swallowed.
+    """Return what the checks, all if none are named, find of a planner. What it prints meanwhile is swallowed.
 
-    Args:
-        subject: the planner.
-        names: of the checks, in CHECKS; all if None.
-        patience: how long one check may take [s]; only on a main thread can a check be given up.
-        progress: called with (name of the next check, checks made, in all).
-
-    Raises:
-        BadRequest: a check is unknown.
+    A check may take `patience` [s]; only on a main thread can it be given up. `progress` is called with (name of the
+    next check, checks made, in all). Raises BadRequest if a check is unknown.
     """
     wanted = list(CHECKS) if names is None else list(names)
     for name in wanted:
         require_known(name, list(CHECKS), "check", slug="unknown-check")
-    findings: list[Finding] = []
+    findings: list[Remark] = []
     made: list[str] = []
     for name in wanted:
         progress(name, len(made), len(wanted))
@@ -107,10 +95,10 @@ def run_battery(
     return Report(subject.name, tuple(ordered), tuple(made), tuple(name for name in wanted if name not in made))
 
 
-def _made(check: Check, subject: Subject, patience: float) -> list[Finding]:
+def _made(check: Check, subject: Subject, patience: float) -> list[Remark]:
     """Make one check; what the planner raises in it is a finding too."""
     sink = io.StringIO()
-    findings: list[Finding] = []
+    findings: list[Remark] = []
     try:
         with _limited(patience), contextlib.redirect_stdout(sink), contextlib.redirect_stderr(sink):
             findings.extend(check(subject))
@@ -143,6 +131,54 @@ def _limited(seconds: float) -> Generator[None, None, None]:
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0.0)
         signal.signal(signal.SIGALRM, before)
+
+
+_GRACE = 60.0
+"""A process may be silent for so much longer than one check may take [s]: it imports, and compiles."""
+
+
+def check_apart(
+    planner: str,
+    names: Sequence[str] | None = None,
+    *,
+    patience: float = 120.0,
+    grace: float = _GRACE,
+    progress: Callable[[str, int, int], None] = lambda name, done, total: None,
+) -> Report:
+    """Return what `run_battery` finds of a planner in a process of its own, also where it ends or blocks that process.
+
+    The process is ended when a check takes `grace` [s] longer than its patience. Raises BadRequest if the planner's
+    name leads nowhere, or a check is unknown.
+    """
+    wanted = list(CHECKS) if names is None else list(names)
+    done = -1  # while it is loaded
+
+    def heard(said: tuple[str, int, int]) -> None:
+        nonlocal done
+        done = said[1]
+        progress(*said)
+
+    with contextlib.closing(Crew(_check, 1, patience=patience + grace, heard=heard)) as crew:
+        crew.pending.append((0, (planner, names, patience)))
+        [(_, answer)] = crew.answers()
+    if isinstance(answer, Done):
+        return answer.result
+    if not isinstance(answer, Lost):
+        raise failure_of(f"planner {planner}", answer)
+    if answer.how == "hung":
+        seen = f"no sign of life for {patience + grace:g} s, and no signal ended it"
+        found = error("process-hangs", seen, "look for endless loops in compiled code, or give it more patience")
+    else:
+        seen = f"it ended the process that it was checked in, with exit code {answer.status}"
+        found = error("process-dies", seen, "look for crashes of compiled code, and for calls of os._exit")
+    check = wanted[done] if 0 <= done < len(wanted) else ""
+    where, made = f"in {check}" if check else "while it was loaded", max(done, 0)
+    whole = replace(found, seen=f"{where}: {found.seen}", check=check)
+    return Report(planner, (whole,), tuple(wanted[:made]), tuple(wanted[made:]))
+
+
+def _check(planner: str, names: Sequence[str] | None, patience: float) -> Report:
+    return run_battery(load_subject(planner), names, patience=patience, progress=lambda *said: tell(said))
 
 
 def report_lines(report: Report) -> str:

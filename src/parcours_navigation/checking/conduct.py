@@ -8,11 +8,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from parcours_navigation.checking.driving import drive
-from parcours_navigation.checking.finding import Finding, OutOfPatience, error, note, warning
 from parcours_navigation.checking.form import malformed, where_raised
+from parcours_navigation.checking.remark import OutOfPatience, Remark, error, note, warning
 from parcours_navigation.checking.scenes import PERIOD, crowd, observation, standard_task
-from parcours_navigation.checking.subject import Slot, Subject
+from parcours_navigation.checking.subject import Slot, Subject, drive
 from parcours_navigation.guests.answers import BadAnswer
 from parcours_navigation.protocol import Floats, Observation, Task
 
@@ -45,7 +44,7 @@ def odd_scenes(task: Task) -> dict[str, list[Observation]]:
     }
 
 
-def survives_odd_scenes(subject: Subject) -> Iterator[Finding]:
+def survives_odd_scenes(subject: Subject) -> Iterator[Remark]:
     """No scene makes it raise or answer what is not finite."""
     task = standard_task()
     raised: dict[str, list[str]] = {}
@@ -69,7 +68,7 @@ def survives_odd_scenes(subject: Subject) -> Iterator[Finding]:
         yield malformed(fault, f"with {'; '.join(names)}")
 
 
-def decides_in_time(subject: Subject) -> Iterator[Finding]:
+def decides_in_time(subject: Subject) -> Iterator[Remark]:
     """A decision takes less than the period, also with many obstacles; wall time of this machine."""
     task = standard_task()
     times = {count: decision_times(subject.slot(task), task, count) for count in COUNTS}
@@ -105,7 +104,7 @@ def decision_times(slot: Slot, task: Task, count: int, n: int = 40, patience: fl
     return np.array(taken[1:])
 
 
-def reaches_a_free_goal(subject: Subject) -> Iterator[Finding]:
+def reaches_a_free_goal(subject: Subject) -> Iterator[Remark]:
     """In an empty world it moves, reaches the goal, and stops there."""
     task = standard_task()
     drove = drive(subject, task, (0.0, 0.0, math.pi / 4.0), seconds=30.0, beyond_goal=3.0)
@@ -132,7 +131,7 @@ def reaches_a_free_goal(subject: Subject) -> Iterator[Finding]:
         yield note("slow", f"the free goal took {drove.t_goal:.1f} s, {slow:.1f} times as long as at top speed")
 
 
-def passes_a_standing_obstacle(subject: Subject) -> Iterator[Finding]:
+def passes_a_standing_obstacle(subject: Subject) -> Iterator[Remark]:
     """It does not run into an obstacle that stands straight ahead, and gets past it."""
     task = standard_task()
     scenes = {"straight ahead": (1.0, 1.0), "a little to the left": (0.97, 1.05), "a little to the right": (1.05, 0.97)}

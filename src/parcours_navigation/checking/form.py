@@ -10,16 +10,16 @@ from collections.abc import Iterator
 
 from parcours.errors import BadRequest
 from parcours.run.workers import Crew, Done, Lost, failure_of
-from parcours_navigation.checking.finding import Finding, OutOfPatience, error, note, warning
+from parcours_navigation.checking.remark import OutOfPatience, Remark, error, note, warning
 from parcours_navigation.checking.scenes import copied, script, standard_task
-from parcours_navigation.checking.subject import Speeds, Subject, replayed
+from parcours_navigation.checking.subject import Speeds, Subject, load_subject, replayed
 from parcours_navigation.guests.answers import BadAnswer, read_answer
 
 _PATIENCE = 60.0
 """How long a process of its own may take to answer a script [s]."""
 
 
-def is_a_planner(subject: Subject) -> Iterator[Finding]:
+def is_a_planner(subject: Subject) -> Iterator[Remark]:
     """It can be made, and is an object with reset and observe, or a function of one observation."""
     remedy = "give a class without required arguments that has reset(task) and observe(observation), or a function"
     try:
@@ -47,7 +47,7 @@ def is_a_planner(subject: Subject) -> Iterator[Finding]:
         yield error("planner-shape", f"a {type(planner).__name__} without an observe that can be called", remedy)
 
 
-def _takes_one(function: object, what: str, argument: str) -> Iterator[Finding]:
+def _takes_one(function: object, what: str, argument: str) -> Iterator[Remark]:
     try:
         inspect.signature(function).bind(None)  # type: ignore[arg-type]
     except TypeError as refused:
@@ -57,7 +57,7 @@ def _takes_one(function: object, what: str, argument: str) -> Iterator[Finding]:
         return  # compiled functions may have no signature: the next check calls it
 
 
-def answers_in_form(subject: Subject) -> Iterator[Finding]:
+def answers_in_form(subject: Subject) -> Iterator[Remark]:
     """It answers pairs of finite numbers, trajectories or None, and not always None."""
     task = standard_task()
     slot = subject.slot(task)
@@ -78,7 +78,7 @@ def answers_in_form(subject: Subject) -> Iterator[Finding]:
         yield note("answers-late", "None to the first observation: the robot keeps its initial speeds until it answers")
 
 
-def malformed(wrong: BadAnswer, where: str) -> Finding:
+def malformed(wrong: BadAnswer, where: str) -> Remark:
     """Return the finding that an answer is not in form, and where that was."""
     if wrong.finite:
         remedy = "return a pair of numbers (v, w), a Trajectory of points (n, 4), or None"
@@ -87,7 +87,7 @@ def malformed(wrong: BadAnswer, where: str) -> Finding:
     return error("answer-finite", f"{wrong}, {where}", remedy)
 
 
-def same_in_own_process(subject: Subject) -> Iterator[Finding]:
+def same_in_own_process(subject: Subject) -> Iterator[Remark]:
     """A process of its own gives the same answers, and ends."""
     if not subject.name:
         yield note("not-found-elsewhere", "it has no name that another process could find it by, so that was not tried")
@@ -96,13 +96,13 @@ def same_in_own_process(subject: Subject) -> Iterator[Finding]:
     with contextlib.closing(Crew(_answer_script, 1, patience=_PATIENCE)) as crew:
         crew.pending.append((0, (subject.name,)))
         [(_, answer)] = crew.answers()
-    if isinstance(answer, Lost) and answer.how == "died":
-        seen = f"a process of its own died with exit code {answer.status} before it had answered"
-        yield error("process-dies", seen, "look for crashes of compiled code, and for calls of sys.exit")
-        return
     if isinstance(answer, Lost):
-        remedy = "look for waiting and endless loops in reset and observe"
-        yield error("process-hangs", f"no answers within {_PATIENCE:.0f} s", remedy)
+        if answer.how == "died":
+            seen = f"a process of its own died with exit code {answer.status} before it had answered"
+            yield error("process-dies", seen, "look for crashes of compiled code, and for calls of sys.exit")
+        else:
+            remedy = "look for waiting and endless loops in reset and observe"
+            yield error("process-hangs", f"no answers within {_PATIENCE:.0f} s", remedy)
         return
     if not isinstance(answer, Done):
         raise failure_of("a process of its own", answer)
@@ -115,16 +115,15 @@ def same_in_own_process(subject: Subject) -> Iterator[Finding]:
         remedy = "make it importable and independent of its caller"
         yield error("planner-raises", f"in a process of its own: {there}", remedy)
     elif there != here:
-        first = next(k for k, pair in enumerate(zip(here, there, strict=True)) if pair[0] != pair[1])
-        seen = f"observation {first}: {_pair(here[first])} here, {_pair(there[first])} in a fresh process"
+        k, one, two = next((k, *pair) for k, pair in enumerate(zip(here, there, strict=True)) if pair[0] != pair[1])
+        pairs = [f"(v, w) = ({v:.6g}, {w:.6g})" for v, w in (one, two)]
+        seen = f"observation {k}: {pairs[0]} here, {pairs[1]} in a fresh process"
         remedy = "draw random numbers from task.seed only; do not iterate over sets or use hash() of texts"
         yield error("process-differs", seen, remedy)
 
 
 def _answer_script(name: str) -> list[Speeds] | str:
     """Return the speeds that answer the script in a process of its own, or what was raised."""
-    from parcours_navigation.checking.loading import load_subject
-
     try:
         with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
             task = standard_task()
@@ -133,7 +132,7 @@ def _answer_script(name: str) -> list[Speeds] | str:
         return where_raised(raised)
 
 
-def is_quiet(subject: Subject) -> Iterator[Finding]:
+def is_quiet(subject: Subject) -> Iterator[Remark]:
     """It prints nothing."""
     task = standard_task()
     out = io.StringIO()
@@ -154,7 +153,3 @@ def where_raised(raised: BaseException) -> str:
     frames = traceback.extract_tb(raised.__traceback__)
     place = f" (in {frames[-1].name}, {frames[-1].filename.rpartition('/')[2]}:{frames[-1].lineno})" if frames else ""
     return f"{type(raised).__name__}: {raised}{place}".replace("\n", " ")
-
-
-def _pair(speeds: Speeds) -> str:
-    return f"(v, w) = ({speeds[0]:.6g}, {speeds[1]:.6g})"

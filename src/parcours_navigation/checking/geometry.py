@@ -7,17 +7,16 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from parcours_navigation.checking.driving import drive
-from parcours_navigation.checking.finding import Finding, error, note, warning
+from parcours_navigation.checking.remark import Remark, error, note, warning
 from parcours_navigation.checking.scenes import LIMITS, mirrored, moved, script, standard_task
-from parcours_navigation.checking.subject import Subject, replayed
+from parcours_navigation.checking.subject import Subject, drive, replayed
 from parcours_navigation.protocol import Observation
 
 _FAR = 0.05
 """A deviation of this share of the limits counts as another answer."""
 
 
-def turns_towards_the_goal(subject: Subject) -> Iterator[Finding]:
+def turns_towards_the_goal(subject: Subject) -> Iterator[Remark]:
     """A goal to the left makes the robot turn left, one to the right turns it right, from any heading."""
     wrong = []
     for heading in (0.0, 1.9, -2.6):
@@ -40,7 +39,7 @@ def turns_towards_the_goal(subject: Subject) -> Iterator[Finding]:
         yield warning("turns-away", seen, remedy)
 
 
-def commands_in_units(subject: Subject) -> Iterator[Finding]:
+def commands_in_units(subject: Subject) -> Iterator[Remark]:
     """Commands are metres a second and radians a second, within what the robot can do."""
     task = standard_task()
     answers = np.array(replayed(subject, task, script(task)))
@@ -78,7 +77,7 @@ def commands_in_units(subject: Subject) -> Iterator[Finding]:
         yield note("jumps", seen, remedy)
 
 
-def no_place_is_special(subject: Subject) -> Iterator[Finding]:
+def no_place_is_special(subject: Subject) -> Iterator[Remark]:
     """A world that is turned and shifted gets the same commands."""
     turns = {
         "turned by 90 degrees about the middle of the arena": (math.pi / 2.0, (0.0, 0.0)),
@@ -96,7 +95,7 @@ def no_place_is_special(subject: Subject) -> Iterator[Finding]:
             return
 
 
-def left_is_as_good_as_right(subject: Subject) -> Iterator[Finding]:
+def left_is_as_good_as_right(subject: Subject) -> Iterator[Remark]:
     """A mirrored world gets mirrored commands."""
     share, worst = _deviates(subject, mirrored, -1.0)
     seen = f"a mirrored world changes {share:.0%} of the answers, at most by {worst:.0%} of the limits"

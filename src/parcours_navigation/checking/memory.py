@@ -7,13 +7,13 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from parcours_navigation.checking.finding import Finding, error, warning
+from parcours_navigation.checking.remark import Remark, error, warning
 from parcours_navigation.checking.scenes import LIMITS, copied, observation, script, standard_task
 from parcours_navigation.checking.subject import Speeds, Subject, replayed
 from parcours_navigation.protocol import Observation
 
 
-def repeats_itself(subject: Subject) -> Iterator[Finding]:
+def repeats_itself(subject: Subject) -> Iterator[Remark]:
     """Two new planners answer the same case alike."""
     task = standard_task()
     one, two = (replayed(subject, task, script(task)) for _ in range(2))
@@ -22,7 +22,7 @@ def repeats_itself(subject: Subject) -> Iterator[Finding]:
         yield error("nondeterministic", f"two new planners on the same case: {_first_difference(one, two)}", remedy)
 
 
-def forgets_the_last_case(subject: Subject) -> Iterator[Finding]:
+def forgets_the_last_case(subject: Subject) -> Iterator[Remark]:
     """After a reset it answers as new, whatever it did before."""
     task, other = standard_task(), standard_task((0.2, 1.7), seed=8)
     fresh = replayed(subject, task, script(task))
@@ -37,7 +37,7 @@ def forgets_the_last_case(subject: Subject) -> Iterator[Finding]:
         yield error("remembers", f"after another case and a reset: {_first_difference(fresh, again)}", remedy)
 
 
-def rolls_its_own_dice(subject: Subject) -> Iterator[Finding]:
+def rolls_its_own_dice(subject: Subject) -> Iterator[Remark]:
     """It leaves the global random generators of Python and NumPy alone."""
     task = standard_task()
     before = _dice()
@@ -54,7 +54,7 @@ def _dice() -> dict[str, str]:
     return {"random": repr(random.getstate()), "numpy.random": f"{name} {position} {hash(np.asarray(keys).tobytes())}"}
 
 
-def leaves_observations_alone(subject: Subject) -> Iterator[Finding]:
+def leaves_observations_alone(subject: Subject) -> Iterator[Remark]:
     """It does not write into the arrays it is shown."""
     task = standard_task()
     slot = subject.slot(task)
@@ -68,7 +68,7 @@ def leaves_observations_alone(subject: Subject) -> Iterator[Finding]:
                 return
 
 
-def keeps_no_observation(subject: Subject) -> Iterator[Finding]:
+def keeps_no_observation(subject: Subject) -> Iterator[Remark]:
     """What it remembers of an observation is a copy: the arrays are filled again each time."""
     task = standard_task()
     fresh = replayed(subject, task, script(task))
@@ -88,7 +88,7 @@ def keeps_no_observation(subject: Subject) -> Iterator[Finding]:
         yield error("keeps-observation", found, remedy)
 
 
-def takes_obstacles_in_any_order(subject: Subject) -> Iterator[Finding]:
+def takes_obstacles_in_any_order(subject: Subject) -> Iterator[Remark]:
     """The order of the obstacles changes nothing."""
     task = standard_task()
     steps = script(task)

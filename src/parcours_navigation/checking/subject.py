@@ -1,12 +1,23 @@
-"""A planner under check: asked in small situations, its answers read as campaigns read them."""
+"""A planner under check: found by name as campaigns find it, asked in small situations, and driven in a closed loop."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+import importlib
+import math
+import sys
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from typing import NoReturn
 
+import numpy as np
+
+from parcours.errors import BadRequest
+from parcours_navigation.arena.obstacles import OBSTACLE
+from parcours_navigation.arena.world import NEVER, WORLD, advance, begin
+from parcours_navigation.checking.scenes import observation
 from parcours_navigation.guests import tracking
 from parcours_navigation.guests.answers import read_answer
+from parcours_navigation.guests.planners import SHIPPED, load_planner, source_digest
 from parcours_navigation.protocol import HEADING, Floats, Observation, Task, X, Y
 
 Speeds = tuple[float, float]
@@ -15,14 +26,10 @@ Speeds = tuple[float, float]
 
 @dataclass(frozen=True, slots=True)
 class Subject:
-    """The planner that is checked.
+    """The planner that is checked."""
 
-    Attributes:
-        name: under which another process finds it, "module:attribute" or a registry name; "" if none can.
-        make: returns a new planner: an object with `reset` and `observe`, or a function of an observation.
-    """
-
-    name: str
+    name: str  # under which another process finds it, "module:attribute" or a registry name; "" if none can
+    # returns a new planner: an object with `reset` and `observe`, or a function of an observation
     make: Callable[[], object]
 
     def slot(self, task: Task) -> Slot:
@@ -55,8 +62,7 @@ class Slot:
     def speeds(self, observation: Observation) -> Speeds:
         """Ask, and return the speeds that the answer means now; a trajectory is followed by the law of campaigns.
 
-        Raises:
-            BadAnswer: the answer is not of the protocol's form.
+        Raises BadAnswer if the answer is not of the protocol's form.
         """
         answer = self.answer(observation)
         if answer is not None:
@@ -80,3 +86,91 @@ def replayed(
     else:
         slot.reset(task)
     return [slot.speeds(seen) for seen in observations]
+
+
+_ITS_OWN_FAULT = ("planner-raised", "planner-form")
+"""Complaints of the loader that the battery reports as findings."""
+
+
+def load_subject(name: str) -> Subject:
+    """Return the subject of a check. Its module or file is read once, the planner made again each time.
+
+    `name` is a shipped planner's, "package.module:Name", or "path/to/file.py:Name". Raises BadRequest if it leads
+    nowhere.
+
+    >>> load_subject("stand-still").make() is load_subject("stand-still").make()
+    False
+    """
+    try:
+        load_planner(name)
+    except BadRequest as complaint:
+        if complaint.slug in _ITS_OWN_FAULT:
+            return Subject(name, lambda complaint=complaint: _raise(complaint))  # type: ignore[misc]
+        raise
+    where, _, dotted = SHIPPED.get(name, name).rpartition(":")
+    kept = sys.modules.get(f"parcours_planner_{source_digest(name)}")
+    found: object = kept if kept is not None else importlib.import_module(where)
+    for part in dotted.split("."):
+        found = getattr(found, part)
+    return Subject(name, found if isinstance(found, type) else lambda: found)
+
+
+def _raise(complaint: BadRequest) -> NoReturn:
+    raise complaint
+
+
+@dataclass(frozen=True, slots=True)
+class Drive:
+    """How a planner drove."""
+
+    times: Floats  # of the observations [s], shape (n,)
+    states: Floats  # robot then: x, y, heading, speed, yaw rate [m, m, rad, m/s, rad/s], shape (n, 5)
+    commands: Floats  # what was answered then: speed, yaw rate [m/s, rad/s], shape (n, 2)
+    t_goal: float  # when the goal was first reached [s]; NaN if never
+    touched: bool  # whether the robot closed the gap at a contact
+    travelled: float  # length of the way [m]
+
+
+def drive(
+    subject: Subject,
+    task: Task,
+    start: Sequence[float],
+    standing: Sequence[tuple[float, float]] = (),
+    *,
+    seconds: float,
+    beyond_goal: float = 0.0,
+) -> Drive:
+    """Return how a new planner drives, at most for some seconds, and `beyond_goal` [s] after it reached the goal.
+
+    It starts at rest in `start` (x, y, heading) among obstacles of 0.1 m that stand in `standing` (x, y). Raises
+    BadAnswer if an answer is not of the protocol's form.
+    """
+    world = np.zeros(1, WORLD).view(np.recarray)[0]
+    obstacles = np.zeros(len(standing), OBSTACLE)
+    for obstacle, (x, y) in zip(obstacles, standing, strict=True):
+        obstacle["x0"], obstacle["y0"], obstacle["radius"] = x, y, 0.1
+    robot, limits = world.robot, task.limits
+    robot.x, robot.y, robot.heading = start
+    robot.v_max, robot.w_max, robot.radius = limits.speed, limits.yaw_rate, task.robot_radius
+    robot.a_max, robot.alpha_max = limits.acceleration, limits.yaw_acceleration
+    (world.goal_x, world.goal_y), world.goal_tolerance = task.goal, task.goal_tolerance
+    begin(world, obstacles)
+    slot = subject.slot(task)
+    times, states, commands = [], [], []
+    until = seconds
+    for k in range(math.ceil(seconds / task.period)):
+        now = k * task.period
+        if now >= until:
+            break
+        state = (robot.x, robot.y, robot.heading, robot.v, robot.w)
+        command = slot.speeds(observation(task, state, standing, now))
+        times.append(now)
+        states.append(state)
+        commands.append(command)
+        robot.command_v, robot.command_w = command
+        advance(world, obstacles, round((now + task.period) * 1e9))
+        if world.t_goal != NEVER:
+            until = min(until, world.t_goal * 1e-9 + beyond_goal)
+    t_goal = world.t_goal * 1e-9 if world.t_goal != NEVER else math.nan
+    touched = bool(world.n_robot_contacts + world.n_shared_contacts)
+    return Drive(np.array(times), np.array(states), np.array(commands), t_goal, touched, float(world.travelled))

@@ -6,46 +6,25 @@ from pathlib import Path
 
 import click
 
-from parcours.cli.options import as_json, print_json, seed, workers
+from parcours.cli.options import PATH, as_json, count, print_json, seed, workers
 
 
 @click.command("compare", short_help="Planners or runs on the same cases, with paired tests.")
 @click.argument("planners", nargs=-1, required=True)
-@click.option(
-    "--cases", type=click.IntRange(1, 100_000_000), default=1000, show_default=True, help="How many, the same for all."
-)
+@count("--cases", default=1000, most=100_000_000, help="How many, the same for all.")
 @click.option("--protocol", default="table-vii", show_default=True, help="table-vii or published.")
-@click.option(
-    "--command-delay",
-    type=click.FloatRange(0.0, 10.0),
-    default=0.0,
-    show_default=True,
-    help="From an answer to the robot [s], in steps of 0.01 s. Planners with durations of work of their own keep them.",
-)
-@click.option(
-    "--measured",
-    type=click.IntRange(0),
-    default=200,
-    show_default=True,
-    help="How many of the first cases are run again, to be scored as the code of published benchmarks does.",
-)
-@click.option(
-    "--timed",
-    type=click.IntRange(0),
-    default=3,
-    show_default=True,
-    help="On how many of the first cases decisions are timed.",
-)
+@click.option("--command-delay", type=click.FloatRange(0.0, 10.0), default=0.0, show_default=True,
+              help="From an answer to the robot [s], in steps of 0.01 s. Planners with durations of work of their own "
+              "keep them.")  # fmt: skip
+@count("--measured", default=200, least=0,
+       help="How many of the first cases are run again, to be scored as the code of published benchmarks "
+       "does.")  # fmt: skip
+@count("--timed", default=3, least=0, help="On how many of the first cases decisions are timed.")
 @seed
 @workers
-@click.option(
-    "--out",
-    type=click.Path(path_type=Path),
-    default=Path("out/compare"),
-    show_default=True,
-    help="Folder for the campaigns; resumed if it holds some.",
-)
-@click.option("--html", type=click.Path(path_type=Path), help="Write one self-contained page.")
+@click.option("--out", type=PATH, default=Path("out/compare"), show_default=True,
+              help="Folder for the campaigns; resumed if it holds some.")  # fmt: skip
+@click.option("--html", type=PATH, help="Write one self-contained page.")
 @click.option("--markdown", is_flag=True, help="Print the tables of results as Markdown, and nothing else.")
 @as_json
 def command(
@@ -79,9 +58,8 @@ def command(
     from parcours_navigation.comparison.tables import to_markdown_page
 
     if markdown and as_json:
-        raise BadRequest(
-            "compare", "either --json or --markdown can be printed, but both are asked for", slug="compare-both"
-        )
+        rule = "either --json or --markdown can be printed, but both are asked for"
+        raise BadRequest("compare", rule, slug="compare-both")
     say_if_cold()
     try:
         with progress() as show:

@@ -19,13 +19,8 @@ def command() -> None:
 @click.argument("planner")
 @click.option("--only", "only", multiple=True, metavar="CHECK", help="Make only this check; may be repeated.")
 @click.option("--list", "listed", is_flag=True, help="List the checks, and make none.")
-@click.option(
-    "--patience",
-    type=click.FloatRange(0.1, 86400.0),
-    default=120.0,
-    show_default=True,
-    help="Longest time for one check [s].",
-)
+@click.option("--patience", type=click.FloatRange(0.1, 86400.0), default=120.0, show_default=True,
+              help="Longest time for one check [s].")  # fmt: skip
 @as_json
 def check(planner: str, only: tuple[str, ...], listed: bool, patience: float, as_json: bool) -> None:
     """Put PLANNER into small situations, and say what is wrong and what to do. Exit code 1 if there is an error.
@@ -38,31 +33,24 @@ def check(planner: str, only: tuple[str, ...], listed: bool, patience: float, as
 
     from parcours.cli.progress import progress, say_if_cold
     from parcours.report.terminal import print_table
-    from parcours_navigation.checking.battery import CHECKS, checks_table, report_lines
-    from parcours_navigation.checking.isolation import check_apart
+    from parcours_navigation.checking.battery import check_apart, checks_table, report_lines
 
     if listed:
-        words = {name: (made.__doc__ or "").strip() for name, made in CHECKS.items()}
+        table = checks_table()
         if as_json:
-            print_json(words)
+            print_json({str(name): words for name, words in table.rows})
         else:
-            print_table(checks_table())
+            print_table(table)
         return
     say_if_cold()
     with progress() as show:
         report = check_apart(
-            planner, only or None, patience=patience, progress=lambda name, done, total: show("checks", done, total)
+            planner, only or None, patience=patience, progress=lambda _, n, all: show("checks", n, all)
         )
     if as_json:
-        print_json(
-            {
-                "planner": report.planner,
-                "passed": report.passed,
-                "findings": [asdict(finding) for finding in report.findings],
-                "made": list(report.made),
-                "left": list(report.left),
-            }
-        )
+        findings = [asdict(finding) for finding in report.findings]
+        print_json({"planner": report.planner, "passed": report.passed, "findings": findings, "made": report.made,
+                    "left": report.left})  # fmt: skip
     else:
         click.echo(report_lines(report))
     if not report.passed:

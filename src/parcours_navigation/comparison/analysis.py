@@ -1,6 +1,6 @@
 """Everything that a comparison says, computed once from its results: rates, quantiles, tests, scores.
 
-The page, the terminal, Markdown and JSON draw this one value, so that all give the same numbers.
+The page, the terminal, Markdown and JSON draw this one value, so all give the same numbers.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import numpy as np
 
 from parcours.errors import BadRequest
 from parcours.verdict.statistics import Rate, holm, wilson
-from parcours_navigation.comparison.benchmarking import Score, benchmark_scores
+from parcours_navigation.arena.solvability import shortest_way
 from parcours_navigation.comparison.pairing import RateDifference, TimeDifference, rate_difference, time_difference
 from parcours_navigation.comparison.results import (
     QUESTIONS,
@@ -27,69 +27,57 @@ from parcours_navigation.comparison.results import (
     Floats,
     Results,
 )
-from parcours_navigation.outcomes import Outcome
-from parcours_navigation.study.distribution import Summary, reached, spl_of, summarised, time_to_goal
+from parcours_navigation.guests.scenario import Scenario
+from parcours_navigation.measures.benchmarks import BENCHMARKS, score
+from parcours_navigation.measures.scores import Column, Runs
+from parcours_navigation.outcomes import GOAL_TOLERANCE, Outcome
+from parcours_navigation.study.distribution import GOAL, START, Summary, reached, spl_of, summarised, time_to_goal
 
 DIFFERENT_ANSWERS = (
     "Planners that come with published durations of work keep them; the others answer at once, which no real machine "
     "does, unless a command delay is given. So a difference between the two kinds is one of planner and machine "
     "together."
 )
-"""What must be said wherever planners stand side by side that answer at different speeds."""
+"""The caution wherever planners stand side by side that answer at different speeds."""
+
+REPRODUCING = ("mrpb-2021", "arena-evaluation", "hunav-evaluator", "socnavbench-code")
+"""Modes that need what published code computes of a track: known of the cases that were run again for it."""
 
 
 @dataclass(frozen=True, slots=True)
 class Standing:
-    """How one planner fared.
+    """How one planner fared. Rates and quantities are over all cases unless their comment says otherwise."""
 
-    Attributes:
-        name, answers: as in `Contender`.
-        outcomes: of all cases; each has one.
-        questions: of all cases; a case may say yes to several.
-        rules: the paper's results.
-        stuck_of_solvable: rates of STUCK among the solvable cases, and among those not proved unsolvable; equal where
-            no case is undecided. None if no oracle was asked.
-        reached_of_solvable: None if no oracle was asked.
-        reached_by_vector: rates of the goal reached, by start vector.
-        times: to the goal [s], NaN where it was not reached in time, shape (n_cases,).
-        shared_times: the same of cases that all planners reach, shape (n,).
-        clearances: least gap to an obstacle [m], shape (n_cases,).
-        spl, sct: means over all cases; sct None if it is not known of any.
-        measures: by the names of `distribution.SHOWN`.
-        errors: reasons of its own errors, commonest first, with the number of cases.
-        decisions, untimed: as in `Contender`.
-    """
-
-    name: str
-    answers: str
-    outcomes: Mapping[Outcome, Rate]
-    questions: Mapping[str, Rate]
-    rules: Mapping[str, Rate]
+    of: Contender
+    outcomes: Mapping[Outcome, Rate]  # each case has one
+    questions: Mapping[str, Rate]  # a case may say yes to several
+    rules: Mapping[str, Rate]  # the paper's results
+    # STUCK among the solvable cases, and among those not proved unsolvable: equal where no case is undecided
     stuck_of_solvable: tuple[Rate, Rate] | None
     reached_of_solvable: Rate | None
     reached_by_vector: Mapping[str, Rate]
-    times: Floats
-    shared_times: Floats
-    clearances: Floats
+    times: Floats  # to the goal [s], NaN where it was not reached in time, shape (n_cases,)
+    shared_times: Floats  # the same, of the cases that all planners reach
+    clearances: Floats  # least gap to an obstacle [m], shape (n_cases,)
     spl: float
-    sct: float | None
-    measures: Mapping[str, Summary]
-    errors: Sequence[tuple[str, int]]
-    decisions: DecisionTimes | None
-    untimed: str
+    sct: float | None  # None if not known of any case
+    measures: Mapping[str, Summary]  # by the names of `distribution.SHOWN`
+    errors: Sequence[tuple[str, int]]  # reasons of its own errors, commonest first, with the number of cases
+
+    @property
+    def name(self) -> str:
+        """The planner's name."""
+        return self.of.name
+
+    @property
+    def decisions(self) -> DecisionTimes | None:
+        """How long it took to decide."""
+        return self.of.decisions
 
 
 @dataclass(frozen=True, slots=True)
 class PairTest:
-    """One test between two planners.
-
-    Attributes:
-        first, second: their names.
-        question: what was compared.
-        found: the difference and its p-value.
-        p_value: uncorrected.
-        p_holm: corrected for all tests of the family it was made in.
-    """
+    """One test between two planners; `p_holm` is corrected for all tests of its family."""
 
     first: str
     second: str
@@ -100,37 +88,33 @@ class PairTest:
 
 
 @dataclass(frozen=True, slots=True)
+class Score:
+    """One score of a published benchmark for every planner."""
+
+    benchmark: str
+    mode: str
+    score: str
+    unit: str
+    cases: int  # the mean is over these, less those for which the score is not defined
+    means: tuple[float, ...]  # one a planner; NaN where it is defined for no case
+
+
+@dataclass(frozen=True, slots=True)
 class Analysis:
-    """What a comparison says.
+    """What a comparison says."""
 
-    Attributes:
-        protocol, seed, n_cases, command_delay: as in `Results`.
-        standings: one a planner, in the order given.
-        solvable, unsolvable: how many cases are; None if no oracle was asked.
-        n_shared: cases that all planners reach.
-        vectors: how many cases each start vector has.
-        beats: share of cases that the planner of the row reaches and the one of the column does not.
-        tests: each planner against the first; every_test: each against each.
-        rule_tests: of the paper's results, each planner against the first.
-        scores: of published benchmarks; empty if the cases were not measured.
-        caution: what must be said where planners answer at different speeds, else "".
-    """
-
-    protocol: str
-    seed: int
-    n_cases: int
-    command_delay: float
-    standings: tuple[Standing, ...]
-    solvable: int | None
+    results: Results
+    standings: tuple[Standing, ...]  # one a planner, in the order given
+    solvable: int | None  # None if no oracle was asked
     unsolvable: int | None
-    n_shared: int
-    vectors: Mapping[str, int]
-    beats: Floats
-    tests: tuple[PairTest, ...]
-    every_test: tuple[PairTest, ...]
-    rule_tests: tuple[PairTest, ...]
-    scores: tuple[Score, ...]
-    caution: str
+    n_shared: int  # cases that all planners reach
+    vectors: Mapping[str, int]  # how many cases each start vector has
+    beats: Floats  # share of cases that the planner of the row reaches and the one of the column does not
+    tests: tuple[PairTest, ...]  # each planner against the first
+    every_test: tuple[PairTest, ...]  # each against each
+    rule_tests: tuple[PairTest, ...]  # of the paper's results, each against the first
+    scores: tuple[Score, ...]  # empty if the cases were not measured
+    caution: str  # where planners answer at different speeds
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -144,17 +128,13 @@ def analyse(results: Results) -> Analysis:
     flags = [reached(c.facts) for c in every]
     shared = np.all(flags, axis=0)
     can, cannot = results.solvable, results.unsolvable
-    vectors = {name: results.vectors.count(name) for name in sorted(set(results.vectors))}
     return Analysis(
-        results.protocol,
-        results.seed,
-        results.n_cases,
-        results.command_delay,
+        results,
         tuple(_standing(results, contender, shared) for contender in every),
         None if can is None else int(can.sum()),
         None if cannot is None else int(cannot.sum()),
         int(shared.sum()),
-        vectors,
+        {name: results.vectors.count(name) for name in sorted(set(results.vectors))},
         np.array([[float((a & ~b).mean()) for b in flags] for a in flags]),
         pair_tests(every),
         pair_tests(every, against_first=False),
@@ -174,16 +154,14 @@ def _standing(results: Results, contender: Contender, shared: Flags) -> Standing
     good, times = reached(facts), time_to_goal(facts)
     can, cannot = results.solvable, results.unsolvable
     rules = {words: ask(facts) for words, ask in RULES.items()}
-    bracket = None if can is None or cannot is None else (_rate(rules[STUCK], can), _rate(rules[STUCK], ~cannot))
     vectors = np.asarray(results.vectors)
     sct = results.sct(contender)
     return Standing(
-        contender.name,
-        contender.answers,
+        contender,
         {outcome: _rate(codes == int(outcome)) for outcome in Outcome},
         {words: _rate(ask(facts)) for words, ask in QUESTIONS.items()},
         {words: _rate(yes) for words, yes in rules.items()},
-        bracket,
+        None if can is None or cannot is None else (_rate(rules[STUCK], can), _rate(rules[STUCK], ~cannot)),
         None if can is None else _rate(good, can),
         {vector: _rate(good, vectors == vector) for vector in sorted(set(results.vectors))},
         times,
@@ -193,20 +171,13 @@ def _standing(results: Results, contender: Contender, shared: Flags) -> Standing
         None if sct is None or not np.isfinite(sct).any() else float(np.nanmean(sct)),
         summarised(results.measured(contender)),
         contender.errors(),
-        contender.decisions,
-        contender.untimed,
     )
 
 
 def pair_tests(contenders: Sequence[Contender], *, against_first: bool = True) -> tuple[PairTest, ...]:
-    """Return the tests of one family, corrected by Holm over the whole of it.
+    """Return the tests of each planner against the first, or of each against each, corrected by Holm over all of them.
 
-    Args:
-        contenders: on the same cases in the same order.
-        against_first: compare each with the first only; otherwise each with each.
-
-    Raises:
-        BadRequest: the cases differ.
+    Raises BadRequest if the planners did not run the same cases in the same order.
     """
     for other in contenders[1:]:
         if not np.array_equal(contenders[0].facts["number"], other.facts["number"]):
@@ -219,7 +190,6 @@ def pair_tests(contenders: Sequence[Contender], *, against_first: bool = True) -
 
 
 def _rule_tests(contenders: Sequence[Contender]) -> tuple[PairTest, ...]:
-    """Return the tests of the paper's results and of two quantities, each planner against the first."""
     pairs = [(contenders[0], other) for other in contenders[1:]]
     return _family(pairs, RULES, {"clearances": lambda f: finite(f["min_clearance"]), "times": time_to_goal})
 
@@ -245,3 +215,36 @@ def _family(
 def finite(values: Floats) -> Floats:
     """Return the values with NaN for what is not finite: a clearance without any obstacle."""
     return np.where(np.isfinite(values), values, np.nan)
+
+
+def benchmark_scores(results: Results) -> tuple[Score, ...]:
+    """Return every score of every mode; empty if the cases were not measured.
+
+    Modes of REPRODUCING are over the cases that were run again, the rest over all.
+    """
+    if any(c.measures is None for c in results.contenders):
+        return ()
+    found: list[Score] = []
+    for benchmark, known in BENCHMARKS.items():
+        for mode in known.modes:
+            columns = [_columns(results, c, benchmark, mode) for c in results.contenders]
+            for same in zip(*columns, strict=True):
+                means = tuple(column.mean for column in same)
+                found.append(Score(benchmark, mode, same[0].name, same[0].unit, len(same[0].values), means))
+    return tuple(found)
+
+
+def _columns(results: Results, contender: Contender, benchmark: str, mode: str) -> tuple[Column, ...]:
+    """Return the columns of one planner; none where the mode needs tracks and no case was run again."""
+    published = contender.published if mode in REPRODUCING else None
+    if mode in REPRODUCING and published is None:
+        return ()
+    n = results.n_cases if published is None else len(published)
+    assert contender.measures is not None
+    earliest = results.earliest
+    runs = Runs(
+        contender.facts[:n], contender.measures[:n], published=published,
+        shortest=np.full(n, shortest_way(START, GOAL, GOAL_TOLERANCE)),
+        fastest=None if earliest is None else finite(earliest)[:n], top_speed=Scenario().limits.speed,
+    )  # fmt: skip
+    return score(runs, benchmark, mode)

@@ -30,36 +30,30 @@ def decision_times(
 
     Each case is run, and its observations are shown again to a planner that was reset, in a process of its own, which
     is ended when a call takes much longer than the scenario allows. In each case the first decision is made twice, and
-    does not count the first time: it may compile.
-
-    Args:
-        study: the planner, which must have a name, on its cases.
-        numbers: of the cases: some that its own error does not end.
-        patience: neither a case nor, in it, a decision begins after this time [s of wall clock].
+    does not count the first time: it may compile. Neither a case nor a decision starts after `patience` [s].
     """
     begun, failed = time.monotonic(), ""
     taken: list[float] = []
-    told: list[str] = []
+    faults: list[str] = []
     forks = len(numbers) > 0 and study.prepare()
     try:
-        with contextlib.closing(
-            Crew(_TimeCase(study, patience), 1, forks=forks, n_words=study.heartbeat_words)
-        ) as crew:
+        work = Crew(_TimeCase(study, patience), 1, forks=forks, n_words=study.heartbeat_words)
+        with contextlib.closing(work) as crew:
             crew.pending.extend((number, (number,)) for number in numbers)
             for number, answer in crew.answers():
                 if isinstance(answer, Done):
                     taken += answer.result[0]
-                    told += [answer.result[1]] if answer.result[1] else []
+                    faults += [answer.result[1]] if answer.result[1] else []
                 elif isinstance(answer, Lost):
-                    told.append("did not answer" if answer.how == "hung" else f"died: its process {answer.ending}")
+                    faults.append("did not answer" if answer.how == "hung" else f"died: its process {answer.ending}")
                 else:
                     raise failure_of(f"the timing of case {number}", answer)
                 if time.monotonic() - begun > patience:
                     break
     except ParcoursError as failure:
         failed = f"its decisions could not be timed: {failure.rule}"
-    if told and not failed:
-        failed = f"in {len(told)} of {len(numbers)} cases its decisions could not be timed: there it {told[0]}"
+    if faults and not failed:
+        failed = f"in {len(faults)} of {len(numbers)} cases its decisions could not be timed: there it {faults[0]}"
     if not taken:
         return None, failed
     times = np.array(taken)
@@ -69,15 +63,10 @@ def decision_times(
 
 @dataclass(frozen=True, slots=True)
 class _TimeCase:
-    """Times the decisions of one case, in a process that shares its words with its parent.
-
-    Attributes:
-        study: the planner on its cases.
-        patience: no further decision is timed after this time [s of wall clock].
-    """
+    """Times the decisions of one case, in a process that shares its words with its parent."""
 
     study: NavigationStudy
-    patience: float
+    patience: float  # no further decision is timed after this time [s of wall clock]
 
     def __call__(self, number: int) -> tuple[list[float], str]:
         """Return the times of one case [us], and what went wrong, or ""."""
@@ -88,8 +77,7 @@ class _TimeCase:
         if facts[0]["error"]:
             return [], f"failed: {facts[0]['reason'].decode('utf-8', 'replace')}"
         taken: list[float] = []
-        wrong = ""
-        limit = self.study.scenario.call_timeout
+        wrong, limit = "", self.study.scenario.call_timeout
         seen = _observations(self.study, number, track)
         try:
             for count in (1, len(seen)):

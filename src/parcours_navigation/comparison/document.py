@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import asdict, is_dataclass
+from typing import cast
 
 import numpy as np
 
@@ -21,32 +22,30 @@ _AT = (0.05, 0.25, 0.5, 0.75, 0.95)
 
 def comparison_document(found: Analysis) -> dict[str, object]:
     """Return the whole comparison as JSON values; what is not known is null."""
-    can, cannot = found.solvable, found.unsolvable
+    can, cannot, made = found.solvable, found.unsolvable, found.results
     document = {
         "parcours": FORMAT,
         "version": __version__,
-        "cases": found.n_cases,
-        "seed": found.seed,
-        "protocol": found.protocol,
-        "command_delay_s": found.command_delay,
+        "cases": made.n_cases,
+        "seed": made.seed,
+        "protocol": made.protocol,
+        "command_delay_s": made.command_delay,
         "note": found.caution,
-        "solvable": None if can is None else wilson(can, found.n_cases),
-        "undecided": None if can is None or cannot is None else found.n_cases - can - cannot,
+        "solvable": None if can is None else wilson(can, made.n_cases),
+        "undecided": None if can is None or cannot is None else made.n_cases - can - cannot,
         "planners": {one.name: _planner(one) for one in found.standings},
         "benchmarks": [asdict(s) | {"means": dict(zip(found.names, s.means, strict=True))} for s in found.scores],
         "tests_against_first": [_test(test) for test in found.tests],
         "tests_of_all_pairs": [_test(test) for test in found.every_test],
         "reached_where_other_did_not": found.beats.tolist(),
     }
-    plain = _plain(document)
-    assert isinstance(plain, dict)
-    return plain
+    return cast("dict[str, object]", _plain(document))
 
 
 def _planner(one: Standing) -> dict[str, object]:
     bracket, taken = one.stuck_of_solvable, one.decisions
     return {
-        "answers": one.answers,
+        "answers": one.of.answers,
         "outcomes": {outcome.name.lower(): rate for outcome, rate in one.outcomes.items()},
         "questions": one.questions,
         "paper_rule": one.rules,
@@ -70,37 +69,16 @@ def _quantiles(values: Floats) -> dict[str, float | int]:
 
 
 def _test(test: PairTest) -> dict[str, object]:
+    names = {"first": test.first, "second": test.second, "question": test.question}
+    head: dict[str, object] = {**names, "p": test.p_value, "p_holm": test.p_holm}
     found = test.found
-    head = {
-        "first": test.first,
-        "second": test.second,
-        "question": test.question,
-        "p": test.p_value,
-        "p_holm": test.p_holm,
-    }
     if isinstance(found, RateDifference):
-        pairs = found.pairs
-        return {
-            **head,
-            "test": "McNemar, exact, two-sided",
-            "both": pairs.both,
-            "first_only": pairs.first_only,
-            "second_only": pairs.second_only,
-            "neither": pairs.neither,
-            "difference": found.difference,
-            "low": found.low,
-            "high": found.high,
-            "odds_ratio": found.odds_ratio,
-        }
-    return {
-        **head,
-        "test": "Wilcoxon signed-rank, Pratt's zeros, two-sided",
-        "n": found.n,
-        "median_difference_s": found.median,
-        "low_s": found.low,
-        "high_s": found.high,
-        "rank_biserial": found.rank_biserial,
-    }
+        counts = {name: getattr(found.pairs, name) for name in ("both", "first_only", "second_only", "neither")}
+        interval = {"difference": found.difference, "low": found.low, "high": found.high}
+        return head | {"test": "McNemar, exact, two-sided", **counts, **interval, "odds_ratio": found.odds_ratio}
+    head |= {"test": "Wilcoxon signed-rank, Pratt's zeros, two-sided", "n": found.n}
+    interval = {"median_difference_s": found.median, "low_s": found.low, "high_s": found.high}
+    return head | interval | {"rank_biserial": found.rank_biserial}
 
 
 def _plain(value: object) -> object:

@@ -37,11 +37,12 @@ _BENCHMARK_LEAD = (
 
 def compare_page(found: Analysis) -> Page:
     """Return the page of a comparison."""
+    made = found.results
     facts = (
-        ("cases", str(found.n_cases)),
-        ("seed", str(found.seed)),
-        ("protocol", found.protocol),
-        ("command delay", f"{found.command_delay:g} s"),
+        ("cases", str(made.n_cases)),
+        ("seed", str(made.seed)),
+        ("protocol", made.protocol),
+        ("command delay", f"{made.command_delay:g} s"),
         ("parcours", __version__),
     )
     caution = (Text(f"**Unequal machines.** {found.caution}"),) if found.caution else ()
@@ -81,10 +82,8 @@ def _stacked(found: Analysis) -> Figure:
 
 
 def _rivalry(found: Analysis) -> tuple[Piece, ...]:
-    rates = {
-        "goal reached in time": [one.questions[_REACHED] for one in found.standings],
-        "touched while moving": [one.questions[_TOUCHED] for one in found.standings],
-    }
+    asked = {"goal reached in time": _REACHED, "touched while moving": _TOUCHED}
+    rates = {words: [one.questions[question] for one in found.standings] for words, question in asked.items()}
     chart = intervals("Rates with Wilson 95 % intervals", found.names, rates, "share of cases")
     if len(found.names) == 1:
         return (chart,)
@@ -94,16 +93,10 @@ def _rivalry(found: Analysis) -> tuple[Piece, ...]:
 
 
 def _times(found: Analysis) -> tuple[Piece, ...]:
-    times = arrivals(
-        "Time to the goal",
-        {one.name: one.times for one in found.standings},
-        "time since the case began [s]",
-        "Share of all cases: a line ends at the share that is reached in time.",
-    )
-    gaps = arrivals(
-        "Least clearance in a case",
-        {one.name: one.clearances for one in found.standings},
-        "least gap to an obstacle before the end [m]",
-        "Negative: overlap, whoever closed the gap.",
-    )
-    return tables.time_table(found), times, tables.clearance_table(found), gaps, tables.score_table(found)
+    times = {one.name: one.times for one in found.standings}
+    gaps = {one.name: one.clearances for one in found.standings}
+    note = "Share of all cases: a line ends at the share that is reached in time."
+    arrived = arrivals("Time to the goal", times, "time since the case began [s]", note)
+    note, axis = "Negative: overlap, whoever closed the gap.", "least gap to an obstacle before the end [m]"
+    least = arrivals("Least clearance in a case", gaps, axis, note)
+    return tables.time_table(found), arrived, tables.clearance_table(found), least, tables.score_table(found)

@@ -20,17 +20,11 @@ from parcours.verdict.statistics import Pairs, compare_pairs, wilson
 
 @dataclass(frozen=True, slots=True)
 class RateDifference:
-    """How often something happened to one planner and not to another, on the same cases.
+    """How often something happened to one planner and not to another, on the same cases."""
 
-    Attributes:
-        pairs: the four counts, and McNemar's exact p-value.
-        difference: share of the first minus share of the second; NaN without any case.
-        low, high: its interval of 95 %.
-    """
-
-    pairs: Pairs
-    difference: float
-    low: float
+    pairs: Pairs  # the four counts, and McNemar's exact p-value
+    difference: float  # share of the first minus share of the second; NaN without any case
+    low: float  # its interval of 95 %
     high: float
 
     @property
@@ -40,14 +34,7 @@ class RateDifference:
 
 
 def rate_difference(first: ArrayLike, second: ArrayLike) -> RateDifference:
-    """Return how two yes/no results of the same cases differ.
-
-    Args:
-        first: truth values, shape (n_cases,).
-        second: truth values of the same cases in the same order, shape (n_cases,).
-
-    Raises:
-        BadRequest: the two differ in length.
+    """Return how two truth values of the same cases, shape (n_cases,), differ; BadRequest if they differ in length.
 
     >>> found = rate_difference([1, 1, 1, 1, 0], [1, 0, 0, 0, 0])
     >>> round(found.difference, 3), round(found.pairs.p_value, 3), found.odds_ratio
@@ -62,6 +49,9 @@ def rate_difference(first: ArrayLike, second: ArrayLike) -> RateDifference:
 
 def _newcombe(pairs: Pairs) -> tuple[float, float]:
     """Return the interval of the difference of two paired rates, from their Wilson intervals and their correlation."""
+    #                    second yes  second no
+    #        first yes       a           b        only b and c say which of the two is better
+    #        first no        c           d
     a, b, c, d, n = pairs.both, pairs.first_only, pairs.second_only, pairs.neither, pairs.n
     one, two = wilson(a + b, n), wilson(a + c, n)
     margins = (a + b) * (c + d) * (a + c) * (b + d)
@@ -73,45 +63,27 @@ def _newcombe(pairs: Pairs) -> tuple[float, float]:
         return math.sqrt(max(x * x - 2.0 * phi * x * y + y * y, 0.0))
 
     middle = (b - c) / n
-    return (
-        middle - reach(one.share - one.low, two.high - two.share),
-        middle + reach(one.high - one.share, two.share - two.low),
-    )
+    low, high = reach(one.share - one.low, two.high - two.share), reach(one.high - one.share, two.share - two.low)
+    return middle - low, middle + high
 
 
 @dataclass(frozen=True, slots=True)
 class TimeDifference:
-    """How two planners' times differ on the cases where both have one; negative: the first is faster.
+    """How two planners' times differ on the cases where both have one; negative: the first is faster."""
 
-    Attributes:
-        n: cases where both have a time.
-        median: of the differences, first minus second [s]; NaN without any.
-        low, high: its distribution-free interval of at least 95 % [s]; infinite where there are too few cases.
-        rank_biserial: share of rank sums that favour longer times of the first minus the share of the others, in
-            [-1, 1]: the effect size.
-        p_value: of Wilcoxon's signed-rank test, two-sided; 1 where no pair differs.
-    """
-
-    n: int
-    median: float
-    low: float
+    n: int  # cases where both have a time
+    median: float  # of the differences, first minus second [s]; NaN without any
+    low: float  # its distribution-free interval of at least 95 % [s]; infinite where there are too few cases
     high: float
-    rank_biserial: float
-    p_value: float
+    rank_biserial: float  # effect size in [-1, 1]: rank sums that favour longer times of the first, less the others
+    p_value: float  # of Wilcoxon's signed-rank test, two-sided; 1 where no pair differs
 
 
 def time_difference(first: ArrayLike, second: ArrayLike) -> TimeDifference:
-    """Return how two times of the same cases differ.
+    """Return how two times of the same cases [s], NaN where there is none, shape (n_cases,), differ.
 
     Zeros take part in the ranking and are then dropped (Pratt). The p-value is exact up to 50 pairs without ties or
-    zeros, and normal beyond.
-
-    Args:
-        first: times [s], NaN where there is none, shape (n_cases,).
-        second: times of the same cases in the same order [s], shape (n_cases,).
-
-    Raises:
-        BadRequest: the two differ in length.
+    zeros, and normal beyond. Raises BadRequest if the two differ in length.
 
     >>> found = time_difference([5.0, 6.0, 7.0, 9.0, 11.0, float("nan")], [6.0, 8.0, 10.0, 13.0, 16.0, 1.0])
     >>> found.n, found.median, found.rank_biserial, found.p_value
@@ -131,10 +103,8 @@ def time_difference(first: ArrayLike, second: ArrayLike) -> TimeDifference:
 
     ranks = rankdata(np.abs(gaps))
     above, below = float(ranks[gaps > 0].sum()), float(ranks[gaps < 0].sum())
-    p_value = float(wilcoxon(gaps, zero_method="pratt").pvalue)
-    return TimeDifference(
-        gaps.size, float(np.median(gaps)), low, high, (above - below) / (above + below), min(p_value, 1.0)
-    )
+    p_value = min(float(wilcoxon(gaps, zero_method="pratt").pvalue), 1.0)
+    return TimeDifference(gaps.size, float(np.median(gaps)), low, high, (above - below) / (above + below), p_value)
 
 
 def _median_interval(ordered: NDArray[np.float64]) -> tuple[float, float]:

@@ -25,12 +25,7 @@ AT_ONCE = "at once"
 
 @dataclass(frozen=True, slots=True)
 class DecisionTimes:
-    """How long a planner took to decide, on this machine and now: no part of results that are equal bit by bit.
-
-    Attributes:
-        median, p99, largest: of the wall time of one `observe` [us].
-        n: decisions measured.
-    """
+    """Wall times of one `observe` on this machine, now [us]: not part of the results that are equal bit by bit."""
 
     median: float
     p99: float
@@ -40,29 +35,16 @@ class DecisionTimes:
 
 @dataclass(frozen=True, slots=True)
 class Contender:
-    """One planner's part of a comparison.
+    """One planner's part of a comparison."""
 
-    Attributes:
-        name: as it was given on the command line.
-        facts: array of FACTS, one a case, in the order of the cases, shape (n_cases,).
-        answers: how long its work takes in the simulated world, in words.
-        reasons: what the planner did wrong, in words, one for each case that ended in its own error, in their order.
-        decisions: how long it took to decide; None where it was not measured.
-        measures: array of MEASURES, one a case, NaN where the planner's own error ended it, shape (n_cases,); None if
-            nothing was measured.
-        published: what published benchmark code computes of the first cases, array of PUBLISHED, shape (n,), NaN
-            likewise; None if no case was run again for it.
-        untimed: what went wrong while decisions were timed, in words; empty if nothing did.
-    """
-
-    name: str
-    facts: Facts
-    answers: str = AT_ONCE
-    reasons: tuple[str, ...] = ()
-    decisions: DecisionTimes | None = None
-    measures: Facts | None = None
-    published: Facts | None = None
-    untimed: str = ""
+    name: str  # as it was given on the command line
+    facts: Facts  # array of FACTS in the order of the cases, shape (n_cases,)
+    answers: str = AT_ONCE  # how long its work takes in the simulated world, in words
+    reasons: tuple[str, ...] = ()  # one for each case that ended in the planner's own error, in their order
+    decisions: DecisionTimes | None = None  # None if not measured
+    measures: Facts | None = None  # array of MEASURES, shape (n_cases,), NaN where its own error ended the case
+    published: Facts | None = None  # array of PUBLISHED of the first cases, shape (n,), NaN likewise
+    untimed: str = ""  # what went wrong while decisions were timed
 
     @property
     def outcomes(self) -> NDArray[np.int64]:
@@ -70,7 +52,7 @@ class Contender:
         return outcomes(self.facts)
 
     def errors(self) -> list[tuple[str, int]]:
-        """Return why cases ended in the planner's own error, and how many did, commonest first; times are left out."""
+        """Return why cases ended in the planner's own error and how many did, commonest first; times are left out."""
         n = int(erred(self.facts).sum())
         said = [*self.reasons, *["no reason was kept"] * (n - len(self.reasons))]
         return Counter(re.sub(r"\b\d+(\.\d+)? s\b", "... s", reason) for reason in said).most_common()
@@ -128,25 +110,16 @@ RULES: dict[str, Callable[[Facts], Flags]] = {
 
 @dataclass(frozen=True, slots=True)
 class Results:
-    """A whole comparison.
+    """A whole comparison."""
 
-    Attributes:
-        contenders: in the order given; the first is what the others are tested against.
-        protocol, seed, n_cases: which cases.
-        vectors: start vector of each case, in words, shape (n_cases,).
-        command_delay: from an answer to the robot for planners that answer at once [s].
-        oracle: what could have been reached by a robot that knows the future, array of SOLVABILITY, shape (n_cases,).
-        survival: how long a standing robot survives in each case, as a share, shape (n_cases,).
-    """
-
-    contenders: tuple[Contender, ...]
+    contenders: tuple[Contender, ...]  # in the order given; the others are tested against the first
     protocol: str
     seed: int
     n_cases: int
-    vectors: tuple[str, ...]
-    command_delay: float = 0.0
-    oracle: Facts | None = None
-    survival: Floats | None = None
+    vectors: tuple[str, ...]  # start vector of each case, in words
+    command_delay: float = 0.0  # from an answer to the robot, for planners that answer at once [s]
+    oracle: Facts | None = None  # array of SOLVABILITY, shape (n_cases,); None if not asked
+    survival: Floats | None = None  # how long a standing robot survives in each case, as a share
 
     @property
     def solvable(self) -> Flags | None:

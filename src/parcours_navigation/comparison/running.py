@@ -51,13 +51,10 @@ def run_comparison(
     """Run planners on the same cases and return what became of them. Interrupted work is resumed.
 
     Args:
-        names: of planners, as `parcours_navigation.guests.planners` knows them; the first is the one the others are
-            tested against.
+        names: of planners (`guests.planners`); the others are tested against the first.
         folder: gets one campaign a planner, and one of its cases as published code measures them.
-        n_cases: how many cases, at least 1.
-        seed: of the cases.
+        n_cases, seed, protocol: which cases.
         workers: processes.
-        protocol: which family of cases.
         command_delay: from a planner's answer to the robot [s]; a planner with a loop of its own keeps its durations.
         measured: how many of the first cases are run again, to be measured as published benchmark code does.
         timed: on how many of the first cases without a planner's error its decisions are timed.
@@ -68,36 +65,35 @@ def run_comparison(
         BadResults: the folder holds the campaign of other planners or cases under these names.
         Interrupted: Ctrl-C.
     """
-    entries = _entries(names, SystemCases(seed, protocol), command_delay)
+    cases = SystemCases(seed, protocol)
+    entries = _entries(names, cases, command_delay)
     plans: dict[str, tuple[Campaign, Path]] = {}
     for name, study in entries.items():  # refuse what cannot be resumed before anything is computed
         plans[name] = study.campaign(n_cases), folder / folder_name(name)
         create(plans[name][1], plans[name][0])
     facts = {name: _run(study, *plans[name], workers, name, progress) for name, study in entries.items()}
     published = {}
-    sample = min(measured, n_cases)
-    if sample:
+    if sample := min(measured, n_cases):
         for name, study in entries.items():
-            again = Reproducing(study, frozenset(_numbers(facts[name]["error"] != 0)))
+            again = Reproducing(study, frozenset(np.flatnonzero(facts[name]["error"]).tolist()))
             campaign, place = again.campaign(plans[name][0], sample), folder / f"{folder_name(name)}.as-published"
             rows = _run(again, campaign, place, workers, f"{name}, as published", progress)
             published[name] = _fields(rows, PUBLISHED)
     contenders = []
     for name, study in entries.items():
-        decisions, untimed = None, ""
+        decisions, untimed, kept = None, "", facts[name]
         if timed and isinstance(study, NavigationStudy):
             progress(f"{name}, time to decide", 0, 1)
-            decisions, untimed = decision_times(study, _numbers(facts[name]["error"] == 0)[:timed])
+            decisions, untimed = decision_times(study, np.flatnonzero(kept["error"] == 0)[:timed].tolist())
             progress(f"{name}, time to decide", 1, 1)
+        at_once = f"after {1e3 * command_delay:g} ms" if command_delay else AT_ONCE
         contenders.append(
             Contender(
-                name, _fields(facts[name], FACTS), _answers(study, command_delay), _reasons(facts[name]), decisions,
-                facts[name]["measures"].copy(), published.get(name), untimed,
+                name, _fields(kept, FACTS), study.answers or at_once, _reasons(kept), decisions,
+                kept["measures"].copy(), published.get(name), untimed,
             )
         )  # fmt: skip
-    cases = SystemCases(seed, protocol)
-    vectors = tuple(str(cases.vector(number)) for number in range(n_cases))
-    numbers = np.arange(n_cases)
+    vectors, numbers = tuple(str(cases.vector(number)) for number in range(n_cases)), np.arange(n_cases)
     known = oracle(cases, numbers, lambda done, total: progress("which cases are solvable", done, total))
     survival = survived(cases, numbers)
     return Results(tuple(contenders), protocol, seed, n_cases, vectors, command_delay, known, survival)
@@ -120,11 +116,6 @@ def _fields(rows: NDArray[np.void], wanted: np.dtype[np.void]) -> NDArray[np.voi
     return plain
 
 
-def _numbers(chosen: NDArray[np.bool_]) -> list[int]:
-    """Return the numbers of the chosen cases."""
-    return np.flatnonzero(chosen).tolist()
-
-
 def _entries(names: Sequence[str], cases: SystemCases, command_delay: float) -> dict[str, CaseStudy]:
     """Return the study of each name, refusing names that cannot stand side by side."""
     taken: dict[str, str] = {}
@@ -134,27 +125,18 @@ def _entries(names: Sequence[str], cases: SystemCases, command_delay: float) -> 
             raise BadRequest("compare", rule, "name other planners", slug="compare-twice")
     if not names:
         raise BadRequest("compare", "at least one planner is needed, but none given", slug="compare-none")
-    given = Scenario(time_limit=TIME_LIMIT, watched_on=WATCHED_ON, command_delay=command_delay)
     at_once = Scenario(time_limit=TIME_LIMIT, watched_on=WATCHED_ON)
+    given = replace(at_once, command_delay=command_delay)
     return {name: study_of(name, cases, given if own_loop(name) is None else at_once) for name in names}
 
 
 def _run(
     simulate: Simulate, campaign: Campaign, folder: Path, workers: int, what: str, progress: Progress
 ) -> NDArray[np.void]:
-    outcome = run_campaign(
-        simulate, campaign, folder, workers=workers, progress=lambda done, total: progress(what, done, total)
-    )
-    if outcome.interrupted:
-        raise Interrupted(str(outcome))
-    return outcome.store.load()
-
-
-def _answers(study: CaseStudy, command_delay: float) -> str:
-    """Return in words how long a planner's work takes in the simulated world."""
-    if study.answers:
-        return study.answers
-    return f"after {1e3 * command_delay:g} ms" if command_delay else AT_ONCE
+    ran = run_campaign(simulate, campaign, folder, workers=workers, progress=lambda done, n: progress(what, done, n))
+    if ran.interrupted:
+        raise Interrupted(str(ran))
+    return ran.store.load()
 
 
 def _reasons(facts: NDArray[np.void]) -> tuple[str, ...]:
@@ -171,17 +153,13 @@ REPRODUCED = np.dtype([("number", "i8"), *PUBLISHED.descr])
 class Reproducing:
     """A study's cases run again, as published code measures them; callable as a campaign's `simulate`.
 
-    What is measured correctly is measured while a case runs: the defects of published code only matter beside it.
-
-    Args:
-        study: whose cases.
-        failed: cases that are not to be run, because the planner's own error ended them.
-        lost: cases that are not to be run, because the planner hangs there or takes its process down.
+    The correct measures are taken while a case runs. Those of published code need the whole track, so they are only
+    taken of a sample, for comparison.
     """
 
     study: CaseStudy
-    failed: frozenset[int] = frozenset()
-    lost: tuple[LostCase, ...] = ()
+    failed: frozenset[int] = frozenset()  # not to be run, because the planner's own error ended them
+    lost: tuple[LostCase, ...] = ()  # not to be run, because the planner hangs there or takes its process down
 
     @property
     def heartbeat_words(self) -> int:

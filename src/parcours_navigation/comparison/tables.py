@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 
 import numpy as np
 
 from parcours.report.pieces import Cell, Column, Marked, Table
 from parcours.report.terminal import to_markdown
 from parcours.verdict.statistics import Rate, quantiles
-from parcours_navigation.comparison.analysis import Analysis, PairTest, finite
-from parcours_navigation.comparison.benchmarking import Score
+from parcours_navigation.comparison.analysis import Analysis, PairTest, Score, finite
 from parcours_navigation.comparison.pairing import RateDifference
 from parcours_navigation.comparison.results import QUESTIONS, RULES, STUCK, Floats
 from parcours_navigation.outcomes import VERDICT_OF, Outcome
@@ -18,6 +18,7 @@ from parcours_navigation.study.distribution import distribution_table
 from parcours_navigation.study.outcome_tables import OUTCOME_WORDS
 
 _QUARTERS = (0.25, 0.5, 0.75)
+_UNBROKEN = "\N{NO-BREAK SPACE}"
 
 _PAPER_NOTE = (
     "The first six by the paper's rule, which reads flags at the end of the test; a stuck robot also counts by "
@@ -54,15 +55,19 @@ HEADLINE = (
 """Benchmark, mode and score of the short table; the whole is folded on the page, and in the JSON."""
 
 
+def _table(title: str, heads: Iterable[Column], rows: Iterable[tuple[Cell, ...]], note: str) -> Table:
+    return Table(title, tuple(heads), tuple(rows), note)
+
+
 def outcome_table(found: Analysis) -> Table:
     """Return how the cases ended: each case has one outcome, so a column adds up to 100 %."""
     words = OUTCOME_WORDS | {Outcome.ERROR: "the planner itself failed"}
     rows: list[tuple[Cell, ...]] = [
         (words[o], str(VERDICT_OF[o]), *(interval(one.outcomes[o]) for one in found.standings)) for o in Outcome
     ]
-    rows.append(("answers", "", *(one.answers for one in found.standings)))
-    note = f"{found.n_cases} cases, the same for all; Wilson 95 % intervals. {found.caution}".strip()
-    return Table("Outcomes: one a case", (Column("outcome"), Column("verdict"), *_names(found)), tuple(rows), note)
+    rows.append(("answers", "", *(one.of.answers for one in found.standings)))
+    note = f"{found.results.n_cases} cases, the same for all; Wilson 95 % intervals. {found.caution}".strip()
+    return _table("Outcomes: one a case", (Column("outcome"), Column("verdict"), *_names(found)), rows, note)
 
 
 def question_table(found: Analysis) -> Table:
@@ -70,17 +75,15 @@ def question_table(found: Analysis) -> Table:
     rows: list[tuple[Cell, ...]] = [
         (words, *(interval(one.questions[words]) for one in found.standings)) for words in QUESTIONS
     ]
-    of_solvable = [one.reached_of_solvable for one in found.standings]
     if found.solvable is not None:
+        of_solvable = [one.reached_of_solvable for one in found.standings]
         words = f"of the {found.solvable} cases that are solvable: goal reached"
         rows.append((words, *(interval(rate) for rate in of_solvable if rate is not None)))
-    return Table(
-        "Questions: yes in how many cases",
-        (Column("question"), *_names(found)),
-        tuple(rows),
+    note = (
         "Wilson 95 % intervals. Obstacles do not avoid the robot, so some contacts that an obstacle closes nobody "
-        "can prevent.",
+        "can prevent."
     )
+    return _table("Questions: yes in how many cases", (Column("question"), *_names(found)), rows, note)
 
 
 def time_table(found: Analysis) -> Table:
@@ -90,24 +93,20 @@ def time_table(found: Analysis) -> Table:
     ]
     groups = ("own cases", f"the {found.n_shared} cases that all reach")
     heads = [Column(q, ".2f", group=group, unit="s") for group in groups for q in ("q25", "median", "q75")]
-    return Table(
-        "Time to the goal",
-        (Column("planner", code=True), *heads),
-        tuple(rows),
+    note = (
         "From the beginning of the case, in which obstacles stand for 1 s. Only times over cases that all reach "
-        "compare planners: a planner's own cases may be the easy ones.",
+        "compare planners: a planner's own cases may be the easy ones."
     )
+    return _table("Time to the goal", (Column("planner", code=True), *heads), rows, note)
 
 
 def clearance_table(found: Analysis) -> Table:
     """Return quantiles of the least clearance of a case."""
-    rows: list[tuple[Cell, ...]] = [
-        (one.name, *quantiles(one.clearances[np.isfinite(one.clearances)], (0.05, *_QUARTERS)))
-        for one in found.standings
-    ]
+    gaps = {one.name: one.clearances[np.isfinite(one.clearances)] for one in found.standings}
+    rows: list[tuple[Cell, ...]] = [(name, *quantiles(values, (0.05, *_QUARTERS))) for name, values in gaps.items()]
     heads = [Column(q, ".3f", unit="m") for q in ("5 %", "q25", "median", "q75")]
     note = "Negative: overlap, whoever closed the gap."
-    return Table("Least clearance in a case", (Column("planner", code=True), *heads), tuple(rows), note)
+    return _table("Least clearance in a case", (Column("planner", code=True), *heads), rows, note)
 
 
 def score_table(found: Analysis) -> Table:
@@ -115,13 +114,12 @@ def score_table(found: Analysis) -> Table:
     rows: list[tuple[Cell, ...]] = [("SPL", *(one.spl for one in found.standings))]
     if found.solvable is not None:
         rows.append(("SCT", *(one.sct for one in found.standings)))
-    return Table(
-        "Success weighted by length and by time",
-        (Column("score"), *(Column(name, ".3f", code=True) for name in found.names)),
-        tuple(rows),
+    note = (
         "1 would be: always there, on the shortest way, as early as possible. Shortest is the straight line, earliest "
-        "what a disc of the same speed that knows the future and turns at once could do; so both are on the low side.",
+        "what a disc of the same speed that knows the future and turns at once could do; so both are on the low side."
     )
+    heads = (Column("score"), *(Column(name, ".3f", code=True) for name in found.names))
+    return _table("Success weighted by length and by time", heads, rows, note)
 
 
 def vector_table(found: Analysis) -> Table:
@@ -130,13 +128,12 @@ def vector_table(found: Analysis) -> Table:
         (vector, n, *(interval(one.reached_by_vector[vector]) for one in found.standings))
         for vector, n in found.vectors.items()
     ]
-    return Table(
-        "Goal reached in time, by start vector of the obstacles",
-        (Column("start vector", code=True), Column("cases", ",d"), *_names(found)),
-        tuple(rows),
+    heads = (Column("start vector", code=True), Column("cases", ",d"), *_names(found))
+    note = (
         "Numbers that are equal: the obstacles set out together; larger by 1: while the one before moves; larger by 2: "
-        "after it has stopped.",
+        "after it has stopped."
     )
+    return _table("Goal reached in time, by start vector of the obstacles", heads, rows, note)
 
 
 def error_table(found: Analysis) -> Table | None:
@@ -149,25 +146,24 @@ def error_table(found: Analysis) -> Table | None:
     if not rows:
         return None
     heads = (Column("planner", code=True), Column("cases", ",d"), Column("what it did"))
-    return Table("Errors of planners", heads, tuple(rows), "Such cases count as not reached: they are never left out.")
+    return _table("Errors of planners", heads, rows, "Such cases count as not reached: they are never left out.")
 
 
 def decision_table(found: Analysis) -> Table:
     """Return how long planners took to decide."""
-    rows: list[tuple[Cell, ...]] = []
-    for one in found.standings:
-        taken = one.decisions
-        rows.append((one.name, *((taken.n, taken.median, taken.p99, taken.largest) if taken else (None,) * 4)))
+    taken = [(one.name, one.decisions) for one in found.standings]
+    rows: list[tuple[Cell, ...]] = [
+        (name, *((t.n, t.median, t.p99, t.largest) if t else (None,) * 4)) for name, t in taken
+    ]
     heads = [Column(q, ",.0f", unit="us") for q in ("median", "p99", "largest")]
-    untimed = "".join(f" {one.name}: {one.untimed}." for one in found.standings if one.untimed)
-    return Table(
-        "Wall time of one decision",
-        (Column("planner", code=True), Column("decisions", ",d"), *heads),
-        tuple(rows),
+    untimed = "".join(f" {one.name}: {one.of.untimed}." for one in found.standings if one.of.untimed)
+    note = (
         "Measured apart from the comparison, case after case in one process of this machine: wall time differs from "
         "run to run, so it is no part of the results. A planner that runs in a compiled loop of its own has no call to "
-        f"measure: its published durations are simulated instead.{untimed}",
+        f"measure: its published durations are simulated instead.{untimed}"
     )
+    planner = (Column("planner", code=True), Column("decisions", ",d"))
+    return _table("Wall time of one decision", (*planner, *heads), rows, note)
 
 
 def measure_table(found: Analysis) -> Table:
@@ -181,7 +177,7 @@ def paper_table(found: Analysis) -> Table:
 
     A repair is judged by this table: the same cases, every rate with its interval, every difference tested.
     """
-    others = found.names[1:]
+    others, n_cases = found.names[1:], found.results.n_cases
     rows: list[tuple[Cell, ...]] = [
         (words, *(interval(one.rules[words]) for one in found.standings), *_tested(found, words)) for words in RULES
     ]
@@ -190,10 +186,9 @@ def paper_table(found: Analysis) -> Table:
         brackets = [tuple(interval(rate) for rate in one.stuck_of_solvable or ()) for one in found.standings]
         cells = [sure if sure == likely else f"{sure} to {likely}" for sure, likely in brackets]
         rows.append((f"{STUCK}, of the solvable cases", *cells, *(None for _ in range(3 * len(others)))))
-        undecided = found.n_cases - found.solvable - found.unsolvable
         note = (
-            f"Of {found.n_cases} cases {found.solvable} are solvable by a disc that knows the future, "
-            f"{found.unsolvable} by nobody, and {undecided} are undecided (docs/solvability.md). {note}"
+            f"Of {n_cases} cases {found.solvable} are solvable by a disc that knows the future, {found.unsolvable} by "
+            f"nobody, and {n_cases - found.solvable - found.unsolvable} are undecided (docs/solvability.md). {note}"
         )
     for words, what in (("least clearance [m]", "clearances"), ("time to goal [s]", "times")):
         spreads = (_spread(finite(getattr(one, what))) for one in found.standings)
@@ -201,8 +196,7 @@ def paper_table(found: Analysis) -> Table:
     heads = [Column("result"), *_names(found)]
     for other in others:
         heads += [*(Column(word, ",d", group=other) for word in ("more", "fewer")), Column("p", group=other)]
-    title = f"The paper's results, contacts and times of {found.n_cases} cases"
-    return Table(title, tuple(heads), tuple(rows), note)
+    return _table(f"The paper's results, contacts and times of {n_cases} cases", heads, rows, note)
 
 
 def _tested(found: Analysis, what: str) -> list[Cell]:
@@ -225,37 +219,28 @@ def _spread(values: Floats) -> Cell:
 
 def to_markdown_page(found: Analysis) -> str:
     """Return the paper's results, the outcomes and the measures in Markdown, ready for a document."""
-    tables = (paper_table(found), outcome_table(found), measure_table(found))
-    made = f"Seed {found.seed}, protocol {found.protocol}, {found.n_cases} cases, the same for all."
-    return "\n\n".join([made, *(f"**{t.title}**\n\n{to_markdown(t)}\n\n{t.note}" for t in tables)])
+    tables, made = (paper_table(found), outcome_table(found), measure_table(found)), found.results
+    head = f"Seed {made.seed}, protocol {made.protocol}, {made.n_cases} cases, the same for all."
+    return "\n\n".join([head, *(f"**{t.title}**\n\n{to_markdown(t)}\n\n{t.note}" for t in tables)])
 
 
 def tests_table(found: Analysis) -> Table:
     """Return the tests of each planner against the first: who beats whom, by how much, and how sure that is."""
     what = {"reached": "goal reached", "contact": "contact by the moving robot", "time": "time to goal"}
-    rows: list[tuple[Cell, ...]] = [
-        (
-            f"{test.second} against {test.first}",
-            what[test.question],
-            *_found(test),
-            p_text(test.p_value),
-            _p_cell(test.p_holm, test),
-        )
-        for test in found.tests
-    ]
-    return Table(
-        f"Tests on the same cases against {found.names[0]}",
-        (
-            Column("pair"), Column("what", code=False), Column("cases"), Column("only it"), Column("only the first"),
-            Column("difference"), Column("effect"), Column("p"), Column("p (Holm)"),
-        ),
-        tuple(rows),
+    rows: list[tuple[Cell, ...]] = []
+    for test in found.tests:
+        p_cells = p_text(test.p_value), _p_cell(test.p_holm, test)
+        rows.append((f"{test.second} against {test.first}", what[test.question], *_found(test), *p_cells))
+    names = ("cases", "only it", "only the first", "difference", "effect", "p", "p (Holm)")
+    heads = (Column("pair"), Column("what", code=False), *map(Column, names))
+    note = (
         "Reached and contact: McNemar's exact test on the cases that only one of the two has; difference of the rates "
         "with Newcombe's 95 % interval; effect: odds ratio of those cases. Time: cases that both reach, Wilcoxon's "
         "signed-rank test (zeros by Pratt), median difference with its 95 % interval, effect: rank-biserial "
         f"correlation. Differences are the planner's minus the first's. Holm corrects for all {len(found.tests)} tests "
-        "here; marked where below 0.05.",
-    )  # fmt: skip
+        "here; marked where below 0.05."
+    )
+    return _table(f"Tests on the same cases against {found.names[0]}", heads, rows, note)
 
 
 def _found(test: PairTest) -> tuple[Cell, ...]:
@@ -320,40 +305,30 @@ def benchmark_tables(found: Analysis) -> tuple[Table, ...]:
         "SPL and SCT here count only goals reached without any contact, also of an obstacle that ran into the robot. "
         "What each mode does, defects included: docs/metrics.md."
     )
-    whole = _benchmark_table(found, "All scores of all modes", found.scores, "", folded=True)
-    return _benchmark_table(found, "Scores", short, note), whole
-
-
-def _benchmark_table(
-    found: Analysis, title: str, scores: tuple[Score, ...], note: str, *, folded: bool = False
-) -> Table:
-    rows: list[tuple[Cell, ...]] = [(s.benchmark, s.mode, s.score, s.unit, s.cases, *s.means) for s in scores]
     heads = (
         Column("benchmark"), Column("mode", code=True), Column("score"), Column("unit"), Column("cases", ",d"),
         *(Column(name, ".3g") for name in found.names),
     )  # fmt: skip
-    return Table(title, heads, tuple(rows), note, folded=folded)
+
+    def rows(scores: tuple[Score, ...]) -> tuple[tuple[Cell, ...], ...]:
+        return tuple((s.benchmark, s.mode, s.score, s.unit, s.cases, *s.means) for s in scores)
+
+    whole = Table("All scores of all modes", heads, rows(found.scores), folded=True)
+    return Table("Scores", heads, rows(short), note), whole
 
 
 def interval(rate: Rate) -> str:
     """Return a rate with its interval in percent, in one unbroken word; with more decimals from 10 000 cases on.
 
     >>> from parcours.verdict.statistics import wilson
-    >>> interval(wilson(70, 905)).replace("\\xa0", " ")
-    '7.7 % [6.2, 9.7]'
-    >>> interval(wilson(8, 10_000)).replace("\\xa0", " ")
-    '0.08 % [0.04, 0.16]'
-    >>> interval(wilson(0, 100_000)).replace("\\xa0", " ")
-    '0.000 % [0.000, 0.004]'
+    >>> [interval(wilson(count, n)).replace("\\xa0", " ") for count, n in ((70, 905), (8, 10_000), (0, 100_000))]
+    ['7.7 % [6.2, 9.7]', '0.08 % [0.04, 0.16]', '0.000 % [0.000, 0.004]']
     """
     if not rate.n:
         return "–"
     decimals = max(round(math.log10(rate.n)) - 2, 1)
     share, low, high = (f"{100 * value:.{decimals}f}" for value in (rate.share, rate.low, rate.high))
     return f"{share} % [{low}, {high}]".replace(" ", _UNBROKEN)
-
-
-_UNBROKEN = "\N{NO-BREAK SPACE}"
 
 
 def _names(found: Analysis) -> tuple[Column, ...]:

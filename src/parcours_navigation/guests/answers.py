@@ -28,11 +28,8 @@ class BadAnswer(Exception):
 def read_answer(answer: object) -> tuple[float, float, Floats | None]:
     """Return forward speed [m/s], yaw rate [rad/s] and None; or 0, 0 and the points of a trajectory, shape (n, 4).
 
-    Args:
-        answer: anything but None. A list or an array of two numbers is taken for a pair.
-
-    Raises:
-        BadAnswer: it is not what `Answer` allows, or a number in it is not finite.
+    A list or an array of two numbers is taken for a pair. Raises BadAnswer if it is not what `Answer` allows, or a
+    number in it is not finite.
 
     >>> read_answer(np.array([0.2, 0.0]))
     (0.2, 0.0, None)

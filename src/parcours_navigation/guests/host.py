@@ -20,22 +20,10 @@ from parcours.run import heartbeat as heartbeat
 from parcours.streams import start
 from parcours_navigation.arena.obstacles import OBSTACLE
 from parcours_navigation.facts import NEVER, TRACK, TRACK_PERIOD
+from parcours_navigation.guests import loop
 from parcours_navigation.guests.answers import BadAnswer, read_answer
 from parcours_navigation.guests.deadline import FIRST_CASE, Deadline, Hung
-from parcours_navigation.guests.loop import (
-    ARRIVED,
-    GO_ON,
-    NOT_FINITE,
-    begin_case,
-    follow,
-    freeze,
-    goal_time,
-    hold,
-    memory_size,
-    moved_since,
-    observed,
-    recorded,
-)
+from parcours_navigation.guests.loop import ARRIVED, GO_ON, NOT_FINITE, follow, hold
 from parcours_navigation.guests.planner_facts import FACTS, PlannerFault, lost, reason_bytes, unmeasured
 from parcours_navigation.guests.planners import Plugin, end_if_forked, is_ctrl_c
 from parcours_navigation.guests.scenario import Scenario
@@ -64,7 +52,7 @@ def planner_seed(campaign_seed: int, number: int) -> int:
 
 def host_words(scenario: Scenario, n_obstacles: int) -> int:
     """Return how many float64 words a case needs."""
-    return memory_size(n_obstacles, _most_track(scenario))
+    return loop.memory_size(n_obstacles, _most_track(scenario))
 
 
 def _most_track(scenario: Scenario) -> int:
@@ -72,19 +60,12 @@ def _most_track(scenario: Scenario) -> int:
 
 
 class Host:
-    """Runs cases of one scenario with one planner, one after the other.
-
-    Args:
-        plugin: the planner.
-        scenario: the setting.
-        robot_radius: [m].
-        n_obstacles: in each case.
-    """
+    """Runs cases of one scenario with one planner, one after the other."""
 
     def __init__(self, plugin: Plugin, scenario: Scenario, robot_radius: float, n_obstacles: int) -> None:
         self._plugin, self._scenario, self._radius, self._n = plugin, scenario, robot_radius, n_obstacles
         self._memory = heartbeat.words(host_words(scenario, n_obstacles))
-        self._robot, self._obstacles = observed(self._memory, n_obstacles)
+        self._robot, self._obstacles = loop.observed(self._memory, n_obstacles)
         limits = scenario.limits
         self._setting = np.array(
             [*scenario.start, scenario.start_speed, *scenario.goal, scenario.goal_tolerance, limits.speed,
@@ -106,13 +87,13 @@ class Host:
 
     def _compile(self) -> None:
         """Call every kernel once, so that no compilation counts as a planner's time."""
-        begin_case(self._memory, 0, 1.0, np.zeros(0), self._setting, 0)
+        loop.begin_case(self._memory, 0, 1.0, np.zeros(0), self._setting, 0)
         self._memory[heartbeat.CASE] = heartbeat.NO_CASE
         hold(self._memory, 0, 0.0, 0.0)
         follow(self._memory, 0, np.zeros((1, 4)))
-        freeze(self._memory, np.zeros(1, FACTS)[0])
-        moved_since(self._memory, 0)
-        goal_time(self._memory)
+        loop.freeze(self._memory, np.zeros(1, FACTS)[0])
+        loop.moved_since(self._memory, 0)
+        loop.goal_time(self._memory)
         self._measure(np.zeros(1, FACTS))
 
     def run(self, numbers: Sequence[int], cases: Floats, seed: int, facts: NDArray[np.void]) -> None:
@@ -125,7 +106,7 @@ class Host:
         with Deadline(self._memory, self._scenario.call_timeout), contextlib.redirect_stdout(sys.stderr):
             try:
                 for k, number in enumerate(numbers):
-                    begin_case(self._memory, number, self._allowed, cases[k], self._setting, most_track)
+                    loop.begin_case(self._memory, number, self._allowed, cases[k], self._setting, most_track)
                     self._radii = np.ascontiguousarray(cases[k].view(OBSTACLE)["radius"])
                     self._run_case(number, seed, facts[k : k + 1])
                     self._allowed = self._scenario.call_timeout
@@ -134,7 +115,7 @@ class Host:
 
     def track(self) -> tuple[NDArray[np.void], Floats]:
         """Return the track of the last case, array of TRACK of shape (n,), and the obstacles' places, (n, k, 2) [m]."""
-        rows = recorded(self._memory, self._n)
+        rows = loop.recorded(self._memory, self._n)
         track = np.zeros(len(rows), TRACK)
         for k, name in enumerate(TRACK.names or ()):
             track[name] = rows[:, k]
@@ -169,13 +150,13 @@ class Host:
                 end_if_forked(self._pid)
             was_reset = True
             arrived = drive(view, self._steps)
-            freeze(self._memory, facts[0])
+            loop.freeze(self._memory, facts[0])
             frozen = True
             self._measure(facts)
             if self._steps_after and not arrived:
-                facts["t_goal_after"] = goal_time(self._memory) if drive(view, self._steps_after) else NEVER
+                facts["t_goal_after"] = loop.goal_time(self._memory) if drive(view, self._steps_after) else NEVER
                 later = int(facts["t_end"][0]) + 1_000_000_000
-                facts["moved_after"] = facts["t_goal_after"] != NEVER or moved_since(self._memory, later)
+                facts["moved_after"] = facts["t_goal_after"] != NEVER or loop.moved_since(self._memory, later)
         except Hung:
             end_if_forked(self._pid)
             self._memory[heartbeat.CASE] = heartbeat.NO_CASE
@@ -190,11 +171,11 @@ class Host:
                 raise
             fault, reason = PlannerFault.RAISED, f"raised: {_words(error, plugin.file)}"
         if not frozen:
-            freeze(self._memory, facts[0])
+            loop.freeze(self._memory, facts[0])
         facts["error"], facts["reason"] = fault, reason_bytes(reason)
         if fault:
             unmeasured(facts)
-        facts["n_track"] = len(recorded(self._memory, self._n))
+        facts["n_track"] = len(loop.recorded(self._memory, self._n))
         facts["feasible"] = self._answered
         faulty = 1 if fault and was_reset else 0
         facts["n_planning_cycles"] = -(-facts["t_end"] // self._period) + faulty
@@ -279,8 +260,5 @@ def _words(error: BaseException, file: str) -> str:
     own = [frame for frame in frames if file and frame.filename == file] or frames
     place = f"{own[-1].filename.rpartition('/')[2]}:{own[-1].lineno}"
     head = f"{type(error).__name__}: {said}" if said else type(error).__name__
-    return f"{_cut(head, 150 - len(place))} ({place})"
-
-
-def _cut(text: str, length: int) -> str:
-    return text if len(text) <= length else text[: max(length - 3, 0)] + "..."
+    room = 150 - len(place)
+    return f"{head if len(head) <= room else head[: max(room - 3, 0)] + '...'} ({place})"

@@ -70,26 +70,18 @@ def own_loop(planner: object) -> OwnLoop | None:
 
 @dataclass(frozen=True, slots=True)
 class Plugin:
-    """A planner that is ready to be asked.
+    """A planner that is ready to be asked."""
 
-    Attributes:
-        name: as it was given.
-        observe: called with every observation.
-        reset: called before each case; None if the planner has none.
-        file: the file it is defined in, "" if unknown; faults are placed there.
-    """
-
-    name: str
-    observe: Observe
-    reset: Callable[[Task], object] | None
-    file: str
+    name: str  # as it was given
+    observe: Observe  # called with every observation
+    reset: Callable[[Task], object] | None  # called before each case; None if the planner has none
+    file: str  # the file it is defined in, "" if unknown; faults are placed there
 
 
 def source_digest(planner: str) -> str:
     """Return a digest of the file in which a planner is defined; of shipped ones "", as they are part of Parcours.
 
-    Raises:
-        BadRequest: the name is no planner's, or its module or file is missing.
+    Raises BadRequest if the name is no planner's, or its module or file is missing.
     """
     if planner in names():
         return ""
@@ -160,16 +152,11 @@ def _unknown(planner: str, rule: str) -> BadRequest:
     return BadRequest(f"planner {planner!r}", rule, _REMEDY, slug="planner-missing")
 
 
-def _importable_here() -> None:
-    """Make modules in the current folder importable, as they are for `python -m`."""
-    here = str(Path.cwd())
-    if here not in sys.path and "" not in sys.path:
-        sys.path.insert(0, here)
-
-
 def _file_of(planner: str, module: str) -> Path | None:
     """Return the file of a module, without importing the module itself."""
-    _importable_here()
+    here = str(Path.cwd())
+    if here not in sys.path and "" not in sys.path:  # the current folder is importable, as it is for `python -m`
+        sys.path.insert(0, here)
     try:
         spec = importlib.util.find_spec(module)
     except (ImportError, ValueError, AttributeError) as error:
@@ -181,7 +168,6 @@ def _file_of(planner: str, module: str) -> Path | None:
 
 def _module(planner: str, where: str) -> ModuleType:
     """Import the module or file."""
-    _importable_here()
     if not _is_file(where):
         _file_of(planner, where)
         return cast(ModuleType, _guarded(planner, "its module", lambda: importlib.import_module(where)))

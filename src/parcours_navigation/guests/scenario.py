@@ -19,22 +19,7 @@ _LIMITS = Limits(speed=0.25, yaw_rate=PI / 2.0, acceleration=1.0, yaw_accelerati
 class Scenario:
     """Where the robot starts and is to go, what it can do, and how the planner is asked. The defaults are the paper's.
 
-    Args:
-        start: x, y, heading of the robot [m, m, rad].
-        start_speed: how fast it drives at the start, which is also the first command [m/s].
-        goal: x, y [m].
-        goal_tolerance: as near as this counts as reached [m].
-        limits: of the robot.
-        arena: side of the square in which obstacles begin [m].
-        time_limit: length of a case after the static second [s].
-        watched_on: how long an unfinished case is watched beyond its end [s].
-        period: between two observations [s], a multiple of the world's tick of 0.01 s.
-        command_delay: an answer takes effect this long after its observation [s], a multiple of 0.01 s.
-        call_timeout: a call of the planner that takes longer than this ends the case as an error [s of wall clock];
-            in the first case of a process six times as long is granted, for imports and compilation.
-
-    Raises:
-        BadRequest: a value is out of its range.
+    Raises BadRequest if a value is out of its range.
 
     >>> Scenario(period=0.0)
     Traceback (most recent call last):
@@ -42,16 +27,18 @@ class Scenario:
 [scenario-range]
     """
 
-    start: tuple[float, float, float] = (0.0, 0.0, PI / 4.0)
-    start_speed: float = 0.249
-    goal: tuple[float, float] = (2.0, 2.0)
-    goal_tolerance: float = 0.2
-    limits: Limits = field(default=_LIMITS)
-    arena: float = 2.0
-    time_limit: float = 20.0
-    watched_on: float = 0.0
-    period: float = 0.05
-    command_delay: float = 0.0
+    start: tuple[float, float, float] = (0.0, 0.0, PI / 4.0)  # x, y, heading of the robot [m, m, rad]
+    start_speed: float = 0.249  # how fast it drives at the start, which is also the first command [m/s]
+    goal: tuple[float, float] = (2.0, 2.0)  # x, y [m]
+    goal_tolerance: float = 0.2  # as near as this counts as reached [m]
+    limits: Limits = field(default=_LIMITS)  # of the robot
+    arena: float = 2.0  # side of the square in which obstacles begin [m]
+    time_limit: float = 20.0  # length of a case after the static second [s]
+    watched_on: float = 0.0  # how long an unfinished case is watched beyond its end [s]
+    period: float = 0.05  # between two observations [s], a multiple of the world's tick of 0.01 s
+    command_delay: float = 0.0  # an answer takes effect this long after its observation [s], a multiple of 0.01 s
+    # a call of the planner that takes longer than this ends the case as an error [s of wall clock]; in the first case
+    # of a process six times as long is granted, for imports and compilation
     call_timeout: float = 10.0
 
     def __post_init__(self) -> None:

@@ -6,7 +6,7 @@ A new benchmark is one function and one entry of BENCHMARKS.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from parcours.errors import require_known
 from parcours_navigation.measures.scores import Benchmark, Column, Runs, Values, require_positive, sct, spl
@@ -33,14 +33,8 @@ def barn(
     Raises:
         BadRequest: the mode is unknown, or a path length is not positive.
 
-    Example: 10 m in 12 s and in 30 s.
-
-    >>> barn([True, True], [12.0, 30.0], [10.0, 10.0]).round(3).tolist()
-    [0.417, 0.167]
-    >>> barn([True, True], [12.0, 30.0], [10.0, 10.0], mode="2022").round(3).tolist()
-    [0.25, 0.167]
-    >>> barn([True, True], [12.0, 30.0], [10.0, 10.0], mode="dynabarn-2022").tolist()
-    [0.125, 0.125]
+    >>> [barn([True, True], [12.0, 30.0], [10.0, 10.0], mode).round(3).tolist() for mode in ("present", "2022")]
+    [[0.417, 0.167], [0.25, 0.167]]
     """
     require_known(mode, list(_BARN_CLIPS), "BARN mode", slug="unknown-score-mode")
     low, high = _BARN_CLIPS[mode]
@@ -54,42 +48,44 @@ def barn(
     return np.where(np.asarray(success, bool), score, 0.0)
 
 
-def _spl_and_sct(runs: Runs, mode: str) -> tuple[Column, ...]:
+Table = dict[str, Values]
+"""Columns of a benchmark: "name [unit]" -> one value a run."""
+
+
+def _spl_and_sct(runs: Runs, mode: str) -> Table:
     """Return SPL, and SCT where the fastest times are known."""
-    columns = [Column("SPL", "1", spl(runs.success, runs.needed("shortest"), runs.facts["travelled"]))]
-    if runs.fastest is not None:
-        columns.append(Column("SCT", "1", sct(runs.success, runs.fastest, runs.time_to_goal)))
-    return tuple(columns)
+    found = {"SPL [1]": spl(runs.success, runs.needed("shortest"), runs.facts["travelled"])}
+    return found if runs.fastest is None else found | {"SCT [1]": sct(runs.success, runs.fastest, runs.time_to_goal)}
 
 
-def _barn(runs: Runs, mode: str) -> tuple[Column, ...]:
+def _barn(runs: Runs, mode: str) -> Table:
     """Return the columns of BARN's report."""
     taken = runs.time_to_goal - runs.measures["time_to_set_out"]
     timely = runs.success & ~(taken >= 100.0)
-    return (
-        Column("score", "1", barn(timely, taken, runs.needed("shortest"), mode, runs.top_speed)),
-        Column("success", "1", timely.astype(np.float64)),
-        Column("collision", "1", runs.touched.astype(np.float64)),
-        Column("timeout", "1", (~timely & ~runs.touched).astype(np.float64)),
-        Column("time", "s", np.where(timely, taken, np.nan)),
-    )
+    return {
+        "score [1]": barn(timely, taken, runs.needed("shortest"), mode, runs.top_speed),
+        "success [1]": timely,
+        "collision [1]": runs.touched,
+        "timeout [1]": ~timely & ~runs.touched,
+        "time [s]": np.where(timely, taken, np.nan),
+    }
 
 
-def _mrpb(runs: Runs, mode: str) -> tuple[Column, ...]:
+def _mrpb(runs: Runs, mode: str) -> Table:
     """Return MRPB's four metrics; the computing time where it is known."""
     m = runs.measures
     unsafe = runs.needed("published")["time_unsafe"] if mode == "mrpb-2021" else m["time_unsafe"]
-    columns = [
-        Column("safety", "%", 100.0 * _ratio(unsafe, m["duration"])),
-        Column("motion efficiency", "s", m["duration"]),
-        Column("smoothness", "m/s^2", m["smoothness"]),
-    ]
+    found = {
+        "safety [%]": 100.0 * _ratio(unsafe, m["duration"]),
+        "motion efficiency [s]": m["duration"],
+        "smoothness [m/s^2]": m["smoothness"],
+    }
     if runs.planning_time is not None:
-        columns.append(Column("computational efficiency", "ms", 1e3 * runs.planning_time))
-    return tuple(columns)
+        found["computational efficiency [ms]"] = 1e3 * runs.planning_time
+    return found
 
 
-def _arena(runs: Runs, mode: str) -> tuple[Column, ...]:
+def _arena(runs: Runs, mode: str) -> Table:
     """Return Arena's results and metrics."""
     m, f = runs.measures, runs.facts
     if mode == "arena-evaluation":
@@ -98,29 +94,27 @@ def _arena(runs: Runs, mode: str) -> tuple[Column, ...]:
         hit = ~late & (p["n_contacts"] >= 3)
         reached = ~late & ~hit
         angle, curvature, rough = p["heading_change"], p["curvature"], p["roughness"]
-        acceleration, jerk, units = p["acceleration"], p["jerk"], ("m/s", "m/s")
+        last = {"acceleration [m/s]": p["acceleration"], "jerk [m/s]": p["jerk"]}
     else:
-        contacts = f["n_robot_contacts"] + f["n_shared_contacts"] + f["n_obstacle_contacts"]
-        hit = contacts >= 3
+        hit = _contacts(f) >= 3
         reached = runs.arrived & ~hit & (f["t_goal"] < 180e9)
         late = ~hit & ~reached
         angle, curvature, rough = m["heading_change"], m["mean_curvature"], m["roughness"]
-        acceleration, jerk, units = m["smoothness"], m["mean_jerk"], ("m/s^2", "m/s^3")
-    return (
-        Column("goal reached", "1", reached.astype(np.float64)),
-        Column("collision", "1", hit.astype(np.float64)),
-        Column("timeout", "1", late.astype(np.float64)),
-        Column("time", "s", m["duration"]),
-        Column("path length", "m", m["path_length"]),
-        Column("angle over length", "rad/m", _ratio(angle, m["path_length"])),
-        Column("curvature", "1/m", curvature),
-        Column("roughness", "1", rough),
-        Column("acceleration", units[0], acceleration),
-        Column("jerk", units[1], jerk),
-    )
+        last = {"acceleration [m/s^2]": m["smoothness"], "jerk [m/s^3]": m["mean_jerk"]}
+    return {
+        "goal reached [1]": reached,
+        "collision [1]": hit,
+        "timeout [1]": late,
+        "time [s]": m["duration"],
+        "path length [m]": m["path_length"],
+        "angle over length [rad/m]": _ratio(angle, m["path_length"]),
+        "curvature [1/m]": curvature,
+        "roughness [1]": rough,
+        **last,
+    }
 
 
-def _hunavsim(runs: Runs, mode: str) -> tuple[Column, ...]:
+def _hunavsim(runs: Runs, mode: str) -> Table:
     """Return HuNavSim's metrics that need no social force."""
     m, f = runs.measures, runs.facts
     if mode == "hunav-evaluator":
@@ -135,60 +129,55 @@ def _hunavsim(runs: Runs, mode: str) -> tuple[Column, ...]:
         time, mean_gap, least_gap = runs.time_to_goal, m["mean_clearance"], f["min_clearance"]
         times = (m["time_intimate"], m["time_personal"], m["time_social"])
         zones = [100.0 * _ratio(t, m["duration"]) for t in times]
-        touches = (f["n_robot_contacts"] + f["n_shared_contacts"] + f["n_obstacle_contacts"]).astype(np.float64)
+        touches = _contacts(f)
         rest, acceleration, jerk = m["time_at_rest"], m["smoothness"], m["mean_jerk"]
-    return (
-        Column("completed", "1", completed.astype(np.float64)),
-        Column("time to goal", "s", time),
-        Column("path length", "m", m["path_length"]),
-        Column("cumulative heading changes", "rad", m["heading_change"]),
-        Column("average closest person", "m", mean_gap),
-        Column("minimum distance to people", "m", least_gap),
-        *(
-            Column(f"{name} space", "%", zone)
-            for name, zone in zip(("intimate", "personal", "social"), zones, strict=True)
-        ),
-        Column("collisions", "1", touches),
-        Column("time not moving", "s", rest),
-        Column("minimum distance to target", "m", m["least_goal_distance"]),
-        Column("final distance to target", "m", m["goal_distance"]),
-        Column("average acceleration", "m/s^2", acceleration),
-        Column("average overacceleration", "m/s^3", jerk),
-    )
+    return {
+        "completed [1]": completed,
+        "time to goal [s]": time,
+        "path length [m]": m["path_length"],
+        "cumulative heading changes [rad]": m["heading_change"],
+        "average closest person [m]": mean_gap,
+        "minimum distance to people [m]": least_gap,
+        "intimate space [%]": zones[0],
+        "personal space [%]": zones[1],
+        "social space [%]": zones[2],
+        "collisions [1]": touches,
+        "time not moving [s]": rest,
+        "minimum distance to target [m]": m["least_goal_distance"],
+        "final distance to target [m]": m["goal_distance"],
+        "average acceleration [m/s^2]": acceleration,
+        "average overacceleration [m/s^3]": jerk,
+    }
 
 
-def _socnavbench(runs: Runs, mode: str) -> tuple[Column, ...]:
+def _socnavbench(runs: Runs, mode: str) -> Table:
     """Return SocNavBench's two metrics of the path."""
     m = runs.measures
     if mode == "socnavbench-code":
         p = runs.needed("published")
-        return (
-            Column("path length ratio", "1", p["length_ratio"]),
-            Column("path irregularity", "rad", p["irregularity"]),
-        )
-    unneeded = np.maximum(m["heading_change"] - m["needed_turn"], 0.0)
-    return (
-        Column("path length ratio", "1", _ratio(m["displacement"], m["path_length"])),
-        Column("path irregularity", "rad/m", _ratio(unneeded, m["path_length"])),
-    )
+        return {"path length ratio [1]": p["length_ratio"], "path irregularity [rad]": p["irregularity"]}
+    ratio, unneeded = _ratio(m["displacement"], m["path_length"]), m["heading_change"] - m["needed_turn"]
+    irregularity = _ratio(np.maximum(unneeded, 0.0), m["path_length"])
+    return {"path length ratio [1]": ratio, "path irregularity [rad/m]": irregularity}
 
 
-def _bench_mr(runs: Runs, mode: str) -> tuple[Column, ...]:
+def _bench_mr(runs: Runs, mode: str) -> Table:
     """Return Bench-MR's metrics of the path."""
     m = runs.measures
-    columns = (
-        Column("path length", "m", m["path_length"]),
-        Column("angle over length", "rad/m", _ratio(m["heading_change"], m["path_length"])),
-        Column("max curvature", "1/m", m["max_curvature"]),
-        Column("clearing", "m", m["mean_clearance"]),
-    )
+    found = {
+        "path length [m]": m["path_length"],
+        "angle over length [rad/m]": _ratio(m["heading_change"], m["path_length"]),
+        "max curvature [1/m]": m["max_curvature"],
+        "clearing [m]": m["mean_clearance"],
+    }
     if mode == "bench-mr-code":
-        return columns
-    return (
-        *columns,
-        Column("least clearance", "m", runs.facts["min_clearance"]),
-        Column("mean jerk", "m/s^3", m["mean_jerk"]),
-    )
+        return found
+    return found | {"least clearance [m]": runs.facts["min_clearance"], "mean jerk [m/s^3]": m["mean_jerk"]}
+
+
+def _contacts(facts: NDArray[np.void]) -> NDArray[np.int64]:
+    """Return all contacts of each run, whoever closed the gap."""
+    return np.asarray(facts["n_robot_contacts"] + facts["n_shared_contacts"] + facts["n_obstacle_contacts"])
 
 
 def _ratio(above: Values, below: Values) -> Values:
@@ -264,13 +253,8 @@ BENCHMARKS = {
 def score(runs: Runs, benchmark: str, mode: str | None = None) -> tuple[Column, ...]:
     """Return the columns of a benchmark for the runs.
 
-    Args:
-        runs: facts and measures of the runs.
-        benchmark: a name of BENCHMARKS.
-        mode: one of its modes; the first, which is free of the known defects, if None.
-
-    Raises:
-        BadRequest: benchmark or mode is unknown, or the runs lack an array that is needed.
+    `mode` is one of its modes: by default the first, which is free of the known defects. Raises BadRequest if benchmark
+    or mode is unknown, or the runs lack an array that is needed.
 
     >>> from parcours_navigation.facts import FACTS, NEVER
     >>> from parcours_navigation.measures import MEASURES
@@ -285,4 +269,9 @@ def score(runs: Runs, benchmark: str, mode: str | None = None) -> tuple[Column, 
     names = list(chosen.modes)
     if mode is not None:
         require_known(mode, names, f"mode of {benchmark}", slug="unknown-score-mode")
-    return chosen.score(runs, mode or names[0])
+    found = chosen.score(runs, mode or names[0])
+    heads = (head.removesuffix("]").split(" [") for head in found)
+    return tuple(
+        Column(name, unit, values.astype(np.float64))
+        for (name, unit), values in zip(heads, found.values(), strict=True)
+    )

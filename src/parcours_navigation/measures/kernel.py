@@ -27,16 +27,8 @@ def measure(
 ) -> None:
     """Fill `out` with the measures of one run.
 
-    Args:
-        track: array of TRACK (or of a dtype with its fields), shape (n,), times not decreasing.
-        places: centres of the obstacles at the same entries [m], shape (n, n_obstacles, 2).
-        radii: of the obstacles [m], shape (n_obstacles,).
-        robot_radius, goal_x, goal_y: [m].
-        goal_tolerance: distance to the goal that counts as reached [m].
-        t_goal: when the world saw the goal reached [ns], since a track may end a moment before; NEVER: take it from the
-            track.
-        safe_distance: gap below which time is unsafe [m].
-        out: record of MEASURES, filled. A track of fewer than two entries has no duration: integrals are 0, means NaN.
+    Arguments as in `one_case.measures_of`, which checks them. A track of fewer than two entries has no duration:
+    integrals are 0, means NaN.
     """
     n = len(track)
     out.duration = (track[n - 1].time - track[0].time) * 1e-9 if n > 0 else 0.0

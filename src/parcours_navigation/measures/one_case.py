@@ -76,12 +76,7 @@ def measures_as_published(
     safe_distance: float = SAFE_DISTANCE,
     until: int | None = None,
 ) -> np.void:
-    """Return what published benchmark code computes of one run, a record of PUBLISHED.
-
-    The arguments are those of `measures_of`.
-
-    Raises:
-        BadRequest: the shapes do not fit, or times decrease.
+    """Return what published benchmark code computes of one run, a record of PUBLISHED; arguments as in `measures_of`.
 
     Example: a turn on the spot by 0.08 rad, across the cut of the angle.
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -24,28 +25,18 @@ Values = NDArray[np.float64]
 class Runs:
     """What the scores of many runs are computed from, one entry a run.
 
-    Attributes:
-        facts: array of FACTS, shape (n,).
-        measures: array of MEASURES, shape (n,).
-        published: array of PUBLISHED, shape (n,), needed by the modes that reproduce published code.
-        shortest: length of the shortest way to the goal [m], shape (n,).
-        fastest: least time to the goal within the robot's limits [s], shape (n,).
-        planning_time: mean computing time of a planning cycle [s], shape (n,).
-        top_speed: BARN's optimal time is the shortest way at this speed [m/s].
-        goal_tolerance: [m].
-
-    Raises:
-        BadRequest: the arrays do not have the same length.
+    Raises BadRequest if the arrays do not have the same length.
     """
 
-    facts: NDArray[np.void]
-    measures: NDArray[np.void]
+    facts: NDArray[np.void]  # array of FACTS, shape (n,)
+    measures: NDArray[np.void]  # array of MEASURES, shape (n,)
+    # array of PUBLISHED, shape (n,), needed by the modes that reproduce published code
     published: NDArray[np.void] | None = None
-    shortest: Values | None = None
-    fastest: Values | None = None
-    planning_time: Values | None = None
-    top_speed: float = 2.0
-    goal_tolerance: float = GOAL_TOLERANCE
+    shortest: Values | None = None  # length of the shortest way to the goal [m], shape (n,)
+    fastest: Values | None = None  # least time to the goal within the robot's limits [s], shape (n,)
+    planning_time: Values | None = None  # mean computing time of a planning cycle [s], shape (n,)
+    top_speed: float = 2.0  # BARN's optimal time is the shortest way at this speed [m/s]
+    goal_tolerance: float = GOAL_TOLERANCE  # [m]
 
     def __post_init__(self) -> None:
         for name in ("measures", "published", "shortest", "fastest", "planning_time"):
@@ -85,17 +76,11 @@ class Runs:
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """One score of every run.
+    """One score of every run."""
 
-    Attributes:
-        name: what it is called.
-        unit: "1" for shares and counts.
-        values: shape (n,); NaN where it is not defined for a run.
-    """
-
-    name: str
-    unit: str
-    values: Values
+    name: str  # what it is called
+    unit: str  # "1" for shares and counts
+    values: Values  # shape (n,); NaN where it is not defined for a run
 
     @property
     def mean(self) -> float:
@@ -106,29 +91,19 @@ class Column:
 
 @dataclass(frozen=True, slots=True)
 class Benchmark:
-    """A published benchmark's scores.
+    """A published benchmark's scores."""
 
-    Attributes:
-        score: turns runs and the name of a mode into columns.
-        modes: what each mode does; the first is the default. Those that reproduce published code name its defects.
-        source: where it is defined.
-    """
-
-    score: Callable[[Runs, str], tuple[Column, ...]]
+    score: Callable[[Runs, str], dict[str, NDArray[Any]]]  # turns runs and the name of a mode into columns
+    # what each mode does; the first is the default. Those that reproduce published code name its defects.
     modes: Mapping[str, str]
-    source: str
+    source: str  # where it is defined
 
 
 def spl(success: ArrayLike, shortest: ArrayLike, travelled: ArrayLike) -> Values:
     """Return success weighted by path length of each run, S l / max(p, l), shape (n,).
 
-    Args:
-        success: S, truth values, shape (n,).
-        shortest: l, length of the shortest way [m], shape (n,); positive.
-        travelled: p, length of the robot's way [m], shape (n,).
-
-    Raises:
-        BadRequest: a shortest way is not positive, or the shapes differ.
+    S is the success, l the shortest way [m], p the way travelled [m], shape (n,) each. Raises BadRequest if a shortest
+    way is not positive, or the shapes differ.
 
     >>> spl([True, True, False], [2.0, 2.0, 2.0], [2.5, 2.0, 9.0]).tolist()
     [0.8, 1.0, 0.0]
@@ -139,13 +114,8 @@ def spl(success: ArrayLike, shortest: ArrayLike, travelled: ArrayLike) -> Values
 def sct(success: ArrayLike, fastest: ArrayLike, taken: ArrayLike) -> Values:
     """Return success weighted by completion time of each run, S T / max(C, T), shape (n,).
 
-    Args:
-        success: S, truth values, shape (n,).
-        fastest: T, least time to the goal within the robot's limits [s], shape (n,); positive.
-        taken: C, time the robot took [s], shape (n,); where it failed, anything.
-
-    Raises:
-        BadRequest: a fastest time is not positive, or the shapes differ.
+    S is the success, T the least time to the goal within the robot's limits [s], C the time taken [s], anything where
+    it failed, shape (n,) each. Raises BadRequest if a fastest time is not positive, or the shapes differ.
 
     >>> sct([True, False], [4.0, 4.0], [8.0, float("nan")]).tolist()
     [0.5, 0.0]

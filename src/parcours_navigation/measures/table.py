@@ -31,19 +31,12 @@ TOUCH = 0.02
 
 @dataclass(frozen=True, slots=True)
 class Metric:
-    """One number of one run.
+    """One number of one run."""
 
-    Attributes:
-        name: field of the record.
-        unit: SI unit; "1" for a share or a count.
-        definition: how it is computed, in words.
-        source: the benchmark or paper it comes from; "ours" if from none.
-    """
-
-    name: str
-    unit: str
-    definition: str
-    source: str
+    name: str  # field of the record
+    unit: str  # SI unit; "1" for a share or a count
+    definition: str  # how it is computed, in words
+    source: str  # the benchmark or paper it comes from; "ours" if from none
 
 
 METRICS = (

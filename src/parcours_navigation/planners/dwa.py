@@ -14,7 +14,7 @@ import numpy as np
 
 from parcours.elementary import PI, atan2, sin_cos, wrap
 from parcours.kernels import kernel
-from parcours_navigation.planners.motion import extrapolate, gap_square, require_count, require_number, to_goal, travel
+from parcours_navigation.planners.motion import Options, extrapolate, gap_square, settled, to_goal, travel
 from parcours_navigation.protocol import Command, Floats, Observation, Task
 
 _STRAIGHT = 1e-9
@@ -29,11 +29,7 @@ def drive_arc(
     The times [s] are those of the starts of the steps in which it happens, infinite if it does not. The robot runs into
     an obstacle that it touches while it moves towards it. With that the arc ends.
 
-    Args:
-        robot: as in `Observation.robot`, shape (5,).
-        v, w: speed and yaw rate of the arc [m/s, rad/s].
-        places, reaches, n, step: as in `extrapolate`.
-        comfort: gaps above this are not told apart [m].
+    `places`, `reaches`, `n` and `step` are those of `extrapolate`; gaps above `comfort` [m] are as good as any.
     """
     x, y = robot[0], robot[1]
     half = 0.5 * w * step
@@ -88,15 +84,17 @@ def best_speeds(
 ) -> tuple[float, float]:
     """Return the admissible (v, w) [m/s, rad/s] of the highest objective; v is 0 if nothing else is admissible.
 
-    Args:
-        robot: as in `Observation.robot`, shape (5,).
-        goal, speed: where to go [m], and how fast at most [m/s].
-        limits: speed, yaw rate, acceleration, yaw acceleration [m/s, rad/s, m/s2, rad/s2], shape (4,).
-        world: the obstacles.
-        window: interval, reaction [s], n_v and n_w, as in `Dwa`.
-        weights: of heading, clearance, velocity and gap, shape (4,).
-        comfort: gaps above this are as good as any [m].
+    `limits` are speed, yaw rate, acceleration, yaw acceleration; `window` interval, reaction, n_v and n_w of OPTIONS;
+    `weights` those of heading, clearance, velocity and gap.
     """
+    #      w          the dynamic window: what the accelerations let the robot have after `interval`,
+    #  +max ┌───────────────────┐             cut by its limits; (v, w) is now
+    #       │    ┌─────┐        │
+    #       │    │· · ·│ n_w    │   a column of w = now - alpha t .. now + alpha t for each of n_v speeds
+    #     0 ├────│·(v,w)────────┤   v, and one for v = 0, so that braking is always a candidate
+    #       │    └─────┘        │
+    #  -max └───────────────────┘
+    #       0     n_v          top  v
     places, reaches, n, step = world
     interval, reaction, n_v, n_w = window
     top, a, alpha = limits[0], limits[2], limits[3]
@@ -122,56 +120,35 @@ def best_speeds(
     return best_v, best_w
 
 
+OPTIONS: Options = {
+    "step": (0.2, 0.01, 1.0, "s"),  # robot and obstacles are taken to move straight for this long
+    "horizon": (2.0, 0.0, 60.0, "s"),  # how far to look ahead; at least a step
+    "interval": (0.25, 0.01, 10.0, "s"),  # the window holds what can be reached within this time
+    "reaction": (0.1, 0.0, 10.0, "s"),  # time until the robot brakes, for what is admissible
+    "n_v": (5, 2, 1000, ""),  # speeds in the window
+    "n_w": (15, 2, 1000, ""),  # yaw rates in the window; odd, so that the present one is among them
+    "heading": (1.0, 0.0, 1e6, ""),  # weight of heading at the goal
+    "clearance": (1.0, 0.0, 1e6, ""),  # weight of the time until contact
+    "velocity": (0.8, 0.0, 1e6, ""),  # weight of the speed
+    "gap": (0.4, 0.0, 1e6, ""),  # weight of the least gap on the way
+    "comfort": (0.15, 0.001, 10.0, "m"),  # gaps above this are as good as any
+    "margin": (0.02, 0.0, 10.0, "m"),  # the robot's radius is enlarged by it
+}
+
+
 class Dwa:
     """The dynamic window approach, among obstacles that are taken to keep their speed and yaw rate.
 
-    Args:
-        horizon: how far to look ahead [s].
-        step: robot and obstacles are taken to move straight for this long [s].
-        interval: the window holds what can be reached within this time [s].
-        reaction: time until the robot brakes, for what is admissible [s].
-        n_v: number of speeds in the window.
-        n_w: number of yaw rates in the window; odd, so that the present one is among them.
-        heading: weight of heading at the goal.
-        clearance: weight of the time until contact.
-        velocity: weight of the speed.
-        gap: weight of the least gap on the way.
-        comfort: gaps above this are as good as any [m].
-        margin: the robot's radius is enlarged by this [m].
-
-    Raises:
-        BadRequest: a parameter is not a number or out of its range.
+    Raises BadRequest if one of OPTIONS is given a value out of its range.
     """
 
-    def __init__(
-        self,
-        *,
-        horizon: float = 2.0,
-        step: float = 0.2,
-        interval: float = 0.25,
-        reaction: float = 0.1,
-        n_v: int = 5,
-        n_w: int = 15,
-        heading: float = 1.0,
-        clearance: float = 1.0,
-        velocity: float = 0.8,
-        gap: float = 0.4,
-        comfort: float = 0.15,
-        margin: float = 0.02,
-    ) -> None:
-        self._step = require_number("dwa", "step", step, 0.01, 1.0, "s")
-        self._n_steps = math.ceil(require_number("dwa", "horizon", horizon, self._step, 60.0, "s") / self._step - 1e-9)
-        times = (
-            require_number("dwa", "interval", interval, 0.01, 10.0, "s"),
-            require_number("dwa", "reaction", reaction, 0.0, 10.0, "s"),
-        )
-        self._window = (*times, require_count("dwa", "n_v", n_v, 2, 1000), require_count("dwa", "n_w", n_w, 2, 1000))
-        named = {"heading": heading, "clearance": clearance, "velocity": velocity, "gap": gap}
-        self._weights = np.array([require_number("dwa", name, value, 0.0, 1e6, "") for name, value in named.items()])
-        self._comfort = require_number("dwa", "comfort", comfort, 0.001, 10.0, "m")
-        self._margin = require_number("dwa", "margin", margin, 0.0, 10.0, "m")
-        self._places = np.empty((self._n_steps + 1, 0, 2))
-        self._reaches = np.empty(0)
+    def __init__(self, **options: float) -> None:
+        o = self._options = settled("dwa", OPTIONS, options)
+        settled("dwa", {"horizon": (o.horizon, o.step, 60.0, "s")}, {})
+        self._n_steps = math.ceil(o.horizon / o.step - 1e-9)
+        self._window = (o.interval, o.reaction, o.n_v, o.n_w)
+        self._weights = np.array([o.heading, o.clearance, o.velocity, o.gap])
+        self._places, self._reaches = np.empty((self._n_steps + 1, 0, 2)), np.empty(0)
         self._limits = np.zeros(4)
 
     def reset(self, task: Task) -> None:
@@ -181,15 +158,15 @@ class Dwa:
 
     def observe(self, observation: Observation) -> Command:
         """Return the best admissible speeds; at the goal it stops."""
-        task, robot, obstacles = observation.task, observation.robot, observation.obstacles
+        task, robot, obstacles, o = observation.task, observation.robot, observation.obstacles, self._options
         _, _, _, speed = to_goal(observation)
         if speed == 0.0:
             return Command(0.0, 0.0)
         if len(obstacles) > len(self._reaches):
             self._places = np.empty((self._n_steps + 1, len(obstacles), 2))
             self._reaches = np.empty(len(obstacles))
-        radius, top = task.robot_radius + self._margin, task.limits.speed
-        n = extrapolate(robot, obstacles, top, radius, self._comfort, self._step, self._places, self._reaches)
-        world = self._places, self._reaches, n, self._step
-        v, w = best_speeds(robot, task.goal, speed, self._limits, world, self._window, self._weights, self._comfort)
+        radius, top = task.robot_radius + o.margin, task.limits.speed
+        n = extrapolate(robot, obstacles, top, radius, o.comfort, o.step, self._places, self._reaches)
+        world = self._places, self._reaches, n, o.step
+        v, w = best_speeds(robot, task.goal, speed, self._limits, world, self._window, self._weights, o.comfort)
         return Command(v, w)

@@ -1,13 +1,15 @@
-"""Where discs that move at constant (v, w) will be, and their least gap in continuous time; parameters of planners."""
+"""Where discs that move at constant (v, w) will be, and their least gap in continuous time; options of planners."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
 from parcours.elementary import sin_cos
-from parcours.errors import BadRequest
+from parcours.errors import BadRequest, require_known
 from parcours.kernels import kernel
 from parcours_navigation.protocol import Floats, Observation, X, Y
 
@@ -73,15 +75,9 @@ def extrapolate(
 
     An obstacle does not matter if no motion of the robot brings it within `comfort` of it in the time looked at.
 
-    Args:
-        robot: as in `Observation.robot`, shape (5,).
-        obstacles: as in `Observation.obstacles`, shape (n, 6).
-        top: the robot's greatest speed [m/s].
-        radius: of the robot with its margin [m].
-        comfort: gaps above this do not matter [m].
-        step: time between two instants, the first of which is now [s].
-        places: receives x, y of each obstacle that matters at each instant [m], shape (n_instants, >= n, 2).
-        reaches: receives the sum of its radius and the robot's [m], shape (>= n,).
+    `top` is the robot's greatest speed [m/s], `radius` its own with its margin [m]; instants are `step` [s] apart, the
+    first is now. `places` receives x, y [m] of each obstacle that matters at each instant, shape (n_instants, >= n, 2),
+    `reaches` the sum of its radius and the robot's [m], shape (>= n,).
     """
     n_instants = places.shape[0]
     span = (n_instants - 1) * step
@@ -108,12 +104,7 @@ def runs_into(
 
     The robot moves at constant (v, w), obstacles keep their speeds. Obstacles that run into a robot which moves away
     from them, or stands, are left out: braking would not help. Without any the time is infinite and `which` is -1.
-
-    Args:
-        robot, obstacles: as in `Observation`.
-        v, w: speed [m/s] and yaw rate [rad/s].
-        radius: of the robot, with its margin [m].
-        horizon, step: how far to look ahead, and for how long both are taken to move straight [s].
+    It looks `horizon` [s] ahead; both are taken to move straight for a `step` [s].
     """
     n_steps = int(np.ceil(horizon / step))
     first, which = np.inf, -1
@@ -152,21 +143,36 @@ def to_goal(observation: Observation) -> tuple[float, float, float, float]:
     return x, y, distance, min(task.limits.speed, math.sqrt(2.0 * task.limits.acceleration * distance))
 
 
-def require_number(planner: str, name: str, value: float, low: float, high: float, unit: str) -> float:
-    """Return the value as a float if it is a number in [low, high]; raise BadRequest if not."""
+Options = dict[str, tuple[float, float, float, str]]
+"""Name of an option -> default, least, greatest, unit; one whose default is an int takes whole numbers only."""
+
+
+class Settled:
+    """Values of options as plain attributes: a SimpleNamespace is slower to read, and planners read them each time."""
+
+    def __init__(self, values: Mapping[str, float]) -> None:
+        for name, value in values.items():
+            setattr(self, name, value)
+
+
+def settled(planner: str, options: Options, given: Mapping[str, float]) -> Any:
+    """Return an object with a value for each option: the one given, or its default.
+
+    Raises BadRequest if an option is unknown, no number, out of its range, or not whole where it must be.
+    """
+    for name in given:
+        require_known(name, list(options), f"option of {planner}", slug="planner-parameter")
+    return Settled({name: _settled(planner, name, *one, given.get(name, one[0])) for name, one in options.items()})
+
+
+def _settled(planner: str, name: str, default: float, low: float, high: float, unit: str, value: object) -> float:
+    where, whole = f"planner {planner}, {name}", isinstance(default, int)
     if isinstance(value, bool) or not isinstance(value, (int, float, np.integer, np.floating)):
         rule, remedy = f"must be a number, but {value!r} was given", f"give a number from {low:g} to {high:g}"
-        raise BadRequest(f"planner {planner}, {name}", rule, remedy, slug="planner-parameter")
+        raise BadRequest(where, rule, remedy, slug="planner-parameter")
     if not low <= value <= high:
         span = f"{low:g} to {high:g} {unit}".rstrip()
-        rule = f"must lie in {span}, but is {value:g}"
-        raise BadRequest(f"planner {planner}, {name}", rule, slug="planner-parameter")
-    return float(value)
-
-
-def require_count(planner: str, name: str, value: int, low: int, high: int) -> int:
-    """Return the value if it is a whole number in low .. high; raise BadRequest if not."""
-    if int(require_number(planner, name, value, low, high, "")) != value:
-        rule = f"must be a whole number, but is {value:g}"
-        raise BadRequest(f"planner {planner}, {name}", rule, slug="planner-parameter")
-    return int(value)
+        raise BadRequest(where, f"must lie in {span}, but is {value:g}", slug="planner-parameter")
+    if whole and int(value) != value:
+        raise BadRequest(where, f"must be a whole number, but is {value:g}", slug="planner-parameter")
+    return int(value) if whole else float(value)

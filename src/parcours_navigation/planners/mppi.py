@@ -15,14 +15,7 @@ import numpy as np
 from parcours.elementary import TAU, exp, log, sin_cos
 from parcours.kernels import kernel
 from parcours.streams import Stream, below, start, uniform
-from parcours_navigation.planners.motion import (
-    extrapolate,
-    gap_square,
-    require_count,
-    require_number,
-    runs_into,
-    to_goal,
-)
+from parcours_navigation.planners.motion import Options, extrapolate, gap_square, runs_into, settled, to_goal
 from parcours_navigation.protocol import Command, Floats, Observation, Task
 
 _PURPOSE = np.uint64(7)
@@ -76,15 +69,8 @@ def roll_out(
 ) -> float:
     """Return the cost of one future, and replace its speeds by those that the robot's limits let it have.
 
-    Args:
-        robot: as in `Observation.robot`, shape (5,).
-        controls: v, w [m/s, rad/s] to have at the end of each step, shape (n_steps, 2).
-        goal_x, goal_y: where to go [m].
-        limits: speed, yaw rate, acceleration, yaw acceleration [m/s, rad/s, m/s2, rad/s2], shape (4,).
-        places, reaches, n: as `extrapolate` fills them in, an instant after each step.
-        step: length of a step [s].
-        weights: of COLLISION, PROGRESS, HEADING, GAP, CONTROL, shape (5,).
-        comfort: gaps above this cost nothing [m].
+    `controls` are v, w [m/s, rad/s] to have at the end of each step, shape (n_steps, 2); `limits` speed, yaw rate,
+    acceleration, yaw acceleration; `places`, `reaches` and `n` those of `extrapolate`, an instant after each step.
     """
     n_steps = controls.shape[0]
     reach_v, reach_w = limits[2] * step, limits[3] * step
@@ -129,13 +115,9 @@ def sample(
 ) -> None:
     """Fill in sequences of speeds: the plan itself, the plan braking, some fresh ones, and the plan disturbed.
 
-    Args:
-        plan: v, w of each step [m/s, rad/s], shape (n_steps, 2).
-        spread: standard deviation of v and w, and the correlation of one step with the next, shape (3,).
-        fresh: share of the sequences that do not start from the plan.
-        stream, pool: where a sequence starts in the pool of standard normal numbers is drawn from the stream.
-        samples: receives the sequences, shape (n_samples, n_steps, 2).
-        bends: receives the sum of plan times disturbance over variance, the cost of control, shape (n_samples,).
+    `spread` is the standard deviation of v and w, and the correlation of one step with the next. Where a sequence
+    starts in the pool of standard normal numbers is drawn from the stream. `samples` receives the sequences, shape
+    (n_samples, n_steps, 2), `bends` the sum of plan times disturbance over variance, the cost of control.
     """
     n_samples, n_steps = samples.shape[0], samples.shape[1]
     rest = np.sqrt(1.0 - spread[2] * spread[2])
@@ -194,79 +176,43 @@ def score(
         costs[k] = cost + weights[CONTROL] * costs[k]
 
 
+OPTIONS: Options = {
+    "n_samples": (64, 4, 100_000, ""),  # futures drawn for each command
+    "n_steps": (15, 1, 1000, ""),  # length of a future in steps
+    "step": (0.2, 0.01, 1.0, "s"),  # length of a step; robot and obstacles are taken to move straight in it
+    "temperature": (0.01, 1e-9, 1e6, ""),  # futures dearer than the cheapest by this count 1/e [cost]
+    "speed_spread": (0.2, 1e-6, 100.0, "m/s"),  # standard deviation of the speed's disturbance
+    "yaw_rate_spread": (0.6, 1e-6, 100.0, "rad/s"),  # ... of the yaw rate's
+    "smooth": (0.8, 0.0, 1.0, ""),  # correlation of a disturbance with the one a step before
+    "fresh": (0.2, 0.0, 0.9, ""),  # share of the futures that do not start from the last plan
+    # cost of running into an obstacle at the end of a future, twice that if at once; an obstacle that runs into the
+    # robot costs up to half of it
+    "collision": (3.0, 0.0, 1e6, ""),
+    "progress": (1.0, 0.0, 1e6, ""),  # cost of each metre left to the goal at the end of a future
+    "heading": (0.2, 0.0, 1e6, ""),  # cost of looking a right angle away from the goal then
+    "gap": (0.25, 0.0, 1e6, ""),  # cost of touching; less linearly down to none at `comfort`
+    "control": (1e-4, 0.0, 1e6, ""),  # weight of the plan times its disturbance over the variance, summed
+    "comfort": (0.1, 0.001, 10.0, "m"),  # gaps above this cost nothing
+    "margin": (0.02, 0.0, 10.0, "m"),  # the robot's radius is enlarged by it
+    "halt_time": (0.5, 0.0, 10.0, "s"),  # brake if it would run into an obstacle within this time; 0: never
+    "halt_margin": (0.01, 0.0, 10.0, "m"),  # ... or come this near to it
+}
+
+
 class Mppi:
     """Model predictive path integral control, among obstacles that are taken to keep their speed and yaw rate.
 
-    Args:
-        n_samples: number of futures drawn for each command.
-        n_steps: length of a future in steps.
-        step: length of a step; robot and obstacles are taken to move straight for this long [s].
-        temperature: futures dearer than the cheapest by this count 1/e [cost].
-        speed_spread: standard deviation of the speed's disturbance [m/s].
-        yaw_rate_spread: standard deviation of the yaw rate's disturbance [rad/s].
-        smooth: correlation of a disturbance with the one a step before.
-        fresh: share of the futures that do not start from the last plan.
-        collision: cost of running into an obstacle at the end of a future, twice that if at once [cost]. An obstacle
-            that runs into the robot costs up to half of it.
-        progress: cost of each metre left to the goal at the end of a future [cost/m].
-        heading: cost of looking a right angle away from the goal then [cost].
-        gap: cost of touching; less linearly down to none at `comfort` [cost].
-        control: weight of the plan times its disturbance over the variance, summed over a future [cost].
-        comfort: gaps above this cost nothing [m].
-        margin: the robot's radius is enlarged by this [m].
-        halt_time: brake if it would run into an obstacle within this time [s]; 0: never.
-        halt_margin: ... or come this near to it [m].
-
-    Raises:
-        BadRequest: a parameter is not a number or out of its range.
+    Raises BadRequest if one of OPTIONS is given a value out of its range.
     """
 
-    def __init__(
-        self,
-        *,
-        n_samples: int = 64,
-        n_steps: int = 15,
-        step: float = 0.2,
-        temperature: float = 0.01,
-        speed_spread: float = 0.2,
-        yaw_rate_spread: float = 0.6,
-        smooth: float = 0.8,
-        fresh: float = 0.2,
-        collision: float = 3.0,
-        progress: float = 1.0,
-        heading: float = 0.2,
-        gap: float = 0.25,
-        control: float = 1e-4,
-        comfort: float = 0.1,
-        margin: float = 0.02,
-        halt_time: float = 0.5,
-        halt_margin: float = 0.01,
-    ) -> None:
-        n_samples = require_count("mppi", "n_samples", n_samples, 4, 100_000)
-        n_steps = require_count("mppi", "n_steps", n_steps, 1, 1000)
-        self._step = require_number("mppi", "step", step, 0.01, 1.0, "s")
-        self._temperature = require_number("mppi", "temperature", temperature, 1e-9, 1e6, "")
-        self._spread = np.array(
-            [
-                require_number("mppi", "speed_spread", speed_spread, 1e-6, 100.0, "m/s"),
-                require_number("mppi", "yaw_rate_spread", yaw_rate_spread, 1e-6, 100.0, "rad/s"),
-                require_number("mppi", "smooth", smooth, 0.0, 1.0, ""),
-            ]
-        )
-        self._fresh = require_number("mppi", "fresh", fresh, 0.0, 0.9, "")
-        named = {"collision": collision, "progress": progress, "heading": heading, "gap": gap, "control": control}
-        self._weights = np.array([require_number("mppi", name, value, 0.0, 1e6, "") for name, value in named.items()])
-        self._comfort = require_number("mppi", "comfort", comfort, 0.001, 10.0, "m")
-        self._margin = require_number("mppi", "margin", margin, 0.0, 10.0, "m")
-        self._halt_time = require_number("mppi", "halt_time", halt_time, 0.0, 10.0, "s")
-        self._halt_margin = require_number("mppi", "halt_margin", halt_margin, 0.0, 10.0, "m")
-        self._stream = np.zeros(1, np.uint64)
-        self._pool = np.empty(_POOL)
-        self._plan = np.zeros((n_steps, 2))
-        self._samples = np.empty((n_samples, n_steps, 2))
-        self._costs = np.empty(n_samples)
-        self._places = np.empty((n_steps + 1, 0, 2))
-        self._reaches = np.empty(0)
+    def __init__(self, **options: float) -> None:
+        o = self._options = settled("mppi", OPTIONS, options)
+        self._spread = np.array([o.speed_spread, o.yaw_rate_spread, o.smooth])
+        self._weights = np.array([o.collision, o.progress, o.heading, o.gap, o.control])
+        self._stream, self._pool = np.zeros(1, np.uint64), np.empty(_POOL)
+        self._plan, self._samples = np.zeros((o.n_steps, 2)), np.empty((o.n_samples, o.n_steps, 2))
+        self._costs = np.empty(o.n_samples)
+        self._places, self._reaches = np.empty((o.n_steps + 1, 0, 2)), np.empty(0)
         self._limits = np.zeros(4)
         self._last = math.nan
 
@@ -281,25 +227,25 @@ class Mppi:
 
     def observe(self, observation: Observation) -> Command:
         """Return the first speeds of the improved plan; at the goal it stops."""
-        task, robot, obstacles = observation.task, observation.robot, observation.obstacles
+        task, robot, obstacles, o = observation.task, observation.robot, observation.obstacles, self._options
         elapsed = observation.time - self._last
         self._last = observation.time
         _, _, _, speed = to_goal(observation)
         if speed == 0.0:
             return Command(0.0, 0.0)
         if elapsed > 0.0:
-            shift_plan(self._plan, elapsed / self._step)
+            shift_plan(self._plan, elapsed / o.step)
         if len(obstacles) > len(self._reaches):
             self._places = np.empty((len(self._plan) + 1, len(obstacles), 2))
             self._reaches = np.empty(len(obstacles))
-        radius, top = task.robot_radius + self._margin, task.limits.speed
-        n = extrapolate(robot, obstacles, top, radius, self._comfort, self._step, self._places, self._reaches)
-        sample(self._plan, top, self._spread, self._fresh, self._stream, self._pool, self._samples, self._costs)
-        world = self._places, self._reaches, n, self._step
-        score(robot, task.goal, self._limits, world, self._weights, self._comfort, self._samples, self._costs)
-        average(self._samples, self._costs, self._temperature, self._plan)
+        radius, top = task.robot_radius + o.margin, task.limits.speed
+        n = extrapolate(robot, obstacles, top, radius, o.comfort, o.step, self._places, self._reaches)
+        sample(self._plan, top, self._spread, o.fresh, self._stream, self._pool, self._samples, self._costs)
+        world = self._places, self._reaches, n, o.step
+        score(robot, task.goal, self._limits, world, self._weights, o.comfort, self._samples, self._costs)
+        average(self._samples, self._costs, o.temperature, self._plan)
         v, w = min(float(self._plan[0, 0]), speed), float(self._plan[0, 1])
-        radius = task.robot_radius + self._halt_margin
-        if self._halt_time > 0.0 and runs_into(robot, v, w, obstacles, radius, self._halt_time, _HALT_STEP)[1] >= 0:
+        radius = task.robot_radius + o.halt_margin
+        if o.halt_time > 0.0 and runs_into(robot, v, w, obstacles, radius, o.halt_time, _HALT_STEP)[1] >= 0:
             v = 0.0
         return Command(v, w)

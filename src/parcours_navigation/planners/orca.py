@@ -12,7 +12,7 @@ import numpy as np
 
 from parcours.elementary import atan2, sin_cos, wrap
 from parcours.kernels import kernel
-from parcours_navigation.planners.motion import chord_velocity, require_number, runs_into, to_goal
+from parcours_navigation.planners.motion import Options, chord_velocity, runs_into, settled, to_goal
 from parcours_navigation.protocol import HEADING, Command, Floats, Observation, Task
 
 _STANDING = 1e-6
@@ -28,11 +28,8 @@ def half_plane(
 ) -> tuple[float, float, float, float]:
     """Return (ux, uy, nx, ny): the least change of velocity [m/s] that leaves the velocity obstacle, and its normal.
 
-    Args:
-        px, py: from the robot to the obstacle [m].
-        vx, vy: the robot's velocity less the obstacle's [m/s].
-        reach: sum of the radii [m].
-        horizon, overlap_time: as in `Orca` [s].
+    (px, py) runs from the robot to the obstacle [m], (vx, vy) is the robot's velocity less the obstacle's [m/s],
+    `reach` the sum of the radii [m].
     """
     # The relative velocities that lead to contact in time, seen from rest in o: a cone, cut off by a disc in front.
     #
@@ -77,15 +74,7 @@ def permit(
     turn_time: float,
     planes: Floats,
 ) -> None:
-    """Fill in the half-plane of permitted velocities for each obstacle.
-
-    Args:
-        robot: as in `Observation.robot`, shape (5,).
-        obstacles: as in `Observation.obstacles`, shape (n, 6).
-        radius: of the robot with its margin [m].
-        horizon, overlap_time, share, turn_time: as in `Orca`.
-        planes: receives rows (nx, ny, b): nx*x + ny*y >= b is permitted [m/s], shape (>= n, 3).
-    """
+    """Fill in the half-plane of permitted velocities for each obstacle: nx*x + ny*y >= b [m/s], rows (nx, ny, b)."""
     s, c = sin_cos(robot[2])
     vx, vy = robot[3] * c, robot[3] * s
     for i in range(obstacles.shape[0]):
@@ -168,13 +157,12 @@ def nearest_permitted(
     The two-dimensional linear program of section 5.3: half-planes are added one by one, and the optimum moves to the
     border of a new one that it does not satisfy.
 
-    Args:
-        planes: rows (nx, ny, b): nx*x + ny*y >= b is permitted [m/s], (nx, ny) a unit vector; shape (>= n, 3).
-        n: how many rows count.
-        top: radius of the disc of velocities [m/s].
-        want_x, want_y: the velocity to be near to [m/s], or the direction to go far in.
-        far: whether (want_x, want_y) is a direction, a unit vector.
+    The first n rows (nx, ny, b) of `planes` permit nx*x + ny*y >= b; (nx, ny) is a unit vector. The disc has the radius
+    `top` [m/s]. (want_x, want_y) is the velocity to be near to, or, if `far`, the direction to go far in.
     """
+    #   permitted   :    + wanted      one line after the other is added; while the optimum keeps a new line nothing
+    #     ─ ─ ─ ─ ─ ○ ─ ─ ─ ─ new     changes, else the new one lies on that line, within what the earlier ones leave
+    #          old  :  forbidden
     x, y = want_x, want_y
     if far:
         x, y = want_x * top, want_y * top
@@ -197,15 +185,10 @@ def least_violating(
 ) -> tuple[float, float]:
     """Return the velocity (x, y) in the disc whose greatest violation of a half-plane is least [m/s].
 
-    The three-dimensional linear program of section 5.3, solved as one of two dimensions for each half-plane that is
-    violated most: within it, where it is violated as much as another one is a line.
-
-    Args:
-        planes, n, top: as in `nearest_permitted`.
-        first: the half-plane at which it failed.
-        x, y: the velocity that it had then [m/s].
-        scratch: working memory, shape (>= n, 3).
+    `nearest_permitted` failed at half-plane `first` with (x, y); `scratch` is working memory, shape (>= n, 3).
     """
+    # The three-dimensional linear program of section 5.3, solved as one of two dimensions for each half-plane that is
+    # violated most: within it, where it is violated as much as another one is a line.
     worst = 0.0
     for i in range(first, n):
         if planes[i, 2] - (planes[i, 0] * x + planes[i, 1] * y) <= worst:
@@ -236,48 +219,28 @@ def new_velocity(
     return x, y
 
 
+OPTIONS: Options = {
+    "horizon": (5.0, 0.05, 60.0, "s"),  # velocities are free of collision for this long
+    "overlap_time": (1.0, 0.01, 60.0, "s"),  # discs that overlap already part within this time
+    "share": (1.0, 0.0, 1.0, ""),  # of the avoiding that the robot does; 0.5: the obstacles do the same
+    "margin": (0.04, 0.0, 10.0, "m"),  # the robot's radius is enlarged by it, for the error of following a velocity
+    "align_time": (0.6, 0.01, 10.0, "s"),  # the robot turns into its velocity in about this time
+    "turn_time": (1.0, 0.0, 10.0, "s"),  # an obstacle's velocity is its mean over this time on its arc; 0: now
+    "tilt": (0.03, -0.5, 0.5, "rad"),  # the preferred velocity is turned by it from the goal, to break symmetry
+    "halt_time": (0.5, 0.0, 10.0, "s"),  # brake if it would run into an obstacle within this time; 0: never
+    "halt_margin": (0.02, 0.0, 10.0, "m"),  # ... or come this near to it
+}
+
+
 class Orca:
     """Optimal reciprocal collision avoidance, for a unicycle among obstacles that do not avoid it.
 
-    Args:
-        horizon: velocities are free of collision for this long [s].
-        overlap_time: discs that overlap already part within this time [s].
-        share: part of the avoiding that the robot does; 1: the obstacles do nothing, 0.5: they do the same.
-        margin: the robot's radius is enlarged by this, for the error of following a velocity [m].
-        align_time: the robot turns into its velocity in about this time [s].
-        turn_time: an obstacle's velocity is its mean over this time on its arc [s]; 0: its velocity now.
-        tilt: the preferred velocity is turned by this from the way to the goal, to break symmetry [rad].
-        halt_time: brake if it would run into an obstacle within this time [s]; 0: never.
-        halt_margin: ... or come this near to it [m].
-
-    Raises:
-        BadRequest: a parameter is not a number or out of its range.
+    Raises BadRequest if one of OPTIONS is given a value out of its range.
     """
 
-    def __init__(
-        self,
-        *,
-        horizon: float = 5.0,
-        overlap_time: float = 1.0,
-        share: float = 1.0,
-        margin: float = 0.04,
-        align_time: float = 0.6,
-        turn_time: float = 1.0,
-        tilt: float = 0.03,
-        halt_time: float = 0.5,
-        halt_margin: float = 0.02,
-    ) -> None:
-        self._horizon = require_number("orca", "horizon", horizon, 0.05, 60.0, "s")
-        self._overlap_time = require_number("orca", "overlap_time", overlap_time, 0.01, 60.0, "s")
-        self._share = require_number("orca", "share", share, 0.0, 1.0, "")
-        self._margin = require_number("orca", "margin", margin, 0.0, 10.0, "m")
-        self._align_time = require_number("orca", "align_time", align_time, 0.01, 10.0, "s")
-        self._turn_time = require_number("orca", "turn_time", turn_time, 0.0, 10.0, "s")
-        self._tilt = require_number("orca", "tilt", tilt, -0.5, 0.5, "rad")
-        self._halt_time = require_number("orca", "halt_time", halt_time, 0.0, 10.0, "s")
-        self._halt_margin = require_number("orca", "halt_margin", halt_margin, 0.0, 10.0, "m")
-        self._planes = np.empty((0, 3))
-        self._scratch = np.empty((0, 3))
+    def __init__(self, **options: float) -> None:
+        self._options = settled("orca", OPTIONS, options)
+        self._planes, self._scratch = np.empty((0, 3)), np.empty((0, 3))
 
     def reset(self, task: Task) -> None:
         """Begin a case; ORCA remembers nothing from one observation to the next."""
@@ -285,20 +248,20 @@ class Orca:
     def observe(self, observation: Observation) -> Command:
         """Return the speeds that turn the robot into its new velocity; at the goal it stops."""
         task, robot, obstacles = observation.task, observation.robot, observation.obstacles
-        limits, n = task.limits, len(obstacles)
+        limits, n, o = task.limits, len(obstacles), self._options
         dx, dy, distance, speed = to_goal(observation)
         if speed == 0.0:
             return Command(0.0, 0.0)
         if n > len(self._planes):
             self._planes, self._scratch = np.empty((n, 3)), np.empty((n, 3))
-        radius = task.robot_radius + self._margin
-        permit(robot, obstacles, radius, self._horizon, self._overlap_time, self._share, self._turn_time, self._planes)
-        s, c = sin_cos(self._tilt)
+        radius = task.robot_radius + o.margin
+        permit(robot, obstacles, radius, o.horizon, o.overlap_time, o.share, o.turn_time, self._planes)
+        s, c = sin_cos(o.tilt)
         want_x, want_y = (c * dx - s * dy) * speed / distance, (s * dx + c * dy) * speed / distance
         x, y = new_velocity(self._planes, self._scratch, n, want_x, want_y, limits.speed)
         heading = float(robot[HEADING])
-        v, w = drive_towards(heading, x, y, self._align_time, limits.yaw_rate, limits.yaw_acceleration)
-        radius = task.robot_radius + self._halt_margin
-        if self._halt_time > 0.0 and runs_into(robot, v, w, obstacles, radius, self._halt_time, _HALT_STEP)[1] >= 0:
+        v, w = drive_towards(heading, x, y, o.align_time, limits.yaw_rate, limits.yaw_acceleration)
+        radius = task.robot_radius + o.halt_margin
+        if o.halt_time > 0.0 and runs_into(robot, v, w, obstacles, radius, o.halt_time, _HALT_STEP)[1] >= 0:
             v = 0.0
         return Command(v, w)

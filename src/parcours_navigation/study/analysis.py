@@ -19,30 +19,19 @@ ASKED = 10_000
 
 @dataclass(frozen=True, slots=True)
 class Ended:
-    """How the cases of one campaign ended.
-
-    Attributes:
-        label, protocol, seed: what ran.
-        n, planned: finished cases, and cases planned.
-        signals: whether the planner signals what the paper's rule asks for.
-        outcomes: cases of each sound outcome.
-        paper: cases of each of the paper's results, by the fields of `Published`.
-        shares: cases in each slice of Fig. 5b.
-        measures: by the names of `distribution.SHOWN`.
-        errors: what the planner itself did wrong, commonest first: the reason, how many cases, the first of them.
-    """
+    """How the cases of one campaign ended."""
 
     label: str
     protocol: str
     seed: int
-    n: int
+    n: int  # finished cases
     planned: int
-    signals: bool
-    outcomes: Counter[int]
-    paper: dict[str, int]
-    shares: dict[Share, int]
-    measures: dict[str, Summary]
-    errors: tuple[tuple[str, int, int], ...]
+    signals: bool  # whether the planner signals what the paper's rule asks for
+    outcomes: Counter[int]  # cases of each sound outcome
+    paper: dict[str, int]  # cases of each of the paper's results, by the fields of `Published`
+    shares: dict[Share, int]  # cases in each slice of Fig. 5b
+    measures: dict[str, Summary]  # by the names of `distribution.SHOWN`
+    errors: tuple[tuple[str, int, int], ...]  # commonest first: the planner's fault, how many cases, the first of them
 
     def document(self) -> dict[str, object]:
         """Return all of it as JSON values; without signals, no result of the paper's that needs them."""
@@ -64,24 +53,16 @@ def analyse(campaigns: Mapping[str, Campaign]) -> dict[str, Ended]:
 
 
 def _analysed(campaign: Campaign) -> Ended:
-    facts = campaign.facts
-    flags = published(facts)
+    facts, cases, flags = campaign.facts, campaign.cases, published(campaign.facts)
     earliest = np.full(len(facts), np.nan)
-    earliest[:ASKED] = oracle(campaign.cases, facts["number"][:ASKED])["earliest_outer"]
-    survival = survived(campaign.cases, facts["number"])
+    earliest[:ASKED] = oracle(cases, facts["number"][:ASKED])["earliest_outer"]
+    known = measured(facts, facts["measures"], earliest=earliest, survival=survived(cases, facts["number"]))
+    paper = {name: int(getattr(flags, name).sum()) for name in ("reached", "feasible", "halted_once", "stuck")}
+    slices = {share: int(yes.sum()) for share, yes in shares(facts).items()}
     return Ended(
-        campaign.label,
-        campaign.cases.protocol,
-        campaign.cases.seed,
-        len(facts),
-        campaign.planned,
-        campaign.signals,
-        Counter(outcomes(facts).tolist()),
-        {name: int(getattr(flags, name).sum()) for name in ("reached", "feasible", "halted_once", "stuck")},
-        {share: int(yes.sum()) for share, yes in shares(facts).items()},
-        summarised(measured(facts, facts["measures"], earliest=earliest, survival=survival)),
-        _errors(facts),
-    )
+        campaign.label, cases.protocol, cases.seed, len(facts), campaign.planned, campaign.signals,
+        Counter(outcomes(facts).tolist()), paper, slices, summarised(known), _errors(facts),
+    )  # fmt: skip
 
 
 def _errors(facts: NDArray[np.void]) -> tuple[tuple[str, int, int], ...]:

@@ -16,12 +16,11 @@ from parcours.report.junit import CaseResult
 from parcours.run.store import open_results
 from parcours.study.campaign.running import facts_of
 from parcours_navigation.cases.family import Protocol, SystemCases
-from parcours_navigation.facts import FACTS as BASE
 from parcours_navigation.guests.planner_facts import FACTS, PlannerFault
 from parcours_navigation.guests.scenario import Scenario
 from parcours_navigation.outcomes import VERDICT_OF, Outcome, explain, outcomes
 from parcours_navigation.protocol import Limits
-from parcours_navigation.study.replay import Replay
+from parcours_navigation.study.replay import Replay, replayed
 from parcours_navigation.study.study import NavigationStudy
 
 
@@ -65,12 +64,7 @@ class NavigationResults:
     signals: bool = False
 
     def study(self) -> NavigationStudy:
-        """Return the study that can run any of the cases again.
-
-        Raises:
-            BadRequest: the planner is not found.
-            BadResults: its source was changed since.
-        """
+        """Return the study that can run any of the cases again; BadResults if the planner's source was changed."""
         study = NavigationStudy(self.label, self.cases, self.scenario)
         if study.digest != self.source:
             rule = "its source must be what it was when the campaign ran, but was changed"
@@ -85,43 +79,22 @@ class NavigationResults:
             BadResults: the planner hung or died in the case, its source was changed, or the re-simulation differs from
                 the facts that the campaign kept.
         """
-        name = self.cases.id(number)
         kept = self.facts[self.facts["number"] == number]
         if len(kept) and kept[0]["error"] in (PlannerFault.HUNG, PlannerFault.DIED):
             rule = f"there is nothing to see of it: {explain(kept[0])}"
-            raise BadResults(name, rule, "replay another case", slug="replay-lost")
-        facts, track, places = self.study().track(number)
-        judged = list(BASE.names or ())
-        if [row[judged].tolist() for row in kept] != [facts[0][judged].tolist()]:
-            raise BadResults(
-                name, "a replay must give the facts that were kept, but gives others",
-                "the planner remembers earlier cases, or draws random numbers of its own: see parcours planner check",
-                slug="replay-differs",
-            )  # fmt: skip
-        scenario = self.scenario
-        return Replay(
-            title=f"{name}, {self.label}",
-            subtitle=f"{name}: {explain(facts[0])}",
-            times=track["time"] * 1e-9,
-            x=track["x"],
-            y=track["y"],
-            heading=track["heading"],
-            halted=track["halted"] == 1,
-            obstacle_x=places[:, :, 0],
-            obstacle_y=places[:, :, 1],
-            robot_radius=self.cases.robot_radius,
-            obstacle_radii=(self.cases.obstacle_radius,) * places.shape[1],
-            arena=(scenario.arena, scenario.arena),
-            goal=scenario.goal,
-            goal_tolerance=scenario.goal_tolerance,
-        )
+            raise BadResults(self.cases.id(number), rule, "replay another case", slug="replay-lost")
+        remedy = "the planner remembers earlier cases, or draws random numbers of its own: see parcours planner check"
+        scene, case = self.scenario, self.cases
+        return replayed(
+            case.id(number), self.label, self.study().track(number), kept, remedy, robot_radius=case.robot_radius,
+            obstacle_radius=case.obstacle_radius, arena=scene.arena, goal=scene.goal, tolerance=scene.goal_tolerance,
+        )  # fmt: skip
 
 
 def load_results(folder: Path) -> NavigationResults:
     """Return the finished cases of a campaign folder; the planner itself is not loaded.
 
-    Raises:
-        BadResults: there is no such campaign in the folder, or it is damaged or of another version.
+    Raises BadResults if there is no such campaign in the folder, or it is damaged or of another version.
     """
     store = open_results(folder)
     campaign = store.campaign

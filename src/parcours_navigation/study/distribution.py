@@ -34,19 +34,12 @@ _AT_ONCE = 4096
 
 @dataclass(frozen=True, slots=True)
 class Shown:
-    """How one measure is shown.
+    """How one measure is shown."""
 
-    Attributes:
-        words: what it is.
-        unit: SI; "1" for a share or a count, "%" for a share in per cent.
-        taken: whether it is a field of MEASURES; otherwise it comes from the facts or the cases.
-        mean: whether its mean over all cases is shown, as for a score.
-    """
-
-    words: str
-    unit: str
-    taken: bool = False
-    mean: bool = False
+    words: str  # what it is
+    unit: str  # SI; "1" for a share or a count, "%" for a share in per cent
+    taken: bool = False  # whether it is a field of MEASURES; otherwise it comes from the facts or the cases
+    mean: bool = False  # whether its mean over all cases is shown, as for a score
 
 
 SHOWN: dict[str, Shown] = {
@@ -111,10 +104,7 @@ def sct_of(facts: Facts, earliest: Values) -> Values:
 def oracle(
     cases: SystemCases, numbers: NDArray[np.int64], progress: Callable[[int, int], None] = lambda done, total: None
 ) -> NDArray[np.void]:
-    """Return what a disc that knows the future could reach in the cases, array of SOLVABILITY, shape (n,).
-
-    `progress` is called with (done, in all) as the work goes on.
-    """
+    """Return what a disc that knows the future could reach in the cases, array of SOLVABILITY, shape (n,)."""
     found = np.zeros(len(numbers), SOLVABILITY)
     for first in range(0, len(numbers), _AT_ONCE):
         part = slice(first, first + _AT_ONCE)
@@ -140,11 +130,8 @@ def measured(
 ) -> dict[str, Values]:
     """Return what is known of the cases by the names of SHOWN, NaN where a case has none; shape (n_cases,) each.
 
-    Args:
-        facts: array of FACTS, shape (n_cases,).
-        measures: array of MEASURES, shape (n_cases,); None if the cases were not measured.
-        earliest: the earliest conceivable arrival [s], shape (n_cases,); None if not known.
-        survival: how long a standing robot survives, as a share, shape (n_cases,); None if not known.
+    `facts` are FACTS, `measures` MEASURES; `earliest` is the earliest conceivable arrival [s], `survival` how long a
+    standing robot survives, as a share; None where it is not known.
     """
     cycles = facts["n_planning_cycles"]
     late = np.divide(100.0 * facts["n_late_cycles"], cycles, out=np.full(len(facts), np.nan), where=cycles > 0)

@@ -33,11 +33,7 @@ _TIMES = {
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Navigation:
-    """Any planner among obstacles (`parcours.study.protocol.Study`).
-
-    Args:
-        planner: the planner that is run if none is named; a study.yaml of kind `planner` names one.
-    """
+    """Any planner among obstacles (`parcours.study.protocol.Study`)."""
 
     name: str = "navigation"
     kind: str = "campaign"
@@ -45,7 +41,7 @@ class Navigation:
     where: str = "navigation"
     family: str = "navigation"
     compiles: bool = True
-    planner: str = ""
+    planner: str = ""  # the planner that is run if none is named; a study.yaml of kind `planner` names one
     defaults: tuple[tuple[str, object], ...] = ()
     n_cases: int = PUBLISHED_CASES
 
@@ -69,8 +65,7 @@ class Navigation:
     def study(self, settings: Settings, seed: int) -> CaseStudy:
         """Return the study with its parameters set.
 
-        Raises:
-            BadRequest: no planner is named, the name leads nowhere, or a parameter is out of range.
+        Raises BadRequest if no planner is named, the name leads nowhere, or a parameter is out of range.
         """
         scenario = Scenario(**{name: float(settings[name]) for name in _TIMES})  # type: ignore[arg-type]
         planner = str(settings["planner"])
@@ -117,7 +112,7 @@ class Navigation:
         """Run the battery for authors of planners."""
         if not self.planner or own_loop(self.planner) is not None:
             return []
-        from parcours_navigation.checking.isolation import check_apart
+        from parcours_navigation.checking.battery import check_apart
 
         report = check_apart(self.planner, None, progress=lambda name, done, total: progress("checks", done, total))
         return [Finding(one.level.value, one.check or one.slug, one.seen, one.remedy) for one in report.findings]

@@ -16,8 +16,7 @@ from parcours_navigation.outcomes import VERDICT_OF, Outcome, explain, outcomes
 def judge_system(study: CaseStudy, cases: SystemCases, case: Case, command: str) -> Judged:
     """Execute a case of any study that runs these cases, and judge it; `command` runs the campaign.
 
-    Raises:
-        BadSuite: there is no such case, or its number and seed give other values.
+    Raises BadSuite if there is no such case, or its number and seed give other values.
     """
     numbers = np.array([case.number])
     id = cases.id(case.number)

@@ -11,58 +11,38 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from parcours.errors import BadRequest
+from parcours.errors import BadRequest, BadResults
 from parcours.report.pieces import Floats
+from parcours_navigation.facts import FACTS
+from parcours_navigation.outcomes import explain
 
-PER_METRE = 1000
-"""Resolution of lengths: 1 mm."""
-
-PER_SECOND = 1000
-"""Resolution of times: 1 ms."""
-
-PER_RADIAN = 1000
-"""Resolution of headings: 1 mrad."""
+PARTS = 1000
+"""Resolution: parts of a metre, a second, a radian."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Replay:
     """One recorded run of a disc robot among disc obstacles.
 
-    Attributes:
-        title: the case, e.g. its id.
-        subtitle: what became of it, in words.
-        times: strictly increasing [s], shape (n_times,).
-        x, y: robot centre [m], shape (n_times,).
-        heading: counter-clockwise from x [rad], shape (n_times,).
-        halted: whether the robot was held for imminent collision, shape (n_times,).
-        obstacle_x, obstacle_y: obstacle centres [m], shape (n_times, n_obstacles).
-        robot_radius: [m].
-        obstacle_radii: [m], shape (n_obstacles,).
-        arena: width and height of the area, which starts at the origin [m].
-        goal: x and y [m].
-        goal_tolerance: distance to the goal that counts as reached [m].
-        note: small print below it.
-
-    Raises:
-        BadRequest: there is no sample, the shapes disagree, a number is not finite, a size is not positive,
-            or the times do not increase.
+    Raises BadRequest if there is no sample, the shapes disagree, a number is not finite, a size is not positive, or the
+    times do not increase.
     """
 
-    title: str
-    subtitle: str
-    times: Floats
-    x: Floats
+    title: str  # the case, e.g. its id.
+    subtitle: str  # what became of it, in words
+    times: Floats  # strictly increasing [s], shape (n_times,)
+    x: Floats  # robot centre [m], shape (n_times,)
     y: Floats
-    heading: Floats
-    halted: NDArray[np.bool_]
-    obstacle_x: Floats
+    heading: Floats  # counter-clockwise from x [rad], shape (n_times,)
+    halted: NDArray[np.bool_]  # whether the robot was held for imminent collision, shape (n_times,)
+    obstacle_x: Floats  # obstacle centres [m], shape (n_times, n_obstacles)
     obstacle_y: Floats
-    robot_radius: float
-    obstacle_radii: tuple[float, ...]
-    arena: tuple[float, float]
-    goal: tuple[float, float]
-    goal_tolerance: float
-    note: str = ""
+    robot_radius: float  # [m]
+    obstacle_radii: tuple[float, ...]  # [m], shape (n_obstacles,)
+    arena: tuple[float, float]  # width and height of the area, which starts at the origin [m]
+    goal: tuple[float, float]  # x and y [m]
+    goal_tolerance: float  # distance to the goal that counts as reached [m]
+    note: str = ""  # small print below it
 
     def __post_init__(self) -> None:
         n, m = len(self.times), len(self.obstacle_radii)
@@ -71,21 +51,13 @@ class Replay:
             values = getattr(self, name)
             due = (n, m) if name.startswith("obstacle") else (n,)
             self._require(values.shape == due, f"{name} must have shape {due}, but has {values.shape}", "replay-shape")
-            self._require(
-                bool(np.isfinite(values).all()), f"{name} must be finite, but is not everywhere", "replay-values"
-            )
-        self._require(bool((np.diff(self.times) > 0.0).all()), "times must increase, but do not", "replay-values")
+            self._require(np.isfinite(values).all(), f"{name} must be finite, but is not everywhere")
+        self._require((np.diff(self.times) > 0.0).all(), "times must increase, but do not")
         for size in (self.robot_radius, self.goal_tolerance, *self.obstacle_radii, *self.arena):
-            self._require(
-                bool(np.isfinite(size)) and size > 0.0,
-                f"sizes must be finite and above 0 m, but {size:g} given",
-                "replay-values",
-            )
-        self._require(
-            bool(np.isfinite(self.goal).all()), f"the goal must be finite, but is {self.goal}", "replay-values"
-        )
+            self._require(0.0 < size < np.inf, f"sizes must be finite and above 0 m, but {size:g} given")
+        self._require(np.isfinite(self.goal).all(), f"the goal must be finite, but is {self.goal}")
 
-    def _require(self, holds: bool, rule: str, slug: str) -> None:
+    def _require(self, holds: object, rule: str, slug: str = "replay-values") -> None:
         if not holds:
             raise BadRequest(f"replay {self.title!r}", rule, "check what was recorded", slug=slug)
 
@@ -96,6 +68,41 @@ class Replay:
         gap = np.hypot(self.obstacle_x - self.x[:, None], self.obstacle_y - self.y[:, None])
         least: Floats = (gap - self.robot_radius - np.asarray(self.obstacle_radii)).min(axis=1)
         return least
+
+
+def replayed(
+    id: str,
+    label: str,
+    ran: tuple[NDArray[np.void], NDArray[np.void], Floats],
+    kept: NDArray[np.void],
+    remedy: str,
+    *,
+    robot_radius: float,
+    obstacle_radius: float,
+    arena: float,
+    goal: tuple[float, float],
+    tolerance: float,
+    title: str = "",
+    beyond: int | None = None,
+) -> Replay:
+    """Return the replay of a case that was run again, shown up to `beyond` [ns] after its end.
+
+    `ran` is facts, track and places of the new run, `kept` the facts that its campaign kept. Raises BadResults, with
+    the remedy, if their judge's facts differ.
+    """
+    facts, track, places = ran
+    judged = list(FACTS.names or ())
+    if [row[judged].tolist() for row in kept] != [facts[0][judged].tolist()]:
+        rule = "a replay must give the facts that were kept, but gives others"
+        raise BadResults(id, rule, remedy, slug="replay-differs")
+    if beyond is not None:
+        n_shown = int(np.searchsorted(track["time"], int(facts[0]["t_end"]) + beyond, "right"))
+        track, places = track[:n_shown], places[:n_shown]
+    return Replay(
+        title or f"{id}, {label}", f"{id}: {explain(facts[0])}", track["time"] * 1e-9, track["x"], track["y"],
+        track["heading"], track["halted"] == 1, places[:, :, 0], places[:, :, 1], robot_radius,
+        (obstacle_radius,) * places.shape[1], (arena, arena), goal, tolerance,
+    )  # fmt: skip
 
 
 def embedded(replay: Replay) -> str:
@@ -114,39 +121,29 @@ def embedded(replay: Replay) -> str:
     "ox":[[0,500]],"oy":[[1000,500]],"r":0.125,"or":[0.1],"size":[2.0,2.0],"goal":[2.0,2.0],"tol":0.2,"least":[0,0.775]}
     """
     halted = np.asarray(replay.halted, dtype=np.int8)
+    clearance = replay.clearance()
+    at = int(clearance.argmin())
+    least = [at, round(float(clearance[at]), 4)] if replay.obstacle_radii else None
     record = {
-        "t": steps(replay.times, PER_SECOND),
-        "x": steps(replay.x, PER_METRE),
-        "y": steps(replay.y, PER_METRE),
-        "h": steps(replay.heading, PER_RADIAN),
+        "t": steps(replay.times, PARTS),
+        "x": steps(replay.x, PARTS),
+        "y": steps(replay.y, PARTS),
+        "h": steps(replay.heading, PARTS),
         "halts": np.flatnonzero(np.diff(halted, prepend=0)).tolist(),
-        "ox": [steps(column, PER_METRE) for column in replay.obstacle_x.T],
-        "oy": [steps(column, PER_METRE) for column in replay.obstacle_y.T],
+        "ox": [steps(column, PARTS) for column in replay.obstacle_x.T],
+        "oy": [steps(column, PARTS) for column in replay.obstacle_y.T],
         "r": float(replay.robot_radius),
         "or": [float(radius) for radius in replay.obstacle_radii],
         "size": [float(side) for side in replay.arena],
         "goal": [float(place) for place in replay.goal],
         "tol": float(replay.goal_tolerance),
-        "least": _least(replay),
+        "least": least,
     }
     return json.dumps(record, separators=(",", ":"), allow_nan=False)
 
 
-def _least(replay: Replay) -> list[float] | None:
-    """Return the sample of least clearance and that clearance [m], before rounding; None without obstacles."""
-    if not replay.obstacle_radii:
-        return None
-    clearance = replay.clearance()
-    at = int(clearance.argmin())
-    return [at, round(float(clearance[at]), 4)]
-
-
 def steps(values: Floats, per_unit: int) -> list[int]:
     """Return the values in whole parts of a unit: the first as it is, each other as the step from the last.
-
-    Args:
-        values: any unit, shape (n,).
-        per_unit: parts of a unit.
 
     >>> steps(np.array([1.0, 1.2504, 1.2]), 1000)
     [1000, 250, -50]

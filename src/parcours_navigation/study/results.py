@@ -42,13 +42,7 @@ _LESS_IS_WORSE = {
 
 
 class CampaignResults:
-    """A campaign of any planner on system cases (`parcours.study.protocol.Results`).
-
-    Args:
-        found: the campaign.
-        folder: where it lies.
-        study: name of the study, with which ids begin.
-    """
+    """A campaign of any planner on system cases (`parcours.study.protocol.Results`); ids begin with the study."""
 
     def __init__(self, found: Campaign, folder: Path, study: str) -> None:
         self.found, self._folder, self._study = found, folder, study
@@ -111,8 +105,7 @@ class Reporting(Protocol):
 def read_folder(folder: Path, study: str) -> CampaignResults:
     """Return the results of a planner on system cases; their ids begin with `study`.
 
-    Raises:
-        BadResults: there are none, or they are damaged.
+    Raises BadResults if there are none, or they are damaged.
     """
     return CampaignResults(load_results(folder), folder, study)
 

@@ -52,12 +52,7 @@ def margin(replay: Replay) -> float:
 
 
 def moments(replay: Replay, every: float = 1.0) -> list[int]:
-    """Return the sample nearest to each full `every` [s] from the start, and the last sample.
-
-    Args:
-        replay: a recorded run.
-        every: time between moments [s], above 0; made longer where it would give more than 60.
-    """
+    """Return the sample nearest to each full `every` [s] from the start, and the last; at most 60 before it."""
     start, end = float(replay.times[0]), float(replay.times[-1])
     every = max(every, math.ceil((end - start) / 60.0))
     wanted = np.arange(start, end, every)
@@ -66,11 +61,7 @@ def moments(replay: Replay, every: float = 1.0) -> list[int]:
 
 
 def still(replay: Replay) -> str:
-    """Return an <svg> element that shows the robot's way and where everybody was every second.
-
-    Args:
-        replay: a recorded run.
-    """
+    """Return an <svg> element that shows the robot's way and where everybody was every second."""
     width, height = replay.arena
     rim = margin(replay)
     scale = PIXELS / (max(width, height) + 2 * rim)
@@ -102,11 +93,7 @@ def still(replay: Replay) -> str:
 
 
 def stays(x: Floats, y: Floats, at: list[int]) -> list[tuple[int, int]]:
-    """Return where a body is at some samples: the first and the last of each run of them in one place.
-
-    Args:
-        x: positions [m], shape (n_times,); y likewise.
-        at: the samples, increasing.
+    """Return where a body is at some samples, increasing: the first and the last of each run of them in one place.
 
     >>> stays(np.array([0.0, 0.5, 0.5, 0.505, 1.0]), np.zeros(5), [0, 1, 2, 3, 4])
     [(0, 0), (1, 3), (4, 4)]

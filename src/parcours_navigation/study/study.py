@@ -32,16 +32,7 @@ _CHECKED = 10_000
 class NavigationStudy:
     """A planner on one family of cases; callable as a campaign's `simulate`.
 
-    Args:
-        planner: see `load_planner`; for a campaign it must be a name.
-        cases: the cases.
-        scenario: robot, goal, clock, deadlines.
-        lost: cases that are not to be run, because the planner hangs there or takes its process down.
-        located: the planner with the whole path of its file (`located`); found out when the study is made, so that
-            a planner that changes the current folder is found all the same.
-
-    Raises:
-        BadRequest: the planner is not one, or the robot does not fit into the arena.
+    Raises BadRequest if the planner is not one, or the robot does not fit into the arena.
 
     A plain function will do for a planner:
 
@@ -52,10 +43,13 @@ class NavigationStudy:
     [1.07, 1.07, 1.07, 1.07]
     """
 
-    planner: PlannerLike
-    cases: SystemCases
-    scenario: Scenario = field(default_factory=Scenario)
+    planner: PlannerLike  # see `load_planner`; for a campaign it must be a name
+    cases: SystemCases  # the cases
+    scenario: Scenario = field(default_factory=Scenario)  # robot, goal, clock, deadlines
+    # cases that are not to be run, because the planner hangs there or takes its process down
     lost: tuple[LostCase, ...] = ()
+    # the planner with the whole path of its file (`located`); found out when the study is made, so that a planner that
+    # changes the current folder is found all the same
     located: PlannerLike = None
 
     def __post_init__(self) -> None:
@@ -141,11 +135,8 @@ class NavigationStudy:
         if len(numbers) and gap.min() < 0.0:
             k = int(np.argmin(gap.min(axis=1)))
             inside = f"at ({x:g}, {y:g}) m it is {-gap[k].min():.3f} m inside"
-            rule, remedy = (
-                f"the robot must start clear of obstacles, but {inside}",
-                "give another start, or smaller radii",
-            )
-            raise BadRequest(self.cases.id(int(numbers[k])), rule, remedy, slug="start-occupied")
+            rule, id = f"the robot must start clear of obstacles, but {inside}", self.cases.id(int(numbers[k]))
+            raise BadRequest(id, rule, "give another start, or smaller radii", slug="start-occupied")
         return obstacles.view(np.float64).reshape(len(numbers), -1)
 
     def _lost_facts(self, case: LostCase) -> NDArray[np.void]:
@@ -157,9 +148,8 @@ class NavigationStudy:
     def campaign(self, n_cases: int, shard_size: int | None = None) -> Campaign:
         """Return the campaign of cases 0 .. n_cases - 1; by default in shards of 4 to 64 cases, about 16 if they can.
 
-        Raises:
-            BadRequest: the planner has no name under which workers could find it, or an obstacle of the first cases
-                stands where the robot starts.
+        Raises BadRequest if the planner has no name under which workers could find it, or an obstacle of the first
+        cases stands where the robot starts.
         """
         if not isinstance(self.planner, str):
             rule, remedy = "in a campaign it must be a name that worker processes find", "module:name or file.py:name"
@@ -203,11 +193,7 @@ _ROOMS = ("arena", "cases", "guests", "measures", "planners", "study/study.py", 
 
 @functools.cache
 def code_digest(*more: str) -> str:
-    """Return a digest of all that the bits of a case depend on: kernels, test data, models, measures, the host.
-
-    Args:
-        more: folders of other packages that they depend on.
-    """
+    """Return a digest of all that the bits of a case depend on, also in `more` folders of other packages."""
     engine, here = Path(parcours.__file__).parent, Path(__file__).parent.parent
     roots = [*engine.glob("*.py"), *(engine / room for room in _ENGINE_ROOMS), *(here / room for room in _ROOMS)]
     digest = hashlib.sha256()
@@ -222,13 +208,7 @@ def code_digest(*more: str) -> str:
 def study_of(planner: PlannerLike, cases: SystemCases, scenario: Scenario | None = None) -> CaseStudy:
     """Return the study that runs a planner: of its own loop if it has one, else a NavigationStudy.
 
-    Args:
-        planner: see `load_planner`, or one with a loop of its own.
-        cases: the cases.
-        scenario: by default Scenario().
-
-    Raises:
-        BadRequest: the planner is not one, or its own loop cannot run the scenario.
+    Raises BadRequest if the planner is not one, or its own loop cannot run the scenario.
 
     >>> study_of("orca", SystemCases(1)).scenario.watched_on
     0.0

@@ -13,9 +13,7 @@ from parcours.errors import BadRequest, BadResults
 from parcours.run.store import open_results
 from parcours.study.campaign.running import facts_of
 from parcours_navigation.cases.family import Protocol, SystemCases
-from parcours_navigation.facts import FACTS as BASE
-from parcours_navigation.outcomes import explain
-from parcours_navigation.study.replay import Replay
+from parcours_navigation.study.replay import Replay, replayed
 from parcours_ramp.planner.latency import Duration, Latencies
 from parcours_ramp.planner.parameters import Parameters
 from parcours_ramp.system.ramp_facts import FACTS
@@ -86,22 +84,10 @@ def replay(campaign: SystemResults, number: int, words: str = "") -> Replay:
 
     Raises BadResults: the re-simulation differs from the facts that the campaign kept.
     """
-    study = campaign.study
-    facts, track, places = study.track(number)
-    kept = campaign.facts[campaign.facts["number"] == number]
-    if [row[list(BASE.names or ())].tolist() for row in kept] != [facts[0][list(BASE.names or ())].tolist()]:
-        raise BadResults(
-            study.cases.id(number), "a replay must give the facts that were kept, but gives others",
-            "they were made by another version of Parcours, or changed; run the campaign anew", slug="replay-differs",
-        )  # fmt: skip
-    n_shown = int(np.searchsorted(track["time"], int(facts[0]["t_end"]) + 3_000_000_000, "right"))
-    shown, places = track[:n_shown], places[:n_shown]
-    schedule = study.parameters.schedule
-    title = f"{words}: {schedule}" if words else f"{study.cases.id(number)}, {schedule}"
-    return Replay(
-        title=title, subtitle=f"{study.cases.id(number)}: {explain(facts[0])}", times=shown["time"] * 1e-9,
-        x=shown["x"], y=shown["y"], heading=shown["heading"], halted=shown["halted"] == 1, obstacle_x=places[:, :, 0],
-        obstacle_y=places[:, :, 1], robot_radius=study.parameters.robot_radius,
-        obstacle_radii=(study.cases.obstacle_radius,) * 3, arena=(study.parameters.arena, study.parameters.arena),
-        goal=(2.0, 2.0), goal_tolerance=0.2,
+    study, kept = campaign.study, campaign.facts[campaign.facts["number"] == number]
+    remedy = "they were made by another version of Parcours, or changed; run the campaign anew"
+    return replayed(
+        study.cases.id(number), campaign.label, study.track(number), kept, remedy, goal=(2.0, 2.0), tolerance=0.2,
+        robot_radius=study.parameters.robot_radius, obstacle_radius=study.cases.obstacle_radius,
+        arena=study.parameters.arena, title=f"{words}: {campaign.label}" if words else "", beyond=3_000_000_000,
     )  # fmt: skip

@@ -236,7 +236,7 @@ def test_every_step_within_the_inner_set_meets_nothing_when_looked_at_finely() -
         before = as_points(bits)
         for k in range(1, 70):
             grow_inner(bits, wide)
-            take_obstacles_inner(bits, record, case.view(np.recarray), k, 0.0)
+            take_obstacles_inner(bits, record, case.view(np.recarray), k)
             now = as_points(bits)
             shares = np.linspace(0.0, 1.0, 9)
             blocked = centres(case, (k - 1 + shares) * record.step)

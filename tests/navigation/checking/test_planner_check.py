@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from parcours_navigation.checking.battery import CHECKS, GATES, run_battery
-from parcours_navigation.checking.finding import Level
+from parcours_navigation.checking.remark import Level
 from parcours_navigation.checking.subject import Subject
 from parcours_navigation.protocol import HEADING, Observation, Task, Trajectory, X, Y
 

@@ -11,11 +11,9 @@ import numpy as np
 import pytest
 
 from parcours.errors import BadRequest
-from parcours_navigation.checking.battery import CHECKS, report_lines, run_battery
-from parcours_navigation.checking.finding import Level
-from parcours_navigation.checking.isolation import check_apart
-from parcours_navigation.checking.loading import load_subject
-from parcours_navigation.checking.subject import Subject
+from parcours_navigation.checking.battery import CHECKS, check_apart, report_lines, run_battery
+from parcours_navigation.checking.remark import Level
+from parcours_navigation.checking.subject import Subject, load_subject
 from parcours_navigation.planners.baselines import StraightAhead as Sound
 from parcours_navigation.protocol import Command, Observation, Trajectory, X, Y
 

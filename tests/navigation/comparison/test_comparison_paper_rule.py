@@ -10,8 +10,7 @@ import pytest
 
 from parcours.report.pieces import Marked, Table
 from parcours_navigation.arena.solvability import SOLVABILITY, SOLVABLE, UNDECIDED, UNSOLVABLE
-from parcours_navigation.comparison.analysis import analyse
-from parcours_navigation.comparison.benchmarking import REPRODUCING, benchmark_scores
+from parcours_navigation.comparison.analysis import REPRODUCING, analyse, benchmark_scores
 from parcours_navigation.comparison.document import comparison_document
 from parcours_navigation.comparison.results import RULES, STUCK, Contender, Results
 from parcours_navigation.comparison.tables import HEADLINE, benchmark_tables, paper_table, to_markdown_page
