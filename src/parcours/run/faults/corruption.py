@@ -185,9 +185,4 @@ def _nan(value: Any, words: Words) -> tuple[Any, str]:
     return drawn, f" made {drawn}"
 
 
-_WAYS: dict[str, Callable[[Any, Words], tuple[Any, str]]] = {
-    "sign": _sign,
-    "bit": _bit,
-    "scale": _scale,
-    "nan": _nan,
-}
+_WAYS: dict[str, Callable[[Any, Words], tuple[Any, str]]] = {"sign": _sign, "bit": _bit, "scale": _scale, "nan": _nan}
