@@ -59,13 +59,7 @@ class FrameSocket:
     def send(self, *frames: bytes, mark: bytes = b"", wait: bool = False) -> None:
         """Send frames now, as far as the other end has room; the rest with `flush`, unless `wait` is true.
 
-        Args:
-            frames: in order.
-            mark: stands before the length of each frame.
-            wait: whether to block until all has left.
-
-        Raises:
-            HostFailure: a frame is larger than any that is read.
+        Raises HostFailure if a frame is larger than any that is read.
         """
         for frame in frames:
             if len(frame) > _MOST:
