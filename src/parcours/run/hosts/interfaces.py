@@ -5,7 +5,11 @@ other channel is a topic. The tester stands between sender and receiver:
 
     sender ── /parcours/out/TOPIC ──► tester ── /TOPIC ──► receiver
 
-so without the tester nothing is moved, and the same nodes meet on the names of the model.
+so without the tester nothing is moved, and the same nodes meet on the names of the model. Every message makes two hops:
+
+      A ──hop 1──►┐           ┌──hop 2──► C
+                  │  tester   │             records, holds, injects; faults strike between the hops
+      B ◄──hop 2──┘           └◄──hop 1── D
 """
 
 from __future__ import annotations

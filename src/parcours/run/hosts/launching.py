@@ -25,6 +25,14 @@ from parcours.run.hosts.node import live
 from parcours.run.hosts.node_program import Line, Node, node_program_of
 from parcours.run.hosts.scheduling import NODE_PRIORITY, ordinary, prefer_real_time
 
+# The life of a node:
+#
+#   tester ──starts──► fork server (modules loaded once) ──forks──► node: _main -> live ──► Ready
+#      │ pipe                 │ PR_SET_PDEATHSIG                        │
+#      └─closes at its end──► ends ──────────SIGKILL─────────────────► ends, and its process group at `stop`
+#
+#   in order:  Quit ─► the node returns ─► `stop` joins it; after _GRACE it is killed.
+
 _PARENT_DEATH = 1  # PR_SET_PDEATHSIG
 _GRACE = 2.0
 """How long processes may take to end by themselves [s] before they are killed."""

@@ -27,6 +27,19 @@ from parcours.run.noise import Noise
 from parcours.run.port import ENVIRONMENT, Component, Link, Step
 from parcours.run.trace import Trace, TraceEvent
 
+# One thread of the tester does everything; nodes are processes of their own:
+#
+#              commands, Deliver                     reports (Took, Received, Idle, Died, ...)
+#   node A  ◄──────────────────── transport.poll ◄──────────────────── node B
+#                                     │ _hear
+#                                     ▼
+#      _due (heap by time) ◄─delayed─ _send ─► _hand_over ─► transport.deliver ─► node
+#        injections, signals,           faults        └────► _inbox ─► local components, environment
+#        late messages                                                   │ their sends
+#                                       ▲────────────────────────────────┘
+#
+# The run is over when every node is Idle after the last message that was delivered to it, and nothing is due.
+
 _SIGNALS = {"stop": signal.SIGSTOP, "continue": signal.SIGCONT, "kill": signal.SIGKILL}
 _ANSWER = 5_000_000_000
 """How long a node may take to come to rest [ns]."""

@@ -26,6 +26,17 @@ from parcours.run.noise import Noise
 from parcours.run.port import ENVIRONMENT, Component, Link, Step
 from parcours.run.trace import Trace
 
+# The queue of events: a heap of (time, what, who, which), so that equal times have an order that no dict decides.
+#
+#   time  what     who                          who: place of component or link; which: order of being caused
+#   2000  STRIKE   Planner  crash
+#   2000  END      Control  take c7, its messages leave ──► ARRIVE at 2000 + delay
+#   2000  ARRIVE   obstacles #12
+#   2000  WAKE     Sensing
+#   2500  END      ...
+#
+# A transition that costs no time and is what happens next anyway is ended at once: most never enter the heap.
+
 
 class SimulatedHost(Traffic):
     """A discrete-event host. The same arguments give the same trace, on every machine.

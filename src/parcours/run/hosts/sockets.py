@@ -69,6 +69,11 @@ class FrameSocket:
         self._outgoing.append(memoryview(whole))
         self.flush(wait=wait)
 
+    # Frames wait in a deque of memoryviews, so that what is sent in parts is never copied:
+    #
+    #   send ─► [ rest of 1 | 2 | 3 ] ─► socket ─► kernel buffer ─► other end
+    #            grows while the other end is frozen; `waits` lets the tester select for room
+
     def flush(self, *, wait: bool = False) -> None:
         """Send what is still to be sent, as far as there is room; with `wait`, block until all has left."""
         while self._outgoing and not self.closed:

@@ -102,12 +102,10 @@ class Traffic(ABC):
             queue.last_arrival = arrival = max(arrival, queue.last_arrival)
         for later in effect.copies:
             queue.open += 1
-            self._push(
-                arrival + later - effect.copies[0], ARRIVE, queue.index, lambda one=message: self._arrive(queue, one)
-            )  # type: ignore[misc]
-            message = Message(
-                message.channel, message.number, message.payload
-            )  # a further copy keeps no sender waiting
+            when = arrival + later - effect.copies[0]
+            self._push(when, ARRIVE, queue.index, lambda one=message: self._arrive(queue, one))  # type: ignore[misc]
+            # A further copy keeps no sender waiting: it has none.
+            message = Message(message.channel, message.number, message.payload)
 
     def _arrive(self, queue: Queue, message: Message) -> None:
         slot = self._slots.get(queue.link.receiver, self._environment)
