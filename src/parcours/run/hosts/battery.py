@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from parcours.errors import HostFailure
+from parcours.run.hosts.node_program import Plain
 from parcours.run.hosts.slots import Answer
 from parcours.run.port import ENVIRONMENT, Component, Link, LinkKind, Send, Step
 from parcours.run.trace import Trace, transitions
@@ -118,6 +119,11 @@ class Counting(_Toy):
     def reset(self) -> None:
         """Forget the count."""
         self._asked = 0
+
+
+def node_program(component: str) -> Plain:
+    """Return the node program of a toy: Source, Sink or Counting."""
+    return Plain(component, {"Source": Source, "Sink": Sink, "Counting": Counting})
 
 
 _PIPE = (Link("numbers", "Source", "Sink", 1, LinkKind.SERVICE), Link("seen", "Sink", ENVIRONMENT, 1000))
