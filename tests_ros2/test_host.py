@@ -29,7 +29,7 @@ from parcours.run.port import ENVIRONMENT, Component, Link
 
 DESK = (Link("ask", ENVIRONMENT, "Counting", 1000), Link("answer", "Counting", ENVIRONMENT, 1000))
 NO_MODEL = Cefsm("none", (), ())
-TOYS = "parcours.run.hosts.reference_components:node_program"
+TOYS = "parcours.run.hosts.battery:node_program"
 
 
 def toys(component: str) -> Plain:
@@ -182,7 +182,7 @@ def test_channels_that_would_share_a_topic_are_refused() -> None:
 def test_a_node_program_that_is_not_there_ends_the_start() -> None:
     began = time.monotonic()
     with pytest.raises(HostFailure, match=r"Counting.*node-start"):
-        nobody = nodes_of(DESK, ["Counting"], "parcours.run.hosts.reference_components:nobody")
+        nobody = nodes_of(DESK, ["Counting"], "parcours.run.hosts.battery:nobody")
         Ros2Transport(nobody, interfaces(NO_MODEL, DESK))
     assert time.monotonic() - began < 20
 

@@ -133,9 +133,9 @@ def on(channel: str) -> Callable[[Step], Step]:
     return lambda step: Step(step.transition, tuple((channel, payload) for _, payload in step.sends))
 
 
-def lagging(delay: int) -> Callable[[str, str, object], int]:
+def lagging(delay: int) -> Callable[[str, str], int]:
     """The Trajectory Evaluation takes that long [ns] for each answer."""
-    return lambda component, transition, rng: delay if transition == "p34" else 0
+    return lambda component, transition: delay if transition == "p34" else 0
 
 
 @dataclass(frozen=True, slots=True)

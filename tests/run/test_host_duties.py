@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-import numpy as np
 import pytest
 
 from parcours.errors import HostFailure
+from parcours.run.faults import parse_plan
 from parcours.run.hosts.battery import DUTIES, Factory, Host
-from parcours.run.hosts.channel_delay import ChannelDelay, uniform
 from parcours.run.hosts.simulated import SimulatedHost
 from parcours.run.hosts.slots import Answer
 from parcours.run.port import Component, Link
@@ -26,9 +25,8 @@ def simulated_with_jitter(components: Sequence[Component], links: Sequence[Link]
         components,
         links,
         environment=environment,
-        channel_delays={link.channel: ChannelDelay(uniform(0, 900_000)) for link in links},
-        execution=lambda component, transition, rng: int(rng.integers(0, 500_000)),
-        rng=np.random.default_rng(11),
+        faults=parse_plan("seed: 11; " + "; ".join(f"{link.channel}: jitter 900 us" for link in links)),
+        execution=lambda component, transition: 250_000 * len(component) // len(transition) % 500_000,
     )
 
 

@@ -23,7 +23,7 @@ from parcours.run.hosts.slots import Answer
 from parcours.run.port import ENVIRONMENT, Component, Link
 
 LINKS = (Link("ask", ENVIRONMENT, "Counting", 100), Link("answer", "Counting", ENVIRONMENT, 100))
-TOYS = "parcours.run.hosts.reference_components"
+TOYS = "parcours.run.hosts.battery"
 
 
 def toys(component: str) -> Plain:
@@ -188,7 +188,7 @@ from parcours.run.hosts.node_program import nodes_of
 from parcours.run.port import Link
 if __name__ == "__main__":
     links = (Link("numbers", "Source", "Sink"),)
-    program = "parcours.run.hosts.reference_components:node_program"
+    program = "parcours.run.hosts.battery:node_program"
     transport = ProcessTransport(nodes_of(links, ["Source", "Sink"], program))
     print(*transport.pids.values(), flush=True)
     {then}

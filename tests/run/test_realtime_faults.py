@@ -50,8 +50,8 @@ def transport() -> Iterator[ProcessTransport]:
 
 def started() -> ProcessTransport:
     return ProcessTransport(
-        nodes_of(LINKS, NODES, "parcours.run.hosts.reference_components:node_program"),
-        ["parcours.run.hosts.reference_components"],
+        nodes_of(LINKS, NODES, "parcours.run.hosts.battery:node_program"),
+        ["parcours.run.hosts.battery"],
     )
 
 

@@ -77,7 +77,7 @@ from parcours.run.port import Link
 if __name__ == "__main__":
     links = (Link("numbers", "Source", "Sink"),)
     with real_time():
-        transport = ProcessTransport(nodes_of(links, ["Sink"], "parcours.run.hosts.reference_components:node_program"))
+        transport = ProcessTransport(nodes_of(links, ["Sink"], "parcours.run.hosts.battery:node_program"))
         [pid] = transport.pids.values()
         server = int(pathlib.Path(f"/proc/{{pid}}/stat").read_text().rpartition(")")[2].split()[1])
         print({STATE}[0], os.sched_getscheduler(pid), os.sched_getscheduler(server))

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import itertools
 import struct
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any, Literal, Protocol, cast, get_args
 
 import numpy as np
@@ -21,8 +21,6 @@ How = Literal["any", "sign", "bit", "scale", "nan", "length"]
 length: an array has one entry more or less. any: one of those that the message allows."""
 
 HOWS: tuple[How, ...] = get_args(How)
-
-Words = Iterator[int]
 
 
 class FlatCodec(Protocol):
@@ -38,15 +36,11 @@ class FlatCodec(Protocol):
 def corrupted(values: Sequence[object], seed: int, how: How = "any") -> tuple[tuple[object, ...], str]:
     """Return the fields with one of them changed, and in words what was changed.
 
-    Args:
-        values: floats, ints, bools, strings, and lists, tuples or numpy arrays of numbers; none of them is altered.
-        seed: decides all that is open.
-        how: in which way. If no field can be changed so, the message stays as it is.
+    Fields are floats, ints, bools, strings, and lists, tuples or numpy arrays of numbers; the given ones are not
+    altered. If no field can be changed in the way that is asked for, the message stays as it is.
 
     >>> corrupted((1.0, [2.0, 3.0], True), 8, "sign")
     ((1.0, [2.0, 3.0], False), 'field 2 inverted')
-    >>> corrupted(("text",), 5)
-    (('text',), 'nothing that can be changed')
     """
     words = _words(seed)
     ways = [way for way in HOWS[1:] if how in ("any", way)]
@@ -61,12 +55,7 @@ def corrupted(values: Sequence[object], seed: int, how: How = "any") -> tuple[tu
 
 
 def corrupted_bytes(data: bytes, seed: int, how: How = "any") -> bytes:
-    """Return the bytes with one bit flipped, or one byte more or less.
-
-    Args:
-        data: a message as it is sent.
-        seed: decides all that is open.
-        how: `length` changes the length, `any` one or the other, all else flips a bit.
+    """Return the bytes of a message with one byte more or less (`length`, or `any`), or else with one bit flipped.
 
     >>> corrupted_bytes(b"abc", 1, "bit"), corrupted_bytes(b"", 1, "bit")
     (b'abk', b'')
@@ -92,7 +81,7 @@ class BytesCodec(Protocol):
         """Return the payload."""
 
 
-def corrupted_message(codec: BytesCodec, channel: str, data: bytes, seed: int, how: How = "any") -> tuple[bytes, str]:
+def corrupted_message(codec: BytesCodec, channel: str, data: bytes, seed: int, how: How) -> tuple[bytes, str]:
     """Return the bytes of a message with its content changed, and in words what was changed.
 
     Where the codec also has a flat form, a field is changed; if no message can be made of that any more, or there is no
@@ -108,7 +97,7 @@ def corrupted_message(codec: BytesCodec, channel: str, data: bytes, seed: int, h
         return corrupted_bytes(data, seed, "length"), f"{said}: no message any more, sent as bytes"
 
 
-def _words(seed: int) -> Words:
+def _words(seed: int) -> Iterator[int]:
     return (hashed(b"%d %d" % (seed, k), 1)[0] for k in itertools.count())
 
 
@@ -118,13 +107,12 @@ def _is_array(value: object) -> bool:
     return isinstance(value, list | tuple) and all(isinstance(one, bool | int | float) for one in value)
 
 
-def _allows(value: object, way: How) -> bool:
+def _allows(value: Any, way: How) -> bool:
     """Return whether a field can be changed in this way."""
     if _is_array(value):
-        if way == "length":
-            return True
-        assert isinstance(value, np.ndarray | list | tuple)
-        return len(value) > 0 and _allows(_first(value), way)
+        return way == "length" or (
+            len(value) > 0 and _allows(value.flat[0] if isinstance(value, np.ndarray) else value[0], way)
+        )
     if isinstance(value, bool | np.bool_):
         return way in ("sign", "bit")
     if isinstance(value, int | np.integer):
@@ -132,13 +120,9 @@ def _allows(value: object, way: How) -> bool:
     return isinstance(value, float | np.floating) and way in ("sign", "bit", "scale", "nan")
 
 
-def _first(value: Any) -> Any:
-    return value.flat[0] if isinstance(value, np.ndarray) else value[0]
-
-
-def _changed(value: Any, way: How, words: Words) -> tuple[object, str]:
+def _changed(value: Any, way: How, words: Iterator[int]) -> tuple[object, str]:
     if not _is_array(value):
-        return _WAYS[way](value, words)
+        return _spoilt(value, way, words)
     if way == "length":
         shorter = len(value) > 0 and next(words) % 2 == 0
         if isinstance(value, np.ndarray):
@@ -146,48 +130,34 @@ def _changed(value: Any, way: How, words: Words) -> tuple[object, str]:
             return (value[:-1].copy(), ", one less") if shorter else (np.concatenate([value, tail]), ", one more")
         extra = value[-1:] if len(value) else type(value)([0.0])
         return (value[:-1], ", one less") if shorter else (value + extra, ", one more")
-    place = next(words) % (value.size if isinstance(value, np.ndarray) else len(value))
     if isinstance(value, np.ndarray):
-        array = value.copy()
-        spoilt, said = _WAYS[way](array.flat[place].item(), words)
+        place, array = next(words) % value.size, value.copy()
+        spoilt, said = _spoilt(array.flat[place].item(), way, words)
         kind = np.result_type(array)
         info = np.iinfo(kind) if kind.kind in "iu" else None
         array.flat[place] = spoilt if info is None else min(max(int(spoilt), int(info.min)), int(info.max))
         return array, f"[{place}]{said}"
-    spoilt, said = _WAYS[way](value[place], words)
+    place = next(words) % len(value)
+    spoilt, said = _spoilt(value[place], way, words)
     return type(value)([*value[:place], spoilt, *value[place + 1 :]]), f"[{place}]{said}"
 
 
-def _sign(value: Any, words: Words) -> tuple[Any, str]:
+def _spoilt(value: Any, way: How, words: Iterator[int]) -> tuple[Any, str]:
+    """Return a number that is changed, and how. Zero is its own negative and its own multiple: it is replaced."""
     if isinstance(value, bool | np.bool_):
         return not value, " inverted"
-    return (-value, " negated") if value else (type(value)(-1), " made -1")  # nothing is the negative of nothing
-
-
-def _bit(value: Any, words: Words) -> tuple[Any, str]:
-    if isinstance(value, bool | np.bool_):
-        return not value, " inverted"
+    match way:
+        case "sign":
+            return (-value, " negated") if value else (type(value)(-1), " made -1")
+        case "scale":
+            factor = (10, 100, 1000)[next(words) % 3]
+            return (value * factor, f" times {factor}") if value else (type(value)(factor), f" made {factor}")
+        case "nan":
+            drawn = (float("nan"), float("inf"), float("-inf"))[next(words) % 3]
+            return drawn, f" made {drawn}"
     if isinstance(value, int | np.integer):
         place = next(words) % 16
         return int(value) ^ (1 << place), f", bit {place} flipped"
     place = next(words) % 64
     (bits,) = struct.unpack("<Q", struct.pack("<d", float(value)))
     return struct.unpack("<d", struct.pack("<Q", bits ^ (1 << place)))[0], f", bit {place} flipped"
-
-
-def _scale(value: Any, words: Words) -> tuple[Any, str]:
-    factor = (10, 100, 1000)[next(words) % 3]
-    return (value * factor, f" times {factor}") if value else (type(value)(factor), f" made {factor}")
-
-
-def _nan(value: Any, words: Words) -> tuple[Any, str]:
-    drawn = (float("nan"), float("inf"), float("-inf"))[next(words) % 3]
-    return drawn, f" made {drawn}"
-
-
-_WAYS: dict[str, Callable[[Any, Words], tuple[Any, str]]] = {
-    "sign": _sign,
-    "bit": _bit,
-    "scale": _scale,
-    "nan": _nan,
-}

@@ -6,11 +6,11 @@ which message follows from it (`effects`).
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from decimal import Decimal
 from itertools import combinations
-from math import isfinite
+from math import inf, isfinite
 from typing import Literal, TypeAlias, get_args
 
 from parcours.errors import BadRequest, one_of
@@ -34,15 +34,15 @@ _TAKES_AMOUNT = (*_NEEDS_AMOUNT, "duplicate")
 LONGEST = 86_400 * 10**9
 """No time of a plan may be longer [ns]: a day."""
 
-GREATEST_FACTOR = 1e6
-
 WORK = 1_000_000
 """What a transition that takes no time costs when its component is slowed down, before the factor [ns]."""
+
+_GREATEST_FACTOR = 1e6
 
 
 @dataclass(frozen=True, slots=True)
 class ChannelFault:
-    """What happens to the messages of one channel.
+    """What happens to the messages of one channel; `BadRequest` if that is out of range or has no meaning.
 
     Attributes:
         channel: by the model's name.
@@ -53,9 +53,6 @@ class ChannelFault:
         from_ns: it happens to messages sent from then on [ns] ...
         until_ns: ... and before then [ns]; None is without end.
         messages: first and last number of those it may happen to, counted on the channel from 0; None is all.
-
-    Raises:
-        BadRequest: a value is out of its range, or has no meaning for the kind.
 
     >>> str(ChannelFault("best_trajectory", "drop", 0.3, from_ns=2 * 10**9, until_ns=5 * 10**9))
     'best_trajectory: drop 30 % from 2 s to 5 s'
@@ -72,26 +69,24 @@ class ChannelFault:
 
     def __post_init__(self) -> None:
         where = f"fault of channel {self.channel!r}"
-        _require_name(where, self.channel)
+        _require_sound(where, self.channel, self.from_ns, self.until_ns)
         if self.kind not in CHANNEL_KINDS:
             rule = f"what happens to a channel must be a known kind, but {self.kind!r} was given"
             raise BadRequest(where, rule, one_of(str(self.kind), CHANNEL_KINDS), slug="fault-kind")
         if not 0.0 < self.probability <= 1.0:
-            rule = f"its share of messages must be above 0 and at most 100 %, but is {percent_text(self.probability)}"
-            raise BadRequest(where, rule, slug="fault-range")
-        due = "above 0" if self.kind in _NEEDS_AMOUNT else "0 or more" if self.kind in _TAKES_AMOUNT else "left out"
-        least = 1 if self.kind in _NEEDS_AMOUNT else 0
-        if not least <= self.amount_ns <= (LONGEST if self.kind in _TAKES_AMOUNT else 0):
-            rule = f"the time of a {self.kind} must be {due}, but is {self.amount_ns} ns"
-            remedy = f"write for example {self.kind} 200 ms" if self.kind in _NEEDS_AMOUNT else ""
-            raise BadRequest(where, rule, remedy, slug="fault-range")
+            share = percent_text(self.probability)
+            raise _out_of_range(where, f"its share of messages must be above 0 and at most 100 %, but is {share}")
+        needs, takes = self.kind in _NEEDS_AMOUNT, self.kind in _TAKES_AMOUNT
+        if not int(needs) <= self.amount_ns <= (LONGEST if takes else 0):
+            due = "above 0" if needs else "0 or more" if takes else "left out"
+            remedy = f"write for example {self.kind} 200 ms" if needs else ""
+            raise _out_of_range(where, f"the time of a {self.kind} must be {due}, but is {self.amount_ns} ns", remedy)
         if self.how not in HOWS or (self.how != "any" and self.kind != "corrupt"):
             rule = f"only a corruption has a way, one of {', '.join(HOWS)}, but {self.kind} has {self.how!r}"
-            raise BadRequest(where, rule, slug="fault-range")
-        _require_window(where, self.from_ns, self.until_ns)
+            raise _out_of_range(where, rule)
         if self.messages is not None and not 0 <= self.messages[0] <= self.messages[1]:
-            rule = f"the first message must come before the last, but {self.messages[0]} and {self.messages[1]} given"
-            raise BadRequest(where, rule, slug="fault-range")
+            first, last = self.messages
+            raise _out_of_range(where, f"the first message must come before the last, but {first} and {last} given")
 
     def reaches(self, k: int, time: int) -> bool:
         """Return whether it may happen to the k-th message of its channel (from 0), sent at `time` [ns]."""
@@ -118,7 +113,7 @@ class ChannelFault:
 
 @dataclass(frozen=True, slots=True)
 class ComponentFault:
-    """What happens to one component.
+    """What happens to one component; `BadRequest` if that is out of range or has no meaning.
 
     Attributes:
         component: by the model's name.
@@ -126,9 +121,6 @@ class ComponentFault:
         at_ns: when [ns].
         for_ns: for how long [ns]; None, as of a crash, is without end.
         factor: how many times as long its work takes when slowed down.
-
-    Raises:
-        BadRequest: a value is out of its range, or has no meaning for the kind.
 
     >>> str(ComponentFault("Planner", "freeze", 3 * 10**9, 10**9))
     'Planner: freeze at 3 s for 1 s'
@@ -142,18 +134,22 @@ class ComponentFault:
 
     def __post_init__(self) -> None:
         where = f"fault of component {self.component!r}"
-        _require_name(where, self.component)
+        _require_sound(where, self.component, self.at_ns, self.until_ns)
         if self.kind not in COMPONENT_KINDS:
             rule = f"what happens to a component must be a known kind, but {self.kind!r} was given"
             raise BadRequest(where, rule, one_of(str(self.kind), COMPONENT_KINDS), slug="fault-kind")
         if self.kind == "crash" and self.for_ns is not None:
             rule = f"a crash is for good, but {self.for_ns} ns was given"
-            raise BadRequest(where, rule, "write freeze for one that ends", slug="fault-range")
+            raise _out_of_range(where, rule, "write freeze for one that ends")
         slow = self.kind == "slow_down"
-        if not (isfinite(self.factor) and (1.0 < self.factor <= GREATEST_FACTOR if slow else self.factor == 1.0)):
-            rule = f"the factor of a slow-down must be above 1 and at most {GREATEST_FACTOR:g}, and only it has one"
-            raise BadRequest(where, f"{rule}, but {self.kind} has {self.factor:g}", slug="fault-range")
-        _require_window(where, self.at_ns, self.until_ns)
+        if not (isfinite(self.factor) and (1.0 < self.factor <= _GREATEST_FACTOR if slow else self.factor == 1.0)):
+            rule = f"the factor of a slow-down must be above 1 and at most {_GREATEST_FACTOR:g}, and only it has one"
+            raise _out_of_range(where, f"{rule}, but {self.kind} has {self.factor:g}")
+
+    @property
+    def from_ns(self) -> int:
+        """When it begins [ns]."""
+        return self.at_ns
 
     @property
     def until_ns(self) -> int | None:
@@ -161,13 +157,9 @@ class ComponentFault:
         return None if self.for_ns is None else self.at_ns + self.for_ns
 
     def __str__(self) -> str:
-        parts = [f"{self.component}: {self.kind.replace('_', ' ')}"]
-        if self.kind == "slow_down":
-            parts.append(f"{plain(Decimal(repr(float(self.factor))))} x")
-        parts.append(f"at {time_text(self.at_ns)}")
-        if self.for_ns is not None:
-            parts.append(f"for {time_text(self.for_ns)}")
-        return " ".join(parts)
+        factor = f" {_plain(Decimal(repr(float(self.factor))))} x" if self.kind == "slow_down" else ""
+        lasts = "" if self.for_ns is None else f" for {time_text(self.for_ns)}"
+        return f"{self.component}: {self.kind.replace('_', ' ')}{factor} at {time_text(self.at_ns)}{lasts}"
 
 
 Fault: TypeAlias = ChannelFault | ComponentFault
@@ -185,11 +177,6 @@ class FaultPlan:
 
     Raises:
         BadRequest: two faults of a kind meet a channel, or any two a component, at the same time.
-
-    >>> plan = FaultPlan(7, (ChannelFault("obstacles", "delay", amount_ns=200_000_000),))
-    >>> print(plan)
-    seed: 7
-    obstacles: delay 200 ms
     """
 
     seed: int = 0
@@ -198,10 +185,9 @@ class FaultPlan:
 
     def __post_init__(self) -> None:
         if not 0 <= self.seed < 2**63:
-            raise BadRequest("faults, seed", f"must be from 0 to 2**63 - 1, but is {self.seed}", slug="fault-range")
+            raise _out_of_range("faults, seed", f"must be from 0 to 2**63 - 1, but is {self.seed}")
         if not 0 < self.work_ns <= LONGEST:
-            rule = f"must be above 0 and at most a day, but is {self.work_ns} ns"
-            raise BadRequest("faults, work", rule, slug="fault-range")
+            raise _out_of_range("faults, work", f"must be above 0 and at most a day, but is {self.work_ns} ns")
         for one, other in combinations(self.faults, 2):
             if _collide(one, other):
                 rule = f"faults of one channel at the same time must differ in kind, but these do not: {one}; {other}"
@@ -230,7 +216,7 @@ class FaultPlan:
     @property
     def begins_ns(self) -> int:
         """When the first fault may strike [ns]; 0 if there is none."""
-        return min((f.from_ns if isinstance(f, ChannelFault) else f.at_ns for f in self.faults), default=0)
+        return min((fault.from_ns for fault in self.faults), default=0)
 
     @property
     def until_ns(self) -> int | None:
@@ -239,43 +225,32 @@ class FaultPlan:
         return None if None in ends else max((end for end in ends if end is not None), default=0)
 
     def check(self, channels: Sequence[str], components: Sequence[str]) -> None:
-        """Refuse what the system does not have.
-
-        Raises:
-            BadRequest: a fault names a channel or component that is not among the given.
-        """
+        """Raise BadRequest if a fault names a channel or component that the system does not have."""
         for fault in self.faults:
             if isinstance(fault, ChannelFault):
-                _require_known("channel", fault.channel, channels, str(fault))
+                what, name, known = "channel", fault.channel, channels
             else:
-                _require_known("component", fault.component, components, str(fault))
-
-    def to_json(self) -> dict[str, object]:
-        """Return the plan as it stands in a case file: seed, cost of work and one line of text a fault."""
-        return {"seed": self.seed, "work_ns": self.work_ns, "faults": [str(fault) for fault in self.faults]}
+                what, name, known = "component", fault.component, components
+            if name not in known:
+                rule = f"no {what} is called {name!r}"
+                raise BadRequest(f"fault {str(fault)!r}", rule, one_of(name, known), slug="fault-unknown-name")
 
 
 NO_FAULTS = FaultPlan()
 
 
-def _require_known(what: str, given: str, known: Iterable[str], line: str) -> None:
-    names = list(known)
-    if given not in names:
-        rule = f"no {what} is called {given!r}"
-        raise BadRequest(f"fault {line!r}", rule, one_of(given, names), slug="fault-unknown-name")
+def _out_of_range(where: str, rule: str, remedy: str = "") -> BadRequest:
+    return BadRequest(where, rule, remedy, slug="fault-range")
 
 
-def _require_name(where: str, name: str) -> None:
+def _require_sound(where: str, name: str, start: int, end: int | None) -> None:
     if not name or any(c.isspace() or c in ":;#" or not c.isprintable() for c in name):
         rule = f"a name has at least one character, none of them : ; # or a blank, but {name[:40]!r} given"
         raise BadRequest(where, rule, slug="fault-name")
-
-
-def _require_window(where: str, begin: int, end: int | None) -> None:
-    if not 0 <= begin <= LONGEST or (end is not None and not begin < end <= 2 * LONGEST):
+    if not 0 <= start <= LONGEST or (end is not None and not start < end <= 2 * LONGEST):
         until = "without end" if end is None else f"to {end} ns"
-        rule = f"it must begin at 0 or later and end after it begins, but is from {begin} ns {until}"
-        raise BadRequest(where, rule, slug="fault-range")
+        rule = f"it must begin at 0 or later and end after it begins, but is from {start} ns {until}"
+        raise _out_of_range(where, rule)
 
 
 def _collide(one: Fault, other: Fault) -> bool:
@@ -283,18 +258,15 @@ def _collide(one: Fault, other: Fault) -> bool:
     if isinstance(one, ChannelFault) and isinstance(other, ChannelFault):
         if (one.channel, one.kind) != (other.channel, other.kind):
             return False
-        if one.messages is not None and other.messages is not None and (
-            one.messages[1] < other.messages[0] or other.messages[1] < one.messages[0]
-        ):  # fmt: skip
+        (first, last), (others_first, others_last) = one.messages or (0, inf), other.messages or (0, inf)
+        if last < others_first or others_last < first:
             return False
-        return _meet(one.from_ns, one.until_ns, other.from_ns, other.until_ns)
-    if isinstance(one, ComponentFault) and isinstance(other, ComponentFault) and one.component == other.component:
-        return _meet(one.at_ns, one.until_ns, other.at_ns, other.until_ns)
-    return False
-
-
-def _meet(begin: int, end: int | None, other_begin: int, other_end: int | None) -> bool:
-    return (end is None or other_begin < end) and (other_end is None or begin < other_end)
+    elif not (
+        isinstance(one, ComponentFault) and isinstance(other, ComponentFault) and one.component == other.component
+    ):
+        return False
+    end, others_end = one.until_ns, other.until_ns
+    return (end is None or other.from_ns < end) and (others_end is None or one.from_ns < others_end)
 
 
 NANOSECONDS: dict[str, int] = {"s": 10**9, "ms": 10**6, "us": 10**3, "ns": 1}
@@ -309,18 +281,8 @@ def time_text(time: int) -> str:
     """
     for unit, size in NANOSECONDS.items():
         if time >= size:
-            return f"{plain(Decimal(time) / size)} {unit}"
+            return f"{_plain(Decimal(time) / size)} {unit}"
     return "0 s"
-
-
-def time_of(number: str, unit: str) -> int | None:
-    """Return the time [ns], or None if it is no whole number of nanoseconds.
-
-    >>> time_of("1.5", "ms"), time_of("0.5", "ns")
-    (1500000, None)
-    """
-    time = Decimal(number) * NANOSECONDS[unit]
-    return int(time) if time == int(time) else None
 
 
 def percent_text(share: float) -> str:
@@ -329,23 +291,10 @@ def percent_text(share: float) -> str:
     >>> percent_text(0.3), percent_text(0.07)
     ('30 %', '7 %')
     """
-    return f"{plain(Decimal(repr(share)) * 100)} %"
+    return f"{_plain(Decimal(repr(share)) * 100)} %"
 
 
-def share_of(number: str) -> float:
-    """Return the share of one that a percentage is.
-
-    >>> share_of("30")
-    0.3
-    """
-    return float(Decimal(number) / 100)
-
-
-def plain(number: Decimal) -> str:
-    """Return the number without exponent and without zeros that say nothing.
-
-    >>> plain(Decimal("5.0")), plain(Decimal("1E+2"))
-    ('5', '100')
-    """
+def _plain(number: Decimal) -> str:
+    """Return the number without exponent and without zeros that say nothing."""
     text = f"{number:f}"
     return text.rstrip("0").rstrip(".") if "." in text else text

@@ -9,31 +9,20 @@ Planner: freeze at 3 s for 1 s
 from __future__ import annotations
 
 import re
+from decimal import Decimal
 from pathlib import Path
-from typing import cast
+from typing import Any
 
 from parcours.errors import BadRequest, one_of
-from parcours.run.faults.corruption import HOWS, How
-from parcours.run.faults.plan import (
-    CHANNEL_KINDS,
-    COMPONENT_KINDS,
-    WORK,
-    ChannelFault,
-    ChannelKind,
-    ComponentFault,
-    ComponentKind,
-    Fault,
-    FaultPlan,
-    share_of,
-    time_of,
-)
+from parcours.run.faults import plan
+from parcours.run.faults.corruption import HOWS
+from parcours.run.faults.plan import NANOSECONDS, ChannelFault, ComponentFault, Fault, FaultPlan
 
-MOST = 1000
-"""The greatest number of faults of a plan."""
+# Bounds for files from outside: every two faults of a plan are compared, and a file is read as a whole.
+_MOST = 1000
+_LARGEST = 1_000_000
 
-LARGEST = 1_000_000
-"""The greatest length of a file of faults [bytes]."""
-
+# No pattern has two repetitions side by side that match the same: a hostile line takes linear time.
 _NUMBER = r"(\d{1,15}(?:\.\d{1,12})?)"
 _TIME = re.compile(_NUMBER + r"\s*(s|ms|us|ns)")
 _CLAUSES = (
@@ -44,7 +33,8 @@ _CLAUSES = (
     ("amount", _TIME),
     ("how", re.compile("(" + "|".join(HOWS) + ")")),
 )
-_KINDS = {kind.replace("_", " "): kind for kind in (*CHANNEL_KINDS, *COMPONENT_KINDS)}
+_SAME = {"until": "to", "at": "from", "by": "amount"}
+_KINDS: dict[str, Any] = {kind.replace("_", " "): kind for kind in (*plan.CHANNEL_KINDS, *plan.COMPONENT_KINDS)}
 _SHAPES = (
     "a fault reads NAME: KIND, then how much and when, as in 'obstacles: drop 30 % from 2 s to 5 s', "
     "'obstacles: delay 200 ms', 'Planner: freeze at 3 s for 1 s', 'Planner: slow down 5 x from 2 s'"
@@ -52,20 +42,16 @@ _SHAPES = (
 
 
 def parse_fault(line: str, where: str = "fault") -> Fault:
-    """Return what one line says.
+    """Return what one line says; `where` is what messages call it.
 
-    Args:
-        line: a name, a colon, a kind, and in any order: a share of messages (`30 %`), a time (`200 ms`), a factor
-            (`5 x`), a way of corruption, `from`, `to`, `at` or `for` a time, `messages 3 to 7`.
-        where: what to call the line in a message.
+    After the name, a colon and a kind come in any order: a share of messages (`30 %`), a time (`200 ms`), a factor
+    (`5 x`), a way of corruption, `from`, `to`, `at` or `for` a time, `messages 3 to 7`.
 
     Raises:
-        BadRequest: the line is no fault, or one that makes no sense.
+        BadRequest: the line is not a fault, or one that makes no sense.
 
     >>> parse_fault("Planner: slow down 5 x from 2 s")
     ComponentFault(component='Planner', kind='slow_down', at_ns=2000000000, for_ns=None, factor=5.0)
-    >>> str(parse_fault("obstacles: delay  0.2 s until 5 s"))
-    'obstacles: delay 200 ms to 5 s'
     """
     name, colon, rest = line.strip().partition(":")
     words = rest.strip()
@@ -73,74 +59,59 @@ def parse_fault(line: str, where: str = "fault") -> Fault:
     if not colon or kind is None:
         first = " ".join(words.split()[:1])
         hint = one_of(first, list(_KINDS)) if colon and first else _SHAPES
-        raise BadRequest(where, f"must be a fault, but is {line[:80]!r}", hint, slug="fault-line")
+        raise _unreadable(where, f"must be a fault, but is {line[:80]!r}", hint)
     found: dict[str, re.Match[str]] = {}
     rest = words[len(kind) :].strip(" ,")
     while rest:
-        clause, match = _clause(rest)
+        matches = ((clause, pattern.match(rest)) for clause, pattern in _CLAUSES)
+        whole = ((clause, one) for clause, one in matches if one and re.match(r"[\s,]|$", rest[one.end() :]))
+        clause, match = next(whole, ("", None))
         if match is None:
-            raise BadRequest(where, f"cannot read {rest[:40]!r} in {line[:80]!r}", _SHAPES, slug="fault-line")
-        key = {"until": "to", "at": "from", "by": "amount"}.get(match[1], match[1]) if clause == "window" else clause
+            raise _unreadable(where, f"cannot read {rest[:40]!r} in {line[:80]!r}")
+        key = _SAME.get(match[1], match[1]) if clause == "window" else clause
         if key in found:
-            raise BadRequest(where, f"{key!r} is said twice in {line[:80]!r}", "say it once", slug="fault-line")
+            raise _unreadable(where, f"{key!r} is said twice in {line[:80]!r}", "say it once")
         found[key] = match
         rest = rest[match.end() :].strip(" ,")
     return _fault(name.strip(), kind, found, line, where)
 
 
-def _clause(text: str) -> tuple[str, re.Match[str] | None]:
-    """Return which clause the text begins with, and where it says so."""
-    for clause, pattern in _CLAUSES:
-        match = pattern.match(text)
-        if match and re.match(r"[\s,]|$", text[match.end() :]):
-            return clause, match
-    return "", None
-
-
-def _fault(name: str, kind: str, found: dict[str, re.Match[str]], line: str, where: str) -> Fault:
+def _fault(name: str, kind: Any, found: dict[str, re.Match[str]], line: str, where: str) -> Fault:
     def time(key: str) -> int | None:
         match = found.get(key)
         if match is None:
             return None
-        value = time_of(match[match.re.groups - 1], match[match.re.groups])
-        if value is None:
-            rule = f"times are whole nanoseconds, but {match[0]!r} is none in {line[:80]!r}"
-            raise BadRequest(where, rule, slug="fault-line")
-        return value
+        value = Decimal(match[match.re.groups - 1]) * NANOSECONDS[match[match.re.groups]]
+        if value != int(value):
+            raise _unreadable(where, f"times are whole nanoseconds, but {match[0]!r} is not in {line[:80]!r}", "")
+        return int(value)
 
-    of_channel = kind in CHANNEL_KINDS
+    of_channel = kind in plan.CHANNEL_KINDS
     allowed = {"from", "to", "for"} | ({"amount", "share", "how", "messages"} if of_channel else {"factor"})
     wrong = sorted(set(found) - allowed) or (["for"] if {"to", "for"} <= set(found) else [])
     if wrong:
         rule = f"{found[wrong[0]][0]!r} says nothing of a {kind.replace('_', ' ')} in {line[:80]!r}"
-        raise BadRequest(where, rule, _SHAPES, slug="fault-line")
-    begin, end, length = time("from") or 0, time("to"), time("for")
+        raise _unreadable(where, rule)
+    start, end, length = time("from") or 0, time("to"), time("for")
     try:
         if not of_channel:
-            lasts = length if end is None else end - begin
             factor = float(found["factor"][1]) if "factor" in found else 1.0
-            return ComponentFault(name, cast(ComponentKind, kind), begin, lasts, factor)
-        messages = found.get("messages")
-        return ChannelFault(
-            name,
-            cast(ChannelKind, kind),
-            share_of(found["share"][1]) if "share" in found else 1.0,
-            time("amount") or 0,
-            cast(How, found["how"][1]) if "how" in found else "any",
-            begin,
-            end if length is None else begin + length,
-            None if messages is None else (int(messages[1]), int(messages[2] or messages[1])),
-        )
+            return ComponentFault(name, kind, start, length if end is None else end - start, factor)
+        share = float(Decimal(found["share"][1]) / 100) if "share" in found else 1.0
+        how: Any = found["how"][1] if "how" in found else "any"
+        until, messages = end if length is None else start + length, found.get("messages")
+        numbers = None if messages is None else (int(messages[1]), int(messages[2] or messages[1]))
+        return ChannelFault(name, kind, share, time("amount") or 0, how, start, until, numbers)
     except BadRequest as error:
         raise BadRequest(f"{where}, {error.where}", error.rule, error.remedy, slug=error.slug) from error
 
 
-def parse_plan(text: str, where: str = "faults") -> FaultPlan:
-    """Return the plan that the lines give; empty ones and what follows a # do not count, nor does a ; end less.
+def _unreadable(where: str, rule: str, remedy: str = _SHAPES) -> BadRequest:
+    return BadRequest(where, rule, remedy, slug="fault-line")
 
-    Args:
-        text: one fault a line or between semicolons; `seed: 7` and `work: 2 ms` may stand among them.
-        where: what to call the text in a message.
+
+def parse_plan(text: str, where: str = "faults") -> FaultPlan:
+    """Return the plan of several lines: a fault each, `seed: 7` or `work: 2 ms`; # begins a remark, ; ends a line.
 
     Raises:
         BadRequest: a line is none of these.
@@ -148,7 +119,7 @@ def parse_plan(text: str, where: str = "faults") -> FaultPlan:
     >>> parse_plan("a: drop 30 %; Planner: crash at 5 s").faults[1].at_ns
     5000000000
     """
-    seed, work = 0, WORK
+    seed, work = 0, plan.WORK
     faults: list[Fault] = []
     for number, line in enumerate(text.splitlines(), 1):
         for part in line.partition("#")[0].split(";"):
@@ -158,68 +129,33 @@ def parse_plan(text: str, where: str = "faults") -> FaultPlan:
             if match := re.fullmatch(r"\s*seed:\s*(\d{1,19})\s*", part):
                 seed = int(match[1])
             elif match := re.fullmatch(r"\s*work:\s*" + _TIME.pattern + r"\s*", part):
-                work = time_of(match[1], match[2]) or 0
+                work = int(Decimal(match[1]) * NANOSECONDS[match[2]])
             else:
                 faults.append(parse_fault(part, here))
-            if len(faults) > MOST:
-                raise BadRequest(here, f"a plan may have {MOST} faults, but there are more", slug="fault-many")
+            if len(faults) > _MOST:
+                raise BadRequest(here, f"a plan may have {_MOST} faults, but there are more", slug="fault-many")
     return FaultPlan(seed, tuple(faults), work)
 
 
-def plan_from_json(value: object, where: str = "faults") -> FaultPlan:
-    """Return the plan that `FaultPlan.to_json` gave.
-
-    Args:
-        value: an object with `seed`, `work_ns` and `faults`, a list of lines; each may be left out.
-        where: what to call it in a message.
-
-    Raises:
-        BadRequest: it has other members, or one is of another type.
-
-    >>> plan_from_json({"faults": ["a: drop 30 %"]}).faults[0].probability
-    0.3
-    """
-    given = value if isinstance(value, dict) else {}
-    seed, work, lines = given.get("seed", 0), given.get("work_ns", WORK), given.get("faults", [])
-    sound = isinstance(value, dict) and set(given) <= {"seed", "work_ns", "faults"}
-    sound = sound and type(seed) is int and type(work) is int and isinstance(lines, list) and len(lines) <= MOST
-    if not sound or not all(isinstance(line, str) for line in lines):
-        rule = "faults are an object of seed, work_ns (whole numbers) and faults (a list of lines), but these are not"
-        raise BadRequest(where, rule, _SHAPES, slug="fault-json")
-    faults = tuple(parse_fault(line, f"{where}, fault {number}") for number, line in enumerate(lines, 1))
-    return FaultPlan(seed, faults, work)
-
-
 def read_plan(given: str) -> FaultPlan:
-    """Return the plan that a command line gives: a file of lines, a file of JSON, or the lines themselves.
-
-    Args:
-        given: whatever has a colon and is no file is taken for lines.
+    """Return the plan that a command line gives: a file of lines, or the lines themselves.
 
     Raises:
-        BadRequest: there is no such file, or what it holds is no plan.
-
-    >>> len(read_plan("obstacles: delay 200 ms; Control: crash at 5 s").faults)
-    2
+        BadRequest: there is no such file, or what it holds is not a plan.
     """
-    import json
-
     path = Path(given)
     try:
         is_file = len(given) < 4096 and path.is_file()
-        data = path.read_bytes()[: LARGEST + 1] if is_file else given.encode()
+        data = given.encode()
+        if is_file:
+            with path.open("rb") as file:
+                data = file.read(_LARGEST + 1)
         text = data.decode("utf-8")
     except (OSError, ValueError) as error:
         raise BadRequest(f"faults {given[:80]!r}", f"cannot be read: {error}", slug="fault-file") from error
     where = str(path) if is_file else "faults"
-    if len(data) > LARGEST:
-        raise BadRequest(where, f"a file of faults has at most {LARGEST} bytes, but has more", slug="fault-many")
-    if not is_file and ":" not in given:
+    if len(data) > _LARGEST:
+        raise BadRequest(where, f"a file of faults has at most {_LARGEST} bytes, but has more", slug="fault-many")
+    if not is_file and ":" not in given:  # all lines have a colon
         raise BadRequest("faults", f"no file is called {given[:80]!r}", _SHAPES, slug="fault-file")
-    if not text.lstrip().startswith("{"):
-        return parse_plan(text, where)
-    try:
-        value = json.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise BadRequest(where, f"must be JSON, but is not: {error}", _SHAPES, slug="fault-json") from error
-    return plan_from_json(value, where)
+    return parse_plan(text, where)

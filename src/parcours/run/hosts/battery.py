@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from parcours.errors import HostFailure
+from parcours.run.hosts.node_program import Plain
 from parcours.run.hosts.slots import Answer
 from parcours.run.port import ENVIRONMENT, Component, Link, LinkKind, Send, Step
 from parcours.run.trace import Trace, transitions
@@ -120,10 +121,12 @@ class Counting(_Toy):
         self._asked = 0
 
 
-_PIPE = (
-    Link("numbers", "Source", "Sink", 1, LinkKind.SERVICE),
-    Link("seen", "Sink", ENVIRONMENT, 1000),
-)
+def node_program(component: str) -> Plain:
+    """Return the node program of a toy: Source, Sink or Counting."""
+    return Plain(component, {"Source": Source, "Sink": Sink, "Counting": Counting})
+
+
+_PIPE = (Link("numbers", "Source", "Sink", 1, LinkKind.SERVICE), Link("seen", "Sink", ENVIRONMENT, 1000))
 _DESK = (Link("ask", ENVIRONMENT, "Counting", 1000), Link("answer", "Counting", ENVIRONMENT, 1000))
 
 
@@ -160,11 +163,7 @@ def loses_and_doubles_nothing(make: Factory) -> None:
             Counter(e.message for e in trace.events if e.kind == kind and e.channel == channel)
             for kind in ("send", "receive")
         )
-        _owe(
-            sent == got and max(sent.values(), default=0) == 1,
-            rule,
-            f"{channel}: sent {sent}, taken up {got}",
-        )
+        _owe(sent == got and max(sent.values(), default=0) == 1, rule, f"{channel}: sent {sent}, taken up {got}")
     taken = Counter(transitions(trace))
     _owe(taken == {"s1": 20, "k1": 40, "k2": 40}, rule, f"transitions recorded: {dict(taken)}")
 
@@ -173,11 +172,7 @@ def never_runs_backwards(make: Factory) -> None:
     """Times in a trace never decrease, and no message is taken up before it is sent."""
     _, trace = _pipe(make)
     times = [event.time for event in trace.events]
-    _owe(
-        bool(times) and times[0] >= 0 and times == sorted(times),
-        "time never runs backwards",
-        f"times: {times}",
-    )
+    _owe(bool(times) and times[0] >= 0 and times == sorted(times), "time never runs backwards", f"times: {times}")
     sent: set[int] = set()
     for event in trace.events:
         if event.kind == "send":
@@ -221,13 +216,7 @@ def closes_twice(make: Factory) -> None:
 
 DUTIES: dict[str, Callable[[Factory], None]] = {
     duty.__name__: duty
-    for duty in (
-        keeps_order,
-        loses_and_doubles_nothing,
-        never_runs_backwards,
-        resets_without_residue,
-        closes_twice,
-    )
+    for duty in (keeps_order, loses_and_doubles_nothing, never_runs_backwards, resets_without_residue, closes_twice)
 }
 """All checks by name."""
 

@@ -31,16 +31,7 @@ class Death:
 class Striker:
     """Strikes the components and messages of one host by a plan.
 
-    Args:
-        plan: what happens to what.
-        codec: the flat form of messages; only needed by corruptions.
-        slots: the components.
-        channels: the names of all links.
-        clock: of the host.
-        host: whose components and messages.
-
-    Raises:
-        BadRequest: the plan names what the host does not have, or corrupts without a codec.
+    Raises BadRequest if the plan names what the host does not have, or corrupts without a codec.
     """
 
     def __init__(

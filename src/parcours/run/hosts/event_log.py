@@ -12,12 +12,7 @@ from parcours.run.trace import Kind, TraceEvent
 
 
 class EventLog:
-    """The events of one run.
-
-    Args:
-        codec: of the payloads.
-        listener: called with each event as soon as it is known, payload included.
-    """
+    """The events of one run."""
 
     def __init__(self, codec: Codec, listener: Callable[[TraceEvent], None] | None) -> None:
         self._codec, self._listener = codec, listener

@@ -104,16 +104,7 @@ class Participant(Protocol):
 
 
 class GraphLine:
-    """A node's end.
-
-    Args:
-        component: of the node.
-        routes: of all channels.
-        participant: the node's; this closes it.
-
-    Raises:
-        HostFailure: the tester is not on the graph.
-    """
+    """A node's end. Raises HostFailure if the tester is not on the graph."""
 
     def __init__(self, component: str, routes: Sequence[Route], participant: Participant) -> None:
         self._participant = participant

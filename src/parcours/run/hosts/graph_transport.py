@@ -171,6 +171,12 @@ class GraphTransport(NodeProcesses):
             if isinstance(first, Ready):
                 self._decline(node)
 
+    # A report overtakes, or is overtaken by, the messages that it names: they come on other connections.
+    #
+    #   reports of A:  Took(x), Took(x, y)        waits in _incomplete until
+    #   topic x:       x1  x2                     _arrived has as many of each channel as it names
+    #   topic y:       y1
+
     def _has_all(self, said: Report) -> bool:
         if not isinstance(said, Turned | Took):
             return True

@@ -5,7 +5,11 @@ other channel is a topic. The tester stands between sender and receiver:
 
     sender ── /parcours/out/TOPIC ──► tester ── /TOPIC ──► receiver
 
-so without the tester nothing is moved, and the same nodes meet on the names of the model.
+so without the tester nothing is moved, and the same nodes meet on the names of the model. Every message makes two hops:
+
+      A ──hop 1──►┐           ┌──hop 2──► C
+                  │  tester   │             records, holds, injects; faults strike between the hops
+      B ◄──hop 2──┘           └◄──hop 1── D
 """
 
 from __future__ import annotations
@@ -60,14 +64,13 @@ class Route:
 def interfaces(cefsm: Cefsm, also: Sequence[Link] = ()) -> tuple[Interface, ...]:
     """Return the model's channels as topics and halves of services, in the model's order, then the other links.
 
+    Raises HostFailure if a topic that goes both ways does not belong to exactly two channels.
+
     A channel without a topic gets one of its own name.
 
     Args:
         cefsm: a checked model.
         also: links of which some are not in the model: each of these becomes a topic, with a type of its own name.
-
-    Raises:
-        HostFailure: a topic that goes both ways does not belong to exactly two channels.
 
     >>> model = Cefsm("m", (), (
     ...     Channel("ask", "A", "B", "Question", "/path_modification"),
@@ -112,15 +115,7 @@ def camel_case(name: str) -> str:
 
 
 def routes(channels: Sequence[Interface], kinds: Mapping[str, object]) -> tuple[Route, ...]:
-    """Return the route of each channel, in order.
-
-    Args:
-        channels: what `interfaces` returned.
-        kinds: channel -> what its topic or service carries.
-
-    Raises:
-        HostFailure: several channels would publish on one topic.
-    """
+    """Return the route of each channel, in order. Raises HostFailure if several channels would publish on one topic."""
     found = []
     for one in channels:
         sharing = [o.channel for o in channels if o.topic == one.topic and o is not one]

@@ -29,11 +29,9 @@ def enter_own_network() -> None:
     """Move this process, and with it its later children, into a new network namespace whose loopback is up.
 
     Sockets that are already open stay where they are. A user other than root gets a user namespace around it, which the
-    operating system grants only to a process of one thread: call this before threads exist, then also before numpy
-    is imported (its linear algebra starts some). User and group keep their numbers.
-
-    Raises:
-        HostFailure: there are other threads, or the machine forbids namespaces.
+    operating system grants only to a process of one thread: call this before threads exist, then also before numpy is
+    imported (its linear algebra starts some). User and group keep their numbers. Raises HostFailure if there are other
+    threads, or the machine forbids namespaces.
     """
     if threading.active_count() > 1:
         others = ", ".join(thread.name for thread in threading.enumerate() if thread is not threading.current_thread())

@@ -25,6 +25,14 @@ from parcours.run.hosts.node import live
 from parcours.run.hosts.node_program import Line, Node, node_program_of
 from parcours.run.hosts.scheduling import NODE_PRIORITY, ordinary, prefer_real_time
 
+# The life of a node:
+#
+#   tester ──starts──► fork server (modules loaded once) ──forks──► node: _main -> live ──► Ready
+#      │ pipe                 │ PR_SET_PDEATHSIG                        │
+#      └─closes at its end──► ends ──────────SIGKILL─────────────────► ends, and its process group at `stop`
+#
+#   in order:  Quit ─► the node returns ─► `stop` joins it; after _GRACE it is killed.
+
 _PARENT_DEATH = 1  # PR_SET_PDEATHSIG
 _GRACE = 2.0
 """How long processes may take to end by themselves [s] before they are killed."""
@@ -34,11 +42,7 @@ _START = 120.0
 
 
 class Processes:
-    """The processes of a transport's nodes.
-
-    Args:
-        preload: modules that the server loads before it forks.
-    """
+    """The processes of a transport's nodes."""
 
     def __init__(self, preload: Sequence[str] = ()) -> None:
         self._context = multiprocessing.get_context("forkserver")
@@ -46,12 +50,7 @@ class Processes:
         self._running: dict[str, BaseProcess] = {}
 
     def start(self, node: Node, line: Callable[..., Line], *arguments: object) -> None:
-        """Start a node's process.
-
-        Args:
-            node: what it runs.
-            line: called in the process with the node and the arguments, returns its end of the transport.
-        """
+        """Start a node's process."""
         process = self._context.Process(target=_main, args=(node, line, *arguments), name=node.component, daemon=True)
         try:
             _ensure_server()
@@ -94,12 +93,7 @@ class Processes:
 
 
 class NodeProcesses(ABC):
-    """What the tester's end of every transport has: a process for each node.
-
-    Args:
-        nodes: to be started.
-        preload: modules to load before the processes are forked.
-    """
+    """What the tester's end of every transport has: a process for each node."""
 
     label = ""
     """The host's name in traces."""
@@ -221,8 +215,7 @@ def _send(process: BaseProcess, number: int) -> None:
 def end_with_parent() -> None:
     """Ask the system to kill this process as soon as the process that started it has ended.
 
-    Raises:
-        HostFailure: the system is not Linux.
+    Raises HostFailure if the system is not Linux.
     """
     if not sys.platform.startswith("linux"):
         rule = f"processes are bound to their tester's life on Linux only, but this is {sys.platform}"

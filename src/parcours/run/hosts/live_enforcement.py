@@ -46,13 +46,7 @@ class Stimuli(Protocol):
 
 
 class DrivenInstances:
-    """Instances on a transport's nodes.
-
-    Args:
-        transport: started; stays open.
-        codec: of the payloads.
-        stimuli: of the case that is executed next.
-    """
+    """Instances on a transport's nodes."""
 
     ahead = True
     clock: ClockName = "wall"
@@ -69,8 +63,7 @@ class DrivenInstances:
     def begin(self, case: str, events: Sequence[Event]) -> None:
         """Make the instances, and wait until all are made.
 
-        Raises:
-            HostFailure: a component has no node, or its node is gone or does not answer.
+        Raises HostFailure if a component has no node, or its node is gone or does not answer.
         """
         self._nodes = {event.reference: event.component for event in events}
         for name in self._nodes.values():

@@ -70,6 +70,8 @@ class _Life:
 
     def serve(self) -> None:
         self._line.report(Ready())
+        # Commands first, as far as they are there: a message that arrived while the component worked counts as there
+        # before its timer; then one piece of work. A flood may not keep the component from its timers.
         while True:
             said = self._line.poll(self._due())
             if isinstance(said, Quit):

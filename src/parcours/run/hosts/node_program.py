@@ -125,10 +125,6 @@ def node_program_of(node: Node) -> NodeProgram:
 class Plain:
     """A node_program of components that are made without a case, whose payloads are plain values.
 
-    Args:
-        component: the component's name.
-        makers: name -> maker of a fresh component.
-
     >>> plain = Plain("", {})
     >>> plain.decode("c", plain.encode("c", [1, 2.5, "x"]))
     [1, 2.5, 'x']

@@ -46,15 +46,7 @@ class SocketLine:
 
 
 class ProcessTransport(NodeProcesses):
-    """The tester's end.
-
-    Args:
-        nodes: what to start.
-        preload: modules to load before the processes are forked.
-
-    Raises:
-        HostFailure: a node did not start.
-    """
+    """The tester's end. Raises HostFailure if a node did not start."""
 
     label = "processes"
 

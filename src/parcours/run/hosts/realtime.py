@@ -27,6 +27,19 @@ from parcours.run.noise import Noise
 from parcours.run.port import ENVIRONMENT, Component, Link, Step
 from parcours.run.trace import Trace, TraceEvent
 
+# One thread of the tester does everything; nodes are processes of their own:
+#
+#              commands, Deliver                     reports (Took, Received, Idle, Died, ...)
+#   node A  ◄──────────────────── transport.poll ◄──────────────────── node B
+#                                     │ _hear
+#                                     ▼
+#      _due (heap by time) ◄─delayed─ _send ─► _hand_over ─► transport.deliver ─► node
+#        injections, signals,           faults        └────► _inbox ─► local components, environment
+#        late messages                                                   │ their sends
+#                                       ▲────────────────────────────────┘
+#
+# The run is over when every node is Idle after the last message that was delivered to it, and nothing is due.
+
 _SIGNALS = {"stop": signal.SIGSTOP, "continue": signal.SIGCONT, "kill": signal.SIGKILL}
 _ANSWER = 5_000_000_000
 """How long a node may take to come to rest [ns]."""
@@ -102,8 +115,7 @@ class RealTimeHost:
     def reset(self) -> None:
         """Return everything to where it began; nodes forget what they were doing.
 
-        Raises:
-            HostFailure: the host is closed.
+        Raises HostFailure if the host is closed.
         """
         self._must_be_open()
         self.rest()
@@ -127,13 +139,7 @@ class RealTimeHost:
     def inject(self, channel: str, message: object, at: int | None = None) -> None:
         """Send `message` in the place of the environment, or of a component that is nowhere here.
 
-        Args:
-            channel: a link whose sender is not here.
-            message: the payload.
-            at: when [ns since the run began]; as soon as it runs, if not given.
-
-        Raises:
-            BadRequest: the channel is unknown, belongs to a component that is here, or the time is past.
+        Raises BadRequest if the channel is unknown, belongs to a component that is here, or the time is past.
         """
         self._must_be_open()
         link = self._links.get(channel)
@@ -152,11 +158,8 @@ class RealTimeHost:
     def run(self, until: int) -> None:
         """Run until the time `until` [ns], or until nothing is left that could happen.
 
-        A node that dies does not end the run: it is noted, and stands in `deaths`.
-
-        Raises:
-            HostFailure: a node was gone before the run began, a component sends on a channel that is not its own, or
-                the host is closed.
+        A node that dies does not end the run: it is noted, and stands in `deaths`. Raises HostFailure if a node was
+        gone before the run began, a component sends on a channel that is not its own, or the host is closed.
         """
         self._must_be_open()
         if not self._begun:

@@ -13,21 +13,29 @@ the links; then in the order in which they were caused.
 from __future__ import annotations
 
 import heapq
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import cast
-
-import numpy as np
 
 from parcours.errors import BadRequest, HostFailure, one_of
 from parcours.run.clocks import SimulatedClock
 from parcours.run.faults import FaultPlan, FlatCodec
-from parcours.run.hosts.channel_delay import ChannelDelay, Execution, Streams, at_once
 from parcours.run.hosts.component_faults import Death, Striker
 from parcours.run.hosts.slots import Answer, Answering, Queue, Slot, silence
-from parcours.run.hosts.traffic import ARRIVE, END, STRIKE, WAKE, Traffic, not_negative
+from parcours.run.hosts.traffic import ARRIVE, END, STRIKE, WAKE, Traffic
 from parcours.run.noise import Noise
 from parcours.run.port import ENVIRONMENT, Component, Link, Step
 from parcours.run.trace import Trace
+
+# The queue of events: a heap of (time, what, who, which), so that equal times have an order that no dict decides.
+#
+#   time  what     who                          who: place of component or link; which: order of being caused
+#   2000  STRIKE   Planner  crash
+#   2000  END      Control  take c7, its messages leave ──► ARRIVE at 2000 + delay
+#   2000  ARRIVE   obstacles #12
+#   2000  WAKE     Sensing
+#   2500  END      ...
+#
+# A transition that costs no time and is what happens next anyway is ended at once: most never enter the heap.
 
 
 class SimulatedHost(Traffic):
@@ -38,15 +46,13 @@ class SimulatedHost(Traffic):
         links: the channels between them, e.g. `links(cefsm)`.
         environment: the tester, which receives what is sent to it and injects: a function
             (channel, payload, time [ns]) -> sends, or a component called "environment".
-        channel_delays: channel -> latency, drop rate, reordering; a channel that is not named delivers at once.
-        execution: how long a component works on a transition [ns].
-        rng: the one source of all that is drawn; without it the streams start from seed 0.
+        execution: (component, transition) -> how long it works on that [ns].
         recording: whether what happens is written into the trace; without it the trace stays empty.
         faults: what shall go wrong; under a plan, a component that raises has died and all others go on.
         codec: the flat form of the messages, for faults that corrupt them.
 
     Raises:
-        HostFailure: two components share a name, or a channel_delay names no link.
+        HostFailure: two components share a name.
         BadRequest: a fault names what is not there, or corrupts without a codec.
     """
 
@@ -58,9 +64,7 @@ class SimulatedHost(Traffic):
         links: Sequence[Link],
         *,
         environment: Component | Answer = silence,
-        channel_delays: Mapping[str, ChannelDelay] | None = None,
-        execution: Execution = at_once,
-        rng: np.random.Generator | None = None,
+        execution: Callable[[str, str], int] | None = None,
         recording: bool = True,
         faults: FaultPlan | None = None,
         codec: FlatCodec | None = None,
@@ -70,19 +74,13 @@ class SimulatedHost(Traffic):
         self._slots = {part.name: Slot(part, k) for k, part in enumerate((*components, tester))}
         self._environment = self._slots[tester.name]
         self._queues = {link.channel: Queue(link, k) for k, link in enumerate(links)}
-        self._channel_delays = dict(channel_delays or {})
         self._execution = execution
-        self._streams = Streams(rng or np.random.default_rng(0))
         self._open = True
         self._recording = recording
         if tester.name != ENVIRONMENT or len(self._slots) != len(components) + 1:
             names = ", ".join(part.name for part in (*components, tester))
             rule = f"component names differ, and the tester's is {ENVIRONMENT!r}, but given were: {names}"
             raise HostFailure(f"{self.label} host", rule, slug="host-names")
-        for channel in self._channel_delays:
-            if channel not in self._queues:
-                remedy = one_of(channel, list(self._queues))
-                raise HostFailure("channel_delays", f"no link is called {channel!r}", remedy, slug="unknown-channel")
         self._striker = Striker(faults, codec, self._slots, self._queues, self._clock, self) if faults else None
         self._clear()
 
@@ -92,7 +90,7 @@ class SimulatedHost(Traffic):
             self._striker.begin()
 
     def reset(self) -> None:
-        """Return everything to where it began: no message, no event, random streams at their start."""
+        """Return everything to where it began: no message, no event."""
         self._must_be_open()
         self._clear()
         for slot in self._slots.values():
@@ -100,7 +98,6 @@ class SimulatedHost(Traffic):
             slot.clear()
         for queue in self._queues.values():
             queue.clear()
-        self._streams.restart()
         self._clock.restart()
 
     def close(self) -> None:
@@ -135,13 +132,7 @@ class SimulatedHost(Traffic):
     def inject(self, channel: str, message: object, at: int | None = None) -> None:
         """Send `message` in the place of the environment, or of a component that is not on this host.
 
-        Args:
-            channel: a link whose sender is not on this host.
-            message: the payload.
-            at: when [ns]; now if not given.
-
-        Raises:
-            BadRequest: the channel is unknown, belongs to a component of this host, or the time is past.
+        Raises BadRequest if the channel is unknown, belongs to a component of this host, or the time is past.
         """
         self._must_be_open()
         queue = self._queues.get(channel)
@@ -160,8 +151,7 @@ class SimulatedHost(Traffic):
     def run(self, until: int) -> None:
         """Run until the time `until` [ns], or until nothing is left that could happen.
 
-        Raises:
-            HostFailure: a component raised, sent on a channel that is not its own, or never comes to rest.
+        Raises HostFailure if a component raised, sent on a channel that is not its own, or never comes to rest.
         """
         self._must_be_open()
         for slot in self._slots.values():
@@ -259,9 +249,8 @@ class SimulatedHost(Traffic):
         for _channel, _payload in step.sends:
             pass  # an object that is not a step is found here, while its component can be blamed
         cost = 0
-        if self._execution is not at_once:
-            drawn = self._execution(slot.name, step.transition, self._streams[f"component {slot.name}"])
-            cost = not_negative(drawn, f"execution time of {step.transition}")
+        if self._execution is not None:
+            cost = self._execution(slot.name, step.transition)
         return cost if self._striker is None else self._striker.cost(slot, cost)
 
     def _is_next(self, slot: Slot) -> bool:

@@ -59,13 +59,7 @@ class FrameSocket:
     def send(self, *frames: bytes, mark: bytes = b"", wait: bool = False) -> None:
         """Send frames now, as far as the other end has room; the rest with `flush`, unless `wait` is true.
 
-        Args:
-            frames: in order.
-            mark: stands before the length of each frame.
-            wait: whether to block until all has left.
-
-        Raises:
-            HostFailure: a frame is larger than any that is read.
+        Raises HostFailure if a frame is larger than any that is read.
         """
         for frame in frames:
             if len(frame) > _MOST:
@@ -74,6 +68,11 @@ class FrameSocket:
         whole = b"".join([part for frame in frames for part in (mark, _LENGTH.pack(len(frame)), frame)])
         self._outgoing.append(memoryview(whole))
         self.flush(wait=wait)
+
+    # Frames wait in a deque of memoryviews, so that what is sent in parts is never copied:
+    #
+    #   send ─► [ rest of 1 | 2 | 3 ] ─► socket ─► kernel buffer ─► other end
+    #            grows while the other end is frozen; `waits` lets the tester select for room
 
     def flush(self, *, wait: bool = False) -> None:
         """Send what is still to be sent, as far as there is room; with `wait`, block until all has left."""

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import heapq
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 
 from parcours.errors import HostFailure
 from parcours.run.clocks import SimulatedClock
-from parcours.run.hosts.channel_delay import ChannelDelay, Streams
+from parcours.run.faults import UNTOUCHED
 from parcours.run.hosts.component_faults import Striker
 from parcours.run.hosts.slots import Message, Queue, Slot
 from parcours.run.port import ENVIRONMENT, LinkKind
@@ -28,8 +28,6 @@ class Traffic(ABC):
     _slots: dict[str, Slot]
     _environment: Slot
     _queues: dict[str, Queue]
-    _channel_delays: Mapping[str, ChannelDelay]
-    _streams: Streams
     _striker: Striker | None
     _recording: bool
 
@@ -94,38 +92,23 @@ class Traffic(ABC):
             self._dispatch(queue, message)
 
     def _dispatch(self, queue: Queue, message: Message) -> None:
-        channel = queue.link.channel
-        channel_delay, delay = self._channel_delays.get(channel), 0
-        if channel_delay is not None:
-            rng = self._streams[f"channel {channel}"]
-            # Both numbers are drawn for every message: a changed drop rate does not shift the latencies.
-            lost = rng.random() < channel_delay.drop
-            delay = not_negative(channel_delay.latency(rng), f"latency of {channel}")
-            if lost:
-                self._record("drop", message.sender, message, text="lost")
-                return
-        copies: tuple[int, ...] = (0,)
-        overtaken = channel_delay is not None and channel_delay.reorder
-        if self._striker is not None:
-            effect = self._striker.meet(message)
-            copies, overtaken = effect.copies, overtaken or effect.reorder
-            if not copies:
-                return
-        if queue.link.kind is LinkKind.RENDEZVOUS and message.sender is not None and self._receiver(queue) is not None:
-            message.sender.waits = channel
-        arrival = self._clock.now() + delay + copies[0]
-        if not overtaken:
+        effect = UNTOUCHED if self._striker is None else self._striker.meet(message)
+        if not effect.copies:
+            return
+        if queue.link.kind is LinkKind.RENDEZVOUS and message.sender is not None and queue.link.receiver in self._slots:
+            message.sender.waits = message.channel
+        arrival = self._clock.now() + effect.copies[0]
+        if not effect.reorder:
             queue.last_arrival = arrival = max(arrival, queue.last_arrival)
-        for later in copies:
+        for later in effect.copies:
             queue.open += 1
-            self._push(arrival + later - copies[0], ARRIVE, queue.index, lambda one=message: self._arrive(queue, one))  # type: ignore[misc]
-            message = Message(channel, message.number, message.payload)  # a further copy keeps no sender waiting
-
-    def _receiver(self, queue: Queue) -> Slot | None:
-        return self._slots.get(queue.link.receiver)
+            when = arrival + later - effect.copies[0]
+            self._push(when, ARRIVE, queue.index, lambda one=message: self._arrive(queue, one))  # type: ignore[misc]
+            # A further copy keeps no sender waiting: it has none.
+            message = Message(message.channel, message.number, message.payload)
 
     def _arrive(self, queue: Queue, message: Message) -> None:
-        slot = self._receiver(queue) or self._environment
+        slot = self._slots.get(queue.link.receiver, self._environment)
         waiting = [other for other in slot.inbox if other.channel == message.channel] if slot.inbox else []
         if queue.link.kind is LinkKind.TOPIC and slot is not self._environment and len(waiting) >= queue.link.capacity:
             slot.inbox.remove(waiting[0])
@@ -167,10 +150,3 @@ class Traffic(ABC):
     def write(self, kind: Kind, slot: Slot | None = None, message: Message | None = None, text: str = "") -> None:
         """Write into the trace."""
         self._record(kind, slot, message, text=text)
-
-
-def not_negative(time: int, what: str) -> int:
-    """Return the time [ns]. Raises HostFailure if it is below 0."""
-    if time < 0:
-        raise HostFailure(what, f"time never runs backwards, but {time} ns was drawn", slug="time-backwards")
-    return time

@@ -21,11 +21,7 @@ if importlib.util.find_spec("genpy") is None and PACKAGES not in sys.path:
 def interpreter_with(module: str) -> str:
     """Return a Python that imports `module` of ROS 1: this one, or else the distribution's own.
 
-    Args:
-        module: a name such as "rosmaster"; the Debian package is called after it.
-
-    Raises:
-        HostFailure: neither has it.
+    Raises HostFailure if neither has it.
 
     >>> interpreter_with("json") == sys.executable
     True

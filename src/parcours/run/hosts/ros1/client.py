@@ -34,13 +34,7 @@ Heard = Callable[[bytes, bytes], None]
 
 
 class Client:
-    """A name on the graph, on loopback.
-
-    Args:
-        name: with its slash.
-        master: http://host:port.
-        refused: called, in any thread, with why a connection was declined or could not be made.
-    """
+    """A name on the graph, on loopback."""
 
     def __init__(self, name: str, master: str, refused: Callable[[str], None] = lambda text: None) -> None:
         self.name, self.master, self._refused = name, master, refused

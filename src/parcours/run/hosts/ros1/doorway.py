@@ -16,12 +16,7 @@ _PATIENCE = 10.0
 
 
 class Doorway:
-    """Where other nodes connect, on loopback.
-
-    Args:
-        admit: takes a connection over by its header, or returns why not.
-        refused: called with each complaint.
-    """
+    """Where other nodes connect, on loopback."""
 
     def __init__(self, admit: Callable[[socket.socket, Mapping[str, str]], str],
                  refused: Callable[[str], None]) -> None:  # fmt: skip

@@ -111,8 +111,7 @@ class ForeignHost:
     def start(self, slots: list[Slot]) -> None:
         """Start the processes of slots that the tester starts, all at once; those that run already go on.
 
-        Raises:
-            HostFailure: a command cannot be run.
+        Raises HostFailure if a command cannot be run.
         """
         self.stop([name for name, (_, process) in self.running.items() if not process.is_alive])
         fresh = [slot for slot in slots if slot.node.is_ours and slot.name not in self.running]

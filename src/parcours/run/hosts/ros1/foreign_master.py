@@ -25,12 +25,7 @@ def plain_value(value: Value) -> Any:
 
 
 class MasterEnd:
-    """The tester's questions to a master.
-
-    Args:
-        name: the tester's own name on the graph, which is left out of everything.
-        uri: http://host:port.
-    """
+    """The tester's questions to a master."""
 
     def __init__(self, name: str, uri: str) -> None:
         self._name, self._uri = name, uri
@@ -38,8 +33,7 @@ class MasterEnd:
     def state(self) -> Graph:
         """Return who publishes, subscribes to and serves what; types of topics only.
 
-        Raises:
-            HostFailure: the master does not answer.
+        Raises HostFailure if the master does not answer.
         """
         calls: list[tuple[str, tuple[object, ...]]] = [
             ("getSystemState", (self._name,)), ("getTopicTypes", (self._name,)),

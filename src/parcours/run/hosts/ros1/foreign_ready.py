@@ -20,14 +20,7 @@ _AT_WORK = 0.15
 
 
 class Readiness:
-    """What is still waited for, from now on.
-
-    Args:
-        host: whose processes start.
-        slot_plan: the nodes that are waited for.
-        relay: where messages come.
-        now: the time since the run began [ns].
-    """
+    """What is still waited for, from now on."""
 
     def __init__(self, host: ForeignHost, slot_plan: SlotPlan, relay: Relay, now: Callable[[], int]) -> None:
         self._host, self._seating, self._relay, self._now = host, slot_plan, relay, now
@@ -38,8 +31,7 @@ class Readiness:
     def looks(self) -> bool:
         """Return whether everything is there.
 
-        Raises:
-            HostFailure: something is not, in its time, or will not be; the message lists what is missing.
+        Raises HostFailure if something is not, in its time, or will not be; the message lists what is missing.
         """
         for slot in self._seating.slots:
             self._waiting[slot.name] = [one for one in self._waiting[slot.name] if not self._holds(slot, one)]

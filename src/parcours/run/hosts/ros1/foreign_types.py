@@ -30,8 +30,7 @@ _NESTED = re.compile(r"(?m)^=+\s*\nMSG: *(\S+)[ \t]*\n")
 def see_ros() -> None:
     """Make the distribution's ROS packages importable, behind everything else, if genpy is not there.
 
-    Raises:
-        HostFailure: there is no genpy.
+    Raises HostFailure if there is no genpy.
     """
     if importlib.util.find_spec("genpy") is None and (Path(PACKAGES) / "genpy").is_dir():
         with contextlib.suppress(HostFailure):

@@ -28,13 +28,7 @@ _LONGEST_ANSWER = 4_000_000
 def ask(uri: str, method: str, *arguments: object, within: float = WITHIN) -> Any:
     """Return what a node or the master answers, the third of its triple.
 
-    Args:
-        uri: http://host:port.
-        method: of the ROS 1 master or slave API.
-        within: how long to wait [s].
-
-    Raises:
-        HostFailure: there is no answer, or not one of ROS, or it is a refusal.
+    Raises HostFailure if there is no answer, or not one of ROS, or it is a refusal.
     """
     code, text, value = _triple(uri, method, _asked(uri, method, arguments, within))
     if code != 1:
@@ -45,8 +39,7 @@ def ask(uri: str, method: str, *arguments: object, within: float = WITHIN) -> An
 def ask_all(uri: str, calls: Sequence[tuple[str, Sequence[object]]], within: float = WITHIN) -> list[Any]:
     """Return the answers to several (method, arguments) of the master at once; None for what is refused.
 
-    Raises:
-        HostFailure: there is no answer, or not one of ROS.
+    Raises HostFailure if there is no answer, or not one of ROS.
     """
     if not calls:
         return []
@@ -108,12 +101,7 @@ Answers = Mapping[str, Callable[..., object]]
 
 
 class Slave:
-    """A name's end of the graph: it answers, on loopback, in threads of its own.
-
-    Args:
-        answers: beside those that every node gives; without the caller's name as first argument.
-        ended: called, in any thread, after it was ordered to shut down (rosnode kill) and has answered.
-    """
+    """A name's end of the graph: it answers, on loopback, in threads of its own."""
 
     def __init__(self, master: str, answers: Answers, ended: Callable[[], None] = lambda: None) -> None:
         self._server = _Server(ended)
@@ -155,8 +143,7 @@ def _method(answer: Callable[..., object]) -> Any:
 def require_free(master: str, names: Sequence[str]) -> None:
     """Refuse names that a living node has on the graph: the master would tell that one to end.
 
-    Raises:
-        HostFailure: one of them is taken.
+    Raises HostFailure if one of them is taken.
     """
     for name in names:
         try:

@@ -69,14 +69,7 @@ def write_package(
 ) -> None:
     """Write the .msg and .srv files of the channels, with what their fields mean, and an index.
 
-    Args:
-        folder: made if it does not exist.
-        package: what ROS calls it.
-        channels: what `interfaces` returned.
-        forms: channel -> fields of its flat form, in order.
-
-    Raises:
-        HostFailure: a channel has no form, a form is not well formed, or two different forms would get one name.
+    Raises HostFailure if a channel has no form, a form is not well formed, or two different forms would get one name.
     """
     if not _PACKAGE.fullmatch(package):
         _refuse(f"ROS package {package!r}", "must be named in lower case, digits and underscores", "")
@@ -129,11 +122,7 @@ def _fields(text: str) -> list[str]:
 
 
 def read_index(folder: Path) -> tuple[str, tuple[Interface, ...]]:
-    """Return the package's name and its channels.
-
-    Raises:
-        HostFailure: the folder holds no such package.
-    """
+    """Return the package's name and its channels. Raises HostFailure if the folder holds no such package."""
     try:
         index = json.loads((folder / INDEX).read_text(encoding="utf-8"))
         package, channels = str(index["package"]), tuple(Interface(**one) for one in index["channels"])
@@ -149,8 +138,7 @@ def read_index(folder: Path) -> tuple[str, tuple[Interface, ...]]:
 def write_python(folder: Path) -> Path:
     """Generate the package's Python classes with genpy, for ROS's tools; return the folder for PYTHONPATH.
 
-    Raises:
-        HostFailure: there is no genpy, or it refuses a file.
+    Raises HostFailure if there is no genpy, or it refuses a file.
     """
     try:
         from genmsg import MsgContext, MsgGenerationException
@@ -176,11 +164,7 @@ def write_python(folder: Path) -> Path:
 def package_routes(folder: Path) -> tuple[Route, ...]:
     """Return the routes of a package's channels, with the types that go into connection headers.
 
-    Args:
-        folder: as `write_package` left it.
-
-    Raises:
-        HostFailure: there is no such package, or no ROS 1, or two channels share a topic.
+    Raises HostFailure if there is no such package, or no ROS 1, or two channels share a topic.
     """
     try:
         from genmsg import MsgContext

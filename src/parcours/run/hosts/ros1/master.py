@@ -29,15 +29,14 @@ _TAIL = 6
 class Master:
     """A real master, without the logger node rosout, which would listen on all interfaces.
 
+    Raises HostFailure if there is no ROS 1, the port is taken, or the master does not answer in time.
+
     Within the context `os.environ` names the master and loopback; `environment` is the same for other processes.
     Ends with this process, however that ends.
 
     Args:
         port: where it listens; a free one if not given.
         within: how long it may take to answer [s].
-
-    Raises:
-        HostFailure: there is no ROS 1, the port is taken, or the master does not answer in time.
     """
 
     def __init__(self, port: int | None = None, *, within: float = 30.0) -> None:

@@ -23,10 +23,6 @@ _ITEM = 8
 class Packing:
     """One channel's message.
 
-    Args:
-        channel: its name, for complaints.
-        form: the fields in order; kinds are those of `interfaces.TYPES`.
-
     >>> class Speed:
     ...     name, kind, doc = "speed", "float", "m/s"
     >>> class Legs:
@@ -50,14 +46,7 @@ class Packing:
             self._runs.append((struct.Struct(f"<{scalars}"), len(scalars), None))
 
     def pack(self, values: Sequence[Any]) -> bytes:
-        """Return the message's bytes.
-
-        Args:
-            values: one for each field, in order; arrays of shape (n,).
-
-        Raises:
-            BadRequest: there are too few or too many, or one is of another kind.
-        """
+        """Return the message's bytes. Raises BadRequest if there are too few or too many, or one is of another kind."""
         if len(values) != self._n_fields:
             self._refuse(f"has {self._n_fields} fields, but {len(values)} values were given")
         parts: list[bytes] = []
@@ -78,8 +67,7 @@ class Packing:
     def unpack(self, data: bytes) -> tuple[object, ...]:
         """Return the values; arrays are numpy's, of shape (n,), with memory of their own.
 
-        Raises:
-            BadRequest: the bytes are too few or too many.
+        Raises BadRequest if the bytes are too few or too many.
         """
         values: list[object] = []
         at = 0
@@ -140,12 +128,7 @@ class Ros1Codec:
 
 
 class Ros1NodeProgram:
-    """A node_program whose messages travel on ROS 1.
-
-    Args:
-        node_program: the same on any other host.
-        codec: used in the place of its own.
-    """
+    """A node_program whose messages travel on ROS 1."""
 
     def __init__(self, node_program: NodeProgram, codec: Ros1Codec) -> None:
         self.instance, self.prompt, self.view = node_program.instance, node_program.prompt, node_program.view

@@ -25,16 +25,7 @@ _ACTS = {"stop": signal.SIGSTOP, "continue": signal.SIGCONT, "kill": signal.SIGK
 class KeptProcess:
     """A process that a command started, with everything that it starts itself.
 
-    Args:
-        name: how it is called in messages.
-        command: words, run without a shell.
-        cwd: where.
-        env: its whole environment.
-        log: the file to which its output is appended.
-        folder: removed if this process ends first.
-
-    Raises:
-        HostFailure: it cannot be started.
+    Raises HostFailure if it cannot be started.
     """
 
     def __init__(self, name: str, command: Sequence[str], cwd: Path, env: Mapping[str, str], log: Path,
@@ -66,11 +57,7 @@ class KeptProcess:
             os.close(other)
 
     def await_start(self) -> None:
-        """Wait until the command runs.
-
-        Raises:
-            HostFailure: it cannot be run.
-        """
+        """Wait until the command runs. Raises HostFailure if it cannot be run."""
         until = time.monotonic() + _ANSWER
         while not self.pid and self.is_alive and time.monotonic() < until:
             time.sleep(0.001)

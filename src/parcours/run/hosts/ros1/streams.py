@@ -16,13 +16,7 @@ REFUSED, ANSWERED = b"\0", b"\1"
 
 
 class Stream(FrameSocket):
-    """A connection whose headers have been exchanged.
-
-    Args:
-        connection: it is closed with the stream.
-        peer: the name of the node at the other end.
-        answers: whether what arrives are a server's answers, which are marked.
-    """
+    """A connection whose headers have been exchanged."""
 
     def __init__(self, connection: socket.socket, peer: str, *, answers: bool = False) -> None:
         super().__init__(connection, marked=answers)
@@ -39,8 +33,7 @@ def write_header(connection: socket.socket, header: Mapping[str, str]) -> None:
 def read_header(connection: socket.socket) -> dict[str, str]:
     """Return the header that the other end sends.
 
-    Raises:
-        HostFailure: it sends something else, or nothing within the socket's timeout.
+    Raises HostFailure if it sends something else, or nothing within the socket's timeout.
     """
     try:
         (size,) = _LENGTH.unpack(_exactly(connection, _LENGTH.size))

@@ -40,11 +40,7 @@ class Plan:
 
 
 def frame_kind() -> Kind:
-    """Return what frames travel as: `std_msgs/UInt8MultiArray`.
-
-    Raises:
-        HostFailure: there is no std_msgs.
-    """
+    """Return what frames travel as: `std_msgs/UInt8MultiArray`. Raises HostFailure if there is no std_msgs."""
     try:
         array = import_module("std_msgs.msg").UInt8MultiArray
     except ImportError:
@@ -124,20 +120,11 @@ def ros1_line(node: Node, plan: Plan) -> GraphLine:
 class Ros1Transport(GraphTransport):
     """The tester's end.
 
-    Args:
-        nodes: what to start; their programs encode and decode as `codec` does (`Ros1NodeProgram`).
-        channels: what `interfaces` returned for the model.
-        codec: of the messages' bytes, for the tester, too.
-        preload: modules to load before the processes are forked.
-        master: of a graph that runs, http://host:port; one of its own on a free port, if not given.
-        package: what the messages' ROS package is called.
+    Raises HostFailure if there is no ROS 1 or no master, a name is taken on its graph, or a node did not start.
 
     Attributes:
         refusals: connections that were declined, and why.
         folder: of the messages' ROS package; its subfolder `python` on PYTHONPATH lets ROS's tools read them.
-
-    Raises:
-        HostFailure: there is no ROS 1 or no master, a name is taken on its graph, or a node did not start.
     """
 
     label = "ros1"

@@ -41,12 +41,11 @@ Heard = Callable[[bytes], None]
 class Participant:
     """A node of the graph, in a context of its own.
 
+    Raises HostFailure if rclpy is not there, or there is no such domain.
+
     Args:
         name: of the node.
         domain: the graph's number; that of the environment, or 0, if not given.
-
-    Raises:
-        HostFailure: rclpy is not there, or there is no such domain.
     """
 
     def __init__(self, name: str, domain: int | None = None) -> None:

@@ -101,8 +101,7 @@ class SteppedClock:
     def advance(self, until: int) -> int:
         """Step on to `until` [ns], unless it is past; return once all nodes are quiet.
 
-        Raises:
-            HostFailure: a node does not come to rest, or answers no more.
+        Raises HostFailure if a node does not come to rest, or answers no more.
         """
         while self.now() < until:
             self._instant += min(self._step, until - self.now())
@@ -125,8 +124,7 @@ class SteppedClock:
     def settle(self) -> None:
         """Return once all nodes are quiet: also after something was said to them.
 
-        Raises:
-            HostFailure: a node does not come to rest, or answers no more.
+        Raises HostFailure if a node does not come to rest, or answers no more.
         """
         deadline = time.perf_counter_ns() + int(self._within * 1e9)
         quiet_rounds = 0

@@ -38,15 +38,8 @@ def _end_with(sentinel: int) -> None:
 class Ros2Transport(GraphTransport):
     """The tester's end.
 
-    Args:
-        nodes: what to start.
-        channels: what `interfaces` returned for the model.
-        preload: modules to load before the processes are forked.
-        domain: the graph's number; that of the environment, or 0, if not given.
-
-    Raises:
-        HostFailure: rclpy is not there, a node did not start, channels share a topic, or another tester's nodes have
-            the same names.
+    Raises HostFailure if rclpy is not there, a node did not start, channels share a topic, or another tester's nodes
+    have the same names.
     """
 
     label = "ros2"
@@ -72,10 +65,8 @@ def claim(domain: int, node: str) -> socket.socket:
     """Return a socket that holds the name of a node until it is closed.
 
     A graph is discovered bit by bit: looking for other testers may be too early. Abstract sockets belong to the
-    network, as the graph on loopback does, and vanish with their process.
-
-    Raises:
-        HostFailure: another tester holds it.
+    network, as the graph on loopback does, and vanish with their process. Raises HostFailure if another tester holds
+    it.
     """
     held = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
     try:
