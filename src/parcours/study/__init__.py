@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from parcours.study.parameters import Parameter, Settings
     from parcours.study.protocol import Judged, Measure, Reported, Request, Results, Run, Study
 
+# Name -> the module that has it: a component that only says what it `took` loads none of them
 _ROOMS = {
     "CampaignStudy": "campaign.study",
     "ComponentStudy": "components.study",
@@ -34,7 +35,6 @@ _ROOMS = {
     "judge_case": "finding",
     "python_system": "components.systems",
 }
-"""Name -> the module that has it: a component that only says what it `took` loads none of them."""
 
 __all__ = [
     "CampaignStudy",

@@ -15,14 +15,12 @@ from pathlib import Path, PurePosixPath
 from parcours.errors import BadRequest
 from parcours.run.atomic import unwritable
 
+# Entry points of this group bring templates of further kinds of study: `kind = package:FOLDER`, FOLDER lying in it
 GROUP = "parcours.templates"
-"""Entry points of this group bring templates of further kinds of study: `kind = package:FOLDER`, FOLDER lying in it."""
 
-SUFFIX = ".template"
-"""Ending of template files that tools must not take for source code of Parcours; the copy lacks it."""
+SUFFIX = ".template"  # Ending of template files that tools must not take for source code of Parcours; the copy lacks it
 
-NAME = b"STUDY_NAME"
-"""What a template writes where the name of the study belongs."""
+NAME = b"STUDY_NAME"  # What a template writes where the name of the study belongs
 
 _LEFT_OUT = re.compile(r"__pycache__|build|\..*|.*\.(?:py[co]|o)")
 _BUILT = b"\x7fELF"

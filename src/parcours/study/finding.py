@@ -22,8 +22,8 @@ from parcours.suite import Case
 if TYPE_CHECKING:
     from parcours.study.components.study import ComponentStudy
 
+# Entry points of this group name studies: `name = package.module:STUDY`, an object or a function that returns one
 GROUP = "parcours.studies"
-"""Entry points of this group name studies: `name = package.module:STUDY`, an object or a function that returns one."""
 
 FILE = "study.yaml"
 _NEEDED = ("name", "kind", "parameters", "suite", "run", "read", "report", "judge")

@@ -93,8 +93,8 @@ def _module(target: str, where: str, folder: Path) -> ModuleType:
         raise
 
 
+# Folder -> the modules in it that files there have imported: two studies may have a `helpers` each
 NEIGHBOURS: dict[str, dict[str, ModuleType]] = {}
-"""Folder -> the modules in it that files there have imported: two studies may have a `helpers` each."""
 
 
 @contextlib.contextmanager

@@ -10,8 +10,7 @@ from typing import Literal, TypeAlias, get_args
 from parcours.errors import BadRequest, one_of
 
 Scalar: TypeAlias = bool | int | float | str
-Settings: TypeAlias = Mapping[str, Scalar]
-"""A value for every parameter of a study, by name."""
+Settings: TypeAlias = Mapping[str, Scalar]  # A value for every parameter of a study, by name
 
 Kind = Literal["bool", "int", "real", "text"]
 KINDS: tuple[Kind, ...] = get_args(Kind)

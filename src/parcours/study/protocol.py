@@ -22,11 +22,9 @@ from parcours.study.parameters import Parameter, Settings
 from parcours.suite import Case
 from parcours.verdict.judgement import Judgement, Verdict
 
-Progress = Callable[[str, int, int], None]
-"""Reports (what, how many are done, how many in all)."""
+Progress = Callable[[str, int, int], None]  # Reports (what, how many are done, how many in all)
 
-_WIDTH = 110
-"""Where the lines of an explanation are broken [characters]."""
+_WIDTH = 110  # Where the lines of an explanation are broken [characters]
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,15 +19,15 @@ from parcours.study.parameters import KINDS, Parameter
 from parcours.study.protocol import Study
 
 FORMAT = "study/1"
+# Entry points of this group read further kinds of study: `name = package.module:function`, called as a `Reader`
 KIND_GROUP = "parcours.kinds"
-"""Entry points of this group read further kinds of study: `name = package.module:function`, called as a `Reader`."""
 
 _COMMON = ("doc", "kind", "parameters")
+# Options that commands or kinds of study have: no parameter may have their names
 _OPTIONS = (
     "as_json", "baseline", "case", "cases", "cases_from", "chosen", "fail_if", "fresh", "graph", "help", "host", "json",
     "junit", "n_cases", "out", "record", "repeats", "seed", "set", "study", "workers",
 )  # fmt: skip
-"""Options that commands or kinds of study have: no parameter may have their names."""
 
 _PARAMETER = ("type", "default", "unit", "range", "choices", "doc")
 

@@ -31,12 +31,10 @@ if TYPE_CHECKING:
 
 _OPTIONAL = ("data", "combine", "inconclusive", "measures", "trace", "cases", "patience", "constants")
 
-_TRIED = 20
-"""Cases that the battery runs."""
+_TRIED = 20  # Cases that the battery runs
 
 _SEED = 1
-_SLOW = 0.5
-"""A case that takes this share of the patience is close to being an error."""
+_SLOW = 0.5  # A case that takes this share of the patience is close to being an error
 
 
 def read_campaign(reader: StudyReader, root: Node) -> Study | None:

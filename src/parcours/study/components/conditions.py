@@ -9,8 +9,7 @@ from parcours.errors import BadModel
 from parcours.model.expression import Expression, Type, evaluate, names
 from parcours.model.solutions import Budget, Question
 
-_EFFORT = 20_000
-"""Most valuations tried for conditions that share symbols."""
+_EFFORT = 20_000  # Most valuations tried for conditions that share symbols
 
 
 @dataclass(slots=True)

@@ -30,22 +30,18 @@ from parcours.run.hosts.launching import ending
 if TYPE_CHECKING:
     from parcours.study.components.systems import ProgramPart
 
-SOCKET = "PARCOURS_SOCKET"
-"""Environment variable with the path of the socket of a program that has `socket: true`."""
+SOCKET = "PARCOURS_SOCKET"  # Environment variable with the path of the socket of a program that has `socket: true`
 
-LONGEST = 1_000_000
-"""Most bytes of a line."""
+LONGEST = 1_000_000  # Most bytes of a line
 
 _QUOTED = 80
-_TAIL = 4096
-"""So much is kept of what a program writes to standard error [bytes]."""
+_TAIL = 4096  # So much is kept of what a program writes to standard error [bytes]
 
 _CHUNK = 1 << 16
+# So often a silent program is asked whether it lives [s]: its helpers may hold its streams open when it has died
 _LOOK = 0.05
-"""So often a silent program is asked whether it lives [s]: its helpers may hold its streams open when it has died."""
 
-_GRACE = 1.0
-"""So long a program may take to end after the end of its input [s] before it is killed."""
+_GRACE = 1.0  # So long a program may take to end after the end of its input [s] before it is killed
 
 _MOST_KEPT = 16
 _PARENT_DEATH = 1  # PR_SET_PDEATHSIG
@@ -53,8 +49,7 @@ _LIBC = ctypes.CDLL(None) if sys.platform == "linux" else None  # a forked child
 
 _alive: set[Process] = set()
 _kept: dict[object, list[Process]] = {}
-_guarded: set[int] = set()
-"""Processes whose exit ends the programs that they have started."""
+_guarded: set[int] = set()  # Processes whose exit ends the programs that they have started
 
 
 class Process:
@@ -71,8 +66,7 @@ class Process:
     """
 
     def __init__(self, command: list[str], part: ProgramPart, component: str, patience: float) -> None:
-        self.status: int | None = None
-        """Its exit status, negative for a signal; None while it runs."""
+        self.status: int | None = None  # Its exit status, negative for a signal; None while it runs
         self._component, self._patience, self._owner = component, patience, os.getpid()
         self._asked, self._until = "", 0.0
         self._incoming, self._outgoing, self._words = bytearray(), bytearray(), bytearray()

@@ -15,8 +15,7 @@ from parcours.suite import Case
 if TYPE_CHECKING:
     from parcours.study.components.study import ComponentStudy
 
-_LONG = 200
-"""Characters of a message that are shown."""
+_LONG = 200  # Characters of a message that are shown
 
 
 def page_of(study: ComponentStudy, case: Case, settings: Settings) -> Page:

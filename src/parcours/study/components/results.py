@@ -25,8 +25,7 @@ from parcours.verdict.timing import NEVER, parse_bound
 
 FILE = "components.json"
 _FORMAT = "components/2"
-_LONGEST = 2_000
-"""Characters of a reason that are kept."""
+_LONGEST = 2_000  # Characters of a reason that are kept
 
 
 @dataclass(frozen=True, slots=True)

@@ -57,8 +57,7 @@ from parcours.verdict.judgement import Judgement, Verdict
 if TYPE_CHECKING:
     from parcours.study.components.study import ComponentStudy
 
-Kept = tuple[ComponentResult, "Noise | None"]
-"""A result, and the noise beside its repeats if it was timed."""
+Kept = tuple[ComponentResult, "Noise | None"]  # A result, and the noise beside its repeats if it was timed
 
 
 def run_study(study: ComponentStudy, request: Request, progress: Progress) -> Run:

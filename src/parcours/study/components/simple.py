@@ -23,8 +23,7 @@ if TYPE_CHECKING:
     from parcours.model.structure import Component as Modelled
     from parcours.run.port import Component, Send, Step
 
-MOST_SENDS = 10_000
-"""A transition that sends more messages floods its host, and fails."""
+MOST_SENDS = 10_000  # A transition that sends more messages floods its host, and fails
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,8 +48,7 @@ def took(transition: str, *sends: Send, **messages: object) -> Took:
     return Took(transition, (*sends, *messages.items()))
 
 
-Answer = Took | Iterable[Took] | None
-"""What a method may return: one step, several, or none."""
+Answer = Took | Iterable[Took] | None  # What a method may return: one step, several, or none
 
 
 class Simple:

@@ -25,12 +25,11 @@ from parcours.model.structure import BASE_TYPES, Cefsm, Send, Transition
 from parcours.study.components.conditions import Conditions, solved
 from parcours.study.components.messages import Messages, Plain
 
+# Channel or transition -> field or input variable -> formula over test inputs and parameters
 Formulas = Mapping[str, Mapping[str, Expression]]
-"""Channel or transition -> field or input variable -> formula over test inputs and parameters."""
 
 Symbolic: TypeAlias = Union[Expression, "Record"]
-Record: TypeAlias = dict[str, Symbolic]
-"""A message: what is known of its fields."""
+Record: TypeAlias = dict[str, Symbolic]  # A message: what is known of its fields
 
 
 @dataclass(frozen=True, slots=True)

@@ -35,11 +35,9 @@ from parcours.suite import Case, Plan, combine
 from parcours.verdict.judgement import Judgement, Verdict
 from parcours.verdict.timing import NEVER, Bound
 
-NO_INPUTS = InputModel("no inputs", ())
-"""The test inputs of a study that has none: each abstract case is one case."""
+NO_INPUTS = InputModel("no inputs", ())  # The test inputs of a study that has none: each abstract case is one case
 
-_TIMED = 5
-"""Abstract cases that are timed for each limit, evenly spread."""
+_TIMED = 5  # Abstract cases that are timed for each limit, evenly spread
 
 Oracle = Callable[[Case, Trace, Settings], Judgement]
 
@@ -126,10 +124,8 @@ class ComponentStudy:
     patience: float = PATIENCE
 
     kind = "components"
-    trusted = False
-    """Whether components run in this process: only those that ship with Parcours do."""
-    compiles = False
-    """Whether kernels are compiled before the first case."""
+    trusted = False  # Whether components run in this process: only those that ship with Parcours do
+    compiles = False  # Whether kernels are compiled before the first case
 
     @property
     def family(self) -> str:

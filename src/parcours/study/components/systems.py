@@ -16,8 +16,8 @@ from parcours.study.loading import load
 from parcours.study.parameters import Settings
 from parcours.suite import Case
 
+# So long a program, thread or coroutine may take for one transition [s of wall clock] before it counts as hung
 PATIENCE = 5.0
-"""So long a program, thread or coroutine may take for one transition [s of wall clock] before it counts as hung."""
 
 
 class System(Protocol):

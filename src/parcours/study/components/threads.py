@@ -30,15 +30,13 @@ from parcours.model.structure import Component as Modelled
 from parcours.run.port import Send, Step
 from parcours.study.components.simple import Took, require_allowed, took
 
+# What `receive` returns: (channel, message); (None, transition) if asked for a transition that no message starts; or
+# (None, None) if asked for whatever can be done
 Arrival = tuple[str | None, object]
-"""What `receive` returns: (channel, message); (None, transition) if asked for a transition that no message starts; or
-(None, None) if asked for whatever can be done."""
 
-_GRACE = 1.0
-"""So long a thread may take to end [s] after the tester has let go of it."""
+_GRACE = 1.0  # So long a thread may take to end [s] after the tester has let go of it
 
-_MOST_REFUSED = 100
-"""A thread that catches its end so often, and goes on, is put to sleep: it would use up a processor."""
+_MOST_REFUSED = 100  # A thread that catches its end so often, and goes on, is put to sleep: it would use up a processor
 
 _OURS = str(Path(__file__).parent)
 
@@ -71,8 +69,7 @@ class _Desk:
         self.closed = False
         self.go: SimpleQueue[None] = SimpleQueue()
         self.reports: SimpleQueue[Took | _Idle | _Over] = SimpleQueue()
-        self.nudge: Callable[[], object] = lambda: None
-        """Wakes a loop that waits for something outside."""
+        self.nudge: Callable[[], object] = lambda: None  # Wakes a loop that waits for something outside
         self._refused = 0
 
     def hand_over(self, report: Took | _Idle) -> None:
