@@ -30,8 +30,7 @@ def load(target: str, folder: Path | None = None) -> object:
         target: a relative file counts from `folder`; modules are looked for there, too.
         folder: by default the current one.
 
-    Raises:
-        BadRequest: there is no such file, module or name, or loading raised.
+    Raises BadRequest: there is no such file, module or name, or loading raised.
 
     >>> load("math:hypot")(3.0, 4.0)
     5.0

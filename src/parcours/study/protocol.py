@@ -29,21 +29,13 @@ _WIDTH = 110  # Where the lines of an explanation are broken [characters]
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """What a user asks a study to run.
+    """What a user asks a study to run."""
 
-    Attributes:
-        settings: a value for each of the study's parameters.
-        seed: campaign seed.
-        n_cases: how many cases, the first ones; None leaves it to the study.
-        chosen: ids of the only cases to run, in the order of the plan; all if empty.
-        out: folder for the results; resumed if it holds part of the same run.
-    """
-
-    settings: Settings
-    seed: int
-    out: Path
-    n_cases: int | None = None
-    chosen: tuple[str, ...] = ()
+    settings: Settings  # a value for each of the study's parameters
+    seed: int  # campaign seed
+    out: Path  # folder for the results; resumed if it holds part of the same run
+    n_cases: int | None = None  # how many cases, the first ones; None leaves it to the study
+    chosen: tuple[str, ...] = ()  # ids of the only cases to run, in the order of the plan; all if empty
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,18 +48,12 @@ class Run:
 
 @dataclass(frozen=True, slots=True)
 class Measure:
-    """One figure for each case of a run, in the order of `Results.cases`.
+    """One figure for each case of a run, in the order of `Results.cases`."""
 
-    Attributes:
-        values: shape (n_cases,); NaN where it is not known. Of a rate 0 or 1.
-        kind: a rate counts cases, a quantity is averaged.
-        unit: of a quantity.
-        worse: which way is worse, for a comparison with a baseline; "" where neither is.
-    """
-
-    values: NDArray[np.float64]
-    kind: Literal["rate", "quantity"] = "rate"
-    unit: str = "1"
+    values: NDArray[np.float64]  # shape (n_cases,); NaN where it is not known. Of a rate 0 or 1
+    kind: Literal["rate", "quantity"] = "rate"  # a rate counts cases, a quantity is averaged
+    unit: str = "1"  # of a quantity
+    # which way is worse, for a comparison with a baseline; "" where neither is
     worse: Literal["more", "less", ""] = "more"
 
 
@@ -99,36 +85,23 @@ class Results(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Reported:
-    """What a report says of one or several folders.
+    """What a report says of one or several folders."""
 
-    Attributes:
-        tables: for the terminal.
-        pieces: makes what a page shows; called only where there is a page, since it may run cases again.
-        documents: folder -> JSON values.
-    """
-
-    tables: Sequence[Table]
+    tables: Sequence[Table]  # for the terminal
+    # makes what a page shows; called only where there is a page, since it may run cases again
     pieces: Callable[[], Sequence[Piece]]
-    documents: Mapping[str, object]
+    documents: Mapping[str, object]  # folder -> JSON values
 
 
 @dataclass(frozen=True, slots=True)
 class Judged:
-    """One case, executed and judged.
+    """One case, executed and judged."""
 
-    Attributes:
-        case: what was executed.
-        verdict: what the study's oracle says.
-        why: its reason, one sentence.
-        facts: what the oracle looked at, as (name, value with unit).
-        replay: a command that shows the run.
-    """
-
-    case: Case
-    verdict: Verdict
-    why: str
-    facts: tuple[tuple[str, str], ...]
-    replay: str
+    case: Case  # what was executed
+    verdict: Verdict  # what the study's oracle says
+    why: str  # its reason, one sentence
+    facts: tuple[tuple[str, str], ...]  # what the oracle looked at, as (name, value with unit)
+    replay: str  # a command that shows the run
 
     def __str__(self) -> str:
         values = [f"{name} = {value:g}" for name, value in zip(self.case.names, self.case.values, strict=True)]
@@ -143,19 +116,12 @@ class Judged:
 
 @dataclass(frozen=True, slots=True)
 class Rejudged:
-    """A recording judged again.
+    """A recording judged again."""
 
-    Attributes:
-        path: of the recording.
-        case: its id.
-        recorded: the verdict that stands in it; empty if none does.
-        judgement: the verdict it earns now.
-    """
-
-    path: Path
-    case: str
-    recorded: str
-    judgement: Judgement
+    path: Path  # of the recording
+    case: str  # its id
+    recorded: str  # the verdict that stands in it; empty if none does
+    judgement: Judgement  # the verdict it earns now
 
     @property
     def agrees(self) -> bool:
@@ -221,8 +187,7 @@ class Study(Protocol):
     def judge(self, case: Case, settings: Settings) -> Judged:
         """Execute one case of this study again and judge it.
 
-        Raises:
-            BadSuite: it has no such case, or other values than the case's number and seed give.
+        Raises BadSuite: it has no such case, or other values than the case's number and seed give.
         """
 
     def rejudge(self, recording: Path) -> Rejudged:

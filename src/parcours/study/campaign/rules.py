@@ -50,9 +50,7 @@ TAKEN = ("number", "error", "reason", *(name for name, _, _ in RATES))
 
 # Names that nothing else may have: they mean something to every function, or to every campaign
 GIVEN = ("case", "seed", "rng", "workers")
-
 ABSTRACT = "cases"  # The one abstract case of a campaign: its rows are the cases
-
 _SAID = 6  # Most facts in a sentence
 
 
@@ -164,13 +162,7 @@ class Outcome:
 
 
 def outcome_of(study: CampaignStudy, row: np.void, known: Mapping[str, Scalar]) -> Outcome:
-    """Return the verdict on a case: an error, else what the first rule that holds says, `inconclusive` before `fail`.
-
-    Args:
-        study: whose rules judge.
-        row: the facts of the case.
-        known: values of test inputs and parameters, by name.
-    """
+    """Return the verdict on a case: an error, else that of the first rule that holds, `inconclusive` before `fail`."""
     if row["error"]:
         reason = row["reason"].decode("utf-8", "replace")
         return Outcome(Verdict.ERROR, reason, reason)

@@ -79,8 +79,7 @@ def run_numbered(
         progress: reports how far it is.
         label: what runs, in a word or two.
 
-    Raises:
-        BadRequest, BadResults, HostFailure: as `run_campaign`.
+    Raises BadRequest, BadResults, HostFailure: as `run_campaign`.
     """
     campaign = numbered.campaign(len(chosen) or n_cases)
     simulate: object = numbered
@@ -101,8 +100,7 @@ def run_numbered(
 def facts_of(store: Store, folder: Path) -> NDArray[np.void]:
     """Return the facts of the finished cases, once they are found to be those that the shards' numbers say.
 
-    Raises:
-        BadResults: they are others.
+    Raises BadResults: they are others.
     """
     facts = store.load(partial=True)
     campaign, absent = store.campaign, set(store.missing())

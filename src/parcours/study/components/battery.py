@@ -18,9 +18,7 @@ if TYPE_CHECKING:
     from parcours.study.components.study import ComponentStudy
 
 _SHOWN = 5  # Findings of one sort that are shown; the rest are counted
-
 _TWICE = 20  # Cases that are executed twice, to see whether they repeat
-
 _LIVE = 3  # Cases that are executed on processes, too
 
 # Verdict and trace of cases by their ids; without trace where a case hung or died

@@ -63,16 +63,7 @@ def longest(patience: float) -> float:
 
 
 def run_apart(items: Sequence[str], work: Callable[[str], T], patience: float) -> Iterator[tuple[str, Done[T] | Lost]]:
-    """Yield each item with its result, or why it has none, in their order.
-
-    Args:
-        items: names of what to do.
-        work: done in the process apart, which is forked of this one where that is safe.
-        patience: longest time without a sign of life [s of wall clock]; a sign is the start of an item or an event.
-
-    Raises:
-        ParcoursError: an item raised.
-    """
+    """Yield each item with its result, or why it has none, in their order. Raises ParcoursError: an item raised."""
     crew = Crew(work, 1, forks=True, patience=longest(patience) + _GRACE, own_group=True)
     with contextlib.closing(crew):
         crew.pending.extend((number, (item,)) for number, item in enumerate(items))

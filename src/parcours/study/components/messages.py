@@ -22,7 +22,6 @@ Plain = None | bool | int | float | str | list["Plain"] | dict[str, "Plain"]  # 
 _FLAT = {"bool": "bool", "int": "int", "real": "float"}
 _LISTED = {"int": "ints", "real": "floats"}
 _INT = 2**63
-
 INPUTS = "parcours inputs"  # The channel of input variables to nodes; no channel of a model has a blank in its name
 
 
@@ -80,8 +79,7 @@ class Messages:
 
         Dataclasses, msgspec structures, tuples and NumPy values are turned into mappings, lists and numbers.
 
-        Raises:
-            BadRequest: it holds something else, or does not have the fields of the channel's class.
+        Raises BadRequest: it holds something else, or does not have the fields of the channel's class.
         """
         where = f"message on {channel!r}"
         try:

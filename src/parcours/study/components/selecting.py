@@ -27,7 +27,6 @@ from parcours.study.components.stimuli import Chooser
 _RUNS, _LONGEST, _TWICE = 12, 8, 2
 
 _TRIED = 3_000  # Most cases of short runs that are looked at
-
 _QUEUED = 20_000  # Most beginnings of short runs that are followed in one machine
 
 Taken = tuple[str, int, str]  # What a case may be the first to take: interaction path, visit, transition

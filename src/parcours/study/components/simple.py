@@ -142,8 +142,7 @@ def is_full(made: object) -> bool:
 def component_of(modelled: Modelled, make: Callable[[], object]) -> Component:
     """Return the component that a maker's objects stand for: as they are if they keep the port, else `Simple`.
 
-    Raises:
-        HostFailure: the object keeps the port but has another name.
+    Raises HostFailure: the object keeps the port but has another name.
     """
     made = make()
     if not is_full(made):
@@ -156,11 +155,7 @@ def component_of(modelled: Modelled, make: Callable[[], object]) -> Component:
 
 
 class Functions:
-    """Plain functions of (state, message) as the methods of an object whose state is a namespace.
-
-    Args:
-        functions: event (a channel or a transition's name) -> function.
-    """
+    """Plain functions of (state, message) as the methods of an object whose state is a namespace."""
 
     def __init__(self, functions: Mapping[str, Callable[..., object]]) -> None:
         from types import SimpleNamespace
