@@ -30,7 +30,7 @@ _CONDITION = re.compile(
     r"(?:\s+with\s+(?P<confidence>[0-9]+(?:\.[0-9]+)?)\s*%\s+confidence)?\s*"
 )
 _SIGNIFICANT = 0.05
-_NAMED = 20  # Cases that are named where they flipped
+_NAMED = 20  # cases that are named where they flipped
 
 
 @dataclass(frozen=True, slots=True)

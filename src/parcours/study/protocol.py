@@ -22,9 +22,9 @@ from parcours.study.parameters import Parameter, Settings
 from parcours.suite import Case
 from parcours.verdict.judgement import Judgement, Verdict
 
-Progress = Callable[[str, int, int], None]  # Reports (what, how many are done, how many in all)
+Progress = Callable[[str, int, int], None]  # reports (what, how many are done, how many in all)
 
-_WIDTH = 110  # Where the lines of an explanation are broken [characters]
+_WIDTH = 110  # where the lines of an explanation are broken [characters]
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,6 +145,18 @@ class Finding:
         return f"{self.level}: {self.where}: {self.rule}" + (f"; {self.remedy}" if self.remedy else "")
 
 
+# What `parcours run STUDY` does, from name to verdict:
+#
+#     "lift" -> finding.find ---> Study <--- study_file: study.yaml is checked as a whole, its code parsed, not run
+#                                   |
+#      parameters, selection -> Request(settings, seed, out, cases)
+#                                   |
+#                    run: each case apart from this process; cases.jsonl or a shard grows as cases finish
+#                                   |
+#                    read -> Results.cases()    -> gate.exit_code, JUnit
+#                            Results.measures() -> gate: --fail-if, --baseline
+#                                   |
+#                    report -> tables, pages        replay -> one case again, which must come out the same
 class Study(Protocol):
     """What joins a model, test data, a system under test and oracles."""
 

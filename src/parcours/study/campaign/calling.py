@@ -30,12 +30,12 @@ from parcours.suite import Case
 if TYPE_CHECKING:
     from parcours.study.campaign.study import CampaignStudy
 
-REASON_LENGTH = 160  # Bytes kept of the reason of an error
+REASON_LENGTH = 160  # bytes kept of the reason of an error
 
 Function = Callable[..., object]
 Target = str | Function  # `file.py:name`, `package.module:name`, or the function itself
-_LOADING = 60.0  # So long a file may take to load [s], or six times the patience if that is longer
-_PURPOSE = 0x73696D756C617465  # Of the random stream from which simulations get their seeds (ASCII for `simulate`)
+_LOADING = 60.0  # so long a file may take to load [s], or six times the patience if that is longer
+_PURPOSE = 0x73696D756C617465  # of the random stream from which simulations get their seeds (ASCII for `simulate`)
 HUNG = "hung: no facts within {:g} s"
 _ADDRESS = re.compile(r"\b0x[0-9a-fA-F]{6,}")
 _MOST_ROWS = 100_000

@@ -222,7 +222,7 @@ def _document(
     }  # fmt: skip
 
 
-Trace = tuple[tuple[str, ...], tuple[tuple[Scalar, ...], ...]]  # Names of columns, and rows of values
+Trace = tuple[tuple[str, ...], tuple[tuple[Scalar, ...], ...]]  # names of columns, and rows of values
 
 
 def _trace_pieces(trace: Trace | str) -> list[Piece]:

@@ -50,8 +50,8 @@ TAKEN = ("number", "error", "reason", *(name for name, _, _ in RATES))
 
 # Names that nothing else may have: they mean something to every function, or to every campaign
 GIVEN = ("case", "seed", "rng", "workers")
-ABSTRACT = "cases"  # The one abstract case of a campaign: its rows are the cases
-_SAID = 6  # Most facts in a sentence
+ABSTRACT = "cases"  # the one abstract case of a campaign: its rows are the cases
+_SAID = 6  # most facts in a sentence
 
 
 class Fault(IntEnum):

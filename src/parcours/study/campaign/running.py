@@ -22,7 +22,7 @@ from parcours.study.journal import write_question
 from parcours.study.protocol import Progress, Request, Run
 
 MANIFEST = "campaign.json"
-CHOSEN = "chosen"  # The parameter of a campaign that holds the numbers of its cases, where they are not 0, 1, 2,
+CHOSEN = "chosen"  # the parameter of a campaign that holds the numbers of its cases, where they are not 0, 1, 2, ...
 
 
 class Numbered(Protocol):

@@ -34,7 +34,7 @@ from parcours.study.selection import chosen_cases
 from parcours.study.values import natural
 from parcours.suite import Case, Plan, combine
 
-PATIENCE = 10.0  # So long a case may take [s of wall clock] if the study says nothing else
+PATIENCE = 10.0  # so long a case may take [s of wall clock] if the study says nothing else
 _EVERY = 2**62
 
 

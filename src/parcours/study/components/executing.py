@@ -19,9 +19,9 @@ from parcours.suite import Case
 from parcours.verdict.judgement import Judgement, Verdict
 from parcours.verdict.timing import NEVER, Bound, duration, judge
 
-Execute = Callable[[Case], Execution]  # Runs a case on some host
+Execute = Callable[[Case], Execution]  # runs a case on some host
 
-Oracle = Callable[[Case, Trace], Judgement]  # Judges a case whose order was kept and whose transitions were taken
+Oracle = Callable[[Case, Trace], Judgement]  # judges a case whose order was kept and whose transitions were taken
 
 
 @dataclass(frozen=True, slots=True)

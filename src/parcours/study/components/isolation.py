@@ -22,7 +22,7 @@ from parcours.run.workers import Lost as LostWorker
 __all__ = ["Done", "Lost", "Overdue", "longest", "run_apart", "watched"]
 
 T = TypeVar("T")
-_GRACE = 2.0  # So much longer than a turn may take, an item is waited for after its last sign of life [s]
+_GRACE = 2.0  # so much longer than a turn may take, an item is waited for after its last sign of life [s]
 
 
 @dataclass(frozen=True, slots=True)

@@ -45,6 +45,14 @@ _kept: dict[object, list[Process]] = {}
 _guarded: set[int] = set()  # processes whose exit ends the programs that they have started
 
 
+# One exchange. No thread of ours reads or writes: one poll serves all three streams, so that a program that neither
+# reads nor ends, or fills its standard error, blocks nobody.
+#
+#     ask("permit") -> _outgoing --_flush--> stdin  |         |
+#                      _words <--_hear_words- stderr | program |   the last 4096 bytes, for its last words
+#     line()        <- _incoming <--_read--- stdout |         |
+#                         |
+#          whole line: the answer    no line: has_ended? -> program-ended    patience over? -> program-silent
 class Process:
     """A running program of a component; an answer may take `patience` [s]. HostFailure if it cannot be started."""
 

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from parcours.study.components.systems import ProgramPart
 
 PROTOCOL = "component/1"
-MOST = 64_000_000  # Most bytes of all lines that answer one permit
+MOST = 64_000_000  # most bytes of all lines that answer one permit
 _MAY_HAVE = {"reset": "wake", "took": "wake"}
 _QUOTED = 80
 

@@ -28,8 +28,8 @@ from parcours.verdict.timing import NEVER, parse_bound
 
 FILE = "components.json"
 _FORMAT = "components/2"
-_LONG = 200  # Characters of a message that are shown
-_LONGEST = 2_000  # Characters of a reason that are kept
+_LONG = 200  # characters of a message that are shown
+_LONGEST = 2_000  # characters of a reason that are kept
 
 
 @dataclass(frozen=True, slots=True)

@@ -48,7 +48,7 @@ def took(transition: str, *sends: Send, **messages: object) -> Took:
     return Took(transition, (*sends, *messages.items()))
 
 
-Answer = Took | Iterable[Took] | None  # What a method may return: one step, several, or none
+Answer = Took | Iterable[Took] | None  # what a method may return: one step, several, or none
 
 
 class Simple:

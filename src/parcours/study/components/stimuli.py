@@ -37,7 +37,7 @@ from parcours.model.solutions import Budget, Question
 from parcours.model.structure import BASE_TYPES, Cefsm, Send, Transition
 from parcours.study.components.messages import Messages, Plain
 
-_EFFORT = 20_000  # Most valuations tried for conditions that share symbols
+_EFFORT = 20_000  # most valuations tried for conditions that share symbols
 # Channel or transition -> field or input variable -> formula over test inputs and parameters
 Formulas = Mapping[str, Mapping[str, Expression]]
 

@@ -35,8 +35,8 @@ from parcours.suite import Case, Plan, combine
 from parcours.verdict.judgement import Judgement, Verdict
 from parcours.verdict.timing import NEVER, Bound
 
-NO_INPUTS = InputModel("no inputs", ())  # The test inputs of a study that has none: each abstract case is one case
-_TIMED = 5  # Abstract cases that are timed for each limit, evenly spread
+NO_INPUTS = InputModel("no inputs", ())  # the test inputs of a study that has none: each abstract case is one case
+_TIMED = 5  # abstract cases that are timed for each limit, evenly spread
 
 Oracle = Callable[[Case, Trace, Settings], Judgement]
 

@@ -34,7 +34,7 @@ from parcours.study.components.simple import Took, require_allowed, took
 # (None, None) if asked for whatever can be done
 Arrival = tuple[str | None, object]
 
-_GRACE = 1.0  # So long a thread may take to end [s] after the tester has let go of it
+_GRACE = 1.0  # so long a thread may take to end [s] after the tester has let go of it
 _MOST_REFUSED = 100  # A thread that catches its end so often, and goes on, is put to sleep: it would use up a processor
 _OURS = str(Path(__file__).parent)
 
