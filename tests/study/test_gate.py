@@ -200,3 +200,9 @@ def test_the_exit_code_is_that_of_the_worst_case_and_nothing_has_passed_nothing(
 ) -> None:
     assert exit_code([Made({f"s/a/{k}": one for k, one in enumerate(verdicts)})]) == code
     assert exit_code(Made({"s/a/0": one}) for one in verdicts) == code
+
+
+@pytest.mark.parametrize("text", ["stuck > 5", "stuck >= 101%", "stuck < -0.1"])
+def test_a_share_is_not_compared_with_what_no_share_can_be(text: str) -> None:
+    with pytest.raises(BadRequest, match=r"stuck is a share, from 0 to 1, but .*stuck .* 5%` \[gate-form\]"):
+        check_condition(parse_condition(text), Made(values={"stuck": rate(3)}))

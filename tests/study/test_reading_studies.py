@@ -77,6 +77,7 @@ def complaint(folder: Path) -> str:
         ("parameters: {a: {type: rel, default: 1}}", "type of parameter a must be bool or int or real or text"),
         ("parameters: {a: {default: x}}", "default of parameter a must be a number, but 'x' was given"),
         ("parameters: {a: {default: 3, range: [5, 9]}}", "default of parameter a must be from 5 to 9, but 3 was given"),
+        ("parameters: {a: {default: 3, range: [5, 0]}}", "must be [least, greatest], but 5 > 0"),
         ("parameters: {a: {default: 3, range: [5]}}", "range of parameter a must be [least, greatest]"),
         ("parameters: {a: {type: text, default: x, choices: [y]}}", "must be one of its choices, but 'x' was given"),
         ("parameters: {a b: {default: 1}}", "a name among the parameters must be letters, digits and _"),

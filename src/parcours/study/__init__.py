@@ -16,46 +16,18 @@ if TYPE_CHECKING:
     from parcours.study.parameters import Parameter, Settings
     from parcours.study.protocol import Judged, Measure, Reported, Request, Results, Run, Study
 
+# Name -> the module that has it: a component that only says what it `took` loads none of them
+# Name -> the module that has it, loaded on demand: a component that only says what it `took` loads none of them.
 _ROOMS = {
-    "CampaignStudy": "campaign.study",
-    "ComponentStudy": "components.study",
-    "Fact": "campaign.rules",
-    "Judged": "protocol",
-    "Limit": "components.study",
-    "Measure": "protocol",
-    "Parameter": "parameters",
-    "Reported": "protocol",
-    "Request": "protocol",
-    "Results": "protocol",
-    "Rule": "campaign.rules",
-    "Run": "protocol",
-    "Settings": "parameters",
-    "Study": "protocol",
-    "judge_case": "finding",
-    "python_system": "components.systems",
-}
-"""Name -> the module that has it: a component that only says what it `took` loads none of them."""
-
+    "CampaignStudy": "campaign.study", "ComponentStudy": "components.study", "Fact": "campaign.rules",
+    "Judged": "protocol", "Limit": "components.study", "Measure": "protocol", "Parameter": "parameters",
+    "Reported": "protocol", "Request": "protocol", "Results": "protocol", "Rule": "campaign.rules", "Run": "protocol",
+    "Settings": "parameters", "Study": "protocol", "judge_case": "finding", "python_system": "components.systems",
+}  # fmt: skip
 __all__ = [
-    "CampaignStudy",
-    "ComponentStudy",
-    "Fact",
-    "Judged",
-    "Limit",
-    "Measure",
-    "Parameter",
-    "Reported",
-    "Request",
-    "Results",
-    "Rule",
-    "Run",
-    "Settings",
-    "Study",
-    "Took",
-    "judge_case",
-    "python_system",
-    "took",
-]
+    "CampaignStudy", "ComponentStudy", "Fact", "Judged", "Limit", "Measure", "Parameter", "Reported", "Request",
+    "Results", "Rule", "Run", "Settings", "Study", "Took", "judge_case", "python_system", "took",
+]  # fmt: skip
 
 
 def __getattr__(name: str) -> object:

@@ -15,15 +15,10 @@ from pathlib import Path, PurePosixPath
 from parcours.errors import BadRequest
 from parcours.run.atomic import unwritable
 
+# Entry points of this group bring templates of further kinds of study: `kind = package:FOLDER`, FOLDER lying in it
 GROUP = "parcours.templates"
-"""Entry points of this group bring templates of further kinds of study: `kind = package:FOLDER`, FOLDER lying in it."""
-
-SUFFIX = ".template"
-"""Ending of template files that tools must not take for source code of Parcours; the copy lacks it."""
-
-NAME = b"STUDY_NAME"
-"""What a template writes where the name of the study belongs."""
-
+SUFFIX = ".template"  # ending of template files that tools must not take for source code of Parcours; the copy lacks it
+NAME = b"STUDY_NAME"  # what a template writes where the name of the study belongs
 _LEFT_OUT = re.compile(r"__pycache__|build|\..*|.*\.(?:py[co]|o)")
 _BUILT = b"\x7fELF"
 _OTHER = re.compile(r"[^A-Za-z0-9_.+@=,-]+")

@@ -13,25 +13,15 @@ from parcours.study.protocol import Progress
 
 @dataclass(frozen=True, slots=True)
 class FaultRequest:
-    """What is to be struck.
+    """What is to be struck."""
 
-    Attributes:
-        settings: a value for each parameter of the study.
-        given: names of the parameters that the user set.
-        seed: campaign seed.
-        cases: how many cases a fault.
-        only: faults whose line contains this.
-        workers: processes.
-        listed: only list the catalogue.
-    """
-
-    settings: Settings
-    given: frozenset[str]
-    seed: int
-    cases: int
-    only: str
-    workers: int
-    listed: bool = False
+    settings: Settings  # a value for each parameter of the study
+    given: frozenset[str]  # names of the parameters that the user set
+    seed: int  # campaign seed
+    cases: int  # how many cases a fault
+    only: str  # faults whose line contains this
+    workers: int  # processes
+    listed: bool = False  # only list the catalogue
 
 
 @dataclass(frozen=True, slots=True)

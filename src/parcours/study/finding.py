@@ -22,9 +22,8 @@ from parcours.suite import Case
 if TYPE_CHECKING:
     from parcours.study.components.study import ComponentStudy
 
+# Entry points of this group name studies: `name = package.module:STUDY`, an object or a function that returns one
 GROUP = "parcours.studies"
-"""Entry points of this group name studies: `name = package.module:STUDY`, an object or a function that returns one."""
-
 FILE = "study.yaml"
 _NEEDED = ("name", "kind", "parameters", "suite", "run", "read", "report", "judge")
 
@@ -79,8 +78,7 @@ def find_components(where: str) -> ComponentStudy:
 def checked(found: object, given: str) -> Study:
     """Return what was loaded if it is a study, or what it returns if it is a function.
 
-    Raises:
-        BadRequest: it is not a study; what it lacks is named.
+    Raises BadRequest: it is not a study; what it lacks is named.
     """
     if callable(found) and not hasattr(found, "suite"):
         try:
@@ -136,10 +134,6 @@ def _loaded(point: EntryPoint) -> Study:
 
 def study_of(folder: Path, given: str = "") -> Study:
     """Return the study that wrote a folder.
-
-    Args:
-        folder: of results.
-        given: how the user names the study; what the folder says if empty.
 
     Raises:
         BadRequest: the study is not where the folder says.

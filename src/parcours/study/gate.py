@@ -30,8 +30,7 @@ _CONDITION = re.compile(
     r"(?:\s+with\s+(?P<confidence>[0-9]+(?:\.[0-9]+)?)\s*%\s+confidence)?\s*"
 )
 _SIGNIFICANT = 0.05
-_NAMED = 20
-"""Cases that are named where they flipped."""
+_NAMED = 20  # cases that are named where they flipped
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,8 +139,12 @@ def check_condition(condition: Condition, results: Results) -> Checked:
         rule = f"it asks for {condition.measure!r}, which these results do not have"
         raise BadRequest("--fail-if", rule, one_of(condition.measure, list(measures)), slug="gate-measure")
     measure = measures[condition.measure]
+    if measure.kind == "rate" and not 0.0 <= condition.limit <= 1.0:  # `stuck > 5` would never fail a build
+        rule = f"{condition.measure} is a share, from 0 to 1, but is compared with {condition.limit:g}"
+        raise BadRequest(
+            "--fail-if", rule, f"write per cent as `{condition.measure} {condition.relation} 5%`", slug="gate-form"
+        )
     figure = condition.figure(measure)
-    holds = condition.holds(figure)
     if figure.n == 0:
         return Checked(condition.text, False, f"no case has a value of {condition.measure}")
     confidence = 100.0 * (condition.confidence or 0.95)
@@ -151,7 +154,7 @@ def check_condition(condition: Condition, results: Results) -> Checked:
     unit = "" if measure.kind == "rate" or measure.unit == "1" else f" {measure.unit}"
     interval = f"{confidence:g} % interval [{shown[1]}, {shown[2]}]"
     why = f"{condition.measure}: {what} {shown[0]}{unit}, {interval}, {figure.n} cases"
-    return Checked(condition.text, holds, why)
+    return Checked(condition.text, condition.holds(figure), why)
 
 
 def check_conditions(conditions: Sequence[Condition], results: Results) -> list[Checked]:
@@ -171,44 +174,26 @@ def check_conditions(conditions: Sequence[Condition], results: Results) -> list[
 
 @dataclass(frozen=True, slots=True)
 class Compared:
-    """One rate beside its earlier self.
+    """One rate beside its earlier self."""
 
-    Attributes:
-        name: of the rate.
-        before: its share in the baseline.
-        now: its share now.
-        only_before: cases that counted in the baseline only.
-        only_now: cases that count now only.
-        p_value: of McNemar's test, by Holm's method.
-        worse: whether it got worse beyond chance.
-        flipped: ids of the cases that made it worse.
-    """
-
-    name: str
-    before: float
-    now: float
-    only_before: int
-    only_now: int
-    p_value: float
-    worse: bool
-    flipped: tuple[str, ...]
+    name: str  # of the rate
+    before: float  # its share in the baseline
+    now: float  # its share now
+    only_before: int  # cases that counted in the baseline only
+    only_now: int  # cases that count now only
+    p_value: float  # of McNemar's test, by Holm's method
+    worse: bool  # whether it got worse beyond chance
+    flipped: tuple[str, ...]  # ids of the cases that made it worse
 
 
 @dataclass(frozen=True, slots=True)
 class Baseline:
-    """A run beside an earlier one, on the cases that both have.
+    """A run beside an earlier one, on the cases that both have."""
 
-    Attributes:
-        shared: how many cases both have.
-        rows: the rates.
-        flipped: ids of cases that passed earlier and do not now.
-        repaired: ids of cases that did not pass earlier and do now.
-    """
-
-    shared: int
-    rows: tuple[Compared, ...]
-    flipped: tuple[str, ...]
-    repaired: tuple[str, ...]
+    shared: int  # how many cases both have
+    rows: tuple[Compared, ...]  # the rates
+    flipped: tuple[str, ...]  # ids of cases that passed earlier and do not now
+    repaired: tuple[str, ...]  # ids of cases that did not pass earlier and do now
 
     @property
     def failed(self) -> bool:

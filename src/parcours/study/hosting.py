@@ -18,29 +18,17 @@ HOSTS: tuple[HostName, ...] = get_args(HostName)
 
 @dataclass(frozen=True, slots=True)
 class Nodes:
-    """How the components of a study become nodes of a real-time host.
+    """How the components of a study become nodes of a real-time host."""
 
-    Attributes:
-        model: whose channels give topics and services their names.
-        links: the channels.
-        components: those that get a node.
-        node_program: dotted name of what runs in a node.
-        codec: of messages, where they travel as they are.
-        ros1_node_program: the same on ROS 1.
-        ros1_codec: dotted name of what returns the codec there; called with `given` unless that is empty.
-        preload: modules to load before processes are forked.
-        given: the second argument of node programs, such as where a study is.
-    """
-
-    model: Cefsm
-    links: tuple[Link, ...]
-    components: tuple[str, ...]
-    node_program: str
-    codec: Codec
-    ros1_node_program: str
-    ros1_codec: str
-    preload: tuple[str, ...] = ()
-    given: str = ""
+    model: Cefsm  # whose channels give topics and services their names
+    links: tuple[Link, ...]  # the channels
+    components: tuple[str, ...]  # those that get a node
+    node_program: str  # dotted name of what runs in a node
+    codec: Codec  # of messages, where they travel as they are
+    ros1_node_program: str  # the same on ROS 1
+    ros1_codec: str  # dotted name of what returns the codec there; called with `given` unless that is empty
+    preload: tuple[str, ...] = ()  # modules to load before processes are forked
+    given: str = ""  # the second argument of node programs, such as where a study is
 
 
 @dataclass(frozen=True, slots=True)

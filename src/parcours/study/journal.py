@@ -25,12 +25,6 @@ _FORMAT = "run/1"
 def write_question(folder: Path, study: str, where: str, question: Mapping[str, object]) -> None:
     """Note what a run asks, or check that it asks what the folder was begun with.
 
-    Args:
-        folder: made if it is not there.
-        study: name of the study.
-        where: how a command line names it.
-        question: everything that decides the results; JSON values.
-
     Raises:
         BadRequest: the folder cannot be written to.
         BadResults: it holds the results of another question.
@@ -52,8 +46,7 @@ def write_question(folder: Path, study: str, where: str, question: Mapping[str, 
 def read_question(folder: Path) -> dict[str, object]:
     """Return the document that `write_question` wrote: study, where, question.
 
-    Raises:
-        BadResults: there is none, or it is damaged.
+    Raises BadResults: there is none, or it is damaged.
     """
     path = folder / RUN
     try:
@@ -72,11 +65,7 @@ def read_question(folder: Path) -> dict[str, object]:
 class Journal:
     """The finished cases of a run, by key; more are added while it is open.
 
-    Args:
-        folder: writable.
-
-    Raises:
-        BadResults: a line within the file is damaged.
+    Raises BadResults: a line within the file is damaged.
     """
 
     def __init__(self, folder: Path) -> None:

@@ -30,8 +30,7 @@ def load(target: str, folder: Path | None = None) -> object:
         target: a relative file counts from `folder`; modules are looked for there, too.
         folder: by default the current one.
 
-    Raises:
-        BadRequest: there is no such file, module or name, or loading raised.
+    Raises BadRequest: there is no such file, module or name, or loading raised.
 
     >>> load("math:hypot")(3.0, 4.0)
     5.0
@@ -93,8 +92,8 @@ def _module(target: str, where: str, folder: Path) -> ModuleType:
         raise
 
 
+# Folder -> the modules in it that files there have imported: two studies may have a `helpers` each
 NEIGHBOURS: dict[str, dict[str, ModuleType]] = {}
-"""Folder -> the modules in it that files there have imported: two studies may have a `helpers` each."""
 
 
 @contextlib.contextmanager

@@ -10,8 +10,7 @@ from typing import Literal, TypeAlias, get_args
 from parcours.errors import BadRequest, one_of
 
 Scalar: TypeAlias = bool | int | float | str
-Settings: TypeAlias = Mapping[str, Scalar]
-"""A value for every parameter of a study, by name."""
+Settings: TypeAlias = Mapping[str, Scalar]  # A value for every parameter of a study, by name
 
 Kind = Literal["bool", "int", "real", "text"]
 KINDS: tuple[Kind, ...] = get_args(Kind)
@@ -21,18 +20,6 @@ KINDS: tuple[Kind, ...] = get_args(Kind)
 class Parameter:
     """One thing about a study that its user may set.
 
-    Args:
-        name: a Python identifier; `added_stop` is the option `--added-stop`.
-        kind: bool, int, real or text.
-        default: its value if nothing is said.
-        doc: what it means, for the help.
-        unit: SI unit of a number; "1" has none.
-        low: least value allowed, inclusive.
-        high: greatest value allowed, inclusive.
-        choices: the texts allowed; all if empty.
-        decides: whether results depend on it. What does not (how many workers, whether to record) may differ when a
-            run is resumed.
-
     >>> speed = Parameter("speed", "real", 0.25, "of the robot", "m/s", low=0.0, high=1.0)
     >>> speed.read("0.5")
     0.5
@@ -41,14 +28,16 @@ class Parameter:
     parcours.errors.BadRequest: --speed: must be from 0 to 1 m/s, but '2' was given [parameter-range]
     """
 
-    name: str
-    kind: Kind
-    default: Scalar
-    doc: str = ""
-    unit: str = "1"
-    low: float | None = None
-    high: float | None = None
-    choices: tuple[str, ...] = ()
+    name: str  # a Python identifier; `added_stop` is the option `--added-stop`
+    kind: Kind  # bool, int, real or text
+    default: Scalar  # its value if nothing is said
+    doc: str = ""  # what it means, for the help
+    unit: str = "1"  # SI unit of a number; "1" has none
+    low: float | None = None  # least value allowed, inclusive
+    high: float | None = None  # greatest value allowed, inclusive
+    choices: tuple[str, ...] = ()  # the texts allowed; all if empty
+    # whether results depend on it. What does not (how many workers, whether to record) may differ when a run is
+    # resumed
     decides: bool = True
 
     @property
@@ -59,8 +48,7 @@ class Parameter:
     def read(self, given: object) -> Scalar:
         """Return the value that a text or a plain value stands for.
 
-        Raises:
-            BadRequest: it is of another kind, out of range, or not among the choices.
+        Raises BadRequest: it is of another kind, out of range, or not among the choices.
         """
         value = self._value(given)
         if value is None or (isinstance(value, float) and not math.isfinite(value)):
@@ -117,8 +105,7 @@ def settings_of(
 ) -> dict[str, Scalar]:
     """Return a value for every parameter: those given, checked, and the defaults of the rest.
 
-    Raises:
-        BadRequest: a name is no parameter's, or a value is not allowed.
+    Raises BadRequest: a name is no parameter's, or a value is not allowed.
     """
     names = [parameter.name for parameter in parameters]
     for name in given:

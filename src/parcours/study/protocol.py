@@ -22,30 +22,20 @@ from parcours.study.parameters import Parameter, Settings
 from parcours.suite import Case
 from parcours.verdict.judgement import Judgement, Verdict
 
-Progress = Callable[[str, int, int], None]
-"""Reports (what, how many are done, how many in all)."""
+Progress = Callable[[str, int, int], None]  # reports (what, how many are done, how many in all)
 
-_WIDTH = 110
-"""Where the lines of an explanation are broken [characters]."""
+_WIDTH = 110  # where the lines of an explanation are broken [characters]
 
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """What a user asks a study to run.
+    """What a user asks a study to run."""
 
-    Attributes:
-        settings: a value for each of the study's parameters.
-        seed: campaign seed.
-        n_cases: how many cases, the first ones; None leaves it to the study.
-        chosen: ids of the only cases to run, in the order of the plan; all if empty.
-        out: folder for the results; resumed if it holds part of the same run.
-    """
-
-    settings: Settings
-    seed: int
-    out: Path
-    n_cases: int | None = None
-    chosen: tuple[str, ...] = ()
+    settings: Settings  # a value for each of the study's parameters
+    seed: int  # campaign seed
+    out: Path  # folder for the results; resumed if it holds part of the same run
+    n_cases: int | None = None  # how many cases, the first ones; None leaves it to the study
+    chosen: tuple[str, ...] = ()  # ids of the only cases to run, in the order of the plan; all if empty
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,18 +48,12 @@ class Run:
 
 @dataclass(frozen=True, slots=True)
 class Measure:
-    """One figure for each case of a run, in the order of `Results.cases`.
+    """One figure for each case of a run, in the order of `Results.cases`."""
 
-    Attributes:
-        values: shape (n_cases,); NaN where it is not known. Of a rate 0 or 1.
-        kind: a rate counts cases, a quantity is averaged.
-        unit: of a quantity.
-        worse: which way is worse, for a comparison with a baseline; "" where neither is.
-    """
-
-    values: NDArray[np.float64]
-    kind: Literal["rate", "quantity"] = "rate"
-    unit: str = "1"
+    values: NDArray[np.float64]  # shape (n_cases,); NaN where it is not known. Of a rate 0 or 1
+    kind: Literal["rate", "quantity"] = "rate"  # a rate counts cases, a quantity is averaged
+    unit: str = "1"  # of a quantity
+    # which way is worse, for a comparison with a baseline; "" where neither is
     worse: Literal["more", "less", ""] = "more"
 
 
@@ -101,36 +85,23 @@ class Results(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Reported:
-    """What a report says of one or several folders.
+    """What a report says of one or several folders."""
 
-    Attributes:
-        tables: for the terminal.
-        pieces: makes what a page shows; called only where there is a page, since it may run cases again.
-        documents: folder -> JSON values.
-    """
-
-    tables: Sequence[Table]
+    tables: Sequence[Table]  # for the terminal
+    # makes what a page shows; called only where there is a page, since it may run cases again
     pieces: Callable[[], Sequence[Piece]]
-    documents: Mapping[str, object]
+    documents: Mapping[str, object]  # folder -> JSON values
 
 
 @dataclass(frozen=True, slots=True)
 class Judged:
-    """One case, executed and judged.
+    """One case, executed and judged."""
 
-    Attributes:
-        case: what was executed.
-        verdict: what the study's oracle says.
-        why: its reason, one sentence.
-        facts: what the oracle looked at, as (name, value with unit).
-        replay: a command that shows the run.
-    """
-
-    case: Case
-    verdict: Verdict
-    why: str
-    facts: tuple[tuple[str, str], ...]
-    replay: str
+    case: Case  # what was executed
+    verdict: Verdict  # what the study's oracle says
+    why: str  # its reason, one sentence
+    facts: tuple[tuple[str, str], ...]  # what the oracle looked at, as (name, value with unit)
+    replay: str  # a command that shows the run
 
     def __str__(self) -> str:
         values = [f"{name} = {value:g}" for name, value in zip(self.case.names, self.case.values, strict=True)]
@@ -145,19 +116,12 @@ class Judged:
 
 @dataclass(frozen=True, slots=True)
 class Rejudged:
-    """A recording judged again.
+    """A recording judged again."""
 
-    Attributes:
-        path: of the recording.
-        case: its id.
-        recorded: the verdict that stands in it; empty if none does.
-        judgement: the verdict it earns now.
-    """
-
-    path: Path
-    case: str
-    recorded: str
-    judgement: Judgement
+    path: Path  # of the recording
+    case: str  # its id
+    recorded: str  # the verdict that stands in it; empty if none does
+    judgement: Judgement  # the verdict it earns now
 
     @property
     def agrees(self) -> bool:
@@ -181,6 +145,18 @@ class Finding:
         return f"{self.level}: {self.where}: {self.rule}" + (f"; {self.remedy}" if self.remedy else "")
 
 
+# What `parcours run STUDY` does, from name to verdict:
+#
+#     "lift" -> finding.find ---> Study <--- study_file: study.yaml is checked as a whole, its code parsed, not run
+#                                   |
+#      parameters, selection -> Request(settings, seed, out, cases)
+#                                   |
+#                    run: each case apart from this process; cases.jsonl or a shard grows as cases finish
+#                                   |
+#                    read -> Results.cases()    -> gate.exit_code, JUnit
+#                            Results.measures() -> gate: --fail-if, --baseline
+#                                   |
+#                    report -> tables, pages        replay -> one case again, which must come out the same
 class Study(Protocol):
     """What joins a model, test data, a system under test and oracles."""
 
@@ -223,8 +199,7 @@ class Study(Protocol):
     def judge(self, case: Case, settings: Settings) -> Judged:
         """Execute one case of this study again and judge it.
 
-        Raises:
-            BadSuite: it has no such case, or other values than the case's number and seed give.
+        Raises BadSuite: it has no such case, or other values than the case's number and seed give.
         """
 
     def rejudge(self, recording: Path) -> Rejudged:

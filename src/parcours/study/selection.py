@@ -63,8 +63,7 @@ def chosen_cases(plan: Plan, chosen: Sequence[str], study: str) -> list[Case]:
 def named(cases: Iterable[Case], chosen: Sequence[str]) -> Iterator[Case]:
     """Yield those of the cases that are named: by id, with or without the study, by abstract case, or by number.
 
-    Raises:
-        BadRequest: a name is not one of theirs; all such names are said.
+    Raises BadRequest: a name is not one of theirs; all such names are said.
     """
     left = set(chosen)
     for case in cases:

@@ -8,8 +8,7 @@ from pathlib import Path
 
 from parcours.errors import one_of
 
-Lack = tuple[str, str, str]
-"""What is lacking: slug, rule, remedy."""
+Lack = tuple[str, str, str]  # what is lacking: slug, rule, remedy
 
 
 def absent_in(path: Path, name: str, methods: Sequence[str] = ()) -> Iterator[Lack]:

@@ -19,15 +19,14 @@ from parcours.study.parameters import KINDS, Parameter
 from parcours.study.protocol import Study
 
 FORMAT = "study/1"
+# Entry points of this group read further kinds of study: `name = package.module:function`, called as a `Reader`
 KIND_GROUP = "parcours.kinds"
-"""Entry points of this group read further kinds of study: `name = package.module:function`, called as a `Reader`."""
-
 _COMMON = ("doc", "kind", "parameters")
+# Options that commands or kinds of study have: no parameter may have their names
 _OPTIONS = (
     "as_json", "baseline", "case", "cases", "cases_from", "chosen", "fail_if", "fresh", "graph", "help", "host", "json",
     "junit", "n_cases", "out", "record", "repeats", "seed", "set", "study", "workers",
 )  # fmt: skip
-"""Options that commands or kinds of study have: no parameter may have their names."""
 
 _PARAMETER = ("type", "default", "unit", "range", "choices", "doc")
 
@@ -71,12 +70,7 @@ def refusal(found: tuple[Finding, ...]) -> BadRequest:
 
 
 class StudyReader(QuantityReader):
-    """Reads the parts that all kinds of study share; `findings` grows as it goes.
-
-    Args:
-        origin: the file's name as it was given, for messages.
-        path: of the file.
-    """
+    """Reads the parts that all kinds of study share; `findings` grows as it goes."""
 
     def __init__(self, origin: str, path: Path) -> None:
         super().__init__(origin)
@@ -186,15 +180,7 @@ class StudyReader(QuantityReader):
         self, node: Node | None, what: str, fields: Callable[[str], tuple[str, ...] | None], known: tuple[str, ...],
         owner: str,
     ) -> dict[str, dict[str, Expression]]:  # fmt: skip
-        """Return formulas by owner and field.
-
-        Args:
-            node: a mapping of mappings.
-            what: what to call it.
-            fields: owner -> its fields; None if there is no such owner.
-            known: names that formulas may read.
-            owner: what an owner is called.
-        """
+        """Return formulas by owner and field."""
         found: dict[str, dict[str, Expression]] = {}
         for name, inner, line in self.entries(node, what, self.label):
             allowed = fields(name)
@@ -258,6 +244,9 @@ class StudyReader(QuantityReader):
         if limits and len(ends) != 2:
             self.add(entries["range"], "value", f"range of {what} must be [least, greatest], but has {len(ends)} items")
         low, high = ends if len(ends) == 2 else (None, None)
+        if low is not None and high is not None and low > high:
+            self.add(entries["range"], "value", f"range of {what} must be [least, greatest], but {low:g} > {high:g}")
+            low = high = None
         parameter = Parameter(
             name, kind, False, self.text(entries.get("doc"), f"doc of {what}"),  # type: ignore[arg-type]
             self.text(entries.get("unit"), f"unit of {what}", "1"), low, high,

@@ -30,19 +30,12 @@ from parcours.suite import Case
 if TYPE_CHECKING:
     from parcours.study.campaign.study import CampaignStudy
 
-REASON_LENGTH = 160
-"""Bytes kept of the reason of an error."""
+REASON_LENGTH = 160  # bytes kept of the reason of an error
 
 Function = Callable[..., object]
-Target = str | Function
-"""`file.py:name`, `package.module:name`, or the function itself."""
-
-_LOADING = 60.0
-"""So long a file may take to load [s], or six times the patience if that is longer."""
-
-_PURPOSE = 0x73696D756C617465
-"""Of the random stream from which simulations get their seeds (ASCII for `simulate`)."""
-
+Target = str | Function  # `file.py:name`, `package.module:name`, or the function itself
+_LOADING = 60.0  # so long a file may take to load [s], or six times the patience if that is longer
+_PURPOSE = 0x73696D756C617465  # of the random stream from which simulations get their seeds (ASCII for `simulate`)
 HUNG = "hung: no facts within {:g} s"
 _ADDRESS = re.compile(r"\b0x[0-9a-fA-F]{6,}")
 _MOST_ROWS = 100_000
@@ -149,7 +142,7 @@ class ProgramCaller:
 
     def __init__(self, study: CampaignStudy, part: ProgramPart, settings: Settings) -> None:
         self._study, self._part, self._settings = study, part, settings
-        self._key = ("simulate", part.command, part.folder, tuple(sorted(part.environment.items())), part.socket)
+        self._key = ("simulate", part.command, part.folder, tuple(sorted(part.environment.items())))
         self._command = command_of(part, study.name)
 
     def __call__(self, case: Case) -> object:
@@ -181,9 +174,8 @@ class ProgramCaller:
         raise Faulty(fault, f"{what}: {error.rule}") from error
 
     def _answer(self, process: Process, content: Mapping[str, object]) -> object:
-        try:
-            process.forget_words()
-            process.ask("case", content)
+        process.forget_words()
+        with process.exchange("case", content):
             line = process.line()
             process.require_silence()
             try:
@@ -193,9 +185,6 @@ class ProgramCaller:
             if not isinstance(given, dict) or set(given) != {"facts"}:
                 why = f'bad facts: must answer with {{"facts": {{...}}}} in one line, but printed {quoted(line)}'
                 raise Faulty(Fault.BAD_FACTS, why)
-        except BaseException:
-            process.end()
-            raise
         keep(self._key, process)
         return given["facts"]
 

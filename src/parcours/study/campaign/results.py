@@ -25,8 +25,8 @@ if TYPE_CHECKING:
     from parcours.study.campaign.study import CampaignStudy
 from parcours.study.campaign.rules import RATES, Fault, Outcome, Rows, directions, outcome_of
 
+# At most so many: reasons in a table, rows of a trace in a table, panels of its chart
 _FEW, _SHOWN, _PANELS = 10, 200, 8
-"""At most so many: reasons in a table, rows of a trace in a table, panels of its chart."""
 
 
 class CampaignResults:
@@ -222,8 +222,7 @@ def _document(
     }  # fmt: skip
 
 
-Trace = tuple[tuple[str, ...], tuple[tuple[Scalar, ...], ...]]
-"""Names of columns, and rows of values."""
+Trace = tuple[tuple[str, ...], tuple[tuple[Scalar, ...], ...]]  # names of columns, and rows of values
 
 
 def _trace_pieces(trace: Trace | str) -> list[Piece]:

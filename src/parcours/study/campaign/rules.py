@@ -38,38 +38,30 @@ if TYPE_CHECKING:
 Rows = NDArray[np.void]
 Worse = Literal["more", "less", ""]
 
+# Types of facts -> as they are stored, and as formulas know them
 KINDS = {"bool": ("?", BOOL), "int": ("<i8", INT), "real": ("<f8", REAL)}
-"""Types of facts -> as they are stored, and as formulas know them."""
 
 RATES: tuple[tuple[str, Verdict, Worse], ...] = (
     ("failed", Verdict.FAIL, "more"), ("passed", Verdict.PASS, "less"),
     ("inconclusive", Verdict.INCONCLUSIVE, "more"), ("errors", Verdict.ERROR, "more"),
 )  # fmt: skip
+# Names that no fact may have: results have fields and measures of these names
 TAKEN = ("number", "error", "reason", *(name for name, _, _ in RATES))
-"""Names that no fact may have: results have fields and measures of these names."""
 
+# Names that nothing else may have: they mean something to every function, or to every campaign
 GIVEN = ("case", "seed", "rng", "workers")
-"""Names that nothing else may have: they mean something to every function, or to every campaign."""
-
-ABSTRACT = "cases"
-"""The one abstract case of a campaign: its rows are the cases."""
-
-_SAID = 6
-"""Most facts in a sentence."""
+ABSTRACT = "cases"  # the one abstract case of a campaign: its rows are the cases
+_SAID = 6  # most facts in a sentence
 
 
 class Fault(IntEnum):
     """Why a case has no facts: the codes of the field `error`."""
 
     NONE = 0
-    RAISED = 1
-    """The simulation raised an exception."""
-    BAD_FACTS = 2
-    """It gave facts that are missing, not finite, or of another type."""
-    HUNG = 3
-    """It gave nothing within the patience of the study."""
-    DIED = 4
-    """It took its whole process down."""
+    RAISED = 1  # The simulation raised an exception
+    BAD_FACTS = 2  # It gave facts that are missing, not finite, or of another type
+    HUNG = 3  # It gave nothing within the patience of the study
+    DIED = 4  # It took its whole process down
 
 
 @dataclass(frozen=True, slots=True)
@@ -170,13 +162,7 @@ class Outcome:
 
 
 def outcome_of(study: CampaignStudy, row: np.void, known: Mapping[str, Scalar]) -> Outcome:
-    """Return the verdict on a case: an error, else what the first rule that holds says, `inconclusive` before `fail`.
-
-    Args:
-        study: whose rules judge.
-        row: the facts of the case.
-        known: values of test inputs and parameters, by name.
-    """
+    """Return the verdict on a case: an error, else that of the first rule that holds, `inconclusive` before `fail`."""
     if row["error"]:
         reason = row["reason"].decode("utf-8", "replace")
         return Outcome(Verdict.ERROR, reason, reason)

@@ -22,8 +22,7 @@ from parcours.study.journal import write_question
 from parcours.study.protocol import Progress, Request, Run
 
 MANIFEST = "campaign.json"
-CHOSEN = "chosen"
-"""The parameter of a campaign that holds the numbers of its cases, where they are not 0, 1, 2, ..."""
+CHOSEN = "chosen"  # the parameter of a campaign that holds the numbers of its cases, where they are not 0, 1, 2, ...
 
 
 class Numbered(Protocol):
@@ -80,8 +79,7 @@ def run_numbered(
         progress: reports how far it is.
         label: what runs, in a word or two.
 
-    Raises:
-        BadRequest, BadResults, HostFailure: as `run_campaign`.
+    Raises BadRequest, BadResults, HostFailure: as `run_campaign`.
     """
     campaign = numbered.campaign(len(chosen) or n_cases)
     simulate: object = numbered
@@ -102,8 +100,7 @@ def run_numbered(
 def facts_of(store: Store, folder: Path) -> NDArray[np.void]:
     """Return the facts of the finished cases, once they are found to be those that the shards' numbers say.
 
-    Raises:
-        BadResults: they are others.
+    Raises BadResults: they are others.
     """
     facts = store.load(partial=True)
     campaign, absent = store.campaign, set(store.missing())

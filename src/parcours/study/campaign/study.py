@@ -34,37 +34,13 @@ from parcours.study.selection import chosen_cases
 from parcours.study.values import natural
 from parcours.suite import Case, Plan, combine
 
-PATIENCE = 10.0
-"""So long a case may take [s of wall clock] if the study says nothing else."""
-
+PATIENCE = 10.0  # so long a case may take [s of wall clock] if the study says nothing else
 _EVERY = 2**62
 
 
 @dataclass(frozen=True, eq=False)
 class CampaignStudy:
     """A study of numbered cases (`parcours.study.protocol.Study`).
-
-    Args:
-        name: first part of every case id.
-        simulate: what turns a case into facts: a function that is given those of its parameters that are called `case`
-            (a `parcours.suite.Case`), `seed` (int below 2**53, of the case), `rng` (a numpy Generator, of the case), or
-            like a test input or a parameter of the study; or a program that answers a JSON line with one. A function
-            object runs in processes forked of this one; code that must not be forked is named, not given.
-        inputs: test inputs.
-        facts: what it gives.
-        fail: what fails a case; the first rule that holds gives the reason.
-        inconclusive: what leaves the verdict open; looked at first.
-        worse: fact -> which way is worse, where the `fail` formulas do not imply it or imply the wrong one. They imply
-            it for facts that occur on one side only: in `hit || speed < least`, more of `hit` and less of `speed`.
-        trace: a function like `simulate` that returns what happened over time: a list of mappings, or (names, rows).
-        doc: a sentence about the study.
-        where: how a command line names it.
-        own: parameters of its own.
-        criterion: how blocks of inputs are combined.
-        n_cases: how many cases are run if nothing is said; None for what the criterion needs.
-        digests: what results depend on beside settings: name of a file -> digest.
-        patience: longest time for a case [s of wall clock].
-        folder: from which files count.
 
     Raises:
         BadRequest: a name means two things, or there is no fact, or one of an unknown type.
@@ -77,22 +53,30 @@ class CampaignStudy:
     [0.33, 0.55]
     """
 
-    name: str
+    name: str  # first part of every case id
+    # what turns a case into facts: a function that is given those of its parameters that are called `case` (a
+    # `parcours.suite.Case`), `seed` (int below 2**53, of the case), `rng` (a numpy Generator, of the case), or like a
+    # test input or a parameter of the study; or a program that answers a JSON line with one. A function object runs
+    # in processes forked of this one; code that must not be forked is named, not given
     simulate: Target | ProgramPart
-    inputs: InputModel
-    facts: tuple[Fact, ...]
-    fail: tuple[Rule, ...]
-    inconclusive: tuple[Rule, ...] = ()
+    inputs: InputModel  # test inputs
+    facts: tuple[Fact, ...]  # what it gives
+    fail: tuple[Rule, ...]  # what fails a case; the first rule that holds gives the reason
+    inconclusive: tuple[Rule, ...] = ()  # what leaves the verdict open; looked at first
+    # fact -> which way is worse, where the `fail` formulas do not imply it or imply the wrong one. They imply it for
+    # facts that occur on one side only: in `hit || speed < least`, more of `hit` and less of `speed`
     worse: Mapping[str, Worse] = field(default_factory=dict)
+    # a function like `simulate` that returns what happened over time: a list of mappings, or (names, rows)
     trace: Target | None = None
-    doc: str = ""
-    where: str = ""
-    own: tuple[Parameter, ...] = ()
-    criterion: str = "each_choice"
-    n_cases: int | None = None
+    doc: str = ""  # a sentence about the study
+    where: str = ""  # how a command line names it
+    own: tuple[Parameter, ...] = ()  # parameters of its own
+    criterion: str = "each_choice"  # how blocks of inputs are combined
+    n_cases: int | None = None  # how many cases are run if nothing is said; None for what the criterion needs
+    # what results depend on beside settings: name of a file -> digest
     digests: Mapping[str, str] = field(default_factory=dict)
-    patience: float = PATIENCE
-    folder: Path = field(default_factory=Path.cwd)
+    patience: float = PATIENCE  # longest time for a case [s of wall clock]
+    folder: Path = field(default_factory=Path.cwd)  # from which files count
 
     kind = "campaign"
     family = "campaign"
@@ -187,8 +171,7 @@ class CampaignStudy:
     def simulated(self, numbers: Sequence[int], settings: Settings, seed: int) -> Rows:
         """Return the facts of cases, simulated one after the other in one process apart, array of `dtype`.
 
-        Raises:
-            BadRequest, HostFailure: the simulation cannot be loaded or started.
+        Raises BadRequest, HostFailure: the simulation cannot be loaded or started.
         """
         simulation = self.simulation(settings, seed)
         campaign = simulation.campaign(len(numbers), shard_size=len(numbers))

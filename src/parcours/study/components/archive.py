@@ -72,8 +72,7 @@ class Archive:
 def rejudge(study: ComponentStudy, path: Path) -> Rejudged:
     """Judge a recording of a component case by its trace alone.
 
-    Raises:
-        BadResults: the file is no recording, or not one of the study's cases.
+    Raises BadResults: the file is no recording, or not one of the study's cases.
     """
     recording = read_recording(path, study.recorded)
     judgement = incomplete(recording) or _judged(study, path, recording)

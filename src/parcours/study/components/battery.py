@@ -17,17 +17,12 @@ from parcours.verdict.judgement import Judgement, Verdict
 if TYPE_CHECKING:
     from parcours.study.components.study import ComponentStudy
 
-_SHOWN = 5
-"""Findings of one sort that are shown; the rest are counted."""
+_SHOWN = 5  # findings of one sort that are shown; the rest are counted
+_TWICE = 20  # cases that are executed twice, to see whether they repeat
+_LIVE = 3  # cases that are executed on processes, too
 
-_TWICE = 20
-"""Cases that are executed twice, to see whether they repeat."""
-
-_LIVE = 3
-"""Cases that are executed on processes, too."""
-
+# Verdict and trace of cases by their ids; without trace where a case hung or died
 Outcomes = dict[str, tuple[Judgement, Trace | None]]
-"""Verdict and trace of cases by their ids; without trace where a case hung or died."""
 
 
 def check_study(study: ComponentStudy, progress: Progress) -> list[Finding]:

@@ -19,30 +19,20 @@ from parcours.suite import Case
 from parcours.verdict.judgement import Judgement, Verdict
 from parcours.verdict.timing import NEVER, Bound, duration, judge
 
-Execute = Callable[[Case], Execution]
-"""Runs a case on some host."""
+Execute = Callable[[Case], Execution]  # runs a case on some host
 
-Oracle = Callable[[Case, Trace], Judgement]
-"""Judges a case whose order was kept and whose transitions were taken."""
+Oracle = Callable[[Case, Trace], Judgement]  # judges a case whose order was kept and whose transitions were taken
 
 
 @dataclass(frozen=True, slots=True)
 class Exercise:
-    """What executing a study's cases needs to know of it, its parameters being set.
+    """What executing a study's cases needs to know of it, its parameters being set."""
 
-    Attributes:
-        events: a case's events, serialised.
-        tester: the tester of a case.
-        oracle: judges a case whose order was kept and whose transitions were taken.
-        contradiction: why no choice of the tester's can make a case run; empty if one can.
-        view: what an instance shows of itself at the end.
-    """
-
-    events: Callable[[Case], Sequence[Event]]
-    tester: Callable[[Case], Tester]
-    oracle: Oracle
-    contradiction: Callable[[Case], str]
-    view: View
+    events: Callable[[Case], Sequence[Event]]  # a case's events, serialised
+    tester: Callable[[Case], Tester]  # the tester of a case
+    oracle: Oracle  # judges a case whose order was kept and whose transitions were taken
+    contradiction: Callable[[Case], str]  # why no choice of the tester's can make a case run; empty if one can
+    view: View  # what an instance shows of itself at the end
 
 
 def in_process(
@@ -51,14 +41,7 @@ def in_process(
     watch: Callable[[Event], AbstractContextManager[None]] | None = None,
     checked: Callable[[str, object], object] | None = None,
 ) -> Execute:
-    """Return what executes cases in this process.
-
-    Args:
-        exercise: the study, its parameters set.
-        clock: makes the clock of each case; simulated by default.
-        watch: entered around every turn; it may end a component that hangs.
-        checked: turns what a component sends into the form in which it travels, or raises.
-    """
+    """Return what executes cases in this process."""
 
     def run(case: Case) -> Execution:
         tester = exercise.tester(case)
@@ -74,15 +57,7 @@ def in_process(
 def on_transport(
     exercise: Exercise, transport: Transport, codec: Codec, *, strict: bool = True, patience: int = PATIENCE
 ) -> Execute:
-    """Return what executes cases on the nodes of a transport.
-
-    Args:
-        exercise: the study, its parameters set.
-        transport: started, with a node for each component that the cases visit.
-        codec: of the transport's messages.
-        strict: keep the serialised order itself; else any order that the case leaves open.
-        patience: longest turn [ns].
-    """
+    """Return what executes cases on the nodes of a transport."""
 
     def run(case: Case) -> Execution:
         tester = exercise.tester(case)
@@ -130,35 +105,22 @@ def judge_trace(exercise: Exercise, case: Case, trace: Trace) -> Judgement:
 
 @dataclass(frozen=True, slots=True)
 class TimingGroup:
-    """Cases that are timed together, each against its own bound, with the machine's noise measured between them.
+    """Cases that are timed together, each against its own bound, with the machine's noise measured between them."""
 
-    Attributes:
-        name: an interaction path, or a span between two transitions.
-        cases: each with its bound.
-        span: the duration of one repeat [ns] from its trace; `NEVER` if it has none.
-    """
-
-    name: str
-    cases: tuple[tuple[Case, Bound], ...]
-    span: Callable[[Trace], int]
+    name: str  # an interaction path, or a span between two transitions
+    cases: tuple[tuple[Case, Bound], ...]  # each with its bound
+    span: Callable[[Trace], int]  # the duration of one repeat [ns] from its trace; `NEVER` if it has none
 
 
 @dataclass(frozen=True, slots=True)
 class Timing:
-    """One case executed again and again in real time, warm-up left out.
-
-    Attributes:
-        group: what was timed.
-        bound: the upper limit, and of how many repeats.
-        durations: [ns], in the order in which they were measured; `NEVER` of a repeat that deviated.
-        noise: of the machine, between the repeats of all cases of the group.
-    """
+    """One case executed again and again in real time, warm-up left out."""
 
     case: Case
-    group: str
-    bound: Bound
-    durations: tuple[int, ...]
-    noise: Noise
+    group: str  # what was timed
+    bound: Bound  # the upper limit, and of how many repeats
+    durations: tuple[int, ...]  # [ns], in the order in which they were measured; `NEVER` of a repeat that deviated
+    noise: Noise  # of the machine, between the repeats of all cases of the group
     judgement: Judgement
 
 
@@ -172,17 +134,7 @@ def run_timing(
     listener: Callable[[Case, Trace], None] = lambda case, trace: None,
     progress: Callable[[int], None] = lambda done: None,
 ) -> Iterator[Timing]:
-    """Yield the timing results of the groups' cases, group by group.
-
-    Args:
-        exercise: the study, its parameters set.
-        groups: what to time.
-        execute: in real time.
-        repeats: of each case, beside `warm_up` that are not counted.
-        warm_up: repeats before those that count.
-        listener: given each repeat that counts.
-        progress: given the number of cases measured so far.
-    """
+    """Yield the timing results of the groups' cases, group by group."""
     done = 0
     for group in groups:
         measured: list[tuple[int, ...]] = []

@@ -65,8 +65,7 @@ def catalogue(study: ComponentStudy) -> list[Strike]:
 def strike(study: ComponentStudy, request: FaultRequest, progress: Progress) -> FaultReport:
     """Execute cases under each fault and say which were noticed.
 
-    Raises:
-        BadRequest: the study has a tester of its own, or no fault is chosen.
+    Raises BadRequest: the study has a tester of its own, or no fault is chosen.
     """
     if study.system is None:
         rule = f"the components of {study.name} are made by a tester of its own"

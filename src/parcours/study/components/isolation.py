@@ -22,8 +22,7 @@ from parcours.run.workers import Lost as LostWorker
 __all__ = ["Done", "Lost", "Overdue", "longest", "run_apart", "watched"]
 
 T = TypeVar("T")
-_GRACE = 2.0
-"""So much longer than a turn may take, an item is waited for after its last sign of life [s]."""
+_GRACE = 2.0  # so much longer than a turn may take, an item is waited for after its last sign of life [s]
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,16 +63,7 @@ def longest(patience: float) -> float:
 
 
 def run_apart(items: Sequence[str], work: Callable[[str], T], patience: float) -> Iterator[tuple[str, Done[T] | Lost]]:
-    """Yield each item with its result, or why it has none, in their order.
-
-    Args:
-        items: names of what to do.
-        work: done in the process apart, which is forked of this one where that is safe.
-        patience: longest time without a sign of life [s of wall clock]; a sign is the start of an item or an event.
-
-    Raises:
-        ParcoursError: an item raised.
-    """
+    """Yield each item with its result, or why it has none, in their order. Raises ParcoursError: an item raised."""
     crew = Crew(work, 1, forks=True, patience=longest(patience) + _GRACE, own_group=True)
     with contextlib.closing(crew):
         crew.pending.extend((number, (item,)) for number, item in enumerate(items))

@@ -17,15 +17,12 @@ import numpy as np
 from parcours.errors import BadRequest
 from parcours.model.structure import Cefsm, Field, MessageClass
 
-Plain = None | bool | int | float | str | list["Plain"] | dict[str, "Plain"]
-"""What a message may hold."""
+Plain = None | bool | int | float | str | list["Plain"] | dict[str, "Plain"]  # what a message may hold
 
 _FLAT = {"bool": "bool", "int": "int", "real": "float"}
 _LISTED = {"int": "ints", "real": "floats"}
 _INT = 2**63
-
-INPUTS = "parcours inputs"
-"""The channel of input variables to nodes; no channel of a model has a blank in its name."""
+INPUTS = "parcours inputs"  # the channel of input variables to nodes; no channel of a model has a blank in its name
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,8 +79,7 @@ class Messages:
 
         Dataclasses, msgspec structures, tuples and NumPy values are turned into mappings, lists and numbers.
 
-        Raises:
-            BadRequest: it holds something else, or does not have the fields of the channel's class.
+        Raises BadRequest: it holds something else, or does not have the fields of the channel's class.
         """
         where = f"message on {channel!r}"
         try:

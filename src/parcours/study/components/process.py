@@ -14,13 +14,11 @@ import os
 import select
 import shutil
 import signal
-import socket
 import subprocess
 import sys
-import tempfile
 import time
-from collections.abc import Mapping
-from typing import IO, TYPE_CHECKING
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
 import msgspec
 
@@ -30,83 +28,59 @@ from parcours.run.hosts.launching import ending
 if TYPE_CHECKING:
     from parcours.study.components.systems import ProgramPart
 
-SOCKET = "PARCOURS_SOCKET"
-"""Environment variable with the path of the socket of a program that has `socket: true`."""
-
-LONGEST = 1_000_000
-"""Most bytes of a line."""
-
+LONGEST = 1_000_000  # most bytes of a line
 _QUOTED = 80
-_TAIL = 4096
-"""So much is kept of what a program writes to standard error [bytes]."""
-
+_TAIL = 4096  # kept of what a program writes to standard error [bytes]
 _CHUNK = 1 << 16
-_LOOK = 0.05
-"""So often a silent program is asked whether it lives [s]: its helpers may hold its streams open when it has died."""
-
-_GRACE = 1.0
-"""So long a program may take to end after the end of its input [s] before it is killed."""
-
+_LOOK = (
+    0.05  # how often a silent program is asked whether it lives [s]: helpers may hold its streams open after it died
+)
+_GRACE = 1.0  # how long a program may take to end after the end of its input [s] before it is killed
 _MOST_KEPT = 16
 _PARENT_DEATH = 1  # PR_SET_PDEATHSIG
 _LIBC = ctypes.CDLL(None) if sys.platform == "linux" else None  # a forked child could not load it safely
 
 _alive: set[Process] = set()
 _kept: dict[object, list[Process]] = {}
-_guarded: set[int] = set()
-"""Processes whose exit ends the programs that they have started."""
+_guarded: set[int] = set()  # processes whose exit ends the programs that they have started
 
 
+# One exchange. No thread of ours reads or writes: one poll serves all three streams, so that a program that neither
+# reads nor ends, or fills its standard error, blocks nobody.
+#
+#     ask("permit") -> _outgoing --_flush--> stdin  |         |
+#                      _words <--_hear_words- stderr | program |   the last 4096 bytes, for its last words
+#     line()        <- _incoming <--_read--- stdout |         |
+#                         |
+#          whole line: the answer    no line: has_ended? -> program-ended    patience over? -> program-silent
 class Process:
-    """A running program.
-
-    Args:
-        command: how it is started.
-        part: its folder, environment, and whether it speaks on a socket.
-        component: its name in the model, for messages.
-        patience: longest time for an answer [s].
-
-    Raises:
-        HostFailure: it cannot be started.
-    """
+    """A running program of a component; an answer may take `patience` [s]. HostFailure if it cannot be started."""
 
     def __init__(self, command: list[str], part: ProgramPart, component: str, patience: float) -> None:
-        self.status: int | None = None
-        """Its exit status, negative for a signal; None while it runs."""
+        self.status: int | None = None  # exit status, negative for a signal; None while it runs
         self._component, self._patience, self._owner = component, patience, os.getpid()
         self._asked, self._until = "", 0.0
         self._incoming, self._outgoing, self._words = bytearray(), bytearray(), bytearray()
-        self._door: socket.socket | None = None
-        self._folder = ""
-        environment = {**os.environ, **part.environment}
-        if part.socket:
-            self._folder = tempfile.mkdtemp(prefix="parcours-")
-            self._door = socket.socket(socket.AF_UNIX)
-            self._door.bind(f"{self._folder}/socket")
-            self._door.listen(1)
-            self._door.setblocking(False)
-            environment[SOCKET] = f"{self._folder}/socket"
-        try:
-            self._popen = _started(command, part, component, environment)
-        except BaseException:
-            self._close_door()
-            raise
-        self._files: list[IO[bytes] | socket.socket] = [
-            file for file in (self._popen.stdin, self._popen.stdout, self._popen.stderr) if file is not None
-        ]
-        numbers = [file.fileno() for file in self._files]
-        for number in numbers:
+        self._popen = _started(command, part, component)
+        self._files = [file for file in (self._popen.stdin, self._popen.stdout, self._popen.stderr) if file is not None]
+        self._to, self._from, self._errors = [file.fileno() for file in self._files]
+        for number in (self._to, self._from, self._errors):
             os.set_blocking(number, False)
-        # Of one that speaks on a socket, both output streams are one pipe, of words for humans.
-        self._to, self._from, self._errors = numbers if not part.socket else (-1, -1, numbers[0])
         _alive.add(self)
 
-    def say(self, word: str, content: object) -> None:
-        """Say a word that is not answered. What the program does not read at once waits until `line`.
+    @contextlib.contextmanager
+    def exchange(self, word: str, content: object) -> Iterator[Process]:
+        """Ask a word, and let the caller read the answer; whatever goes wrong meanwhile ends the program."""
+        try:
+            self.ask(word, content)
+            yield self
+            self.require_silence()
+        except BaseException:
+            self.end()
+            raise
 
-        Raises:
-            HostFailure: JSON cannot hold the content.
-        """
+    def say(self, word: str, content: object) -> None:
+        """Say a word that is not answered; what is not read at once waits."""
         try:
             plain = msgspec.to_builtins({word: content}, str_keys=True)
             self._outgoing += json.dumps(plain, allow_nan=False, separators=(",", ":")).encode() + b"\n"
@@ -116,11 +90,7 @@ class Process:
         self._flush()
 
     def ask(self, word: str, content: object) -> None:
-        """Say a word whose whole answer must come within the program's patience.
-
-        Raises:
-            HostFailure: JSON cannot hold the content, or the program has printed something unasked.
-        """
+        """Say a word whose whole answer must come within the patience; what it printed unasked fails it."""
         if self._owner != os.getpid():
             raise failure(self._component, "must be used by the process that started it", "program-ended")
         if self._asked:
@@ -176,10 +146,7 @@ class Process:
         """Let it see the end of its input."""
         self._to = -1
         with contextlib.suppress(OSError):
-            if isinstance(self._files[-1], socket.socket):
-                self._files[-1].shutdown(socket.SHUT_WR)
-            elif self._popen.stdin is not None:
-                self._popen.stdin.close()
+            self._files[0].close()
 
     def end(self, until: float = 0.0) -> None:
         """End it and its helpers; by force, unless it has ended before `until` [s, monotonic] by itself."""
@@ -191,7 +158,6 @@ class Process:
                 os.killpg(self._popen.pid, signal.SIGKILL)
             with contextlib.suppress(subprocess.TimeoutExpired):
                 self._popen.wait(_GRACE)
-        self._close_door()
         self.let_go()
         _alive.discard(self)
 
@@ -208,44 +174,24 @@ class Process:
             ended = self.has_ended()  # asked first: what it wrote before its end is read below
             self._flush()
             self._hear_words()
-            if self._door is not None:
-                self._let_in(self._door)
-            elif self._read():
+            if self._read():
                 return
             left = self._until - time.monotonic()
             if ended or left <= 0:
                 raise self._silence()
             poll = select.poll()
-            door = self._door.fileno() if self._door is not None else -1
-            wanted = {self._from: select.POLLIN, self._errors: select.POLLIN, door: select.POLLIN}
-            if self._outgoing:
-                wanted[self._to] = wanted.get(self._to, 0) | select.POLLOUT
-            for number, event in wanted.items():
+            out = self._to if self._outgoing else -1
+            for number, event in ((self._from, select.POLLIN), (self._errors, select.POLLIN), (out, select.POLLOUT)):
                 if number >= 0:
                     poll.register(number, event)
-            closed = self._from < 0 and self._door is None  # its end will follow at once, and nothing tells of it
-            poll.poll(1000 * min(left, 0.005 if closed else _LOOK))
+            # A closed output means that its end follows at once, and no stream reports that.
+            poll.poll(1000 * min(left, 0.005 if self._from < 0 else _LOOK))
 
     def _silence(self) -> HostFailure:
         if self.status is not None:
             return self.unanswered(f", but ended ({ending(self.status)})", "program-ended")
-        what = f" connect to the socket {SOCKET}" if self._door is not None else ""
-        what += " and has closed its output" if self._from < 0 and self._door is None else ""
+        what = " and has closed its output" if self._from < 0 else ""
         return self.unanswered(f" within {self._patience:g} s, but did not{what}", "program-silent")
-
-    def _let_in(self, door: socket.socket) -> None:
-        with contextlib.suppress(BlockingIOError):
-            connection = door.accept()[0]
-            connection.setblocking(False)
-            self._files.append(connection)
-            self._to = self._from = connection.fileno()
-            self._close_door()
-
-    def _close_door(self) -> None:
-        if self._door is not None:
-            self._door.close()
-            self._door = None
-            shutil.rmtree(self._folder, ignore_errors=True)
 
     def _flush(self) -> None:
         if self._outgoing and self._to >= 0:
@@ -314,24 +260,23 @@ def command_of(part: ProgramPart, component: str) -> list[str]:
     return [found, *part.command[1:]]
 
 
-def _started(command: list[str], part: ProgramPart, component: str,
-             environment: Mapping[str, str]) -> subprocess.Popen[bytes]:  # fmt: skip
-    _guard()
+def _started(command: list[str], part: ProgramPart, component: str) -> subprocess.Popen[bytes]:
+    if os.getpid() not in _guarded:  # a worker of multiprocessing runs finalizers, but no handlers of atexit
+        _guarded.add(os.getpid())
+        multiprocessing.util.Finalize(None, end_programs, exitpriority=10)
     parent = os.getpid()
 
     def bind() -> None:
-        """Ask the system to kill the program when the thread that starts it has ended: the main one, as a rule."""
+        # The system kills the program when the thread that starts it has ended: the main one, as a rule.
         if _LIBC is not None:
             _LIBC.prctl(_PARENT_DEATH, signal.SIGKILL)
             if os.getppid() != parent:
-                os._exit(1)  # it ended before it could be asked for
+                os._exit(1)  # the parent ended before this was asked for
 
+    pipe, environment = subprocess.PIPE, {**os.environ, **part.environment}
     try:
-        return subprocess.Popen(
-            command, cwd=part.folder, env=environment, bufsize=0, process_group=0, preexec_fn=bind,
-            stdin=subprocess.DEVNULL if part.socket else subprocess.PIPE, stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT if part.socket else subprocess.PIPE,
-        )  # fmt: skip
+        return subprocess.Popen(command, cwd=part.folder, env=environment, bufsize=0, process_group=0, preexec_fn=bind,
+                                stdin=pipe, stdout=pipe, stderr=pipe)  # fmt: skip
     except (OSError, subprocess.SubprocessError) as error:
         rule = f"must start, but {command[0]} cannot be executed in {part.folder}: {error}"
         raise failure(component, rule, "program-missing") from error
@@ -371,12 +316,6 @@ def end_programs() -> None:
     until = time.monotonic() + _GRACE
     for process in list(_alive):
         process.end(until)
-
-
-def _guard() -> None:
-    if os.getpid() not in _guarded:  # a worker of multiprocessing runs finalizers, but no handlers of atexit
-        _guarded.add(os.getpid())
-        multiprocessing.util.Finalize(None, end_programs, exitpriority=10)
 
 
 def _forget() -> None:

@@ -1,6 +1,6 @@
 """Components that are programs in any language, which speak the component protocol (docs/programs.md).
 
-One JSON object a line, on the program's standard streams or on a Unix socket. It speaks only when asked:
+One JSON object a line, on the program's standard streams. It speaks only when asked:
 
     tester                              program
       | hello -------------------------->|
@@ -34,10 +34,7 @@ if TYPE_CHECKING:
     from parcours.study.components.systems import ProgramPart
 
 PROTOCOL = "component/1"
-
-MOST = 64_000_000
-"""Most bytes of all lines that answer one permit."""
-
+MOST = 64_000_000  # most bytes of all lines that answer one permit
 _MAY_HAVE = {"reset": "wake", "took": "wake"}
 _QUOTED = 80
 
@@ -51,7 +48,7 @@ class Program:
         self._transitions = sorted(transition.id for transition in modelled.transitions())
         self._part, self._patience = part, patience
         self._case = {"case": case_id, "seed": seed, "values": dict(values)}
-        self._key = (part.command, part.folder, tuple(sorted(part.environment.items())), part.socket, self.name)
+        self._key = (part.command, part.folder, tuple(sorted(part.environment.items())), self.name)
         self._command = command_of(part, self.name)
         self._process: Process | None = None
         self.reset()
@@ -170,14 +167,12 @@ class Program:
             assert self._failure is not None
             raise self._failure
         try:
-            process.ask(word, content)
-            yield process
-            process.require_silence()
+            with process.exchange(word, content):
+                yield process
         except BaseException as error:
             why = f", but {type(error).__name__} came first: {error}"
             self._failure = error if isinstance(error, HostFailure) else process.unanswered(why, "program-silent")
             self._process = None
-            process.end()
             if isinstance(error, Exception) and error is not self._failure:  # an alarm, which does not know who is late
                 raise self._failure from error
             raise

@@ -9,24 +9,27 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import cast
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from parcours.errors import BadRequest, BadResults, ParcoursError
 from parcours.report.junit import CaseResult
-from parcours.report.pieces import Column, Figure, Page, Table
+from parcours.report.pieces import Column, Figure, Page, Section, Table
 from parcours.report.timings import Timed, timing_figure, timing_table
 from parcours.report.writing import write_text
 from parcours.run.noise import Noise, noise_of
+from parcours.run.trace import SHOWN, Trace
 from parcours.study.components.executing import Functional, Timing
 from parcours.study.protocol import Measure
+from parcours.suite import Case
 from parcours.verdict.judgement import Judgement, Verdict
 from parcours.verdict.timing import NEVER, parse_bound
 
 FILE = "components.json"
 _FORMAT = "components/2"
-_LONGEST = 2_000
-"""Characters of a reason that are kept."""
+_LONG = 200  # characters of a message that are shown
+_LONGEST = 2_000  # characters of a reason that are kept
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,19 +54,13 @@ class ComponentResult:
 
 @dataclass(frozen=True, slots=True)
 class ComponentResults:
-    """Everything that one run of a component study showed.
+    """Everything that one run of a component study showed."""
 
-    Attributes:
-        host: where the components were.
-        results: functional cases, then timing cases.
-        noise: of the machine, between the repeats of each interaction path's timing cases.
-        planned: how many cases the run was to have.
-    """
-
-    host: str
-    results: tuple[ComponentResult, ...]
+    host: str  # where the components were
+    results: tuple[ComponentResult, ...]  # functional cases, then timing cases
+    # of the machine, between the repeats of each interaction path's timing cases
     noise: Mapping[str, Noise] = field(default_factory=dict)
-    planned: int = 0
+    planned: int = 0  # how many cases the run was to have
 
 
 def component_results(host: str, functional: Sequence[Functional], timing: Sequence[Timing]) -> ComponentResults:
@@ -105,8 +102,7 @@ def write_components(folder: Path, given: ComponentResults) -> None:
 def read_components(folder: Path) -> ComponentResults:
     """Return the results that lie in the folder.
 
-    Raises:
-        BadResults: there are none, or the file is cut short or of another version.
+    Raises BadResults: there are none, or the file is cut short or of another version.
     """
     path = folder / FILE
     try:
@@ -236,3 +232,36 @@ class StudyResults:
             rule = f"a case must be a finished one of the {len(ids)} in the folder, but {case!r} was asked for"
             raise BadRequest("replay", rule, "see `parcours report FOLDER --json` for their ids", slug="case-number")
         return self._replay(wanted)
+
+
+def page_of(study: str, case: Case, judgement: Judgement, trace: Trace) -> Page:
+    """Return a page on one case, executed again in simulated time."""
+    values = tuple((name, value) for name, value in zip(case.names, case.values, strict=True))
+    heads = (Column("time", ",d", unit="us"), Column("component"), Column("event"))
+    columns = (*heads, Column("what", code=True), Column("message", code=True))
+    note = "In simulated time an event takes a millisecond: the order counts, not the duration."
+    pieces = (
+        Table("Test inputs", (Column("input"), Column("value", ".6g")), values),
+        Table("What happened", columns, event_rows(trace), note),
+    )
+    section = Section(f"{judgement.verdict}: {judgement.why}", "Executed again, in simulated time.", pieces)
+    return Page(case.id, section.title, (("study", study), ("case", case.id)), (section,))
+
+
+def event_rows(trace: Trace) -> tuple[tuple[str | int, ...], ...]:
+    """Return the events of a trace as rows: time [us], component, kind, transition or channel, message."""
+    return tuple(
+        (event.time // 1000, event.component, event.kind, event.transition or event.channel,
+         event.text if event.kind == "deviation" else _shown(event.payload) if event.text != SHOWN else "")
+        for event in trace.events
+    )  # fmt: skip
+
+
+def _shown(payload: object) -> str:
+    if payload is None:
+        return ""
+    try:
+        text = json.dumps(msgspec.to_builtins(payload), ensure_ascii=False)
+    except (TypeError, ValueError):
+        text = type(payload).__name__
+    return text if len(text) <= _LONG else text[: _LONG - 3] + "..."

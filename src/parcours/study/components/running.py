@@ -39,6 +39,7 @@ from parcours.study.components.results import (
     failure_table,
     functional_result,
     interaction_of,
+    page_of,
     read_components,
     results_of_journal,
     timed,
@@ -57,8 +58,7 @@ from parcours.verdict.judgement import Judgement, Verdict
 if TYPE_CHECKING:
     from parcours.study.components.study import ComponentStudy
 
-Kept = tuple[ComponentResult, "Noise | None"]
-"""A result, and the noise beside its repeats if it was timed."""
+Kept = tuple[ComponentResult, "Noise | None"]  # A result, and the noise beside its repeats if it was timed
 
 
 def run_study(study: ComponentStudy, request: Request, progress: Progress) -> Run:
@@ -270,15 +270,14 @@ def read_results(study: ComponentStudy, folder: Path) -> Results:
 
 def _page(study: ComponentStudy, folder: Path, id: str) -> Page:
     """Return a page on one case, executed again as it was in a folder."""
-    from parcours.study.components.replaying import page_of
-
     document = read_question(folder)["question"]
     assert isinstance(document, dict)
     _, abstract, row = id.split("/")
     plan = study.plan(int(document["seed"]), None)
     number = int(row) * len(study.abstracts) + list(study.abstracts).index(abstract)
     case = study.plan(int(document["seed"]), max(len(plan), number + 1)).case(number)
-    return page_of(study, case, {**document["settings"], "graph": "", "record": ""})
+    settings = {**document["settings"], "graph": "", "record": ""}
+    return page_of(study.name, case, *run_again(study, case, settings))
 
 
 def report_results(results: Mapping[str, Results]) -> Reported:

@@ -23,17 +23,13 @@ from parcours.paths import internal_paths
 from parcours.paths.internal import InternalPath
 from parcours.study.components.stimuli import Chooser
 
+# Of a machine: most short runs, most transitions in one, and how often a run takes a transition at most
 _RUNS, _LONGEST, _TWICE = 12, 8, 2
-"""Of a machine: most short runs, most transitions in one, and how often a run takes a transition at most."""
 
-_TRIED = 3_000
-"""Most cases of short runs that are looked at."""
+_TRIED = 3_000  # most cases of short runs that are looked at
+_QUEUED = 20_000  # most beginnings of short runs that are followed in one machine
 
-_QUEUED = 20_000
-"""Most beginnings of short runs that are followed in one machine."""
-
-Taken = tuple[str, int, str]
-"""What a case may be the first to take: interaction path, visit, transition."""
+Taken = tuple[str, int, str]  # what a case may be the first to take: interaction path, visit, transition
 
 
 @dataclass(frozen=True, slots=True)

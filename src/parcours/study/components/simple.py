@@ -23,8 +23,7 @@ if TYPE_CHECKING:
     from parcours.model.structure import Component as Modelled
     from parcours.run.port import Component, Send, Step
 
-MOST_SENDS = 10_000
-"""A transition that sends more messages floods its host, and fails."""
+MOST_SENDS = 10_000  # A transition that sends more messages floods its host, and fails
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,8 +48,7 @@ def took(transition: str, *sends: Send, **messages: object) -> Took:
     return Took(transition, (*sends, *messages.items()))
 
 
-Answer = Took | Iterable[Took] | None
-"""What a method may return: one step, several, or none."""
+Answer = Took | Iterable[Took] | None  # what a method may return: one step, several, or none
 
 
 class Simple:
@@ -144,8 +142,7 @@ def is_full(made: object) -> bool:
 def component_of(modelled: Modelled, make: Callable[[], object]) -> Component:
     """Return the component that a maker's objects stand for: as they are if they keep the port, else `Simple`.
 
-    Raises:
-        HostFailure: the object keeps the port but has another name.
+    Raises HostFailure: the object keeps the port but has another name.
     """
     made = make()
     if not is_full(made):
@@ -158,11 +155,7 @@ def component_of(modelled: Modelled, make: Callable[[], object]) -> Component:
 
 
 class Functions:
-    """Plain functions of (state, message) as the methods of an object whose state is a namespace.
-
-    Args:
-        functions: event (a channel or a transition's name) -> function.
-    """
+    """Plain functions of (state, message) as the methods of an object whose state is a namespace."""
 
     def __init__(self, functions: Mapping[str, Callable[..., object]]) -> None:
         from types import SimpleNamespace

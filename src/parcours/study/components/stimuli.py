@@ -13,24 +13,36 @@ A case whose conditions contradict each other cannot be run by any component tha
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TypeAlias, Union, cast
 
 from parcours.abtc import Event
 from parcours.errors import BadModel, BadRequest
-from parcours.model.expression import Apply, Assignment, Binary, Expression, Field, Literal, Name, Unary, evaluate
+from parcours.model.expression import (
+    Apply,
+    Assignment,
+    Binary,
+    Expression,
+    Field,
+    Literal,
+    Name,
+    Type,
+    Unary,
+    evaluate,
+    names,
+)  # fmt: skip
 from parcours.model.scope import Scopes, is_local, variable_type
+from parcours.model.solutions import Budget, Question
 from parcours.model.structure import BASE_TYPES, Cefsm, Send, Transition
-from parcours.study.components.conditions import Conditions, solved
 from parcours.study.components.messages import Messages, Plain
 
+_EFFORT = 20_000  # most valuations tried for conditions that share symbols
+# Channel or transition -> field or input variable -> formula over test inputs and parameters
 Formulas = Mapping[str, Mapping[str, Expression]]
-"""Channel or transition -> field or input variable -> formula over test inputs and parameters."""
 
 Symbolic: TypeAlias = Union[Expression, "Record"]
-Record: TypeAlias = dict[str, Symbolic]
-"""A message: what is known of its fields."""
+Record: TypeAlias = dict[str, Symbolic]  # A message: what is known of its fields
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,6 +59,18 @@ class Stimuli:
 
     of: Mapping[int, Stimulus]
     infeasible: str = ""
+
+
+@dataclass(slots=True)
+class Conditions:
+    """What is asked of the symbols of one case."""
+
+    types: dict[str, Type] = field(default_factory=dict)
+    domains: dict[str, Sequence[object]] = field(default_factory=dict)
+    wanted: dict[str, object] = field(default_factory=dict)
+    limits: list[Expression] = field(default_factory=list)
+    hard: list[tuple[Expression, str]] = field(default_factory=list)
+    soft: list[Expression] = field(default_factory=list)
 
 
 class _Unknown(Exception):
@@ -316,3 +340,58 @@ def _as(kind: str, value: object) -> object:
     if kind == "int" and isinstance(value, float) and value == int(value):
         return int(value)
     return float(value) if kind == "real" and isinstance(value, int) and not isinstance(value, bool) else value
+
+
+def solved(conditions: Conditions) -> tuple[dict[str, object], str]:
+    """Return values of the symbols under which the conditions hold; or, beside some, which cannot hold together."""
+    found: dict[str, object] = {}
+    for symbols, hard, soft in _clusters(conditions):
+        if not symbols:
+            for condition, where in hard:
+                if _is_false(condition):
+                    return found, f"{where} cannot hold"
+            continue
+        wanted = {name: value for name, value in conditions.wanted.items() if name in symbols}
+        demands = [condition for condition, _ in hard]
+        limits = [limit for limit in conditions.limits if names(limit) <= symbols]
+        holds: bool | None = None
+        tries: tuple[tuple[list[Expression], dict[str, object]], ...]
+        tries = ((demands + soft, wanted), (demands + soft + limits, {}), (demands, wanted), (demands + limits, {}))
+        for guards, known in (*tries, (demands, {})):
+            question = Question(conditions.types, {}, conditions.domains, known)
+            try:
+                answer = question.witness(guards, Budget(_EFFORT))
+            except BadModel:
+                continue
+            holds = answer.holds
+            if holds:
+                found |= {**known, **dict(answer.values)}
+                break
+        if holds is False:
+            return found, " and ".join(dict.fromkeys(where for _, where in hard)) + " cannot hold together"
+    return found, ""
+
+
+def _clusters(conditions: Conditions) -> Iterator[tuple[set[str], list[tuple[Expression, str]], list[Expression]]]:
+    """Yield conditions that share symbols, together with these; those without any first."""
+    groups: list[tuple[set[str], list[tuple[Expression, str]], list[Expression]]] = []
+    everything = [(one, where) for one, where in conditions.hard] + [(one, None) for one in conditions.soft]
+    for condition, where in everything:
+        symbols = set(names(condition))
+        joined: tuple[set[str], list[tuple[Expression, str]], list[Expression]] = (symbols, [], [])
+        (joined[1].append((condition, where)) if where is not None else joined[2].append(condition))
+        apart = []
+        for group in groups:
+            if group[0] & symbols or (not group[0] and not symbols):
+                joined = (joined[0] | group[0], group[1] + joined[1], group[2] + joined[2])
+            else:
+                apart.append(group)
+        groups = [*apart, joined]
+    yield from sorted(groups, key=lambda group: bool(group[0]))
+
+
+def _is_false(condition: Expression) -> bool:
+    try:
+        return evaluate(condition, {}) is False
+    except BadModel:
+        return True

@@ -35,30 +35,20 @@ from parcours.suite import Case, Plan, combine
 from parcours.verdict.judgement import Judgement, Verdict
 from parcours.verdict.timing import NEVER, Bound
 
-NO_INPUTS = InputModel("no inputs", ())
-"""The test inputs of a study that has none: each abstract case is one case."""
-
-_TIMED = 5
-"""Abstract cases that are timed for each limit, evenly spread."""
+NO_INPUTS = InputModel("no inputs", ())  # the test inputs of a study that has none: each abstract case is one case
+_TIMED = 5  # abstract cases that are timed for each limit, evenly spread
 
 Oracle = Callable[[Case, Trace, Settings], Judgement]
 
 
 @dataclass(frozen=True, slots=True)
 class Limit:
-    """A bound on how long an interaction path takes, or the way from one transition to the next of another.
+    """A bound on how long an interaction path takes, or the way from one transition to the next of another."""
 
-    Attributes:
-        name: of the interaction path, or of the limit.
-        bound: the limit.
-        begin: the transition from whose end it counts; empty for whole cases of the interaction path.
-        end: the transition at whose end it is over.
-    """
-
-    name: str
-    bound: Bound
-    begin: str = ""
-    end: str = ""
+    name: str  # of the interaction path, or of the limit
+    bound: Bound  # the limit
+    begin: str = ""  # the transition from whose end it counts; empty for whole cases of the interaction path
+    end: str = ""  # the transition at whose end it is over
 
 
 def order_is_kept(case: Case, trace: Trace, settings: Settings) -> Judgement:
@@ -81,55 +71,32 @@ def host_parameters(*more: Parameter) -> tuple[Parameter, ...]:
 
 @dataclass(frozen=True, eq=False)
 class ComponentStudy:
-    """A study of components (`parcours.study.protocol.Study`).
+    """A study of components (`parcours.study.protocol.Study`)."""
 
-    Args:
-        name: first part of every case id.
-        model: the behavioural and the structural model.
-        system: what makes the components.
-        inputs: test inputs; without any, each abstract case is one case.
-        doc: a sentence about the study.
-        where: how a command line names it; empty for an object that no other process can find.
-        own: parameters of its own.
-        criterion: how blocks of inputs are combined.
-        paths: coverage criterion of the internal paths.
-        policy: of serialisation; the model's if empty.
-        n_cases: how many cases are run if nothing is said; None for what the criterion needs.
-        time_budget: of a case [s].
-        supply: formulas for fields of the environment's messages.
-        set_before: formulas for input variables before a transition.
-        oracles: judge a case whose order was kept; all must pass.
-        limits: bounds on durations.
-        digests: what its results depend on beside its settings: name of a file -> digest.
-        files: where its model and its data lie.
-        patience: longest turn [s of wall clock].
-    """
-
-    name: str
-    model: Cefsm
-    system: System | None
-    inputs: InputModel = NO_INPUTS
-    doc: str = ""
-    where: str = ""
-    own: tuple[Parameter, ...] = ()
-    criterion: str = "each_choice"
-    paths: str = "edge"
-    policy: str = ""
-    n_cases: int | None = None
-    time_budget: float = 20.0
-    supply: Formulas = field(default_factory=dict)
-    set_before: Formulas = field(default_factory=dict)
-    oracles: tuple[Oracle, ...] = (order_is_kept,)
-    limits: tuple[Limit, ...] = ()
+    name: str  # first part of every case id
+    model: Cefsm  # the behavioural and the structural model
+    system: System | None  # what makes the components
+    inputs: InputModel = NO_INPUTS  # test inputs; without any, each abstract case is one case
+    doc: str = ""  # a sentence about the study
+    where: str = ""  # how a command line names it; empty for an object that no other process can find
+    own: tuple[Parameter, ...] = ()  # parameters of its own
+    criterion: str = "each_choice"  # how blocks of inputs are combined
+    paths: str = "edge"  # coverage criterion of the internal paths
+    policy: str = ""  # of serialisation; the model's if empty
+    n_cases: int | None = None  # how many cases are run if nothing is said; None for what the criterion needs
+    time_budget: float = 20.0  # of a case [s]
+    supply: Formulas = field(default_factory=dict)  # formulas for fields of the environment's messages
+    set_before: Formulas = field(default_factory=dict)  # formulas for input variables before a transition
+    oracles: tuple[Oracle, ...] = (order_is_kept,)  # judge a case whose order was kept; all must pass
+    limits: tuple[Limit, ...] = ()  # bounds on durations
+    # what its results depend on beside its settings: name of a file -> digest
     digests: Mapping[str, str] = field(default_factory=dict)
-    files: Mapping[str, Path] = field(default_factory=dict)
-    patience: float = PATIENCE
+    files: Mapping[str, Path] = field(default_factory=dict)  # where its model and its data lie
+    patience: float = PATIENCE  # longest turn [s of wall clock]
 
     kind = "components"
-    trusted = False
-    """Whether components run in this process: only those that ship with Parcours do."""
-    compiles = False
-    """Whether kernels are compiled before the first case."""
+    trusted = False  # Whether components run in this process: only those that ship with Parcours do
+    compiles = False  # Whether kernels are compiled before the first case
 
     @property
     def family(self) -> str:

@@ -16,24 +16,15 @@ from parcours.study.loading import load
 from parcours.study.parameters import Settings
 from parcours.suite import Case
 
+# So long a program, thread or coroutine may take for one transition [s of wall clock] before it counts as hung
 PATIENCE = 5.0
-"""So long a program, thread or coroutine may take for one transition [s of wall clock] before it counts as hung."""
 
 
 class System(Protocol):
     """The system under test of a component study: what makes its components."""
 
     def component(self, modelled: Modelled, case: Case, settings: Settings) -> Component:
-        """Return a fresh component for a case.
-
-        Args:
-            modelled: the component in the model.
-            case: the case.
-            settings: the study's parameters and the case's test inputs, by name.
-
-        Raises:
-            HostFailure: it cannot be had.
-        """
+        """Return a fresh component for a case. Raises HostFailure: it cannot be had."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,7 +79,6 @@ class ProgramPart:
     command: tuple[str, ...]
     folder: Path = field(default_factory=Path.cwd)
     environment: Mapping[str, str] = field(default_factory=dict)
-    socket: bool = False
 
     def component(self, modelled: Modelled, case: Case, settings: Settings, patience: float) -> Component:
         """Return the component that the program is; the process is started, or one that is idle is used again."""
@@ -108,11 +98,7 @@ class Parts:
     patience: float = PATIENCE
 
     def component(self, modelled: Modelled, case: Case, settings: Settings) -> Component:
-        """Return a fresh component for a case.
-
-        Raises:
-            HostFailure: no part stands for it, or its maker raised.
-        """
+        """Return a fresh component for a case. Raises HostFailure: no part stands for it, or its maker raised."""
         part = self.parts.get(modelled.name)
         if part is None:
             raise HostFailure(f"component {modelled.name}", "nothing stands for it", "name it under `system`",

@@ -30,16 +30,12 @@ from parcours.model.structure import Component as Modelled
 from parcours.run.port import Send, Step
 from parcours.study.components.simple import Took, require_allowed, took
 
+# What `receive` returns: (channel, message); (None, transition) if asked for a transition that no message starts; or
+# (None, None) if asked for whatever can be done
 Arrival = tuple[str | None, object]
-"""What `receive` returns: (channel, message); (None, transition) if asked for a transition that no message starts; or
-(None, None) if asked for whatever can be done."""
 
-_GRACE = 1.0
-"""So long a thread may take to end [s] after the tester has let go of it."""
-
-_MOST_REFUSED = 100
-"""A thread that catches its end so often, and goes on, is put to sleep: it would use up a processor."""
-
+_GRACE = 1.0  # so long a thread may take to end [s] after the tester has let go of it
+_MOST_REFUSED = 100  # A thread that catches its end so often, and goes on, is put to sleep: it would use up a processor
 _OURS = str(Path(__file__).parent)
 
 
@@ -71,8 +67,7 @@ class _Desk:
         self.closed = False
         self.go: SimpleQueue[None] = SimpleQueue()
         self.reports: SimpleQueue[Took | _Idle | _Over] = SimpleQueue()
-        self.nudge: Callable[[], object] = lambda: None
-        """Wakes a loop that waits for something outside."""
+        self.nudge: Callable[[], object] = lambda: None  # Wakes a loop that waits for something outside
         self._refused = 0
 
     def hand_over(self, report: Took | _Idle) -> None:
@@ -121,8 +116,7 @@ class Port(_Port):
     def took(self, transition: str, *sends: Send, **messages: object) -> None:
         """Take a transition with its messages, as `parcours.study.took`; return when the tester permits the next.
 
-        Raises:
-            ValueError: the component has no such transition, or sends more than 10 000 messages.
+        Raises ValueError: the component has no such transition, or sends more than 10 000 messages.
         """
         self._desk.take(transition, sends, messages)
 
@@ -149,8 +143,7 @@ class AsyncPort(_Port):
     async def took(self, transition: str, *sends: Send, **messages: object) -> None:
         """Take a transition with its messages, as `parcours.study.took`; return when the tester permits the next.
 
-        Raises:
-            ValueError: the component has no such transition, or sends more than 10 000 messages.
+        Raises ValueError: the component has no such transition, or sends more than 10 000 messages.
         """
         self._desk.take(transition, sends, messages)
 
@@ -204,13 +197,7 @@ class _Selector(selectors.DefaultSelector):
 
 
 class Threaded:
-    """An object with `run(port)` as a component. `run` is started when the first transition is asked for.
-
-    Args:
-        modelled: the component in the model.
-        make: makes a fresh object.
-        patience: longest time from a permit to the object's next call of its port [s of wall clock].
-    """
+    """An object with `run(port)` as a component. `run` is started when the first transition is asked for."""
 
     def __init__(self, modelled: Modelled, make: Callable[[], object], patience: float) -> None:
         self.name = modelled.name
