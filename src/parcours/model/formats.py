@@ -41,7 +41,7 @@ class Format:
     largest: int = MAX_BYTES
 
 
-NATIVE = Format("Parcours model/1", (".yaml", ".yml"), "parcours.model.native")
+NATIVE = Format("Parcours model/1", (".yaml", ".yml"), "parcours.model.model_file")
 """Our own format (docs/model-format.md)."""
 
 GROUP = "parcours.formats"

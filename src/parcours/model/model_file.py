@@ -10,10 +10,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from parcours.model.checking import findings as findings_of
+from parcours.model.conversion import Reading, Writing, accepted
 from parcours.model.documents import read_document
 from parcours.model.finding import Finding, complaint, errors_among
 from parcours.model.schema import SchemaReader
 from parcours.model.structure import Cefsm
+from parcours.model.writing import write_model
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,14 +41,9 @@ def read_model(path: str | Path) -> Cefsm:
 def parse_model(text: str, origin: str = "<text>") -> Cefsm:
     """Return the model that a text holds.
 
-    Args:
-        text: YAML in the format `parcours: model/1`.
-        origin: what to call the text in messages.
-
     Raises:
         BadModel: the model has errors; the message says all of them, one a line.
 
-    Example:
     >>> lamp = parse_model('''
     ... parcours: model/1
     ... name: lamp
@@ -82,16 +79,37 @@ def check_file(path: str | Path) -> Checked:
 
 def check_text(text: str, origin: str = "<text>") -> Checked:
     """Return the model of a text, None if it has errors, and every finding; never raise for a bad model."""
-    document, found = read_document(text, origin)
-    if document is None:
-        return Checked(None, tuple(found))
-    reader = SchemaReader(origin)
-    model = reader.model(document)
-    found += reader.findings
-    if not found:
-        found += findings_of(model, origin)
+    model, found = _parsed(text, origin)
+    if model is not None and not found:
+        found = findings_of(model, origin)
     ordered = tuple(sorted(found, key=lambda finding: (finding.line, finding.rule, finding.message)))
     return Checked(None if errors_among(ordered) else model, ordered)
+
+
+def read(text: str, origin: str) -> Reading:
+    """Return the model of a text as a format's reader does: what is doubtful in it is not looked for.
+
+    Raises:
+        BadModel: the model has errors; the message says all of them, one a line.
+    """
+    model, found = _parsed(text, origin)
+    if model is None or found:
+        raise complaint(tuple(sorted(found, key=lambda finding: (finding.line, finding.rule, finding.message))))
+    return accepted(model)
+
+
+def write(cefsm: Cefsm) -> Writing:
+    """Return the YAML text of a model; nothing is lost."""
+    return Writing(write_model(cefsm))
+
+
+def _parsed(text: str, origin: str) -> tuple[Cefsm | None, list[Finding]]:
+    document, found = read_document(text, origin)
+    if document is None:
+        return None, found
+    reader = SchemaReader(origin)
+    model = reader.model(document)
+    return model, found + reader.findings
 
 
 def _accepted(checked: Checked) -> Cefsm:
