@@ -22,13 +22,6 @@ def findings(cefsm: Cefsm, origin: str = "") -> list[Finding]:
     Args:
         cefsm: any model, also one that was not read from a file.
         origin: what to call the file; by default where the model was read from.
-
-    Example: a state that no path leads to, and none leads away from.
-    >>> from parcours.model.structure import Machine, Component
-    >>> lost = Machine("light", "off", ("off", "lost"), (Transition("tick", "off", "off"),))
-    >>> for finding in findings(Cefsm("lamp", (Component("Lamp", (lost,)),)), "lamp.yaml"):
-    ...     print(finding)
-    lamp.yaml: warning: every state must be reachable, but no path leads to 'lost' of 'light' in 'Lamp'; ...
     """
     check = _checked(cefsm, origin)
     found = check.findings
@@ -38,11 +31,7 @@ def findings(cefsm: Cefsm, origin: str = "") -> list[Finding]:
 
 
 def errors(cefsm: Cefsm, origin: str = "") -> list[Finding]:
-    """Return what is wrong, in the order of the lines, without looking for what is doubtful, which takes longer.
-
-    >>> print(*errors(Cefsm("empty", ())))
-    empty: error: a model must have a component, but this one has none; add one [no-component]
-    """
+    """Return what is wrong, in the order of the lines, without looking for what is doubtful, which takes longer."""
     return _in_order(_checked(cefsm, origin).findings)
 
 

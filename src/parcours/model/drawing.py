@@ -15,10 +15,6 @@ def predicate(transition: Transition) -> str:
     """Return the predicate of a transition as the paper prints it: (event/[guard]/actions/messages).
 
     Its duration follows, if it has one: `(-/-/-/-) within [0.005, 0.05] s`.
-
-    >>> from parcours.model.expression import Name
-    >>> print(predicate(Transition("p24", "generating", "sending", guard=Name("done"))))
-    (-/[done]/-/-)
     """
     event = "-"
     if transition.event is not None:

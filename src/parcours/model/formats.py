@@ -110,9 +110,6 @@ def format_of(path: Path) -> str:
 
     Raises:
         BadRequest: no format has the suffix.
-
-    >>> format_of(Path("train.xml")), format_of(Path("train.gv"))
-    ('uppaal', 'dot')
     """
     return _with_suffix(path)[0]
 

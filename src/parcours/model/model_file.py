@@ -29,9 +29,6 @@ class Checked:
 def read_model(path: str | Path) -> Cefsm:
     """Return the model that a file holds; warnings do not matter here.
 
-    Args:
-        path: a YAML file in the format `parcours: model/1`, at most 1 MB.
-
     Raises:
         BadModel: the file cannot be read, or the model has errors; the message says all of them, one a line.
     """
@@ -43,21 +40,6 @@ def parse_model(text: str, origin: str = "<text>") -> Cefsm:
 
     Raises:
         BadModel: the model has errors; the message says all of them, one a line.
-
-    >>> lamp = parse_model('''
-    ... parcours: model/1
-    ... name: lamp
-    ... components:
-    ...   Lamp:
-    ...     machines:
-    ...       light:
-    ...         initial: off
-    ...         transitions:
-    ...           switch_on: {from: off, to: on}
-    ...           switch_off: {from: on, to: off}
-    ... ''')
-    >>> lamp.component("Lamp").machines[0].states
-    ('off', 'on')
     """
     return _accepted(check_text(text, origin))
 

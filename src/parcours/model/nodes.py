@@ -31,11 +31,7 @@ def is_identifier(name: str) -> bool:
 
 
 def is_label(name: str) -> bool:
-    """Return whether the name may be that of a state, a transition or a machine: one printable line, trimmed.
-
-    >>> is_label("goal reached"), is_label(" x"), is_label("")
-    (True, False, False)
-    """
+    """Return whether the name may be that of a state, a transition or a machine: one printable line, trimmed."""
     return 0 < len(name) <= MAX_LABEL and name.isprintable() and name == name.strip()
 
 
@@ -176,11 +172,7 @@ class NodeReader:
 
 
 def shown(node: Node) -> str:
-    """Return a node in a few words.
-
-    >>> shown(Scalar("abc", True, 1)), shown(Sequence((), 1))
-    ("'abc'", 'a list')
-    """
+    """Return a node in a few words."""
     if isinstance(node, Scalar):
         return brief(node.text)
     return "a list" if isinstance(node, Sequence) else "a mapping"

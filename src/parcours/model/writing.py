@@ -17,22 +17,6 @@ def write_model(cefsm: Cefsm) -> str:
     """Return the model as text in the format `parcours: model/1`.
 
     Lines and the name of the file that it came from are not written.
-
-    Example:
-    >>> from parcours.model import parse_model
-    >>> print(write_model(parse_model("{parcours: model/1, name: m, components: {A: {machines: {"
-    ...                               "f: {initial: s, transitions: {p1: {from: s, to: s}}}}}}}")))
-    parcours: model/1
-    name: m
-    <BLANKLINE>
-    components:
-      A:
-        machines:
-          f:
-            initial: s
-            transitions:
-              p1: {from: s, to: s}
-    <BLANKLINE>
     """
     lines = [f"parcours: {FORMAT}", f"name: {_text(cefsm.name)}"]
     if cefsm.doc:
