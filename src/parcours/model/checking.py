@@ -25,6 +25,7 @@ def findings(cefsm: Cefsm, origin: str = "") -> list[Finding]:
     """
     check = _checked(cefsm, origin)
     found = check.findings
+    # What a duplicate name refers to is not known, so nothing is searched for behind it.
     if all(finding.rule not in ("duplicate", "name") for finding in found):
         found += suspicions(cefsm, check.origin, check.unsound)
     return _in_order(found)
@@ -129,6 +130,7 @@ class _Check:
                 elif not each.shape:
                     inside.setdefault(message.name, []).append(each.type)
         for message in self.cefsm.messages:
+            # A field with a shape is a list, which may be empty and so ends the nesting.
             reached, border = set(), list(inside.get(message.name, ()))
             while border:
                 if (name := border.pop()) not in reached:

@@ -78,6 +78,7 @@ def _machine_table(machine: Machine) -> list[str]:
 
 
 def _table(head: Sequence[str], rows: Sequence[Sequence[str]], indent: int) -> list[str]:
+    # A column starts as wide as its longest cell.
     widths = [max(len(row[at]) for row in [head, *rows]) for at in range(len(head))]
     # The widest columns are wrapped until the table fits.
     while indent + sum(widths) + 2 * (len(widths) - 1) > WIDTH and max(widths) > 12:

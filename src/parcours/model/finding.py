@@ -51,6 +51,7 @@ def advice(given: str, known: Sequence[str], found: Sequence[Finding]) -> str:
     """Return the remedy for an unknown name, unless so much was found already that looking would take long."""
     if not known or len(found) > _ADVISED:
         return ""
+    # Of very many names only the nearest is shown; looking at all of a hostile file would take long.
     if len(known) <= 30:
         return one_of(given[:MAX_LABEL], known)
     hint, _, _ = one_of(given[:MAX_LABEL], known[:1000]).rpartition("Known: ")

@@ -13,7 +13,7 @@ from parcours.model.checking import findings as findings_of
 from parcours.model.conversion import Reading, Writing, accepted
 from parcours.model.documents import read_document
 from parcours.model.finding import Finding, complaint, errors_among
-from parcours.model.schema import SchemaReader
+from parcours.model.schema import read_schema
 from parcours.model.structure import Cefsm
 from parcours.model.writing import write_model
 
@@ -89,9 +89,8 @@ def _parsed(text: str, origin: str) -> tuple[Cefsm | None, list[Finding]]:
     document, found = read_document(text, origin)
     if document is None:
         return None, found
-    reader = SchemaReader(origin)
-    model = reader.model(document)
-    return model, found + reader.findings
+    model, more = read_schema(document, origin)
+    return model, found + more
 
 
 def _accepted(checked: Checked) -> Cefsm:

@@ -81,7 +81,7 @@ class NodeReader:
             self.add(node, "kind", f"{what} must be a mapping, but is {shown(node)}", "write name: {...}")
             return
         for key, value in node.items:
-            before = len(self.findings)
+            before = len(self.findings)  # an entry with a bad name is left out, so that nothing refers to it
             text = (name or self.identifier)(key, f"a name among the {what}")
             if len(self.findings) == before:
                 yield text, value, key.line
@@ -125,6 +125,7 @@ class NodeReader:
         text = node.text if isinstance(node, Scalar) else ""
         if text in ("inf", ".inf"):
             return math.inf
+        # Only digits of a bounded length are converted: a long one would cost quadratic time.
         if len(text) <= 400 and _REAL.fullmatch(text) and 0 <= float(text) < math.inf:
             return float(text)
         self.add(node, "value", f"{what} must be a number, 0 or more, or inf, but is {shown(node)}")

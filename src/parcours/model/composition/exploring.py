@@ -64,6 +64,7 @@ def _search(
     degrees, targets, labels = array("i"), array("i"), array("i")
     index = {0: 0}
     views = [(actor.mask, actor.table, actor) for actor in band]
+    # Breadth first: a configuration is first met by a shortest run, so parents give shortest witnesses.
     state, is_fresh = 0, True
     while state < len(packed):
         if is_fresh or not state % _BETWEEN_LOOKS:

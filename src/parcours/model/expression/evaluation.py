@@ -128,6 +128,7 @@ class _Evaluation:
             self.fail(node, f"only like values compare, but these are {left!r} and {right!r}", "type")
         return left == right
 
+    # One place turns what Python makes of bad operands into findings: a guard must never crash a run.
     def bounded(self, node: Expression, compute: Callable[[], object]) -> Value:
         try:
             value = compute()

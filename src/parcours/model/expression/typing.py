@@ -134,6 +134,7 @@ class _Typing:
         if left.rank or right.rank or not alike or left.name not in ("bool", "int", "real", "text", "enum"):
             self.fail(node, f"{operator} compares like base types, but got {left} and {right}", "", "type")
         enums = [side for side in (left, right) if side.name == "enum" and side.values]
+        # A comparison that can never hold is a slip of the pen more often than a wish.
         others = set(left.values) & set(right.values)
         if enums and left.values and right.values and not others:
             word = next((side.values[0] for side in (left, right) if side.name == "text"), "")
