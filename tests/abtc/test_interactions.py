@@ -1,10 +1,7 @@
 from __future__ import annotations
 
-import pytest
-
 from parcours.abtc import component_graph, interaction_paths
 from parcours.abtc.interactions import hub
-from parcours.errors import BadRequest
 from parcours.model.structure import ENVIRONMENT, Cefsm, Channel, Component
 
 
@@ -23,16 +20,12 @@ def test_two_channels_one_way_are_one_edge() -> None:
 
 
 def test_round_trips_start_at_the_component_with_more_partners() -> None:
-    trips = interaction_paths(model(("A", "B"), ("B", "A"), ("C", "B"), ("B", "C")), "EPC")
+    trips = interaction_paths(model(("A", "B"), ("B", "A"), ("C", "B"), ("B", "C")))
     assert [trip.components for trip in trips] == [("B", "A", "B"), ("B", "C", "B")]
 
 
 def test_a_pair_that_talks_one_way_has_no_round_trip() -> None:
-    assert interaction_paths(model(("A", "B"), ("C", "B"), ("B", "C")), "EPC")[0].components == (
-        "B",
-        "C",
-        "B",
-    )
+    assert interaction_paths(model(("A", "B"), ("C", "B"), ("B", "C")))[0].components == ("B", "C", "B")
 
 
 def test_names_of_round_trips_avoid_those_of_specified_paths() -> None:
@@ -50,8 +43,3 @@ def test_components_without_channels_run_together_without_hops() -> None:
 def test_a_model_without_channels_has_no_hub_and_among_equals_the_first_is_it() -> None:
     assert hub(model()) is None
     assert hub(model(("C", "B"), ("B", "C"))) == "B"
-
-
-def test_an_unknown_criterion_is_refused() -> None:
-    with pytest.raises(BadRequest, match=r"'EPCC' was given; did you mean 'EPC'.*unknown-interaction-criterion"):
-        interaction_paths(model(), "EPCC")

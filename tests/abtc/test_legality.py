@@ -52,10 +52,7 @@ def unfolded(cefsm: Cefsm, case: AbstractCase, events: tuple[Event, ...]) -> Cef
                 supplier = None if event.receives.event is None else events[event.receives.event].reference
                 received = Receive(wire(event.receives.channel, supplier, reference), received.name)
             sends = tuple(
-                Send(
-                    wire(sent.channel, reference, told.reference if told.to == "reference" else None),
-                    sent.payload,
-                )
+                Send(wire(sent.channel, reference, told.reference if told.to == "reference" else None), sent.payload)
                 for sent, told in zip(transition.sends, event.sends, strict=True)
             )
             id = instance(reference, transition.id)

@@ -23,9 +23,7 @@ def model(*components: tuple[str, tuple[Machine, ...]], channels: str, name: str
 
 
 ASK = model(
-    ("A", (step("a1", "answer", "ask"), step("a2"))),
-    ("B", (step("b1", "ask", "answer"),)),
-    channels="ask:AB answer:BA",
+    ("A", (step("a1", "answer", "ask"), step("a2"))), ("B", (step("b1", "ask", "answer"),)), channels="ask:AB answer:BA"
 )
 
 
@@ -41,16 +39,14 @@ def test_a_send_that_nobody_receives_is_listed_without_a_partner() -> None:
 
 def test_who_talks_with_the_sender_stands_in_for_a_missing_receiver() -> None:
     half = model(
-        ("A", (step("a1", "", "ask"), step("a2"))),
-        ("B", (step("b1", "ask", "answer"),)),
-        channels="ask:AB answer:BA",
+        ("A", (step("a1", "", "ask"), step("a2"))), ("B", (step("b1", "ask", "answer"),)), channels="ask:AB answer:BA"
     )
     found = [(m.channel, m.sender.name, m.receiver.name, m.stand_in) for m in meetings(half, internal_paths(half))]
     assert found == [("ask", "tp11", "tp21", False), ("answer", "tp21", "tp11", True)]
 
 
 def test_a_path_that_cannot_meet_is_dropped_with_the_missing_rendezvous() -> None:
-    (trip,) = interaction_paths(ASK, "EPC")
+    (trip,) = interaction_paths(ASK)
     result = combinations(ASK, trip)
     assert [str(combination) for combination in result.kept] == ["(tp11, tp21, tp11)"]
     assert [str(dropped) for dropped in result.dropped] == [
@@ -66,7 +62,7 @@ def test_two_paths_that_can_each_serve_alone_make_two_combinations() -> None:
         ("B", (step("b1", "ask", "answer"), step("b2", "ask", "answer"))),
         channels="ask:AB answer:BA",
     )
-    (trip,) = interaction_paths(either, "EPC")
+    (trip,) = interaction_paths(either)
     result = combinations(either, trip)
     assert [str(combination) for combination in result.kept] == ["(tp11, tp21, tp11)", "(tp11, tp22, tp11)"]
     assert result.dropped == ()
@@ -78,7 +74,7 @@ def test_paths_that_serve_only_jointly_share_the_visit() -> None:
         ("B", (step("b1", "ask"), step("b2"), step("b3", "", "answer"))),
         channels="ask:AB answer:BA",
     )
-    (trip,) = interaction_paths(joint, "EPC")
+    (trip,) = interaction_paths(joint)
     result = combinations(joint, trip)
     assert [str(combination) for combination in result.kept] == ["(tp11, tp21+tp23, tp11)"]
     assert len(result.dropped) == 3
@@ -86,7 +82,7 @@ def test_paths_that_serve_only_jointly_share_the_visit() -> None:
 
 def test_a_hop_that_no_path_can_make_leaves_nothing() -> None:
     mute = model(("A", (step("a1", "answer"),)), ("B", (step("b1", "ask"),)), channels="ask:AB answer:BA")
-    (trip,) = interaction_paths(mute, "EPC")
+    (trip,) = interaction_paths(mute)
     result = combinations(mute, trip)
     assert result.kept == ()
     assert "A -> B: tp11 and tp21 have no rendezvous, nor have any other paths of the two" in result.dropped[0].reason

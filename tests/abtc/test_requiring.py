@@ -83,7 +83,7 @@ def test_an_entry_is_added_to_those_that_are_there() -> None:
     assert caught.value.remedy == "add under 'interactions' of the model file: ITP3: [A, B]"
 
 
-@pytest.mark.parametrize("options", [[], ["--json"], ["--count"], ["--policies"], ["--symmetric"], ["--dropped"],
+@pytest.mark.parametrize("options", [[], ["--json"], ["--count"], ["--policies"], ["--dropped"],
                                      ["--sequences", "count"]])  # fmt: skip
 def test_the_command_refuses_a_model_without_cases(tmp_path: Path, options: list[str]) -> None:
     file = tmp_path / "line.yaml"

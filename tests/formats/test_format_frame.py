@@ -11,7 +11,7 @@ from click.testing import CliRunner
 
 from parcours.cli.convert import command
 from parcours.errors import BadModel, BadRequest
-from parcours.model import native, parse_model, read_model
+from parcours.model import model_file, parse_model, read_model
 from parcours.model.formats import format_of, formats, read_any, write_as
 from parcours_formats.xml_lines import parse_xml
 
@@ -152,7 +152,7 @@ def test_every_format_names_what_it_loses_of_a_rich_model(name: str) -> None:
 )
 def test_our_own_format_complains_as_it_does_elsewhere(text: str) -> None:
     with pytest.raises(BadModel) as here:
-        native.read(text, "m.yaml")
+        model_file.read(text, "m.yaml")
     with pytest.raises(BadModel) as there:
         parse_model(text, "m.yaml")
     assert str(here.value) == str(there.value)

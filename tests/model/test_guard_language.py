@@ -70,11 +70,7 @@ def test_any_text_is_a_tree_or_a_complaint(text: str) -> None:
     try:
         tree = parse_expression(text)
     except BadModel as error:
-        assert str(error).startswith("expression: ") and error.slug in {
-            "syntax",
-            "overflow",
-            "unknown-function",
-        }
+        assert str(error).startswith("expression: ") and error.slug in {"syntax", "overflow", "unknown-function"}
     else:
         assert parse_expression(str(tree)) == tree
 

@@ -29,7 +29,6 @@ from parcours.model import (
     check_text,
     parse_model,
     read_model,
-    to_dot,
     to_svg,
     to_text,
     write_model,
@@ -107,14 +106,7 @@ def models(draw: st.DrawFn) -> Cefsm:
     )
     owners = draw(distinct(names, 2, 3))
     channels = [
-        Channel(
-            f"c_{name}",
-            owners[0],
-            draw(st.sampled_from([*owners[1:], "environment"])),
-            "M",
-            draw(docs),
-            capacity,
-        )
+        Channel(f"c_{name}", owners[0], draw(st.sampled_from([*owners[1:], "environment"])), "M", draw(docs), capacity)
         for name, capacity in zip(draw(distinct(names, 1, 3)), (1, 4, 0), strict=False)
     ]
     components, ids = [], iter(draw(distinct(labels, 8, 8)))
@@ -157,7 +149,7 @@ def test_what_is_written_reads_back_equal_and_can_be_drawn(model: Cefsm) -> None
     text = write_model(model)
     assert parse_model(text) == model
     assert write_model(parse_model(text)) == text
-    assert to_text(model) and to_dot(model).count("{") >= 1 and to_svg(model) == to_svg(model)
+    assert to_text(model) and all(to_svg(machine) for each in model.components for machine in each.machines)
 
 
 @pytest.mark.parametrize("path", STUDIES, ids=lambda path: path.parent.name)
@@ -213,8 +205,7 @@ def test_a_bomb_of_aliases_is_refused_where_it_starts() -> None:
 
 
 @pytest.mark.parametrize(
-    ("content", "rule"),
-    [(None, "unreadable-file"), (b"name: \xff\xfe", "encoding"), (b"\x80" * 9, "encoding")],
+    ("content", "rule"), [(None, "unreadable-file"), (b"name: \xff\xfe", "encoding"), (b"\x80" * 9, "encoding")]
 )
 def test_a_file_that_is_no_text_is_refused(tmp_path: Path, content: bytes | None, rule: str) -> None:
     path = tmp_path / "model.yaml"
@@ -240,23 +231,7 @@ def test_a_large_model_full_of_faults_is_checked_in_seconds() -> None:
     assert time.process_time() - started < 10
 
 
-SCALARS = [
-    "",
-    "~",
-    "[]",
-    "{}",
-    "x",
-    "-1",
-    "1e400",
-    "'a b'",
-    "true",
-    "[1]",
-    "{a: b}",
-    "!!str x",
-    "&a b",
-    "*a",
-    "|\n  x",
-]
+SCALARS = ["", "~", "[]", "{}", "x", "-1", "1e400", "'a b'", "true", "[1]", "{a: b}", "!!str x", "&a b", "*a", "|\n  x"]
 
 
 def _mutated(draw: Callable[..., random.Random]) -> str:
@@ -299,8 +274,7 @@ trees = st.recursive(
     lambda inner: (
         st.lists(inner, max_size=3)
         | st.dictionaries(
-            st.sampled_from(["from", "to", "fields", "type", "machines", "initial", "transitions", "a"]),
-            inner,
+            st.sampled_from(["from", "to", "fields", "type", "machines", "initial", "transitions", "a"]), inner
         )
     ),
     max_leaves=12,

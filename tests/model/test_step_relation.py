@@ -33,16 +33,7 @@ from parcours.model import (
 )
 from parcours.model.expression import Assignment, evaluate, parse_expression
 
-GUARDS = [
-    "true",
-    "go",
-    "!go",
-    "n > 0",
-    "n < 2 && go",
-    "got.k == 1 || n == 0",
-    "kind == 'a'",
-    "kind == 'b' && go",
-]
+GUARDS = ["true", "go", "!go", "n > 0", "n < 2 && go", "got.k == 1 || n == 0", "kind == 'a'", "kind == 'b' && go"]
 VALUES = ["0", "2 - n", "(n + 1) % 3", "min(n, 1)"]
 
 

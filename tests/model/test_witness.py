@@ -70,14 +70,7 @@ def test_the_answer_is_that_of_trying_everything(both: list[Expression]) -> None
 
 
 def ask(text: str, **known: object) -> object:
-    types = {
-        "n": INT,
-        "m": INT,
-        "v": REAL,
-        "mode": Type("enum", ("slow", "fast")),
-        "ob": Type("Pose"),
-        "flag": BOOL,
-    }
+    types = {"n": INT, "m": INT, "v": REAL, "mode": Type("enum", ("slow", "fast")), "ob": Type("Pose"), "flag": BOOL}
     classes = {"Pose": {"x": REAL, "path": Type("Pose", rank=1)}}
     return Question(types, classes, {"m": range(1000)}, known).witness([parse_expression(text)]).holds
 

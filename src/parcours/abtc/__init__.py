@@ -4,7 +4,6 @@ from parcours.abtc.combining import combinations
 from parcours.abtc.interactions import component_graph, interaction_paths
 from parcours.abtc.interleaving import (
     count_sequences,
-    measure_sequences,
     order_of,
     order_of_case,
     sample_sequences,
@@ -15,43 +14,11 @@ from parcours.abtc.order import Order
 from parcours.abtc.rendezvous import meetings, rendezvous_pairs
 from parcours.abtc.requiring import require_cases
 from parcours.abtc.sequencing import Emission, Event, Reception, serialise
-from parcours.abtc.serialising import (
-    POLICIES,
-    AbstractCase,
-    Start,
-    abstract_cases,
-    case_counts,
-    find_case,
-    notation,
-)
-from parcours.abtc.symmetry import interchangeable, representatives
+from parcours.abtc.serialising import POLICIES, AbstractCase, Start, abstract_cases, case_counts, find_case, notation
 
 __all__ = [
-    "POLICIES",
-    "AbstractCase",
-    "Emission",
-    "Event",
-    "Order",
-    "Reception",
-    "Start",
-    "abstract_cases",
-    "case_counts",
-    "combinations",
-    "component_graph",
-    "count_sequences",
-    "find_case",
-    "interaction_paths",
-    "interchangeable",
-    "measure_sequences",
-    "meetings",
-    "notation",
-    "order_of",
-    "order_of_case",
-    "rendezvous_pairs",
-    "representatives",
-    "require_cases",
-    "sample_sequences",
-    "sequences",
-    "serialise",
+    "POLICIES", "AbstractCase", "Emission", "Event", "Order", "Reception", "Start", "abstract_cases", "case_counts",
+    "combinations", "component_graph", "count_sequences", "find_case", "interaction_paths", "meetings", "notation",
+    "order_of", "order_of_case", "rendezvous_pairs", "require_cases", "sample_sequences", "sequences", "serialise",
     "side_by_side",
-]
+]  # fmt: skip

@@ -18,8 +18,9 @@ from parcours.model.structure import Cefsm
 from parcours.paths.covering import internal_paths
 from parcours.paths.internal import InternalPath
 
-Choice = Mapping[str, tuple[InternalPath, ...]]
-"""For each component the internal paths that its visits run."""
+_Choice = Mapping[str, tuple[InternalPath, ...]]  # for each component the internal paths that its visits run
+_ByHop = Mapping[tuple[str, str], Sequence[Meeting]]
+_Visits = tuple[tuple[InternalPath, ...], ...]
 
 MOST_CANDIDATES = 100_000
 """How many candidate combinations of one interaction path are looked at before it is refused."""
@@ -27,13 +28,10 @@ MOST_CANDIDATES = 100_000
 
 @dataclass(frozen=True, slots=True)
 class Combination:
-    """An ordered tuple of references to internal paths, grouped by visit, with the meetings of each hop.
-
-    `str` gives the paper's form, e.g. (tp12, tp21, tp12); paths that share a visit are joined by a plus sign.
-    """
+    """Internal paths grouped by visit, with the meetings of each hop; as text (tp12, tp21, tp12), as in the paper."""
 
     interaction: InteractionPath
-    visits: tuple[tuple[InternalPath, ...], ...]
+    visits: _Visits
     meetings: tuple[tuple[Meeting, ...], ...] = ()
 
     @property
@@ -46,11 +44,11 @@ class Combination:
 
 
 @dataclass(frozen=True, slots=True)
-class Dropped:
+class DroppedCombination:
     """A candidate that the criterion drops, and the missing rendezvous as a sentence."""
 
     interaction: InteractionPath
-    visits: tuple[tuple[InternalPath, ...], ...]
+    visits: _Visits
     reason: str
 
     def __str__(self) -> str:
@@ -62,7 +60,7 @@ class Combinations:
     """What RCC keeps of an interaction path, and which candidates of one path a component it drops."""
 
     kept: tuple[Combination, ...]
-    dropped: tuple[Dropped, ...]
+    dropped: tuple[DroppedCombination, ...]
 
 
 def combinations(
@@ -72,12 +70,9 @@ def combinations(
 
     A component runs the same internal paths at each of its visits. Where no single path of a component
     serves all its hops (it receives in one and sends in another), its visits run the smallest set of paths
-    that does. Components that only run side by side need no rendezvous: each choice of one path
-    each is kept.
+    that does. Components that only run side by side need no rendezvous: each choice of one path each is kept.
 
     Args:
-        cefsm: the model.
-        interaction: the components visited, in order.
         paths: for each component its internal paths; edge coverage by default.
 
     Raises:
@@ -85,37 +80,44 @@ def combinations(
     """
     paths = internal_paths(cefsm) if paths is None else paths
     components = list(dict.fromkeys(interaction.components))
-    hops = list(dict.fromkeys(interaction.hops))
     met = meetings(cefsm, paths)
-    by_hop = {hop: [m for m in met if (m.sender.component, m.receiver.component) == hop] for hop in hops}
-    _refuse_too_many(interaction, prod(len(paths[name]) for name in components))
-    _refuse_too_many(interaction, prod(len(found) for found in by_hop.values()))
-    kept: list[Choice] = []
-    dropped: list[Dropped] = []
+    by_hop = {
+        hop: [m for m in met if (m.sender.component, m.receiver.component) == hop]
+        for hop in dict.fromkeys(interaction.hops)
+    }
+    sizes = prod(len(paths[name]) for name in components), prod(len(found) for found in by_hop.values())
+    if (candidates := next((size for size in sizes if size > MOST_CANDIDATES), 0)) > 0:
+        rule = f"may have at most {MOST_CANDIDATES} candidate combinations, but has {candidates}"
+        remedy = "shorten the interaction path, or cover its components with fewer internal paths"
+        raise BadRequest(f"interaction path {interaction.name}", rule, remedy, slug="too-many-combinations")
+    kept: list[_Choice] = []
+    dropped: list[DroppedCombination] = []
     for single in product(*(paths[name] for name in components)):
-        choice: Choice = {path.component: (path,) for path in single}
+        choice: _Choice = {path.component: (path,) for path in single}
         missing = [_missing(hop, choice, found) for hop, found in by_hop.items() if not _meet(choice, found)]
         if missing:
-            dropped.append(Dropped(interaction, _visits(interaction, choice), "; ".join(missing)))
+            dropped.append(DroppedCombination(interaction, _visits(interaction, choice), "; ".join(missing)))
         else:
             kept.append(choice)
-    kept += _joined(paths, by_hop, kept) if hops else []
-    return Combinations(tuple(_combination(interaction, choice, by_hop) for choice in kept), tuple(dropped))
+    if by_hop:
+        kept += _joined(paths, by_hop, kept)
+    held = [tuple(tuple(_meet(choice, by_hop[hop])) for hop in interaction.hops) for choice in kept]
+    visits = [_visits(interaction, choice) for choice in kept]
+    return Combinations(
+        tuple(Combination(interaction, *each) for each in zip(visits, held, strict=True)), tuple(dropped)
+    )
 
 
-def _joined(
-    paths: Mapping[str, Sequence[InternalPath]],
-    by_hop: Mapping[tuple[str, str], Sequence[Meeting]],
-    kept: Sequence[Choice],
-) -> list[Choice]:
-    """Return the smallest choices of several paths a component that serve every hop."""
-    found: dict[frozenset[str], Choice] = {}
+def _joined(paths: Mapping[str, Sequence[InternalPath]], by_hop: _ByHop, kept: Sequence[_Choice]) -> list[_Choice]:
+    # The smallest choices of several paths a component that serve every hop.
+    found: dict[frozenset[str], _Choice] = {}
     for chosen in product(*by_hop.values()):
-        names = frozenset(path.name for meeting in chosen for path in (meeting.sender, meeting.receiver))
-        owners = {path.component for meeting in chosen for path in (meeting.sender, meeting.receiver)}
-        found.setdefault(names, {c: tuple(p for p in paths[c] if p.name in names) for c in sorted(owners)})
+        ends = [path for meeting in chosen for path in (meeting.sender, meeting.receiver)]
+        names = frozenset(path.name for path in ends)
+        owners = sorted({path.component for path in ends})
+        found.setdefault(names, {owner: tuple(p for p in paths[owner] if p.name in names) for owner in owners})
     smaller = [frozenset(path.name for group in choice.values() for path in group) for choice in kept]
-    joined: list[Choice] = []
+    joined: list[_Choice] = []
     for names in sorted(found, key=lambda names: (len(names), sorted(names))):
         if not any(least <= names for least in smaller):
             smaller.append(names)
@@ -123,14 +125,13 @@ def _joined(
     return joined
 
 
-def _meet(choice: Choice, found: Sequence[Meeting]) -> list[Meeting]:
-    """Return those meetings of a hop that the chosen paths hold."""
+def _meet(choice: _Choice, found: Sequence[Meeting]) -> list[Meeting]:
+    # Those meetings of a hop that the chosen paths hold.
     chosen = {path.name for group in choice.values() for path in group}
     return [meeting for meeting in found if meeting.sender.name in chosen and meeting.receiver.name in chosen]
 
 
-def _missing(hop: tuple[str, str], choice: Choice, found: Sequence[Meeting]) -> str:
-    """Return the sentence that says which rendezvous is missing, and who would have it."""
+def _missing(hop: tuple[str, str], choice: _Choice, found: Sequence[Meeting]) -> str:
     (sender,), (receiver,) = choice[hop[0]], choice[hop[1]]
     lacking = f"{hop[0]} -> {hop[1]}: {sender.name} and {receiver.name} have no rendezvous"
     if not found:
@@ -140,26 +141,9 @@ def _missing(hop: tuple[str, str], choice: Choice, found: Sequence[Meeting]) -> 
     return f"{lacking} on {channels} ({others} have)"
 
 
-def _combination(
-    interaction: InteractionPath, choice: Choice, by_hop: Mapping[tuple[str, str], Sequence[Meeting]]
-) -> Combination:
-    held = tuple(tuple(_meet(choice, by_hop[hop])) for hop in interaction.hops)
-    return Combination(interaction, _visits(interaction, choice), held)
-
-
-def _visits(interaction: InteractionPath, choice: Choice) -> tuple[tuple[InternalPath, ...], ...]:
+def _visits(interaction: InteractionPath, choice: _Choice) -> _Visits:
     return tuple(choice[name] for name in interaction.components)
 
 
-def _spelled(visits: tuple[tuple[InternalPath, ...], ...]) -> str:
+def _spelled(visits: _Visits) -> str:
     return f"({', '.join('+'.join(path.name for path in paths) for paths in visits)})"
-
-
-def _refuse_too_many(interaction: InteractionPath, candidates: int) -> None:
-    if candidates > MOST_CANDIDATES:
-        raise BadRequest(
-            f"interaction path {interaction.name}",
-            f"may have at most {MOST_CANDIDATES} candidate combinations, but has {candidates}",
-            "shorten the interaction path, or cover its components with fewer internal paths",
-            slug="too-many-combinations",
-        )

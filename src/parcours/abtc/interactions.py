@@ -1,15 +1,10 @@
-"""The component graph of a model, and interaction test paths (ITPs) through it (paper, Table IV).
-
-A node of the component graph is a component; an edge is a pair of components that a channel links (Table I).
-"""
+"""The component graph of a model, and interaction test paths (ITPs) through it (paper, Tables I and IV)."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
 
-from parcours.errors import require_known
 from parcours.model.structure import ENVIRONMENT, Cefsm, Channel
 
 TOGETHER = "together"
@@ -26,7 +21,7 @@ class InteractionPath:
 
     @property
     def hops(self) -> tuple[tuple[str, str], ...]:
-        """The (sender, receiver) pairs along the path; none where components only run side by side."""
+        """The (sender, receiver) pairs along the path; empty where components only run side by side."""
         return () if self.criterion == TOGETHER else tuple(pairwise(self.components))
 
     def __str__(self) -> str:
@@ -34,39 +29,31 @@ class InteractionPath:
 
 
 def component_graph(cefsm: Cefsm) -> dict[tuple[str, str], tuple[Channel, ...]]:
-    """Return the edges (sender, receiver) of the component graph with their channels, in file order.
-
-    The environment is not a node of the graph: what it sends is test data, not an interaction.
-    """
-    edges: dict[tuple[str, str], list[Channel]] = {}
+    """Return the edges (sender, receiver) between different components with their channels, in file order."""
+    edges: dict[tuple[str, str], tuple[Channel, ...]] = {}
     for channel in cefsm.channels:
-        if ENVIRONMENT not in (channel.sender, channel.receiver) and channel.sender != channel.receiver:
-            edges.setdefault((channel.sender, channel.receiver), []).append(channel)
-    return {edge: tuple(channels) for edge, channels in edges.items()}
+        ends = channel.sender, channel.receiver
+        # The environment is not a node of the graph: what it sends is test data, not an interaction.
+        if ENVIRONMENT not in ends and channel.sender != channel.receiver:
+            edges[ends] = (*edges.get(ends, ()), channel)
+    return edges
 
 
-def partners(cefsm: Cefsm) -> dict[str, int]:
-    """Return with how many others each component shares a channel, in file order."""
-    edges = component_graph(cefsm)
-    return {
-        component.name: len({other for edge in edges if component.name in edge for other in edge} - {component.name})
-        for component in cefsm.components
-    }
+def _partners(cefsm: Cefsm) -> dict[str, int]:
+    # With how many others each component shares a channel.
+    edges, names = component_graph(cefsm), [component.name for component in cefsm.components]
+    return {name: len({other for edge in edges if name in edge for other in edge} - {name}) for name in names}
 
 
 def hub(cefsm: Cefsm) -> str | None:
-    """Return the component that shares channels with most others, the first in the file among equals.
-
-    A model whose components share no channel has no hub.
-    """
-    counts = partners(cefsm)
-    most = max(counts.values(), default=0)
-    return next((name for name, count in counts.items() if most and count == most), None)
+    """Return the component that shares channels with most others, the first among equals; None without channels."""
+    counts = _partners(cefsm)
+    return max(counts, key=lambda name: counts[name]) if any(counts.values()) else None
 
 
 def _round_trips(cefsm: Cefsm) -> tuple[InteractionPath, ...]:
-    """One path out and back for each pair that talks both ways, from the one with more partners."""
-    edges, counts = component_graph(cefsm), partners(cefsm)
+    """EPC: one path out and back for each pair that talks both ways, from the one with more partners."""
+    edges, counts = component_graph(cefsm), _partners(cefsm)
     order = list(counts)
     taken = {name for name, _ in cefsm.interactions}
     names = (f"ITP{number}" for number in range(1, 2 + len(edges) + len(taken)))
@@ -80,35 +67,10 @@ def _round_trips(cefsm: Cefsm) -> tuple[InteractionPath, ...]:
     return tuple(trips.values())
 
 
-def _specified(cefsm: Cefsm) -> tuple[InteractionPath, ...]:
-    return tuple(InteractionPath(name, "SPC", components) for name, components in cefsm.interactions)
+def interaction_paths(cefsm: Cefsm) -> tuple[InteractionPath, ...]:
+    """Return the interaction test paths: round trips (EPC), then those that the model file specifies (SPC).
 
-
-def _together(cefsm: Cefsm) -> tuple[InteractionPath, ...]:
-    return (InteractionPath(TOGETHER, TOGETHER, tuple(component.name for component in cefsm.components)),)
-
-
-CRITERIA: dict[str, Callable[[Cefsm], tuple[InteractionPath, ...]]] = {
-    "EPC": _round_trips,
-    "SPC": _specified,
-    TOGETHER: _together,
-}
-"""Interaction criteria by name.
-
-EPC: one round trip for each pair of components that talk both ways (so the paper uses edge-pair coverage).
-SPC: the paths that the model file specifies. together: all components at once.
-"""
-
-
-def interaction_paths(cefsm: Cefsm, criterion: str | None = None) -> tuple[InteractionPath, ...]:
-    """Return the interaction test paths that a criterion asks for.
-
-    Args:
-        cefsm: the model.
-        criterion: a name in `CRITERIA`. By default EPC, then SPC; `together` if no two components share a channel.
-
-    Raises:
-        BadRequest: no criterion has that name.
+    If no two components share a channel, all of them run together instead.
 
     >>> from parcours.model.structure import Component
     >>> ring = Cefsm("ring", (Component("A", ()), Component("B", ())),
@@ -116,8 +78,6 @@ def interaction_paths(cefsm: Cefsm, criterion: str | None = None) -> tuple[Inter
     >>> [str(path) for path in interaction_paths(ring)]
     ['ITP1: A -> B -> A']
     """
-    if criterion is None:
-        chosen = ["EPC", "SPC"] if component_graph(cefsm) else [TOGETHER]
-        return tuple(path for name in chosen for path in CRITERIA[name](cefsm))
-    require_known(criterion, list(CRITERIA), "interaction criterion", slug="unknown-interaction-criterion")
-    return CRITERIA[criterion](cefsm)
+    if not component_graph(cefsm):
+        return (InteractionPath(TOGETHER, TOGETHER, tuple(component.name for component in cefsm.components)),)
+    return _round_trips(cefsm) + tuple(InteractionPath(name, "SPC", path) for name, path in cefsm.interactions)

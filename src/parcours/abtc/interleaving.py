@@ -1,21 +1,25 @@
 """Serialised execution sequences of a partial order of paths (APSESCC): counted, drawn, listed, judged.
 
 A serialised execution sequence is a total order of the transitions of a combination that keeps each path's own
-order and every rendezvous: no receive before its send. All of them are what the all possible serialised
-execution sequence coverage criterion asks for: the linear extensions of a partial order of few chains. How far
-each path has come is a position, and sequences are counted over positions: their number may be astronomical
-while the work is not.
+order and every rendezvous: no receive before its send. They are the linear extensions of a partial order of few
+chains. How far each path has come is a position, and sequences are counted over positions: their number may be
+astronomical while the work is not.
+
+    path a   a1 ── a2 ─┐             a waits for nobody; b1 receives what a2 sends
+    path b             └─ b1 ── b2
+    path c   c1                      apart from both: counted alone, then shuffled in
+
+    sequences   a1 a2 b1 b2 with c1 at one of 5 places: 1 * 1 * comb(5, 1) = 5
 """
 
 from __future__ import annotations
 
 import random
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
 from math import comb
 
 from parcours.abtc.combining import Combination
-from parcours.abtc.order import Order, Part, Place
+from parcours.abtc.order import Order, Place, grouped, join
 from parcours.abtc.sequencing import serialise
 from parcours.abtc.serialising import AbstractCase
 from parcours.errors import BadRequest
@@ -26,32 +30,8 @@ MOST_POSITIONS = 1_000_000
 """Most positions of paths that wait for each other: about 250 MB while their sequences are counted."""
 
 
-@dataclass(frozen=True, slots=True)
-class Serialised:
-    """How many of some sequences are serialised execution sequences of an order.
-
-    Attributes:
-        given: how many there were.
-        legal: how many of them are serialisations; the same one given twice counts twice.
-        distinct: how many different serialisations were among them, the requirements that they meet.
-        required: how many serialisations there are in all.
-        faults: (index, what is wrong) of the others.
-    """
-
-    given: int
-    legal: int
-    distinct: int
-    required: int
-    faults: tuple[tuple[int, str], ...] = ()
-
-
 def side_by_side(paths: Sequence[InternalPath], *, changes_only: bool = False) -> Order:
-    """Return the order of paths that never wait for each other: each keeps its own order, and that is all.
-
-    Args:
-        paths: any internal paths.
-        changes_only: leave transitions out that stay in their state.
-    """
+    """Return the order of paths that never wait for each other; `changes_only` leaves loops out."""
     return Order.of([[path.ids[at] for at in path.changes] if changes_only else path.ids for path in paths])
 
 
@@ -61,10 +41,6 @@ def order_of(cefsm: Cefsm, combination: Combination) -> Order:
     What a visit receives from the visit before it, it receives in the order of sending, on each channel the
     first reference first; what that visit does not send, the tester supplies at any time. On a channel of
     capacity 0, send and receive are one event. An event is called by path, reference and transition.
-
-    Args:
-        cefsm: the model, which says how much a channel holds.
-        combination: an RCC combination.
 
     Raises:
         BadRequest: the paths would meet in a circle.
@@ -110,17 +86,14 @@ def count_sequences(order: Order, most_positions: int = MOST_POSITIONS) -> int:
     Paths that never wait for each other are counted apart, and multiplied with the ways to shuffle them
     together; for independent paths that is (sum of lengths)! / product of lengths!.
 
-    Args:
-        order: the paths and what waits for what.
-        most_positions: how many positions of paths that wait for each other may be looked at.
-
     Raises:
-        BadRequest: there are more positions than that.
+        BadRequest: paths that wait for each other have more positions than `most_positions`.
     """
     ways, done = 1, 0
-    for part in order.parts():
-        done += len(part.events)
-        ways *= comb(done, len(part.events)) * _Counted(part, most_positions).ways[0]
+    for paths in _apart(order):
+        counted = _Counted(order, paths, most_positions)
+        done += len(counted.events)
+        ways *= comb(done, len(counted.events)) * counted.ways[0]
     return ways
 
 
@@ -129,16 +102,10 @@ def sample_sequences(
 ) -> Iterator[tuple[int, ...]]:
     """Yield sequences of events drawn independently, all serialisations being equally likely.
 
-    Args:
-        order: the paths and what waits for what.
-        number: how many to draw; some may be equal.
-        seed: of the random numbers; the same seed draws the same sequences.
-        most_positions: how many positions of paths that wait for each other may be looked at.
-
     Raises:
-        BadRequest: there are more positions than that.
+        BadRequest: paths that wait for each other have more positions than `most_positions`.
     """
-    counted = [_Counted(part, most_positions) for part in order.parts()]
+    counted = [_Counted(order, paths, most_positions) for paths in _apart(order)]
     draw = random.Random(seed)
     for _ in range(number):
         yield tuple(_shuffled([part.drawn(draw) for part in counted], draw))
@@ -146,15 +113,18 @@ def sample_sequences(
 
 def sequences(order: Order) -> Iterator[tuple[int, ...]]:
     """Yield every serialised execution sequence once, in lexicographic order, in the memory of a few sequences."""
-    later, waits = order.later(), [len(needs) for needs in order.needs]
+    waits = [len(needs) for needs in order.needs]
+    later: list[list[int]] = [[] for _ in waits]
+    for event, needs in enumerate(order.needs):
+        for need in needs:
+            later[need].append(event)
     taken: list[int] = []
     open_: list[Iterator[int]] = [iter(_ready(waits))]
     while open_:
-        event = next(open_[-1], None)
-        if event is not None:
-            taken.append(event)
-            waits[event] = -1
-            for follower in later[event]:
+        if (chosen := next(open_[-1], None)) is not None:
+            taken.append(chosen)
+            waits[chosen] = -1
+            for follower in later[chosen]:
                 waits[follower] -= 1
             open_.append(iter(_ready(waits)))
             continue
@@ -168,61 +138,75 @@ def sequences(order: Order) -> Iterator[tuple[int, ...]]:
                 waits[follower] += 1
 
 
-def measure_sequences(order: Order, given: Iterable[Sequence[str]], most_positions: int = MOST_POSITIONS) -> Serialised:
-    """Return how many sequences are serialised execution sequences, and how many different ones.
-
-    Args:
-        order: the paths and what waits for what.
-        given: sequences of names of events, as in `order.names`, planned or recorded.
-        most_positions: how many positions may be looked at to count how many serialisations there are.
-
-    Raises:
-        BadRequest: there are more positions than that.
-    """
-    met: set[tuple[str, ...]] = set()
-    faults: list[tuple[int, str]] = []
-    total = 0
-    for sequence in given:
-        fault = order.fault(sequence)
-        if fault:
-            faults.append((total, fault))
-        else:
-            met.add(tuple(sequence))
-        total += 1
-    return Serialised(total, total - len(faults), len(met), count_sequences(order, most_positions), tuple(faults))
+def _apart(order: Order) -> list[list[tuple[int, ...]]]:
+    # The groups of paths that never wait for a path of another group.
+    home = {event: at for at, path in reversed([*enumerate(order.paths)]) for event in path}
+    group = {at: at for at in range(len(order.paths))}
+    for at, path in enumerate(order.paths):
+        for event in path:
+            for other in (home[event], *(home[need] for need in order.needs[event])):
+                join(group, at, other)
+    return [[order.paths[at] for at in members] for members in grouped(group)]
 
 
 class _Counted:
-    """A part of an order with the number of ways to go on from each of its positions to the end."""
+    """Paths that wait for each other, with the number of ways to go on from each position to the end.
 
-    def __init__(self, part: Part, most_positions: int) -> None:
-        self.part = part
-        layers = [[0]]
-        seen = 1
-        while len(layers) <= len(part.events):
-            ahead = {position + part.weight[event] for position in layers[-1] for event in part.ready(position)}
+    A position says how far each path has come: one integer, a digit of its own radix for each path.
+    """
+
+    def __init__(self, order: Order, paths: list[tuple[int, ...]], most_positions: int) -> None:
+        self.events = sorted({event for path in paths for event in path})
+        self._weight = dict.fromkeys(self.events, 0)  # what each event adds to a position
+        self._digits: list[tuple[int, int, tuple[int, ...]]] = []
+        radix = 1
+        where: dict[int, list[tuple[int, int]]] = {}
+        for number, path in enumerate(paths):
+            self._digits.append((radix, len(path) + 1, path))
+            for at, event in enumerate(path):
+                self._weight[event] += radix
+                where.setdefault(event, []).append((number, at))
+            radix *= len(path) + 1
+        # An event is ready once each of these paths has come so far; its own paths must stand right before it.
+        self._asks = {
+            event: [(path, at + 1) for need in order.needs[event] for path, at in where[need]] for event in self.events
+        }
+        self._stands = where
+        layers, seen = [[0]], 1
+        while len(layers) <= len(self.events):
+            ahead = {position + self._weight[event] for position in layers[-1] for event in self._ready(position)}
             layers.append([*ahead])
             seen += len(ahead)
             if seen > most_positions:
-                rule = f"{len(part.paths)} paths that wait for each other may have at most {most_positions} positions"
-                raise BadRequest(
-                    "serialised execution sequences",
-                    f"{rule} to count over, but these have more",
-                    "raise the bound, serialise fewer paths together, or take the sequences lazily, one by one",
-                    slug="too-many-positions",
-                )
+                rule = f"{len(paths)} paths that wait for each other may have at most {most_positions} positions"
+                rule += " to count over, but these have more"
+                remedy = "raise the bound, serialise fewer paths together, or take the sequences lazily, one by one"
+                raise BadRequest("serialised execution sequences", rule, remedy, slug="too-many-positions")
         self.ways = dict.fromkeys(layers.pop(), 1)
         for layer in reversed(layers):
             for position in layer:
-                self.ways[position] = sum(self.ways[position + part.weight[event]] for event in part.ready(position))
+                self.ways[position] = sum(self.ways[position + self._weight[event]] for event in self._ready(position))
+
+    def _ready(self, position: int) -> Iterator[int]:
+        # The events that can come next, lowest number first among those of one path.
+        digits = [position // radix % size for radix, size, _ in self._digits]
+        for at, (_, _, path) in enumerate(self._digits):
+            if digits[at] < len(path):
+                event = path[digits[at]]
+                stands = self._stands[event]
+                # An event of several paths is yielded once, for the first.
+                if (len(stands) == 1 or (stands[0][0] == at and all(digits[p] == q for p, q in stands))) and all(
+                    digits[other] >= least for other, least in self._asks[event]
+                ):
+                    yield event
 
     def drawn(self, draw: random.Random) -> list[int]:
-        """Return one sequence of the part; an event is as likely as it has ways to go on."""
+        """Return one sequence; an event is as likely as it has ways to go on, so all sequences are equally likely."""
         position, sequence = 0, []
-        for _ in self.part.events:
+        for _ in self.events:
             left = draw.randrange(self.ways[position])
-            for event in self.part.ready(position):
-                after = position + self.part.weight[event]
+            for event in self._ready(position):
+                after = position + self._weight[event]
                 left -= self.ways[after]
                 if left < 0:
                     position = after

@@ -1,8 +1,4 @@
-"""Who can meet whom on which channel (rendezvous; paper, section IV-B).
-
-A rendezvous pair is a transition that sends on a channel and one that receives from it. Two paths meet
-where they hold such a pair between them.
-"""
+"""Who can meet whom on which channel: pairs of a send and a receive, and paths that hold such a pair (section IV-B)."""
 
 from __future__ import annotations
 
@@ -46,16 +42,7 @@ def sends_on(transition: Transition, channel: str) -> bool:
 
 
 def rendezvous_pairs(cefsm: Cefsm) -> tuple[Rendezvous, ...]:
-    """Return all rendezvous pairs between components, by channel in file order, sends without partner too.
-
-    >>> from parcours.model.structure import Component, Machine, Receive, Send
-    >>> client = Machine("m", "s", ("s",), (Transition("a1", "s", "s", sends=(Send("ask"),)),))
-    >>> server = Machine("m", "s", ("s",), (Transition("b1", "s", "s", event=Receive("ask")),))
-    >>> ask = Channel("ask", "A", "B", "Text")
-    >>> shop = Cefsm("shop", (Component("A", (client,)), Component("B", (server,))), (ask,))
-    >>> [str(pair) for pair in rendezvous_pairs(shop)]
-    ['a1 -> b1 on ask']
-    """
+    """Return all rendezvous pairs between components, by channel in file order, sends without partner too."""
     return tuple(
         Rendezvous(channel.name, transition.id, receive)
         for channel in _inner_channels(cefsm)
@@ -66,12 +53,7 @@ def rendezvous_pairs(cefsm: Cefsm) -> tuple[Rendezvous, ...]:
 
 
 def meetings(cefsm: Cefsm, paths: Mapping[str, Sequence[InternalPath]]) -> tuple[Meeting, ...]:
-    """Return every meeting of two internal paths, by channel in file order, stand-ins last.
-
-    Args:
-        cefsm: the model.
-        paths: for each component its internal paths, as `parcours.paths.internal_paths` returns them.
-    """
+    """Return every meeting of two of the components' internal paths, by channel in file order, stand-ins last."""
     channels = _inner_channels(cefsm)
     found = [
         Meeting(channel.name, sender, receiver)
@@ -91,11 +73,10 @@ def meetings(cefsm: Cefsm, paths: Mapping[str, Sequence[InternalPath]]) -> tuple
 
 
 def _acquainted(found: Sequence[Meeting], channel: Channel) -> list[InternalPath]:
-    """Return the paths of the channel's receiver that meet its sender, either way, on some other channel."""
+    # The paths of the channel's receiver that meet its sender, either way, on some other channel.
     ends = {channel.sender, channel.receiver}
     pairs = [(m.sender, m.receiver) for m in found if {m.sender.component, m.receiver.component} == ends]
-    known = {path.name: path for pair in pairs for path in pair if path.component == channel.receiver}
-    return list(known.values())
+    return list({path.name: path for pair in pairs for path in pair if path.component == channel.receiver}.values())
 
 
 def _senders(paths: Mapping[str, Sequence[InternalPath]], channel: Channel) -> list[InternalPath]:
@@ -107,6 +88,5 @@ def _receiving(transitions: Iterable[Transition], channel: Channel) -> list[str 
 
 
 def _inner_channels(cefsm: Cefsm) -> list[Channel]:
-    """Return the channels between two components in file order; the component graph holds them edge by edge."""
     inner = {channel.name for channels in component_graph(cefsm).values() for channel in channels}
     return [channel for channel in cefsm.channels if channel.name in inner]

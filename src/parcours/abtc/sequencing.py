@@ -2,6 +2,12 @@
 
 References run in lock step, one transition each a turn; each is an instance of its own of its component. A
 receive waits for its send by the visit before it; what no earlier path sends, the environment supplies.
+
+    turn             0      1      2      3
+    visit 0  tp12    ask!   work   done              ask!  sends to the next visit
+    visit 1  tp21    ·      ask?   send!             ask?  comes after its send: `after` holds its position
+    visit 2  tp12                  ask!   work       starts when tp21 has come to its point: `after` ask?,
+                                                     and while it is there: `before` send!
 """
 
 from __future__ import annotations
@@ -17,7 +23,7 @@ from parcours.model.structure import Transition
 
 @dataclass(frozen=True, slots=True)
 class Reception:
-    """What a transition receives: from the send at position `event`, or, if None, from the environment."""
+    """What a transition receives: from the send at position `event`; from the environment if that is None."""
 
     channel: str
     event: int | None = None
@@ -74,9 +80,6 @@ class Event:
 def serialise(case: AbstractCase) -> tuple[Event, ...]:
     """Return the serialised execution sequence of a case.
 
-    Args:
-        case: an abstract case, with its combination and starts.
-
     Raises:
         BadSuite: references wait for each other and none can go on, as in a case whose starts were edited.
     """
@@ -84,8 +87,6 @@ def serialise(case: AbstractCase) -> tuple[Event, ...]:
 
 
 class _LockStep:
-    """The execution of one case as it unfolds, turn by turn."""
-
     def __init__(self, case: AbstractCase) -> None:
         self.case = case
         self.references = case.combination.references
@@ -114,7 +115,7 @@ class _LockStep:
         return len(self.taken[reference]) < len(self.references[reference][1].transitions)
 
     def _start(self) -> list[int]:
-        """Start the references that may, and return them: they move first, while the one before stands at the point."""
+        # Newcomers move first, while the reference before them still stands at the starting point.
         newcomers = []
         for reference, start in enumerate(self.case.starts):
             if reference not in self.started and (
@@ -131,21 +132,10 @@ class _LockStep:
         if send == "wait":
             return
         position = len(self.events)
-        self.events.append(
-            Event(
-                position=position,
-                turn=turn,
-                reference=reference,
-                visit=visit,
-                component=path.component,
-                machine=path.machine,
-                path=path.name,
-                transition=transition.id,
-                receives=Reception(transition.event.channel, send) if transition.event else None,
-                sends=tuple(self._emission(visit, path.name, sent.channel) for sent in transition.sends),
-                after=self._causes(reference, send),
-            )
-        )
+        receives = Reception(transition.event.channel, send) if transition.event else None
+        sends = tuple(self._emission(visit, path.name, sent.channel) for sent in transition.sends)
+        place = (position, turn, reference, visit, path.component, path.machine, path.name, transition.id)
+        self.events.append(Event(*place, receives, sends, self._causes(reference, send)))
         self.taken[reference].append(position)
         if transition.event and send is not None:
             self._collect(visit, transition.event.channel, send, reference)
@@ -153,7 +143,7 @@ class _LockStep:
             self.posted.setdefault((visit + 1, sent.channel), []).append(position)
 
     def _supplier(self, visit: int, transition: Transition) -> int | Literal["wait"] | None:
-        """Return the position of the send to receive, "wait" if it is to come, None for the environment."""
+        # The position of the send to receive, "wait" if it is yet to come, None for the environment.
         if transition.event is None or visit == 0 or not self.case.combination.meetings:
             return None
         channel = transition.event.channel
@@ -172,7 +162,7 @@ class _LockStep:
         self.events[send] = replace(sender, sends=sends)
 
     def _emission(self, visit: int, path: str, channel: str) -> Emission:
-        """Return where a message goes as far as known when it is sent: to a stand-in, or to the tester."""
+        # As far as known when it is sent: to a stand-in, or to the tester until a reference receives it.
         if visit < len(self.case.combination.meetings):
             for meeting in self.case.combination.meetings[visit]:
                 if meeting.stand_in and meeting.channel == channel and meeting.sender.name == path:
@@ -193,7 +183,7 @@ class _LockStep:
         return tuple(sorted(causes))
 
     def _with_window(self, event: Event) -> Event:
-        """Return a first event with the one it must precede; none if it had to wait for a message itself."""
+        # A first event gets the one that it must precede, unless it had to wait for a message itself.
         start = self.case.starts[event.reference]
         if event.position != self.taken[event.reference][0] or start.after is None or start.until is None:
             return event
@@ -201,10 +191,7 @@ class _LockStep:
         return replace(event, before=leaving) if event.position < leaving else event
 
     def _stuck(self) -> BadSuite:
-        waiting = [f"{path.name}#{r}" for r, (_, path) in enumerate(self.references) if self._lacks(r)]
-        return BadSuite(
-            f"abstract case {self.case.id}",
-            f"must run to its end, but {', '.join(waiting)} cannot go on after {len(self.events)} steps",
-            "generate the case again instead of editing its starts",
-            slug="serialisation-stuck",
-        )
+        waiting = ", ".join(f"{path.name}#{r}" for r, (_, path) in enumerate(self.references) if self._lacks(r))
+        rule = f"must run to its end, but {waiting} cannot go on after {len(self.events)} steps"
+        remedy = "generate the case again instead of editing its starts"
+        return BadSuite(f"abstract case {self.case.id}", rule, remedy, slug="serialisation-stuck")

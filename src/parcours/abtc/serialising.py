@@ -1,9 +1,14 @@
 """Abstract behavioural test cases (ABTCs) of test path combinations, by a reconstructed serialization (RSA).
 
 The paper applies RSA but does not print it. Here every path of a combination starts when the path before it
-stands at one of its serialization points; each choice of points is one ABTC. For obstacles this is the
-authors' own public enumeration of start offsets; for components it is a reconstruction that reproduces the
-paper's totals.
+stands at one of its serialization points; each choice of points is one ABTC.
+
+    tp41   ●──p41──●──p42──●        points 0, 1, 2: each choice of one is a case
+                   │
+    tp42           ●──p44──●──p45──●      started at point 1: start vector (0, 1)
+
+For obstacles this is the authors' own public enumeration of start offsets; for components it is a
+reconstruction that reproduces the paper's totals.
 """
 
 from __future__ import annotations
@@ -88,8 +93,8 @@ class AbstractCase:
     """An abstract behavioural test case: a combination, and when each of its paths starts.
 
     `start_vector` has one number for each reference: how many serialization points had been passed, along
-    the chain of references before it, when it starts. (0, 1, 3) reads: the second starts at point 1 of the
-    first, the third at point 2 of the second. `starts` says the same in transitions, for the executing host.
+    the chain of references before it, when it starts. (0, 1, 3): the second starts at point 1 of the first,
+    the third at point 2 of the second. `starts` says the same in transitions, for the executing host.
     """
 
     id: str
@@ -113,9 +118,8 @@ def abstract_cases(
     """Yield the ABTCs of a model one by one, ITP by ITP, last start point fastest; memory stays flat.
 
     Args:
-        cefsm: the model.
         policy: the point policy, a name in `POLICIES`; by default the one the model names.
-        interactions: the interaction paths to serialise; by default all of `interaction_paths(cefsm)`.
+        interactions: by default all of `interaction_paths(cefsm)`.
         paths: the internal paths of each component; by default `internal_paths(cefsm)`, edge coverage.
 
     Raises:
@@ -129,15 +133,7 @@ def abstract_cases(
 
 
 def case_counts(cefsm: Cefsm, policy: str | None = None) -> dict[str, int]:
-    """Return how many ABTCs each interaction path has, without enumerating them.
-
-    Args:
-        cefsm: the model.
-        policy: the point policy, a name in `POLICIES`.
-
-    Raises:
-        BadRequest: no policy has that name, or an interaction path has too many combinations.
-    """
+    """Return how many ABTCs each interaction path has, without enumerating them. Raises as `abstract_cases`."""
     counts = {interaction.name: 0 for interaction in interaction_paths(cefsm)}
     for combination in _all_combinations(cefsm):
         places = _places(cefsm, combination, policy or cefsm.serialisation or DEFAULT)
@@ -146,11 +142,7 @@ def case_counts(cefsm: Cefsm, policy: str | None = None) -> dict[str, int]:
 
 
 def find_case(cefsm: Cefsm, id: str) -> AbstractCase:
-    """Return the ABTC that has an id, without making the others. The id says its policy, too.
-
-    Args:
-        cefsm: the model.
-        id: as in `AbstractCase.id`.
+    """Return the ABTC that has an id, which says its policy too, without making the others.
 
     Raises:
         BadRequest: no case of the model has that id.
@@ -181,12 +173,9 @@ def _spelled(combination: Combination) -> str:
 def _case(
     combination: Combination, places: Sequence[tuple[Start, ...]], chosen: Sequence[int], policy: str
 ) -> AbstractCase:
-    """Return a case with its stable id, fit for a file name: interaction, combination, start vector, policy.
-
-    The default policy is not named. The vector is grouped like the combination: dots part visits, plus signs
-    the paths of one visit. So ITP4-tp11.tp41+tp42.tp11-0.0+3.4 is ITP4 with tp42 three points after tp41, and
-    the last tp11 one point later.
-    """
+    # The id is stable and fit for a file name: interaction, combination, start vector, policy unless the default.
+    # The vector is grouped like the combination: ITP4-tp11.tp41+tp42.tp11-0.0+3.4 is ITP4 with tp42 three points
+    # after tp41, and the last tp11 one point later.
     vector = (0, *accumulate(chosen))
     numbers = iter(vector)
     shown = ".".join("+".join(str(next(numbers)) for _ in visit) for visit in combination.visits)
@@ -206,10 +195,8 @@ def _all_combinations(
 
 
 def _places(cefsm: Cefsm, combination: Combination, name: str) -> list[tuple[Start, ...]]:
-    """Return the points of each reference, as starts of the next one.
-
-    The paths of the last visit, and those of a hub that waits at its request, start together: one point each.
-    """
+    # The points of each reference, as starts of the next one. The paths of the last visit, and those of a hub that
+    # waits at its request, start together: one point each.
     require_known(name, list(POLICIES), "serialization policy", slug="unknown-policy")
     rule, centre = POLICIES[name], hub(cefsm) if combination.meetings else None
     marks = rule.met if rule.met and combination.meetings else rule.marks
@@ -228,10 +215,8 @@ def _places(cefsm: Cefsm, combination: Combination, name: str) -> list[tuple[Sta
 
 
 def _stands(reference: int, path: InternalPath, marks: Sequence[int]) -> tuple[Start, ...]:
-    """Return the points as starts; a point lasts until the path leaves its state or comes to the next point.
-
-    Point 0 means together: both set off at once, and neither waits for the other.
-    """
+    # A point lasts until the path leaves its state or comes to the next point. Point 0 means together: both set
+    # off at once, and neither waits for the other.
     starts = []
     for number, done in enumerate(marks):
         ends = [place for place in path.changes if place >= done] + [mark - 1 for mark in marks[number + 1 :]]
@@ -240,7 +225,7 @@ def _stands(reference: int, path: InternalPath, marks: Sequence[int]) -> tuple[S
 
 
 def _request(combination: Combination, visit: int, closing: int) -> Start:
-    """Return the start of the next visit: straight after this visit's first send to it."""
+    # The next visit starts straight after this visit's first send to it.
     group = combination.visits[visit]
     first = closing - len(group) + 1
     done, sender = min(
@@ -261,11 +246,8 @@ def notation(of: AbstractCase | Combination, title: str = "") -> str:
     """Return a combination in the notation of Table V, one visit a line.
 
     The paper draws the double bar above the arrow between two references: they run concurrently, in this order.
-    Here that arrow is `-||->`; paths that share a visit stand in braces.
-
-    Args:
-        of: an abstract case, or only its combination; of a case the start vector is added where it is not all zero.
-        title: what the paper calls the case, such as ABTC1; left out when empty.
+    Here that arrow is `-||->`; paths that share a visit stand in braces. Of a case the start vector is added where
+    it is not all zero. `title` is what the paper calls the case, such as ABTC1.
     """
     combination = of.combination if isinstance(of, AbstractCase) else of
     head = f"Combination {combination.interaction.name} {combination}{f' = {title}' if title else ''}:"

@@ -15,8 +15,6 @@ if TYPE_CHECKING:
     from parcours.abtc import AbstractCase, Order
     from parcours.model import Cefsm
 
-_MOST_COUNTED = 1_000_000
-
 
 @click.command("abtc")
 @model_file
@@ -25,7 +23,6 @@ _MOST_COUNTED = 1_000_000
 @click.option("--count", "counted", is_flag=True, help="Print how many cases there are, without making them.")
 @click.option("--case", "wanted", help="Print one case: its notation and its serialised sequence.")
 @click.option("--dropped", is_flag=True, help="Print the combinations that have no rendezvous, and why.")
-@click.option("--symmetric", is_flag=True, help="One case for all that differ by interchangeable components only.")
 @click.option(
     "--sequences",
     type=click.Choice(["count", "sample", "all"]),
@@ -35,7 +32,7 @@ _MOST_COUNTED = 1_000_000
 @count("--seed", default=1, least=0, most=2**63 - 1, help="Of the sample.")
 @as_json
 def command(
-    file: Path, policy: str | None, policies: bool, counted: bool, wanted: str | None, dropped: bool, symmetric: bool,
+    file: Path, policy: str | None, policies: bool, counted: bool, wanted: str | None, dropped: bool,
     sequences: str | None, number: int, seed: int, as_json: bool,
 ) -> None:  # fmt: skip
     """Print interactions, combinations and abstract test cases, one a line, however many there are.
@@ -44,7 +41,7 @@ def command(
 
     Example: parcours abtc model.yaml --case ITP1-tp12.tp21.tp12-0.0.0 --sequences count
     """
-    from parcours.abtc import abstract_cases, combinations, find_case, interaction_paths, representatives, require_cases
+    from parcours.abtc import abstract_cases, combinations, find_case, interaction_paths, require_cases
     from parcours.model.formats import read_any
 
     cefsm = read_any(file).cefsm
@@ -62,14 +59,10 @@ def command(
         _sequences(_orders(cefsm, wanted), sequences, number, seed, as_json)
     elif wanted is not None:
         _print_case(find_case(cefsm, wanted), as_json)
+    elif counted:
+        _count(cefsm, policy, as_json)
     else:
-        cases: Iterable[tuple[AbstractCase, int | None]] = ((case, None) for case in abstract_cases(cefsm, policy))
-        if symmetric:
-            cases = representatives(cefsm, abstract_cases(cefsm, policy))
-        if counted:
-            _count(cefsm, policy, cases if symmetric else None, as_json)
-        else:
-            _list(cases, as_json)
+        _list(abstract_cases(cefsm, policy), as_json)
 
 
 def _print_case(case: AbstractCase, as_json: bool) -> None:
@@ -77,42 +70,30 @@ def _print_case(case: AbstractCase, as_json: bool) -> None:
 
     events = [str(event) for event in serialise(case)]
     if as_json:
-        print_json(_as_data(case, None) | {"notation": notation(case, case.id), "events": events})
+        print_json(_as_data(case) | {"notation": notation(case, case.id), "events": events})
     else:
         click.echo("\n".join([notation(case, case.id), *events]))
 
 
-def _list(cases: Iterable[tuple[AbstractCase, int | None]], as_json: bool) -> None:
+def _list(cases: Iterable[AbstractCase], as_json: bool) -> None:
     if as_json:
-        _stream(_as_data(case, stands_for) for case, stands_for in cases)
+        _stream(map(_as_data, cases))
         return
-    for case, stands_for in cases:
-        tail = "" if stands_for is None else f"  stands for {stands_for}"
-        click.echo(f"{case.id}  {case.combination}{tail}")
+    for case in cases:
+        click.echo(f"{case.id}  {case.combination}")
 
 
-def _as_data(case: AbstractCase, stands_for: int | None) -> dict[str, object]:
-    data: dict[str, object] = {
+def _as_data(case: AbstractCase) -> dict[str, object]:
+    return {
         "id": case.id, "interaction": case.interaction.name,
         "combination": str(case.combination), "start_vector": case.start_vector,
     }  # fmt: skip
-    return data if stands_for is None else data | {"stands_for": stands_for}
 
 
-def _count(
-    cefsm: Cefsm, policy: str | None, kept: Iterable[tuple[AbstractCase, int | None]] | None, as_json: bool
-) -> None:
+def _count(cefsm: Cefsm, policy: str | None, as_json: bool) -> None:
     from parcours.abtc import case_counts
-    from parcours.errors import BadRequest
 
     counts = case_counts(cefsm, policy)
-    if kept is not None:
-        if sum(counts.values()) > _MOST_COUNTED:
-            rule = f"with --count looks at every case, at most {_MOST_COUNTED}, but there are {sum(counts.values())}"
-            raise BadRequest("--symmetric", rule, "leave one of the two out", slug="too-many-cases")
-        counts = dict.fromkeys(counts, 0)
-        for case, _ in kept:
-            counts[case.interaction.name] += 1
     counts["total"] = sum(counts.values())
     if as_json:
         print_json(counts)

@@ -53,21 +53,17 @@ def check(file: Path, as_json: bool) -> None:
 @command.command("show")
 @model_file
 @click.option("--svg", "folder", type=PATH, help="Draw each machine as an SVG file into this folder.")
-@click.option("--dot", is_flag=True, help="Print the model in the DOT language.")
-def show(file: Path, folder: Path | None, dot: bool) -> None:
-    """Draw the machines of a model: as tables, as pictures, or as DOT.
+def show(file: Path, folder: Path | None) -> None:
+    """Draw the machines of a model: as tables, or as pictures.
 
     Example: parcours model show model.yaml --svg pictures
     """
     from parcours.filenames import file_name
-    from parcours.model import to_dot, to_svg, to_text
+    from parcours.model import to_svg, to_text
     from parcours.model.formats import read_any
     from parcours.report.writing import write_text
 
     cefsm = read_any(file).cefsm
-    if dot:
-        click.echo(to_dot(cefsm))
-        return
     click.echo(to_text(cefsm))
     if folder is not None:
         for component in cefsm.components:

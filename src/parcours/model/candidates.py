@@ -32,13 +32,7 @@ def may_hold(guard: Expression, known: Mapping[str, object]) -> bool:
 
 
 def likely(question: Question, guard: Expression) -> Iterator[Values]:
-    """Yield valuations of a guard's open terms under which it holds, not always all and some of them twice.
-
-    >>> from parcours.model.expression import INT, parse_expression
-    >>> question = Question({"x": INT, "n": INT}, {}, known={"n": 7})
-    >>> sorted({dict(values)["x"] for values in likely(question, parse_expression("n + 2 * x == 31"))})
-    [12]
-    """
+    """Yield valuations of a guard's open terms under which it holds, not always all and some of them twice."""
     search = _Search(question, guard)
     for order in search.orders():
         for chosen in islice(search.filled({}, order), MOST_TRIED):

@@ -22,27 +22,17 @@ def findings(cefsm: Cefsm, origin: str = "") -> list[Finding]:
     Args:
         cefsm: any model, also one that was not read from a file.
         origin: what to call the file; by default where the model was read from.
-
-    Example: a state that no path leads to, and none leads away from.
-    >>> from parcours.model.structure import Machine, Component
-    >>> lost = Machine("light", "off", ("off", "lost"), (Transition("tick", "off", "off"),))
-    >>> for finding in findings(Cefsm("lamp", (Component("Lamp", (lost,)),)), "lamp.yaml"):
-    ...     print(finding)
-    lamp.yaml: warning: every state must be reachable, but no path leads to 'lost' of 'light' in 'Lamp'; ...
     """
     check = _checked(cefsm, origin)
     found = check.findings
+    # What a duplicate name refers to is not known, so nothing is searched for behind it.
     if all(finding.rule not in ("duplicate", "name") for finding in found):
         found += suspicions(cefsm, check.origin, check.unsound)
     return _in_order(found)
 
 
 def errors(cefsm: Cefsm, origin: str = "") -> list[Finding]:
-    """Return what is wrong, in the order of the lines, without looking for what is doubtful, which takes longer.
-
-    >>> print(*errors(Cefsm("empty", ())))
-    empty: error: a model must have a component, but this one has none; add one [no-component]
-    """
+    """Return what is wrong, in the order of the lines, without looking for what is doubtful, which takes longer."""
     return _in_order(_checked(cefsm, origin).findings)
 
 
@@ -140,6 +130,7 @@ class _Check:
                 elif not each.shape:
                     inside.setdefault(message.name, []).append(each.type)
         for message in self.cefsm.messages:
+            # A field with a shape is a list, which may be empty and so ends the nesting.
             reached, border = set(), list(inside.get(message.name, ()))
             while border:
                 if (name := border.pop()) not in reached:

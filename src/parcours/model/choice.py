@@ -150,15 +150,7 @@ class Choices:
 
 
 def inexact(question: Question, guards: Sequence[Expression], effects: Sequence[Expression], id: str) -> str:
-    """Return why the step relation may not try every different choice at a transition; empty if it does.
-
-    >>> from parcours.model.expression import INT, parse_expression
-    >>> question = Question({"v": INT}, {})
-    >>> inexact(question, [parse_expression("v > 0")], [], "t1")
-    ''
-    >>> inexact(question, [parse_expression("v > 0")], [parse_expression("v + 1")], "t1")
-    "t1 keeps the open value 'v'"
-    """
+    """Return why the step relation may not try every different choice at a transition; empty if it does."""
     kept = question.terms(effects)
     if why := keeps(question, effects, kept, id):
         return why

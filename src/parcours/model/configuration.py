@@ -24,6 +24,10 @@ Inputs = tuple[tuple[str, object], ...]
 class Configuration:
     """Where a model stands: three flat tuples in the order of `Layout`, so that they hash and pack well."""
 
+    # states   (planning, idle, moving)      one for each machine, side by side
+    # values   (3, False)                    the local variables of all components
+    # queues   ((ask, ask), ())              one for each channel that holds messages, the oldest first
+
     states: tuple[str, ...]
     values: tuple[object, ...]
     queues: tuple[tuple[Message, ...], ...]

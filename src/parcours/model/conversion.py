@@ -63,10 +63,6 @@ def accepted(cefsm: Cefsm, losses: Iterable[Loss] = ()) -> Reading:
 
     Raises:
         BadModel: the model has errors; the message says all of them, one a line.
-
-    >>> accepted(Cefsm("empty", ()))
-    Traceback (most recent call last):
-    parcours.errors.BadModel: empty: a model must have a component, but this one has none; add one [no-component]
     """
     # Doubtful choices, which take long to find, are not looked for: `parcours model check` does that.
     if found := errors(cefsm):

@@ -14,14 +14,7 @@ from parcours.model.structure import BASE_TYPES, CLOCK, Cefsm, Component, Machin
 
 
 def temporal_findings(cefsm: Cefsm, origin: str) -> Iterator[Finding]:
-    """Yield the errors in what a model says about time.
-
-    >>> from parcours.model.structure import Component
-    >>> hasty = Machine("light", "off", ("off",), (Transition("tick", "off", "off", duration=(2.0, 1.0)),))
-    >>> for finding in temporal_findings(Cefsm("lamp", (Component("Lamp", (hasty,)),)), "lamp.yaml"):
-    ...     print(finding)
-    lamp.yaml: error: the duration of 'tick' must be [least, most] with 0 <= least <= most, but is [2.0, 1.0] s ...
-    """
+    """Yield the errors in what a model says about time."""
     check = _Check(cefsm, origin)
     for component in cefsm.components:
         yield from check.clocks(component)
@@ -101,12 +94,7 @@ def _is_instant(value: Expression) -> bool:
 
 
 def variable_findings(owner: str, variable: Variable, classes: Sequence[str], origin: str) -> Iterator[Finding]:
-    """Yield the errors in the declaration of a variable.
-
-    >>> for finding in variable_findings("Lamp", Variable("lit", "boole", True), [], "lamp.yaml"):
-    ...     print(finding)
-    lamp.yaml: error: variable 'Lamp.lit' must have a base type or a message class, but is 'boole'; did you mean ...
-    """
+    """Yield the errors in the declaration of a variable."""
 
     def error(slug: str, rule: str, remedy: str = "") -> Finding:
         return Finding(origin, variable.line, "error", slug, f"{what} {rule}", remedy)

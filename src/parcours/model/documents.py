@@ -65,12 +65,6 @@ def read_document(text: str, origin: str) -> tuple[Node | None, list[Finding]]:
     Args:
         text: YAML, one document.
         origin: the file's name, for messages.
-
-    >>> node, findings = read_document("a: [1, x]", "here")
-    >>> node.items[0][0].text, [item.text for item in node.items[0][1].items], findings
-    ('a', ['1', 'x'], [])
-    >>> print(read_document("a: &x [*x]", "here")[1][0])
-    here:1: error: a model has no anchors or aliases, but here is 'x'; write it out [yaml-alias]
     """
     builder = _Builder(origin)
     try:

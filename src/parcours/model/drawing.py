@@ -1,11 +1,11 @@
-"""Prints a model as tables for the terminal, and as Graphviz' DOT."""
+"""Prints a model as tables for the terminal."""
 
 from __future__ import annotations
 
 import textwrap
 from collections.abc import Sequence
 
-from parcours.model.structure import ENVIRONMENT, Cefsm, Machine, Transition
+from parcours.model.structure import Cefsm, Machine, Transition
 
 WIDTH = 110
 """Widest line of a table [characters]."""
@@ -15,10 +15,6 @@ def predicate(transition: Transition) -> str:
     """Return the predicate of a transition as the paper prints it: (event/[guard]/actions/messages).
 
     Its duration follows, if it has one: `(-/-/-/-) within [0.005, 0.05] s`.
-
-    >>> from parcours.model.expression import Name
-    >>> print(predicate(Transition("p24", "generating", "sending", guard=Name("done"))))
-    (-/[done]/-/-)
     """
     event = "-"
     if transition.event is not None:
@@ -31,26 +27,7 @@ def predicate(transition: Transition) -> str:
 
 
 def to_text(cefsm: Cefsm) -> str:
-    """Return the model as tables, one for each machine and one of the channels, WIDTH wide or less.
-
-    >>> from parcours.model import parse_model
-    >>> lamp = parse_model('''
-    ... parcours: model/1
-    ... name: lamp
-    ... components:
-    ...   Lamp:
-    ...     machines:
-    ...       light: {initial: off, transitions: {switch: {from: off, to: off}}}
-    ... ''')
-    >>> print(to_text(lamp))
-    lamp: 1 component, 1 machine, 1 state, 1 transition, 0 channels
-    <BLANKLINE>
-    Lamp
-      light, starts in off
-        state  transition  predicate  target
-        -----  ----------  ---------  ------
-        off    switch      (-/-/-/-)  off
-    """
+    """Return the model as tables, one for each machine and one of the channels, WIDTH wide or less."""
     machines = [machine for component in cefsm.components for machine in component.machines]
     counts = (
         _counted(len(cefsm.components), "component"),
@@ -84,60 +61,6 @@ def to_text(cefsm: Cefsm) -> str:
     return "\n".join(lines)
 
 
-def to_dot(model: Cefsm | Machine) -> str:
-    """Return the model or machine in Graphviz' language; a component is a cluster, a channel an edge.
-
-    >>> from parcours.model.structure import Transition
-    >>> print(to_dot(Machine("light", "off", ("off",), (Transition("tick", "off", "off"),))))
-    digraph "light" {
-      rankdir=LR; node [shape=ellipse, fontsize=11]; edge [fontsize=10];
-      "light" [shape=point]; "light" -> "light/off";
-      "light/off" [label="off"];
-      "light/off" -> "light/off" [label="tick\\n(-/-/-/-)"];
-    }
-    """
-    lines = [f"digraph {_quoted(model.name)} {{"]
-    lines.append("  rankdir=LR; node [shape=ellipse, fontsize=11]; edge [fontsize=10];")
-    if isinstance(model, Machine):
-        return "\n".join([*lines, *_dot_machine(model, "", "  "), "}"])
-    lines.append("  compound=true;")
-    anchors: dict[str, str] = {}
-    for component in model.components:
-        lines.append(f"  subgraph {_quoted('cluster_' + component.name)} {{")
-        lines.append(f"    label={_quoted(component.title or component.name)};")
-        for machine in component.machines:
-            anchors.setdefault(component.name, f"{component.name}/{machine.name}/{machine.initial}")
-            lines += _dot_machine(machine, component.name + "/", "    ")
-        lines.append("  }")
-    if any(ENVIRONMENT in (channel.sender, channel.receiver) for channel in model.channels):
-        anchors[ENVIRONMENT] = ENVIRONMENT
-        lines.append(f"  {_quoted(ENVIRONMENT)} [shape=box];")
-    for channel in model.channels:
-        ends = [name for name in (channel.sender, channel.receiver) if name != ENVIRONMENT]
-        clusters = zip(("ltail", "lhead"), (channel.sender, channel.receiver), strict=True)
-        marks = [f"{key}={_quoted('cluster_' + name)}" for key, name in clusters if name in ends]
-        marks += [f"label={_quoted(channel.name)}", "style=dashed"]
-        if all(name in anchors for name in ends):
-            sides = (_quoted(anchors[channel.sender]), _quoted(anchors[channel.receiver]))
-            lines.append(f"  {sides[0]} -> {sides[1]} [{', '.join(marks)}];")
-    return "\n".join([*lines, "}"])
-
-
-def _dot_machine(machine: Machine, prefix: str, indent: str) -> list[str]:
-    start = prefix + machine.name
-    name = {state: _quoted(f"{start}/{state}") for state in machine.states}
-    lines = [f"{_quoted(start)} [shape=point]; {_quoted(start)} -> {name[machine.initial]};"]
-    lines += [f"{name[state]} [label={_quoted(state)}];" for state in machine.states]
-    for transition in machine.transitions:
-        label = _quoted(f"{transition.id}\n{predicate(transition)}")
-        lines.append(f"{name[transition.source]} -> {name[transition.target]} [label={label}];")
-    return [indent + line for line in lines]
-
-
-def _quoted(text: str) -> str:
-    return '"' + text.replace("\\", "\\\\").replace('"', '\\"').replace("\n", "\\n") + '"'
-
-
 def _invariants(machine: Machine) -> str:
     said = ", ".join(f"{condition} in {state}" for state, condition in machine.invariants)
     return f"invariants: {said}" if said else ""
@@ -155,6 +78,7 @@ def _machine_table(machine: Machine) -> list[str]:
 
 
 def _table(head: Sequence[str], rows: Sequence[Sequence[str]], indent: int) -> list[str]:
+    # A column starts as wide as its longest cell.
     widths = [max(len(row[at]) for row in [head, *rows]) for at in range(len(head))]
     # The widest columns are wrapped until the table fits.
     while indent + sum(widths) + 2 * (len(widths) - 1) > WIDTH and max(widths) > 12:

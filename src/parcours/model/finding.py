@@ -48,13 +48,10 @@ class Finding:
 
 
 def advice(given: str, known: Sequence[str], found: Sequence[Finding]) -> str:
-    """Return the remedy for an unknown name, unless so much was found already that looking would take long.
-
-    >>> advice("ligth", ["light", "sound"], [])
-    "did you mean 'light'? Known: light, sound"
-    """
+    """Return the remedy for an unknown name, unless so much was found already that looking would take long."""
     if not known or len(found) > _ADVISED:
         return ""
+    # Of very many names only the nearest is shown; looking at all of a hostile file would take long.
     if len(known) <= 30:
         return one_of(given[:MAX_LABEL], known)
     hint, _, _ = one_of(given[:MAX_LABEL], known[:1000]).rpartition("Known: ")
@@ -67,12 +64,7 @@ def errors_among(findings: Iterable[Finding]) -> tuple[Finding, ...]:
 
 
 def complaint(errors: tuple[Finding, ...]) -> BadModel:
-    """Return one error that says all of at least one finding, one a line.
-
-    >>> twice = Finding("m.yaml", 3, "error", "duplicate", "an id must be unique, but p1 was used in line 2")
-    >>> print(complaint((twice,)))
-    m.yaml:3: an id must be unique, but p1 was used in line 2 [duplicate]
-    """
+    """Return one error that says all of at least one finding, one a line."""
     first = errors[0]
     if len(errors) == 1:
         return BadModel(first.where, first.message, first.remedy, slug=first.rule)

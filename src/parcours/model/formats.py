@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.metadata import entry_points
 from pathlib import Path
-from typing import Any, Protocol, cast
+from typing import Any
 
 from parcours.errors import BadModel, BadRequest, require_known
 from parcours.model.conversion import MAX_BYTES, Loss, Reading, Writing, text_of
@@ -41,7 +41,7 @@ class Format:
     largest: int = MAX_BYTES
 
 
-NATIVE = Format("Parcours model/1", (".yaml", ".yml"), "parcours.model.native")
+NATIVE = Format("Parcours model/1", (".yaml", ".yml"), "parcours.model.model_file")
 """Our own format (docs/model-format.md)."""
 
 GROUP = "parcours.formats"
@@ -62,13 +62,8 @@ def formats() -> Mapping[str, Format]:
     return {"native": NATIVE} | packaged(GROUP)
 
 
-class _Module(Protocol):
-    def read(self, text: str, origin: str) -> Reading: ...
-    def write(self, cefsm: Cefsm) -> Writing: ...
-
-
-def _module(name: str) -> _Module:
-    return cast(_Module, pkgutil.resolve_name(formats()[name].module))
+def _module(name: str) -> Any:
+    return pkgutil.resolve_name(formats()[name].module)  # has read(text, origin) or write(cefsm), as its Format says
 
 
 def read_any(path: str | Path, name: str = "") -> Reading:
@@ -85,10 +80,13 @@ def read_any(path: str | Path, name: str = "") -> Reading:
     path = Path(path)
     if name:
         require_known(name, [key for key, each in formats().items() if each.reads], "format", slug="unknown-format")
-        return _module(name).read(text_of(path, formats()[name].largest), str(path))
-    among = _with_suffix(path)
-    text = text_of(path, max(formats()[each].largest for each in among))
-    return _module(_marked(among, text, path)).read(text, str(path))
+        text = text_of(path, formats()[name].largest)
+    else:
+        among = _with_suffix(path)
+        text = text_of(path, max(formats()[each].largest for each in among))
+        name = _marked(among, text, path)
+    reading: Reading = _module(name).read(text, str(path))
+    return reading
 
 
 def write_as(cefsm: Cefsm, name: str) -> Writing:
@@ -102,7 +100,8 @@ def write_as(cefsm: Cefsm, name: str) -> Writing:
         BadRequest: the format is unknown.
     """
     require_known(name, [key for key, each in formats().items() if each.writes], "format", slug="unknown-format")
-    return _module(name).write(cefsm)
+    writing: Writing = _module(name).write(cefsm)
+    return writing
 
 
 def format_of(path: Path) -> str:
@@ -110,9 +109,6 @@ def format_of(path: Path) -> str:
 
     Raises:
         BadRequest: no format has the suffix.
-
-    >>> format_of(Path("train.xml")), format_of(Path("train.gv"))
-    ('uppaal', 'dot')
     """
     return _with_suffix(path)[0]
 

@@ -10,10 +10,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from parcours.model.checking import findings as findings_of
+from parcours.model.conversion import Reading, Writing, accepted
 from parcours.model.documents import read_document
 from parcours.model.finding import Finding, complaint, errors_among
-from parcours.model.schema import SchemaReader
+from parcours.model.schema import read_schema
 from parcours.model.structure import Cefsm
+from parcours.model.writing import write_model
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,9 +29,6 @@ class Checked:
 def read_model(path: str | Path) -> Cefsm:
     """Return the model that a file holds; warnings do not matter here.
 
-    Args:
-        path: a YAML file in the format `parcours: model/1`, at most 1 MB.
-
     Raises:
         BadModel: the file cannot be read, or the model has errors; the message says all of them, one a line.
     """
@@ -39,28 +38,8 @@ def read_model(path: str | Path) -> Cefsm:
 def parse_model(text: str, origin: str = "<text>") -> Cefsm:
     """Return the model that a text holds.
 
-    Args:
-        text: YAML in the format `parcours: model/1`.
-        origin: what to call the text in messages.
-
     Raises:
         BadModel: the model has errors; the message says all of them, one a line.
-
-    Example:
-    >>> lamp = parse_model('''
-    ... parcours: model/1
-    ... name: lamp
-    ... components:
-    ...   Lamp:
-    ...     machines:
-    ...       light:
-    ...         initial: off
-    ...         transitions:
-    ...           switch_on: {from: off, to: on}
-    ...           switch_off: {from: on, to: off}
-    ... ''')
-    >>> lamp.component("Lamp").machines[0].states
-    ('off', 'on')
     """
     return _accepted(check_text(text, origin))
 
@@ -82,16 +61,36 @@ def check_file(path: str | Path) -> Checked:
 
 def check_text(text: str, origin: str = "<text>") -> Checked:
     """Return the model of a text, None if it has errors, and every finding; never raise for a bad model."""
-    document, found = read_document(text, origin)
-    if document is None:
-        return Checked(None, tuple(found))
-    reader = SchemaReader(origin)
-    model = reader.model(document)
-    found += reader.findings
-    if not found:
-        found += findings_of(model, origin)
+    model, found = _parsed(text, origin)
+    if model is not None and not found:
+        found = findings_of(model, origin)
     ordered = tuple(sorted(found, key=lambda finding: (finding.line, finding.rule, finding.message)))
     return Checked(None if errors_among(ordered) else model, ordered)
+
+
+def read(text: str, origin: str) -> Reading:
+    """Return the model of a text as a format's reader does: what is doubtful in it is not looked for.
+
+    Raises:
+        BadModel: the model has errors; the message says all of them, one a line.
+    """
+    model, found = _parsed(text, origin)
+    if model is None or found:
+        raise complaint(tuple(sorted(found, key=lambda finding: (finding.line, finding.rule, finding.message))))
+    return accepted(model)
+
+
+def write(cefsm: Cefsm) -> Writing:
+    """Return the YAML text of a model; nothing is lost."""
+    return Writing(write_model(cefsm))
+
+
+def _parsed(text: str, origin: str) -> tuple[Cefsm | None, list[Finding]]:
+    document, found = read_document(text, origin)
+    if document is None:
+        return None, found
+    model, more = read_schema(document, origin)
+    return model, found + more
 
 
 def _accepted(checked: Checked) -> Cefsm:

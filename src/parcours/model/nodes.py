@@ -31,11 +31,7 @@ def is_identifier(name: str) -> bool:
 
 
 def is_label(name: str) -> bool:
-    """Return whether the name may be that of a state, a transition or a machine: one printable line, trimmed.
-
-    >>> is_label("goal reached"), is_label(" x"), is_label("")
-    (True, False, False)
-    """
+    """Return whether the name may be that of a state, a transition or a machine: one printable line, trimmed."""
     return 0 < len(name) <= MAX_LABEL and name.isprintable() and name == name.strip()
 
 
@@ -85,7 +81,7 @@ class NodeReader:
             self.add(node, "kind", f"{what} must be a mapping, but is {shown(node)}", "write name: {...}")
             return
         for key, value in node.items:
-            before = len(self.findings)
+            before = len(self.findings)  # an entry with a bad name is left out, so that nothing refers to it
             text = (name or self.identifier)(key, f"a name among the {what}")
             if len(self.findings) == before:
                 yield text, value, key.line
@@ -129,6 +125,7 @@ class NodeReader:
         text = node.text if isinstance(node, Scalar) else ""
         if text in ("inf", ".inf"):
             return math.inf
+        # Only digits of a bounded length are converted: a long one would cost quadratic time.
         if len(text) <= 400 and _REAL.fullmatch(text) and 0 <= float(text) < math.inf:
             return float(text)
         self.add(node, "value", f"{what} must be a number, 0 or more, or inf, but is {shown(node)}")
@@ -176,11 +173,7 @@ class NodeReader:
 
 
 def shown(node: Node) -> str:
-    """Return a node in a few words.
-
-    >>> shown(Scalar("abc", True, 1)), shown(Sequence((), 1))
-    ("'abc'", 'a list')
-    """
+    """Return a node in a few words."""
     if isinstance(node, Scalar):
         return brief(node.text)
     return "a list" if isinstance(node, Sequence) else "a mapping"

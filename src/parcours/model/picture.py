@@ -1,8 +1,7 @@
-"""Draws a machine, or the components of a model, as one self-contained SVG picture.
+"""Draws a machine as one self-contained SVG picture; the same machine gives the same bytes.
 
-Nodes stand on a circle, the first one left, or around the one that most arrows touch; arrows between the same
-two nodes bow apart; loops point outwards; long labels go to a legend below. The same model gives the same
-bytes.
+States stand on a circle, the first one left; arrows between the same two bow apart; loops point outwards; what
+the transitions say goes to a legend below.
 
             ___p2__
       *-> (a)     (b) ~p4      angles grow clockwise, as y points down
@@ -15,14 +14,12 @@ import html
 import math
 import textwrap
 from collections import Counter
-from collections.abc import Collection
-from dataclasses import dataclass
 
 from parcours.model.drawing import predicate
-from parcours.model.structure import ENVIRONMENT, Cefsm, Machine
+from parcours.model.structure import Machine, Transition
 
 _CHARACTER = 7.2  # width of one letter at 13 px [px]
-_INK, _FAINT, _ACCENT, _PAPER, _NODE = "#1b1f24", "#9aa4af", "#0b57a4", "#ffffff", "#eef4fb"
+_INK, _ACCENT, _PAPER, _NODE = "#1b1f24", "#0b57a4", "#ffffff", "#eef4fb"
 _LEGEND_WIDTH = 96  # [characters]
 _SHOWN = 24  # longest label on an arrow or in a node [characters]
 _TRIED = (0.5, 0.42, 0.58, 0.34, 0.66, 0.26, 0.74)
@@ -31,61 +28,22 @@ Point = tuple[float, float]
 _Box = tuple[float, float, float, float]
 
 
-@dataclass(frozen=True, slots=True)
-class _Arrow:
-    source: str
-    target: str
-    label: str
-    faint: bool = False
-
-
-def to_svg(model: Cefsm | Machine, title: str = "", covered: Collection[str] | None = None) -> str:
-    """Return a picture of a machine with its transitions, or of a model with its channels.
-
-    Args:
-        title: the heading; by default the model's name.
-        covered: ids of transitions (names of channels) to draw in full; all others are drawn faint and
-            dashed.
-
-    Example:
-    >>> from parcours.model.structure import Transition
-    >>> picture = to_svg(Machine("light", "off", ("off",), (Transition("tick", "off", "off"),)))
-    >>> picture.startswith("<svg xmlns"), ">tick</text>" in picture
-    (True, True)
-    """
-
-    def is_faint(name: str) -> bool:
-        return covered is not None and name not in covered
-
-    if isinstance(model, Machine):
-        names = list(dict.fromkeys([model.initial, *model.states]))
-        arrows = [_Arrow(each.source, each.target, each.id, is_faint(each.id)) for each in model.transitions]
-        legend = [(each.id, predicate(each)) for each in model.transitions]
-        initial = model.initial
-    else:
-        names = [component.name for component in model.components]
-        arrows = [_Arrow(each.sender, each.receiver, each.name, is_faint(each.name)) for each in model.channels]
-        legend = [(each.name, f"{each.message} {each.topic}".strip()) for each in model.channels]
-        if any(ENVIRONMENT in (arrow.source, arrow.target) for arrow in arrows):
-            names.append(ENVIRONMENT)
-        initial = ""
-    picture = _Picture(names, arrows)
-    picture.draw(arrows, initial)
-    picture.write_legend(legend)
-    return picture.finished(title or model.name)
+def to_svg(machine: Machine, title: str = "") -> str:
+    """Return a picture of a machine with its transitions, under a title, by default the machine's name."""
+    names = list(dict.fromkeys([machine.initial, *machine.states]))
+    picture = _Picture(names, max((len(_cut(each.id)) for each in machine.transitions), default=0))
+    picture.draw(machine)
+    picture.write_legend([(each.id, predicate(each)) for each in machine.transitions])
+    return picture.finished(title or machine.name)
 
 
 class _Picture:
     """Collects shapes and grows its bounds with them."""
 
-    def __init__(self, names: list[str], arrows: list[_Arrow]) -> None:
+    def __init__(self, names: list[str], longest: int) -> None:
         self.radius_x = {name: max(34.0, _CHARACTER * len(_cut(name)) / 2 + 14) for name in names}
         self.radius_y = 21.0
-        label = _CHARACTER * max((len(_cut(arrow.label)) for arrow in arrows), default=0)
-        hub = _hub(names, arrows)
-        self.place = self._circle([name for name in names if name != hub], label)
-        if hub:
-            self.place[hub] = (0.0, 0.0)
+        self.place = self._circle(names, _CHARACTER * longest)
         self.under: list[str] = []
         self.over: list[str] = []
         self.taken: list[_Box] = []
@@ -104,7 +62,7 @@ class _Picture:
         turn = 2 * math.pi / count
         return {name: (-wide * math.cos(turn * at), -high * math.sin(turn * at)) for at, name in enumerate(names)}
 
-    def draw(self, arrows: list[_Arrow], initial: str) -> None:
+    def draw(self, machine: Machine) -> None:
         for name, (x, y) in self.place.items():
             rx, ry = self.radius_x[name], self.radius_y
             self.over.append(
@@ -116,12 +74,11 @@ class _Picture:
             self.cover(x - rx, y - ry)
             self.cover(x + rx, y + ry)
         between: Counter[tuple[str, str]] = Counter()
-        both_ways = {(arrow.source, arrow.target) for arrow in arrows}
-        outward: dict[str, list[_Arrow | None]] = {name: [] for name in self.place}
-        if initial:
-            outward[initial].append(None)
-        for arrow in arrows:
-            if arrow.source == arrow.target:
+        both_ways = {(each.source, each.target) for each in machine.transitions}
+        outward: dict[str, list[Transition | None]] = {name: [] for name in self.place}
+        outward[machine.initial].append(None)  # the arrow from nowhere
+        for arrow in machine.transitions:
+            if arrow.is_loop:
                 outward[arrow.source].append(arrow)
                 continue
             pair = (arrow.source, arrow.target)
@@ -132,7 +89,7 @@ class _Picture:
             for at, stub in enumerate(stubs):
                 self.stub(name, stub, at - (len(stubs) - 1) / 2)
 
-    def curve(self, arrow: _Arrow, bend: float) -> None:
+    def curve(self, arrow: Transition, bend: float) -> None:
         start, end = self.place[arrow.source], self.place[arrow.target]
         dx, dy = end[0] - start[0], end[1] - start[1]
         length = math.hypot(dx, dy)
@@ -140,12 +97,12 @@ class _Picture:
         control = ((start[0] + end[0]) / 2 + dy / length * 2 * bend, (start[1] + end[1]) / 2 - dx / length * 2 * bend)
         first = self.rim(arrow.source, control)
         last = self.rim(arrow.target, control, gap=2.0)
-        self.line(f"M{_at(first)} Q{_at(control)} {_at(last)}", arrow.faint)
-        self.head(control, last, arrow.faint)
+        self.line(f"M{_at(first)} Q{_at(control)} {_at(last)}")
+        self.head(control, last)
         spots = [_quadratic(first, control, last, part) for part in _TRIED]
         self.label(arrow, spots)
 
-    def stub(self, name: str, arrow: _Arrow | None, offset: float) -> None:
+    def stub(self, name: str, arrow: Transition | None, offset: float) -> None:
         x, y = self.place[name]
         outwards = math.atan2(y, x) if (x, y) != (0.0, 0.0) else -math.pi / 2
         angle = outwards + offset * math.radians(52)
@@ -155,8 +112,8 @@ class _Picture:
             self.under.append(f'<circle cx="{far[0]:.1f}" cy="{far[1]:.1f}" r="4" fill="{_INK}"/>')
             self.cover(far[0] - 5, far[1] - 5)
             self.cover(far[0] + 5, far[1] + 5)
-            self.line(f"M{_at(far)} L{_at(tip)}", False)
-            self.head(far, tip, False)
+            self.line(f"M{_at(far)} L{_at(tip)}")
+            self.head(far, tip)
             return
         sides = []
         for side in (-1, 1):
@@ -165,9 +122,9 @@ class _Picture:
         across = (-math.sin(angle), math.cos(angle))
         reach = self.rim(name, (x + math.cos(angle), y + math.sin(angle)), gap=48.0)
         pulls = [(reach[0] + side * 24 * across[0], reach[1] + side * 24 * across[1]) for side in (-1, 1)]
-        self.line(f"M{_at(sides[0])} C{_at(pulls[0])} {_at(pulls[1])} {_at(sides[1])}", arrow.faint)
-        self.head(pulls[1], sides[1], arrow.faint)
-        half = _CHARACTER * len(_cut(arrow.label)) / 2
+        self.line(f"M{_at(sides[0])} C{_at(pulls[0])} {_at(pulls[1])} {_at(sides[1])}")
+        self.head(pulls[1], sides[1])
+        half = _CHARACTER * len(_cut(arrow.id)) / 2
         spots = []
         for gap in (44.0, 58.0, 72.0):
             away = gap + half * abs(math.cos(angle))
@@ -182,18 +139,17 @@ class _Picture:
         length = math.hypot(dx, dy)
         return x + dx * scale + dx / length * gap, y + dy * scale + dy / length * gap
 
-    def line(self, path: str, faint: bool) -> None:
-        style = f'stroke="{_FAINT}" stroke-dasharray="5 4"' if faint else f'stroke="{_INK}"'
-        self.under.append(f'<path d="{path}" fill="none" {style} stroke-width="1.4"/>')
+    def line(self, path: str) -> None:
+        self.under.append(f'<path d="{path}" fill="none" stroke="{_INK}" stroke-width="1.4"/>')
 
-    def head(self, before: Point, tip: Point, faint: bool) -> None:
+    def head(self, before: Point, tip: Point) -> None:
         angle = math.atan2(tip[1] - before[1], tip[0] - before[0])
         wings = [(tip[0] - 9 * math.cos(angle + side), tip[1] - 9 * math.sin(angle + side)) for side in (-0.4, 0.4)]
         points = " ".join(map(_at, [tip, *wings]))
-        self.under.append(f'<polygon points="{points}" fill="{_FAINT if faint else _INK}"/>')
+        self.under.append(f'<polygon points="{points}" fill="{_INK}"/>')
 
-    def label(self, arrow: _Arrow, spots: list[Point]) -> None:
-        half = _CHARACTER * len(_cut(arrow.label)) / 2 + 2
+    def label(self, arrow: Transition, spots: list[Point]) -> None:
+        half = _CHARACTER * len(_cut(arrow.id)) / 2 + 2
         boxes = [(x - half, y - 9, x + half, y + 9) for x, y in spots]
         free = [at for at, box in enumerate(boxes) if not any(_overlap(box, other) for other in self.taken)]
         at = free[0] if free else 0
@@ -205,12 +161,12 @@ class _Picture:
             f'<rect x="{left:.1f}" y="{top:.1f}" width="{right - left:.1f}" height="{bottom - top:.1f}" '
             f'fill="{_PAPER}" fill-opacity="0.85"/>'
         )
-        self.text(arrow.label, spots[at], colour=_FAINT if arrow.faint else _INK)
+        self.text(arrow.id, spots[at])
 
-    def text(self, text: str, place: Point, *, colour: str = _INK, weight: str = "400") -> None:
+    def text(self, text: str, place: Point, weight: str = "400") -> None:
         full = f"<title>{_safe(text)}</title>" if _cut(text) != text else ""
         self.over.append(
-            f'<text x="{place[0]:.1f}" y="{place[1] + 4.5:.1f}" text-anchor="middle" fill="{colour}" '
+            f'<text x="{place[0]:.1f}" y="{place[1] + 4.5:.1f}" text-anchor="middle" fill="{_INK}" '
             f'font-weight="{weight}">{_safe(_cut(text))}{full}</text>'
         )
 
@@ -254,15 +210,6 @@ class _Picture:
             f'fill="{_PAPER}"/>\n'
             f"{shapes}\n</svg>\n"
         )
-
-
-def _hub(names: list[str], arrows: list[_Arrow]) -> str:
-    # A node that most arrows touch stands in the middle, if there are enough others to surround it.
-    touched = Counter(name for arrow in arrows for name in {arrow.source, arrow.target})
-    if len(names) < 6 or not touched:
-        return ""
-    hub, count = max(touched.items(), key=lambda item: item[1])
-    return hub if 3 * count > 2 * len(arrows) else ""
 
 
 def _quadratic(start: Point, control: Point, end: Point, part: float) -> Point:

@@ -8,6 +8,7 @@ from parcours.errors import BadModel
 from parcours.model.documents import Mapping, Node, Scalar
 from parcours.model.expression import Expression, Name, parse_actions, parse_calls, parse_expression
 from parcours.model.expression.evaluation import INTEGER_LIMIT
+from parcours.model.finding import Finding
 from parcours.model.nodes import NodeReader, shown
 from parcours.model.structure import (
     Cefsm,
@@ -32,15 +33,17 @@ MAX_CAPACITY = 1000
 """Most messages that a channel may hold."""
 
 
-class SchemaReader(NodeReader):
-    """Reads one document as a model.
+def read_schema(document: Node, origin: str) -> tuple[Cefsm, list[Finding]]:
+    """Return the model that a document holds, with stand-ins where something is wrong, and all that is wrong."""
+    reader = _SchemaReader(origin)
+    return reader.model(document), reader.findings
 
-    Each method takes a name and its node and returns the element, with stand-ins where findings were made, so
-    that one pass finds them all.
-    """
+
+class _SchemaReader(NodeReader):
+    # Each method takes a name and its node and returns the element, with stand-ins where findings were made, so
+    # that one pass finds them all.
 
     def model(self, node: Node) -> Cefsm:
-        """Return the model the document holds."""
         if (chart := _sismic(node)) is not None:
             rule = "a model has the key 'parcours', but 'statechart' makes this a sismic statechart, which is not read"
             self.add(chart, "sismic-statechart", rule, "write it as SCXML, or in the format of docs/model-format.md")
@@ -68,12 +71,10 @@ class SchemaReader(NodeReader):
         )
 
     def interaction(self, name: str, node: Node) -> tuple[str, ...]:
-        """Return the components an interaction visits."""
         what = f"interaction {name!r}"
         return tuple(self.identifier(part, f"a component of {what}") for part in self.listed(node, what))
 
     def message(self, name: str, node: Node, line: int) -> MessageClass:
-        """Return a message class."""
         items = self.record(node, f"message {name!r}", ("fields",), ("doc",))
         fields = self.entries(items.get("fields"), f"fields of {name!r}")
         return MessageClass(
@@ -84,7 +85,6 @@ class SchemaReader(NodeReader):
         )
 
     def field(self, owner: str, name: str, node: Node) -> Field:
-        """Return one field of a message class."""
         what = f"field '{owner}.{name}'"
         items = self.record(node, what, ("type",), ("unit", "shape", "doc"))
         return Field(
@@ -96,13 +96,11 @@ class SchemaReader(NodeReader):
         )
 
     def length(self, node: Node, what: str) -> int | str:
-        """Return one length of a shape: a number, or the name of a free length."""
         if isinstance(node, Scalar) and node.text[:1].isdigit():
             return self.integer(node, f"a length of {what}", 1, 10**9)
         return self.identifier(node, f"a length of {what}")
 
     def channel(self, name: str, node: Node, line: int) -> Channel:
-        """Return a channel."""
         what = f"channel {name!r}"
         items = self.record(node, what, ("from", "to", "message"), ("topic", "capacity"))
         sender, receiver, message = (
@@ -115,7 +113,6 @@ class SchemaReader(NodeReader):
         return Channel(name, sender, receiver, message, topic, capacity, line)
 
     def component(self, name: str, node: Node, line: int) -> Component:
-        """Return a component."""
         what = f"component {name!r}"
         items = self.record(node, what, ("machines",), ("title", "variables"))
         variables = self.entries(items.get("variables"), f"variables of {name!r}")
@@ -129,7 +126,6 @@ class SchemaReader(NodeReader):
         )
 
     def variable(self, owner: str, name: str, node: Node, line: int) -> Variable:
-        """Return a variable of a component."""
         what = f"variable '{owner}.{name}'"
         items = self.record(node, what, ("type",), ("initial", "role", "values", "range", "unit"))
         type_ = self.identifier(items.get("type"), f"'type' of {what}")
@@ -144,7 +140,6 @@ class SchemaReader(NodeReader):
         return Variable(name, type_, initial, known_role, self.domain(items, type_, what), unit, line)
 
     def domain(self, items: dict[str, Node], type_: str, what: str) -> tuple[object, ...] | range:
-        """Return the finite domain that `values` or `range` declare, or ()."""
         for key, owner in (("values", "enum"), ("range", "int")):
             if key in items and type_ != owner:
                 rule = f"{key!r} belongs to {owner} variables, but {what} is of type {type_!r}"
@@ -167,7 +162,6 @@ class SchemaReader(NodeReader):
         return range(low, high + 1)
 
     def machine(self, name: str, node: Node, line: int) -> Machine:
-        """Return a machine; its states stand in order of appearance unless they are listed."""
         what = f"machine {name!r}"
         items = self.record(node, what, ("initial", "transitions"), ("states", "final", "invariants"))
         initial = self.label(items.get("initial"), f"'initial' of {what}")
@@ -193,11 +187,9 @@ class SchemaReader(NodeReader):
         )
 
     def condition(self, node: Node, state: str) -> Expression | None:
-        """Return the invariant of a state."""
         return self.parsed(node, f"invariant of {state!r}", parse_expression, None)
 
     def transition(self, id: str, node: Node, line: int) -> Transition:
-        """Return a transition."""
         what = f"transition {id!r}"
         optional = ("event", "guard", "action", "message", "duration", "weight")
         items = self.record(node, what, ("from", "to"), optional)
@@ -215,7 +207,6 @@ class SchemaReader(NodeReader):
         )
 
     def duration(self, node: Node | None, what: str) -> tuple[float, float] | None:
-        """Return least and most [s]."""
         ends = self.listed(node, f"'duration' of {what}")
         if node is None:
             return None
@@ -227,7 +218,7 @@ class SchemaReader(NodeReader):
 
 
 def _sismic(node: Node) -> Scalar | None:
-    """Return the key that tells a statechart of sismic, or None: that is YAML too, but another language."""
+    # The key that tells a statechart of sismic, or None: that is YAML too, but another language.
     keys = [key for key, _ in node.items] if isinstance(node, Mapping) else []
     ours = any(key.text == "parcours" for key in keys)
     return None if ours else next((key for key in keys if key.text == "statechart"), None)

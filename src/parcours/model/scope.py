@@ -13,13 +13,7 @@ Classes = Mapping[str, Mapping[str, Type]]
 
 
 def classes_of(cefsm: Cefsm) -> dict[str, dict[str, Type]]:
-    """Return the fields of each message class, with their types; of equal names the first counts.
-
-    >>> from parcours.model.structure import Field, MessageClass
-    >>> pose = MessageClass("Pose", (Field("x", "real"), Field("path", "Pose", shape=("n",))))
-    >>> {name: str(type_) for name, type_ in classes_of(Cefsm("m", (), (), (pose,)))["Pose"].items()}
-    {'x': 'real', 'path': 'list of Pose'}
-    """
+    """Return the fields of each message class, with their types; of equal names the first counts."""
     found: dict[str, dict[str, Type]] = {}
     for message in cefsm.messages:
         found.setdefault(message.name, {f.name: Type(f.type, rank=len(f.shape)) for f in message.fields})

@@ -68,13 +68,6 @@ class Question:
 
         A valuation under which a guard has no value (division by zero) does not count. The guards must be
         well typed.
-
-        >>> from parcours.model.expression import BOOL, REAL, parse_expression
-        >>> question = Question({"v": REAL, "stop": BOOL}, {})
-        >>> print(question.witness([parse_expression("v > 0.5"), parse_expression("!stop && v <= 1.0")]))
-        stop = false, v = 0.75
-        >>> question.witness([parse_expression("v > 0.5"), parse_expression("v < 0.25")])
-        Answer(holds=False, values=())
         """
         for values, holds in self.valuations(guards, (), budget):
             return Answer(holds, values)

@@ -12,6 +12,10 @@ its actions in order, and then sends. What the model leaves open is the tester's
 
 Other channels of capacity n hold n messages, and a send to a full one is not enabled. Capacity 0 is a
 rendezvous.
+
+    Configuration               states           values   queues            one step: move p12 of machine f
+    before                  (planning, idle)     (3,)     ((ask1,),)        f: planning ─p12─> waiting
+    after                   (waiting,  idle)     (4,)     ((ask1, ask2),)   p12 does n := n + 1 and sends ask
 """
 
 from __future__ import annotations
@@ -27,43 +31,14 @@ _RECENT = 8
 
 
 def initial(cefsm: Cefsm) -> Configuration:
-    """Return the configuration in which every machine stands in its initial state and every queue is empty.
-
-    Example: a lamp that only switches when there is power.
-    >>> from parcours.model import parse_model
-    >>> lamp = parse_model('''
-    ... parcours: model/1
-    ... name: lamp
-    ... components:
-    ...   Lamp:
-    ...     variables:
-    ...       switched: {type: int, initial: 0, range: [0, 9]}
-    ...       power: {type: bool, role: input}
-    ...     machines:
-    ...       light:
-    ...         initial: off
-    ...         transitions:
-    ...           switch_on: {from: off, to: on, guard: power, action: switched := switched + 1}
-    ...           switch_off: {from: on, to: off}
-    ... ''')
-    >>> here = initial(lamp)
-    >>> [str(move) for move in enabled(lamp, here, {"Lamp.power": False})]
-    []
-    >>> [move] = enabled(lamp, here)
-    >>> move
-    Move(transition='switch_on', partner='', inputs=(('Lamp.power', True),))
-    >>> step(lamp, here, move)
-    Configuration(states=('on',), values=(1,), queues=())
-    """
+    """Return the configuration in which every machine stands in its initial state and every queue is empty."""
     return _steps(cefsm, frozenset()).layout.initial()
 
 
 def enabled(
-    cefsm: Cefsm,
-    configuration: Configuration,
-    inputs: Mapping[str, object] | None = None,
+    cefsm: Cefsm, configuration: Configuration, inputs: Mapping[str, object] | None = None,
     opened: Set[str] = frozenset(),
-) -> tuple[Move, ...]:
+) -> tuple[Move, ...]:  # fmt: skip
     """Return the moves that can be taken, in the order of the file, each with a choice that allows it.
 
     A transition whose assignments or messages use what is open appears once for each value of a finite

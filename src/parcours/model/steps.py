@@ -126,13 +126,9 @@ class Steps:
         return event is not None and event.channel in sent
 
     def _meetings(
-        self,
-        configuration: Configuration,
-        site: Site,
-        partner: Site,
-        arrived: Message,
+        self, configuration: Configuration, site: Site, partner: Site, arrived: Message,
         given: Mapping[str, Mapping[str, object]],
-    ) -> Iterator[Move]:
+    ) -> Iterator[Move]:  # fmt: skip
         # Sender and receiver act in one step, but the receiver reads what the sender has just assigned:
         #
         #     sender    guard ── actions ── send ─┐

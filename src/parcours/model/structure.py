@@ -41,6 +41,7 @@ class MessageClass:
     name: str
     fields: tuple[Field, ...]
     doc: str = ""
+    # Lines are for messages only: two models are equal wherever they were read.
     line: int = field(default=0, compare=False)
 
 

@@ -31,7 +31,7 @@ class _Search:
         self.cefsm, self.origin, self.unsound = cefsm, origin, unsound
         self.findings: list[Finding] = []
         self.scopes = Scopes(cefsm)
-        self.budget = Budget()
+        self.budget = Budget()  # one for the whole model, so that a hostile one costs bounded time
 
     def warn(self, line: int, rule: str, message: str, remedy: str = "") -> None:
         self.findings.append(Finding(self.origin, line, "warning", rule, message, remedy))
@@ -55,6 +55,7 @@ class _Search:
         dead = self.constantly_false(component, machine)
         alive = [transition for transition in machine.transitions if transition.id not in dead]
         reached = _closure(machine.initial, ((each.source, each.target) for each in alive))
+        # A closed test path starts and ends in the initial state, so what leads nowhere back is in no test.
         homing = _closure(machine.initial, ((each.target, each.source) for each in alive))
         for state in machine.states:
             if state not in reached:

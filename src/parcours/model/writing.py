@@ -7,143 +7,109 @@ from collections.abc import Iterable
 
 from parcours.model.nodes import is_identifier
 from parcours.model.schema import FORMAT
-from parcours.model.structure import Cefsm, Channel, Component, Field, Machine, Transition, Variable
+from parcours.model.structure import Cefsm, Channel, Field, Machine, Transition, Variable
 
 _PLAIN = re.compile(r"[A-Za-z_/][A-Za-z0-9_/.-]*", re.ASCII)
 _WORDS = {"true", "false", "null", "yes", "no", "on", "off", "y", "n"}
 
 
 def write_model(cefsm: Cefsm) -> str:
-    """Return the model as text in the format `parcours: model/1`.
-
-    Lines and the name of the file that it came from are not written.
-
-    Example:
-    >>> from parcours.model import parse_model
-    >>> print(write_model(parse_model("{parcours: model/1, name: m, components: {A: {machines: {"
-    ...                               "f: {initial: s, transitions: {p1: {from: s, to: s}}}}}}}")))
-    parcours: model/1
-    name: m
-    <BLANKLINE>
-    components:
-      A:
-        machines:
-          f:
-            initial: s
-            transitions:
-              p1: {from: s, to: s}
-    <BLANKLINE>
-    """
+    """Return the model as text in the format `parcours: model/1`, without the lines and the file that it came from."""
     lines = [f"parcours: {FORMAT}", f"name: {_text(cefsm.name)}"]
-    if cefsm.doc:
-        lines.append(f"doc: {_text(cefsm.doc)}")
-    if cefsm.serialisation:
-        lines.append(f"serialisation: {_text(cefsm.serialisation)}")
+    lines += _said(0, ("doc", cefsm.doc), ("serialisation", cefsm.serialisation))
     if cefsm.messages:
         lines += ["", "messages:"]
     for message in cefsm.messages:
-        lines.append(f"  {message.name}:")
-        if message.doc:
-            lines.append(f"    doc: {_text(message.doc)}")
-        lines.append("    fields:")
+        lines += [f"  {message.name}:", *_said(4, ("doc", message.doc)), "    fields:"]
         lines += [f"      {field.name}: {_field(field)}" for field in message.fields]
     if cefsm.channels:
         lines += ["", "channels:"]
     lines += [f"  {channel.name}: {_channel(channel)}" for channel in cefsm.channels]
     lines += ["", "components:"]
     for component in cefsm.components:
-        lines += _component(component)
+        lines += [f"  {component.name}:", *_said(4, ("title", component.title))]
+        if component.variables:
+            lines.append("    variables:")
+        lines += [f"      {variable.name}: {_variable(variable)}" for variable in component.variables]
+        lines.append("    machines:")
+        for machine in component.machines:
+            lines += _machine(machine)
     if cefsm.interactions:
         lines += ["", "interactions:"]
-    lines += [f"  {_text(name)}: [{', '.join(path)}]" for name, path in cefsm.interactions]
+    lines += [f"  {_text(name)}: {_listed(path)}" for name, path in cefsm.interactions]
     return "\n".join(lines) + "\n"
-
-
-def _component(component: Component) -> list[str]:
-    lines = [f"  {component.name}:"]
-    if component.title:
-        lines.append(f"    title: {_text(component.title)}")
-    if component.variables:
-        lines.append("    variables:")
-    lines += [f"      {variable.name}: {_variable(variable)}" for variable in component.variables]
-    lines.append("    machines:")
-    for machine in component.machines:
-        lines += _machine(machine)
-    return lines
 
 
 def _machine(machine: Machine) -> list[str]:
     lines = [f"      {_text(machine.name)}:", f"        initial: {_text(machine.initial)}"]
     ends = [state for transition in machine.transitions for state in (transition.source, transition.target)]
+    # States in the order of appearance need no list: that is how they are read.
     if machine.states != tuple(dict.fromkeys([machine.initial, *ends])):
-        lines.append(f"        states: [{', '.join(map(_text, machine.states))}]")
+        lines.append(f"        states: {_listed(map(_text, machine.states))}")
     if machine.final:
-        lines.append(f"        final: [{', '.join(map(_text, machine.final))}]")
+        lines.append(f"        final: {_listed(map(_text, machine.final))}")
     if machine.invariants:
         lines.append("        invariants:")
     lines += [f"          {_text(state)}: {_text(str(condition))}" for state, condition in machine.invariants]
-    empty = "" if machine.transitions else " {}"
-    lines.append(f"        transitions:{empty}")
+    lines.append("        transitions:" if machine.transitions else "        transitions: {}")
     lines += [f"          {_text(transition.id)}: {_transition(transition)}" for transition in machine.transitions]
     return lines
 
 
+# A value that is the default is None or empty here, and is not written.
+
+
 def _field(field: Field) -> str:
-    pairs = [("type", field.type)]
-    if field.unit != "1":
-        pairs.append(("unit", _text(field.unit)))
-    if field.shape:
-        pairs.append(("shape", f"[{', '.join(map(str, field.shape))}]"))
-    if field.doc:
-        pairs.append(("doc", _text(field.doc)))
-    return _flow(pairs)
+    unit = _text(field.unit) if field.unit != "1" else ""
+    shape = _listed(map(str, field.shape)) if field.shape else ""
+    return _flow(("type", field.type), ("unit", unit), ("shape", shape), ("doc", field.doc and _text(field.doc)))
 
 
 def _channel(channel: Channel) -> str:
-    pairs = [("from", channel.sender), ("to", channel.receiver), ("message", channel.message)]
-    if channel.topic:
-        pairs.append(("topic", _text(channel.topic)))
-    if channel.capacity != 1:
-        pairs.append(("capacity", str(channel.capacity)))
-    return _flow(pairs)
+    capacity = str(channel.capacity) if channel.capacity != 1 else ""
+    ends = ("from", channel.sender), ("to", channel.receiver), ("message", channel.message)
+    return _flow(*ends, ("topic", channel.topic and _text(channel.topic)), ("capacity", capacity))
 
 
 def _variable(variable: Variable) -> str:
-    pairs = [("type", variable.type)]
-    if variable.role != "local":
-        pairs.append(("role", variable.role))
-    if variable.initial is not None:
-        pairs.append(("initial", _constant(variable.initial)))
+    role = variable.role if variable.role != "local" else ""
+    initial = _constant(variable.initial) if variable.initial is not None else ""
+    unit = _text(variable.unit) if variable.unit != "1" else ""
+    domain = ("", "")
     if isinstance(variable.domain, range):
-        pairs.append(("range", f"[{variable.domain[0]}, {variable.domain[-1]}]"))
+        domain = ("range", f"[{variable.domain[0]}, {variable.domain[-1]}]")
     elif variable.domain:
-        pairs.append(("values", f"[{', '.join(_text(str(value)) for value in variable.domain)}]"))
-    if variable.unit != "1":
-        pairs.append(("unit", _text(variable.unit)))
-    return _flow(pairs)
+        domain = ("values", _listed(_text(str(value)) for value in variable.domain))
+    return _flow(("type", variable.type), ("role", role), ("initial", initial), domain, ("unit", unit))
 
 
 def _transition(transition: Transition) -> str:
-    pairs = [("from", _text(transition.source)), ("to", _text(transition.target))]
-    if transition.event is not None:
-        binder = f"({transition.event.name})" if transition.event.name else ""
-        pairs.append(("event", transition.event.channel + binder))
-    if transition.guard is not None:
-        pairs.append(("guard", _text(str(transition.guard))))
-    if transition.actions:
-        pairs.append(("action", _text("; ".join(map(str, transition.actions)))))
-    if transition.sends:
-        said = [f"{send.channel}({', '.join(map(str, send.payload))})" for send in transition.sends]
-        pairs.append(("message", _text("; ".join(said))))
-    if transition.duration is not None:
-        pairs.append(("duration", f"[{', '.join(map(repr, transition.duration))}]"))
-    if transition.weight != 1:
-        pairs.append(("weight", repr(transition.weight)))
-    return _flow(pairs)
+    event = transition.event and transition.event.channel + (
+        f"({transition.event.name})" if transition.event.name else ""
+    )
+    sends = [f"{send.channel}({', '.join(map(str, send.payload))})" for send in transition.sends]
+    return _flow(
+        ("from", _text(transition.source)),
+        ("to", _text(transition.target)),
+        ("event", event),
+        ("guard", transition.guard and _text(str(transition.guard))),
+        ("action", transition.actions and _text("; ".join(map(str, transition.actions)))),
+        ("message", sends and _text("; ".join(sends))),
+        ("duration", transition.duration and _listed(map(repr, transition.duration))),
+        ("weight", repr(transition.weight) if transition.weight != 1 else ""),
+    )
 
 
-def _flow(pairs: Iterable[tuple[str, str]]) -> str:
-    return "{" + ", ".join(f"{key}: {value}" for key, value in pairs) + "}"
+def _said(indent: int, *pairs: tuple[str, str]) -> list[str]:
+    return [f"{' ' * indent}{key}: {_text(value)}" for key, value in pairs if value]
+
+
+def _listed(items: Iterable[str]) -> str:
+    return f"[{', '.join(items)}]"
+
+
+def _flow(*pairs: tuple[str, object]) -> str:
+    return "{" + ", ".join(f"{key}: {value}" for key, value in pairs if value) + "}"
 
 
 def _constant(value: object) -> str:

@@ -36,46 +36,12 @@ def explore(
     domain, representatives of an infinite one. The environment supplies every message and accepts all.
 
     Args:
-        cefsm: a model without errors.
         max_states: most configurations to keep [1 .. 2^30].
         max_seconds: how long to go on [s]; what follows takes a fraction of it.
         progress: gets ("states", how many are known, max_states) now and then.
 
     Raises:
         BadRequest: a bound is out of its range.
-
-    Example: two philosophers who both take the left fork first.
-    >>> from parcours.model import parse_model
-    >>> table = parse_model('''
-    ... parcours: model/1
-    ... name: supper
-    ... components:
-    ...   Table:
-    ...     variables:
-    ...       left: {type: bool, initial: true}
-    ...       right: {type: bool, initial: true}
-    ...     machines:
-    ...       Ann:
-    ...         initial: thinks
-    ...         transitions:
-    ...           a1: {from: thinks, to: waits, guard: left, action: left := false}
-    ...           a2: {from: waits, to: eats, guard: right, action: right := false}
-    ...           a3: {from: eats, to: thinks, action: left := true; right := true}
-    ...       Bob:
-    ...         initial: thinks
-    ...         transitions:
-    ...           b1: {from: thinks, to: waits, guard: right, action: right := false}
-    ...           b2: {from: waits, to: eats, guard: left, action: left := false}
-    ...           b3: {from: eats, to: thinks, action: left := true; right := true}
-    ... ''')
-    >>> space = explore(table)
-    >>> space.n_states, space.n_transitions, space.complete
-    (6, 8, True)
-    >>> [deadlock] = space.findings
-    >>> print(deadlock)
-    error: no move is possible with Table.Ann in waits, Table.Bob in waits [deadlock]
-    >>> [str(move) for move in space.path_to(deadlock.state)]
-    ['a1', 'b1']
     """
     if not 1 <= max_states <= MOST_STATES:
         rule = f"must keep 1 to {MOST_STATES} states, but {max_states} was given"
@@ -98,6 +64,7 @@ def _search(
     degrees, targets, labels = array("i"), array("i"), array("i")
     index = {0: 0}
     views = [(actor.mask, actor.table, actor) for actor in band]
+    # Breadth first: a configuration is first met by a shortest run, so parents give shortest witnesses.
     state, is_fresh = 0, True
     while state < len(packed):
         if is_fresh or not state % _BETWEEN_LOOKS:

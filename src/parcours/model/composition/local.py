@@ -52,9 +52,8 @@ class LocalMove:
 class LocalMoves:
     """The local moves of the machines of one model, remembered by what the machines see.
 
-    Attributes:
-        meetings: channels on which two components meet; on other rendezvous channels, machines of one do.
-        touched: for each machine the variables, by index, that its transitions read or assign.
+    `meetings` are channels on which two components meet; on other rendezvous channels, machines of one do.
+    `touched` holds for each machine the variables, by index, that its transitions read or assign.
     """
 
     @property
@@ -87,13 +86,9 @@ class LocalMoves:
     def of(
         self, machines: tuple[int, ...], view: int, channel: str = "", message: Message = ()
     ) -> tuple[LocalMove, ...]:
-        """Return the moves that take a message from a channel, or those that take none from any.
+        """Return the moves that take a message from a channel, or, without one, those that take none.
 
-        Args:
-            machines: the index of a machine; or two, for the moves in which the first sends to the second.
-            view: a packed configuration under their `mask`.
-            channel: whose message is taken; empty for the moves that take none.
-            message: what is taken.
+        Two machines stand for the moves in which the first sends to the second; `view` is under their `mask`.
         """
         key = (machines, view, channel, message)
         if key not in self._known:

@@ -39,10 +39,8 @@ class Record:
 class Actor:
     """One machine on its own, or a sender and a receiver that meet.
 
-    Attributes:
-        mask: the bits of a packed configuration that the actor sees.
-        table: the acts of each view met so far.
-        faulty: the views in which the step relation refuses to go on.
+    `mask` are the bits of a packed configuration that it sees, `table` the acts of each view met so far, `faulty`
+    the views in which the step relation refuses to go on.
     """
 
     def __init__(self, machines: tuple[int, ...], packing: Packing, local: LocalMoves, record: Record) -> None:
@@ -56,12 +54,8 @@ class Actor:
         self.mask |= sum(cell.mask for name, cell in packing.queues.items() if name in used)
         sender = packing.machines[machines[0]].transitions
         self._inboxes = [name for name in packing.queues if any(t.event and t.event.channel == name for t in sender)]
-        self._offered = {
-            transition.event.channel
-            for at in self._second
-            for transition in packing.machines[at].transitions
-            if transition.event is not None
-        }
+        receivers = [each for at in self._second for each in packing.machines[at].transitions]
+        self._offered = {each.event.channel for each in receivers if each.event is not None}
         self.table: dict[int, Acts] = {}
         self.faulty: set[int] = set()
 

@@ -28,12 +28,6 @@ class Cell(Generic[Thing]):
     """A field of the packed integer: what can stand there, numbered in the order of meeting it.
 
     The first thing met has number 0, so that the initial configuration is the integer 0.
-
-    >>> cell = Cell(0, 8)
-    >>> cell.put((), 0), cell.put(("ping",), 0), cell.at(1)
-    (0, 1, ('ping',))
-    >>> cell.put((), 1)  # what to add to a configuration that holds number 1, so that it holds ()
-    -1
     """
 
     def __init__(self, shift: int, bits: int) -> None:

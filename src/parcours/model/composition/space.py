@@ -17,15 +17,9 @@ from parcours.model.structure import Cefsm
 Numbers = NDArray[np.int32]
 
 Kind = Literal[
-    "deadlock",
-    "unspecified-reception",
-    "blocked-reception",
-    "model-fault",
-    "full-queue",
-    "dead-transition",
-    "unreachable-state",
-    "rest",
-]
+    "deadlock", "unspecified-reception", "blocked-reception", "model-fault", "full-queue", "dead-transition",
+    "unreachable-state", "rest",
+]  # fmt: skip
 """What can be discovered; docs/composition.md defines each."""
 
 SEVERITY: dict[Kind, Literal["error", "warning", "note"]] = {

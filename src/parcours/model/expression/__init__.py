@@ -20,24 +20,6 @@ from parcours.model.expression.syntax import (
 from parcours.model.expression.typing import BOOL, INT, REAL, TEXT, Type, type_of
 
 __all__ = [
-    "BOOL",
-    "INT",
-    "REAL",
-    "TEXT",
-    "Apply",
-    "Assignment",
-    "Binary",
-    "Call",
-    "Expression",
-    "Field",
-    "Literal",
-    "Name",
-    "Type",
-    "Unary",
-    "evaluate",
-    "names",
-    "parse_actions",
-    "parse_calls",
-    "parse_expression",
-    "type_of",
-]
+    "BOOL", "INT", "REAL", "TEXT", "Apply", "Assignment", "Binary", "Call", "Expression", "Field", "Literal", "Name",
+    "Type", "Unary", "evaluate", "names", "parse_actions", "parse_calls", "parse_expression", "type_of",
+]  # fmt: skip

@@ -63,15 +63,6 @@ def evaluate(expression: Expression, valuation: Mapping[str, Value], where: str 
         BadModel: a name or field has no value, the operand of an operator has the wrong type, a number leaves
             64 bits, a division by zero or the root of a negative number. A caret marks the culprit in the
             canonical text.
-
-    Example:
-    >>> from parcours.model.expression import parse_expression
-    >>> evaluate(parse_expression("hypot(ob.x, ob.y) < reach"), {"ob": {"x": 3.0, "y": 4.0}, "reach": 5.5})
-    True
-    >>> evaluate(parse_expression("1 / n"), {"n": 0}, "p22")
-    Traceback (most recent call last):
-    ...
-    parcours.errors.BadModel: p22: a divisor must not be zero, but it is in "^1 / n" [division-by-zero]
     """
     return _Evaluation(expression, valuation, where).of(expression)
 
@@ -137,6 +128,7 @@ class _Evaluation:
             self.fail(node, f"only like values compare, but these are {left!r} and {right!r}", "type")
         return left == right
 
+    # One place turns what Python makes of bad operands into findings: a guard must never crash a run.
     def bounded(self, node: Expression, compute: Callable[[], object]) -> Value:
         try:
             value = compute()

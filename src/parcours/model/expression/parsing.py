@@ -74,7 +74,6 @@ def parse_expression(text: str, where: str = "expression") -> Expression:
         BadModel: the text is no expression, is too long or too deeply nested. The message shows where, by a
             caret.
 
-    Example:
     >>> str(parse_expression("not a and (b<c+1)"))
     '!a && b < c + 1'
     >>> parse_expression("a && && b", "p2")
@@ -91,7 +90,6 @@ def parse_actions(text: str, where: str = "action") -> tuple[Assignment | Call, 
     Raises:
         BadModel: as for parse_expression.
 
-    Example:
     >>> [str(action) for action in parse_actions("n := n+1 ; pause()")]
     ['n := n + 1', 'pause()']
     """
@@ -99,12 +97,7 @@ def parse_actions(text: str, where: str = "action") -> tuple[Assignment | Call, 
 
 
 def parse_calls(text: str, where: str = "message") -> tuple[Call, ...]:
-    """Return the calls of a text such as `"request(path); stop"`; parentheses may be left out when empty.
-
-    Example:
-    >>> [str(call) for call in parse_calls("request(path, 3); stop")]
-    ['request(path, 3)', 'stop()']
-    """
+    """Return the calls of a text such as `"request(path); stop"`; parentheses may be left out when empty."""
     return _whole(text, where, lambda parser: parser.several(parser.call))
 
 

@@ -115,13 +115,7 @@ class Call:
 
 
 def render(node: Expression, marked: Expression | None = None) -> str:
-    """Return the canonical text of a tree, with a caret before the node that is `marked` (the same object).
-
-    Example:
-    >>> zero = Literal(0)
-    >>> render(Binary("<", Name("v"), Binary("-", Name("w"), zero)), marked=zero)
-    'v < w - ^0'
-    """
+    """Return the canonical text of a tree, with a caret before the node that is `marked` (the same object)."""
     return _render(node, marked, 0)
 
 
@@ -186,11 +180,7 @@ def walk(node: Expression) -> Iterator[Expression]:
 
 
 def substitute(node: Expression, replace: Callable[[Expression], Expression | None]) -> Expression:
-    """Return the tree with every part replaced for which `replace` returns something, outermost first.
-
-    >>> str(substitute(Binary("-", Name("x"), Name("y")), lambda part: Literal(2) if part == Name("y") else None))
-    'x - 2'
-    """
+    """Return the tree with every part replaced for which `replace` returns something, outermost first."""
     if (new := replace(node)) is not None:
         return new
     match node:
@@ -207,10 +197,5 @@ def substitute(node: Expression, replace: Callable[[Expression], Expression | No
 
 
 def names(node: Expression) -> frozenset[str]:
-    """Return the names that an expression reads.
-
-    Example:
-    >>> sorted(names(Binary("<", Field(Name("ob"), "x"), Name("reach"))))
-    ['ob', 'reach']
-    """
+    """Return the names that an expression reads."""
     return frozenset(part.id for part in walk(node) if isinstance(part, Name))
