@@ -1,4 +1,4 @@
-"""How channels are parted, what a live graph lacks, what observed messages tell: on the bindings under examples/."""
+"""How channels are parted, what a live graph lacks, how messages are read: on the bindings under examples/."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ import pytest
 from parcours.model import check_file
 from parcours.run.binding import (
     Binding,
-    Classifier,
     Graph,
     arguments,
     check_binding,
@@ -219,64 +218,9 @@ def test_what_a_graph_lacks_is_said_with_the_line_of_its_channel(
     assert found[0].line == binding.channel(channel).line > 0
 
 
-def message(type_: str) -> Any:
-    return TYPES.create(type_)
-
-
-def test_messages_become_the_models_and_tell_its_transitions() -> None:
-    classifier = Classifier(compile_binding(read_binding(PYTHON), TYPES))
-    request = message("nav_msgs/GetPlanRequest")
+def test_messages_become_the_models() -> None:
+    fields = compile_binding(read_binding(PYTHON), TYPES).fields["plan_request"]
+    request: Any = TYPES.create("nav_msgs/GetPlanRequest")
     request.start.pose.position.x, request.goal.pose.position.y = 0.5, 2.0
-    sent = classifier.observe("plan_request", request)
-    assert dict(sent.values) == {"start_x": 0.5, "start_y": 0.0, "goal_x": 0.0, "goal_y": 2.0}
-    assert sent.options == (("r1", "r3", "r4"),)
-    assert sent.taken == ()
-    assert classifier.observe("plan_request", request, "delivered").taken == ("a2",)
-
-
-def test_a_transition_that_sends_twice_is_seen_once() -> None:
-    classifier = Classifier(compile_binding(read_binding(PYTHON), TYPES))
-    seen = [classifier.observe(name, message("geometry_msgs/PoseArray")) for name in ("obstacles", "obstacles_near")]
-    assert [one.taken for one in seen] == [("f2",), ()]
-
-
-def test_conditions_tell_transitions_of_one_message_apart() -> None:
-    classifier = Classifier(compile_binding(read_binding(PYTHON), TYPES))
-    stopped = message("std_msgs/Bool")
-    assert classifier.observe("stopped", stopped).options == (("d1", "d4"),)
-    stopped.data = True
-    assert classifier.observe("stopped", stopped).options == (("d2", "d3"),)
-    assert classifier.inputs() == {"Follower.blocked": True}
-    assert classifier.observe("command", message("geometry_msgs/Twist")).options == ()
-
-
-RISE = (
-    '  d1: {on: stopped, when: "!stopped.data"}',
-    "  d1: {on: command, when: command.linear.x > 0 and stopped.data, edge: rise}",
-)
-
-
-def test_a_rising_condition_counts_once_and_needs_every_message_it_speaks_of() -> None:
-    classifier = Classifier(compile_binding(bound(PYTHON, RISE), TYPES))
-    moving, stopped = message("geometry_msgs/Twist"), message("std_msgs/Bool")
-    moving.linear.x, stopped.data = 0.25, True
-
-    def is_seen() -> bool:
-        return "d1" in classifier.observe("command", moving).taken
-
-    assert not is_seen()  # nothing was heard of /stopped yet
-    classifier.observe("stopped", stopped)
-    assert [is_seen(), is_seen()] == [True, False]
-    moving.linear.x = 0.0
-    assert not is_seen()
-    moving.linear.x = 0.1
-    assert is_seen()
-    classifier.reset()
-    assert not is_seen()
-
-
-def test_what_the_tester_says_is_an_event_when_it_is_handed_over() -> None:
-    changed = bound(PYTHON, ('  d1: {on: stopped, when: "!stopped.data"}', "  d1: {on: odometry}"))
-    classifier = Classifier(compile_binding(changed, TYPES))
-    odometry = message("nav_msgs/Odometry")
-    assert classifier.observe("odometry", odometry, "delivered").taken == ("o1", "d1")
+    read = {name: reading.value({"plan_request": request}) for name, reading in fields.items()}
+    assert read == {"start_x": 0.5, "start_y": 0.0, "goal_x": 0.0, "goal_y": 2.0}

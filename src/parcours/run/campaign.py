@@ -57,12 +57,7 @@ class Outcome:
 
 
 def run_campaign(
-    simulate: Simulate | str,
-    campaign: Campaign,
-    folder: Path,
-    *,
-    workers: int = 1,
-    progress: Progress | None = None,
+    simulate: Simulate | str, campaign: Campaign, folder: Path, *, workers: int = 1, progress: Progress | None = None
 ) -> Outcome:
     """Compute what is missing of a campaign, and return how far it came. Ctrl-C or SIGTERM ends it early.
 

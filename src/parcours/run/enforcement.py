@@ -326,9 +326,7 @@ class _Enforcement:
         demanded, given = Counter(e.channel for e in event.sends), Counter(c for c, _ in outcome.sends)
         if demanded != given:
             raise _DeviationError(
-                event,
-                f"{event.transition} to send {_listed(demanded)}",
-                f"{event.transition} sending {_listed(given)}",
+                event, f"{event.transition} to send {_listed(demanded)}", f"{event.transition} sending {_listed(given)}"
             )
 
     def _show(self, views: Mapping[int, tuple[str, object]]) -> None:

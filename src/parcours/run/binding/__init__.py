@@ -1,7 +1,6 @@
 """Bindings: which processes, topics and services of a foreign system stand for the parts of a model."""
 
 from parcours.run.binding.binding_file import check_binding, parse_binding, read_binding
-from parcours.run.binding.classifying import Classifier, Observed
 from parcours.run.binding.compiling import Compiled, compile_binding
 from parcours.run.binding.graph import Graph, graph_findings
 from parcours.run.binding.message_types import MessageTypes
@@ -11,11 +10,9 @@ from parcours.run.binding.structure import Binding, BoundChannel, Process
 __all__ = [
     "Binding",
     "BoundChannel",
-    "Classifier",
     "Compiled",
     "Graph",
     "MessageTypes",
-    "Observed",
     "Process",
     "Route",
     "arguments",

@@ -24,7 +24,7 @@ _QUANTITIES = ("radius", "v_max", "w_max", "a_max", "alpha_max")
 _REQUIRED = ("parcours", "name", "model", "transport", "nodes", "channels")
 _OPTIONAL = (
     "doc", "master", "interfaces", "python_paths", "parameters", "constants", "data", "between", "observe", "provide",
-    "quiescence", "events", "inputs", "timing", "warm_up", "system", "before_case", "after_case",
+    "quiescence", "timing", "warm_up", "system", "before_case", "after_case",
 )  # fmt: skip
 
 
@@ -103,8 +103,6 @@ class _BindingReader(PartReader):
             model = self.model(items["model"])
         nodes = tuple(self.process(*entry) for entry in self.entries(items.get("nodes"), "nodes"))
         channels = self.channels(items)
-        events = self.entries(items.get("events"), "events", self.label)
-        inputs = self.entries(items.get("inputs"), "inputs", self.label)
         timing = self.entries(items.get("timing"), "timing", self.label)
         warm_up = self.integer(items["warm_up"], "'warm_up'", 0, 1_000_000) if "warm_up" in items else 10
         constants = self.entries(items.get("constants"), "constants")
@@ -115,8 +113,6 @@ class _BindingReader(PartReader):
             self.transport(items.get("transport")),
             nodes,
             channels,
-            tuple(self.event(*entry) for entry in events),
-            tuple((name, self.formula(value, f"input {name!r}")) for name, value, _ in inputs),
             tuple(self.bound(*entry) for entry in timing),
             warm_up,
             self.system(items["system"]) if "system" in items else None,

@@ -27,7 +27,6 @@ def findings(binding: Binding) -> list[Finding]:
     check.nodes()
     check.channels()
     check.services()
-    check.events()
     check.timing()
     check.system()
     if not check.found:
@@ -142,18 +141,6 @@ class _Check:
                 rule = f"service {address} from {client} to {server} must have one request and at most one response"
                 said = f"{rule}, but has {words.count('request')} and {words.count('response')}"
                 self.add(channels[0].line, "binding-service", said, "bind both directions of the service in the model")
-
-    def events(self) -> None:
-        transitions = [transition.id for component in self.model.components for transition in component.transitions()]
-        for event in self.binding.events:
-            self.known(event.transition, transitions, "a transition of the model", event.line)
-            self.known(event.on, list(self.bound), f"the channel of event {event.transition!r}", event.line)
-            if event.when is not None:
-                self.prefixed(event.when, f"'when' of {event.transition!r}")
-        inputs = [f"{c.name}.{v.name}" for c in self.model.components for v in c.variables if v.role == "input"]
-        for name, formula in self.binding.inputs:
-            self.known(name, inputs, "an input variable of the model", formula.line)
-            self.prefixed(formula, f"input {name!r}")
 
     def prefixed(self, formula: Formula, what: str) -> None:
         """Places outside a channel's own section name their channel first."""

@@ -33,8 +33,6 @@ class Compiled:
     Attributes:
         fields: channel -> field of the model's message -> what reads it from a message of that channel.
         writers: channel -> what makes the tester's messages on it.
-        conditions: transition -> its `when`; transitions without one are missing.
-        inputs: `Component.variable` -> its reading.
         command: readings of speed [m/s] and yaw rate [rad/s].
         alarm: reading of imminent collision.
         calls: position of a step of `before_case` or `after_case` -> what makes its message.
@@ -44,8 +42,6 @@ class Compiled:
     types: MessageTypes
     fields: Mapping[str, Mapping[str, Reading]]
     writers: Mapping[str, Writer]
-    conditions: Mapping[str, Reading]
-    inputs: Mapping[str, Reading]
     command: tuple[Reading, Reading] | None = None
     alarm: Reading | None = None
     calls: Mapping[tuple[str, int], Writer] = field(default_factory=dict)
@@ -100,11 +96,6 @@ class _Work:
             for channel in channels
             if channel.inject or channel.role == "provide"
         }
-        found = {
-            e.transition: self.prefixed(e.when, f"'when' of {e.transition!r}", BOOL) for e in binding.events if e.when
-        }
-        conditions = {name: reading for name, reading in found.items() if reading}
-        inputs = {name: reading for name, f in binding.inputs if (reading := self.input(name, f))}
         command, alarm = None, None
         if binding.system is not None:
             linear = self.prefixed(binding.system.command.linear, "'linear'", REAL)
@@ -119,7 +110,7 @@ class _Work:
             if action.kind in ("call", "publish")
             and self.is_known(_called(action), action.type, action.name, action.line)
         }
-        return Compiled(binding, self.types, fields, writers, conditions, inputs, command, alarm, calls)
+        return Compiled(binding, self.types, fields, writers, command, alarm, calls)
 
     def fields(self, channel: BoundChannel) -> dict[str, Reading]:
         readings: dict[str, Reading] = {}
@@ -135,11 +126,6 @@ class _Work:
             if reading is not None:
                 readings[name] = reading
         return readings
-
-    def input(self, name: str, formula: Formula) -> Reading | None:
-        component, _, variable = name.partition(".")
-        declared = next(v for v in self.binding.model.component(component).variables if v.name == variable)
-        return self.prefixed(formula, f"input {name!r}", Type(declared.type))
 
     def prefixed(self, formula: Formula, where: str, wanted: Type) -> Reading | None:
         """Return the reading of a formula whose places start with the name of a channel."""

@@ -17,7 +17,6 @@ from parcours.run.binding.structure import (
     Bound,
     BoundChannel,
     Constant,
-    Event,
     Injection,
     Part,
     Process,
@@ -204,21 +203,6 @@ class PartReader(QuantityReader):
             self.add(base, "kind", f"'base' of {what} must be a mapping, but is {shown(base)}")
             base = None
         return Injection(base, tuple(made), node.line)
-
-    def event(self, transition: str, node: Node, line: int) -> Event:
-        """Return how a transition is recognised; a single word is the channel alone."""
-        what = f"event {transition!r}"
-        if isinstance(node, Scalar):
-            return Event(transition, self.identifier(node, f"the channel of {what}"), line=line)
-        items = self.record(node, what, ("on",), ("when", "edge"))
-        edge = self.one_of(items.get("edge"), f"'edge' of {what}", ("every", "rise"), "every")
-        return Event(
-            transition,
-            self.identifier(items.get("on"), f"'on' of {what}"),
-            self.formula(items["when"], f"'when' of {what}") if "when" in items else None,
-            cast(Literal["every", "rise"], edge),
-            line,
-        )
 
     def bound(self, name: str, node: Node, line: int) -> Bound:
         """Return an entry of `timing`."""

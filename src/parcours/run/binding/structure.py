@@ -116,20 +116,6 @@ class BoundChannel:
 
 
 @dataclass(frozen=True, slots=True)
-class Event:
-    """How the taking of a transition is recognised: a message on `on` for which `when` holds.
-
-    `edge` is `every` such message, or only the first after one for which it did not hold (`rise`).
-    """
-
-    transition: str
-    on: str
-    when: Formula | None = None
-    edge: Literal["every", "rise"] = "every"
-    line: int = field(default=0, compare=False)
-
-
-@dataclass(frozen=True, slots=True)
 class Bound:
     """Limits on how long something takes, as texts; from a message on one channel to the next on another.
 
@@ -203,9 +189,6 @@ class Binding:
     transport: Transport
     nodes: tuple[Process, ...]
     channels: tuple[BoundChannel, ...]
-    events: tuple[Event, ...] = ()
-    inputs: tuple[tuple[str, Formula], ...] = ()
-    """(input variable as `Component.variable`, formula over the last message of each channel)."""
     timing: tuple[Bound, ...] = ()
     warm_up: int = 10
     system: System | None = None

@@ -5,13 +5,4 @@ from parcours.run.recording.recorder import Recorder, write_recording
 from parcours.run.recording.recording_file import Recording, convert, read_recording
 from parcours.run.recording.topic import Raw
 
-__all__ = [
-    "Codec",
-    "Entry",
-    "Raw",
-    "Recorder",
-    "Recording",
-    "convert",
-    "read_recording",
-    "write_recording",
-]
+__all__ = ["Codec", "Entry", "Raw", "Recorder", "Recording", "convert", "read_recording", "write_recording"]
