@@ -1,6 +1,7 @@
 """A bound on durations in words, `p99 < 20 ms over 300 repeats`, becomes a checked value and back.
 
-    bound      = statistic ("<" | "<=") number unit ["over" count "repeats"] ["with" number "%" "confidence"]
+    bound      = statistic ("<" | "<=") number unit
+                 ["over" count "repeats"] ["in spells of" count] ["with" number "%" "confidence"]
     statistic  = "every" | "p" number                    a hard bound, or one on a quantile
     unit       = "ns" | "us" | "ms" | "s"
 
@@ -28,6 +29,7 @@ _NUMBER = r"[0-9]{1,16}(?:\.[0-9]{1,12})?"
 _BOUND = re.compile(
     rf"(?P<statistic>every|p(?P<percent>{_NUMBER}))\s*(?P<relation><=?)\s*(?P<limit>{_NUMBER})\s*(?P<unit>[nuµμm]?s)"
     rf"(?:\s+over\s+(?P<repeats>[0-9]{{1,9}})\s+repeats?)?"
+    r"(?:\s+in\s+spells\s+of\s+(?P<spell>[0-9]{1,9}))?"
     rf"(?:\s+with\s+(?P<confidence>{_NUMBER})\s*%\s+confidence)?"
 )
 
@@ -42,6 +44,7 @@ class Bound:
         strict: whether a duration equal to the limit misses it.
         repeats: the least number of repeats that a pass needs; 0 if none is set.
         confidence: that a pass, and that a fail, is right [%], between 50 and 100.
+        spell: how many repeats in a row may be slow together, so that they count as one; at least 1.
 
     Raises:
         BadRequest: a number is out of its range.
@@ -55,10 +58,12 @@ class Bound:
     strict: bool = True
     repeats: int = 0
     confidence: float = CONFIDENCE
+    spell: int = 1
 
     def __post_init__(self) -> None:
         self._require(1 <= self.limit <= LONGEST, f"the limit is at least 1 ns and at most 1e15 ns, but {self.limit}")
         self._require(self.repeats >= 0, f"at least 0 repeats are asked for, but {self.repeats}")
+        self._require(self.spell >= 1, f"a spell is at least 1 repeat, but {self.spell}")
         if self.percent is not None:
             rule = f"a quantile lies above 0 % and below 100 %, but {self.percent:.12g} %"
             self._require(0.0 < self.percent < 100.0, rule, "write `every` to bound all durations")
@@ -93,7 +98,8 @@ class Bound:
         statistic = "every" if self.percent is None else f"p{_plain(self.percent)}"
         over = f" over {self.repeats} repeat{'s' if self.repeats > 1 else ''}" if self.repeats else ""
         sure = f" with {_plain(self.confidence)} % confidence" if self.confidence != CONFIDENCE else ""
-        return f"{statistic} {'<' if self.strict else '<='} {amount(self.limit)}{over}{sure}"
+        spells = f" in spells of {self.spell}" if self.spell > 1 else ""
+        return f"{statistic} {'<' if self.strict else '<='} {amount(self.limit)}{over}{spells}{sure}"
 
 
 def parse_bound(text: str) -> Bound:
@@ -130,6 +136,7 @@ but 'mean' was given; a mean hides missed deadlines: write `p50 < ...` for the t
         match["relation"] == "<",
         int(repeats or 0),
         float(match["confidence"] or CONFIDENCE),
+        int(match["spell"] or 1),
     )
 
 
@@ -147,7 +154,7 @@ def _misread(text: str) -> BadRequest:
         return BadRequest(f"timing bound {text!r}", rule, remedies[word[1]], slug="timing-bound-statistic")
     return BadRequest(
         f"timing bound {text!r}",
-        "it reads STATISTIC < LIMIT UNIT [over N repeats] [with C % confidence], but this does not",
+        "it reads STATISTIC < LIMIT UNIT [over N repeats] [in spells of K] [with C % confidence], but this does not",
         "write for example `every < 20 ms` or `p99 <= 5 ms over 300 repeats`; units are ns, us, ms, s",
         slug="timing-bound",
     )
