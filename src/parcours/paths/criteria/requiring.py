@@ -79,10 +79,7 @@ def requirements(
 
 
 def demands(
-    of: Machine | Graph | Cefsm,
-    criterion: Criterion,
-    variables: Sequence[Variable] = (),
-    limits: Limits | None = None,
+    of: Machine | Graph | Cefsm, criterion: Criterion, variables: Sequence[Variable] = (), limits: Limits | None = None
 ) -> list[Demand]:
     """Return what a criterion over graphs or over variables asks, machine by machine, as `requirements`.
 

@@ -45,10 +45,7 @@ class Event:
 
 
 def events_of(
-    cefsm: Cefsm,
-    transition_ids: Sequence[str],
-    instances: Sequence[int] = (),
-    sends: Sequence[int | None] = (),
+    cefsm: Cefsm, transition_ids: Sequence[str], instances: Sequence[int] = (), sends: Sequence[int | None] = ()
 ) -> tuple[Event, ...]:
     """Return the events of a sequence over one machine or several, each from its initial state on.
 
