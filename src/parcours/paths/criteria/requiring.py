@@ -187,7 +187,7 @@ def _specified(subject: Subject, walks: Iterable[tuple[str, ...]]) -> Iterator[G
 
 def _owner(walk: tuple[str, ...], name: str, owner: Mapping[str, int]) -> int:
     if name not in owner:
-        rule = f"it must be made of transitions that can be reached, but {name!r} is none"
+        rule = f"it must be made of transitions that can be reached, but {name!r} is not one"
         raise BadRequest(f"walk '{' '.join(walk)}'", rule, one_of(name, list(owner)), slug="foreign-transition")
     return owner[name]
 

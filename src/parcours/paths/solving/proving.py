@@ -38,7 +38,7 @@ Slice = tuple[str, ...]
 
 
 class Prover:
-    """Proofs about one machine of a component."""
+    """Searches backwards from a requirement for a conflict on every way to it."""
 
     def __init__(
         self, ground: Ground, component: Component, machine: Machine, seed: int, bounds: frozenset[Bound], work: Work
@@ -98,7 +98,7 @@ class Prover:
         for transition in self._entering.get(state, ()):
             sets = {action.target for action in transition.actions if isinstance(action, Assignment)}
             tests = names(transition.guard) if transition.guard is not None else frozenset[str]()
-            # A test is put in front once only, or a loop of tests would never end.
+            # A test is put in front only once: a loop of tests would otherwise never end.
             tells = not sets.isdisjoint(read) or (transition.id not in slice_ and not tests.isdisjoint(read))
             # Time passes on every transition, so none is passed over where it counts.
             yield transition.source, slice_ if not tells and not timed else (transition.id, *slice_)

@@ -111,6 +111,16 @@ class Prefixes:
         self._ids = (*self._ids, id)
 
 
+# The paths form a tree of prefixes. One solver stands at one node of it; to look at another path it pops back to the
+# common prefix and pushes the rest, so the newest of equally good paths, which is near, goes first:
+#
+#       (start)
+#       /     \
+#     t1       t2         looking at t1 t3 t5 after t1 t4:  pop t4, push t3, push t5
+#    /  \                 t1 stays asserted and solved
+#   t3   t4 <- solver     a node without a solution is cut off with everything below it
+#   |
+#   t5
 class Search:
     """A best-first search from the end of one path; it can be continued."""
 
