@@ -78,9 +78,9 @@ def test_a_specified_walk_with_a_gap_is_refused_with_the_two_states() -> None:
 
 
 def test_a_specified_walk_of_something_else_is_refused_by_name() -> None:
-    with pytest.raises(BadRequest, match=r"walk 'push pul': .*'pul' is none; did you mean 'pull'.*\[foreign-transi"):
+    with pytest.raises(BadRequest, match=r"walk 'push pul': .*'pul' is not one; did you mean 'pull'.*\[foreign-transi"):
         requirements(DOOR, "specified:push pul")
-    with pytest.raises(BadRequest, match=r"'dream' is none"):  # it cannot be reached
+    with pytest.raises(BadRequest, match=r"'dream' is not one"):  # it cannot be reached
         requirements(DOOR, "specified:dream")
 
 

@@ -112,7 +112,7 @@ def test_a_state_has_its_round_trip_when_one_of_all_round_trips_from_there_is_to
 def test_a_move_of_two_transitions_counts_for_both_machines() -> None:
     assert measure(ROOM, "edge", ["up+hum", "down"]).ratio == 1.0
     assert measure(ROOM, "rendezvous", ["up+hum", "down"]).ratio == 1.0
-    with pytest.raises(BadRequest, match=r"entry 1: .*'up\+ham' is none.*\[foreign-transition\]"):
+    with pytest.raises(BadRequest, match=r"entry 1: .*'up\+ham' is not one.*\[foreign-transition\]"):
         measure(ROOM, "edge", ["down", "up+ham"])
 
 

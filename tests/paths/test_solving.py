@@ -108,7 +108,7 @@ def run(cefsm: Cefsm, moves: Sequence[Move]) -> Configuration:
 @given(small_models(), st.sampled_from(["edge", "edge-pair"]))
 @settings(max_examples=15, deadline=None)
 def test_small_state_spaces_are_decided_completely_and_rightly(cefsm: Cefsm, criterion: str) -> None:
-    found = solve(cefsm, "C", "m", criterion, budget=20)
+    found = solve(cefsm, "C", "m", criterion, budget=20_000)
     assert_sound(cefsm, found)
     assert not found.undecided
     assert len(found.covered) + len(found.infeasible) == len(requirements(cefsm.components[0].machines[0], criterion))
@@ -119,7 +119,7 @@ def test_small_state_spaces_are_decided_completely_and_rightly(cefsm: Cefsm, cri
 def test_the_solver_by_itself_contradicts_the_interpreter_nowhere(cefsm: Cefsm) -> None:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(deciding, "MOST_STATES", 0)
-        found = solve(cefsm, "C", "m", "edge-pair", budget=10)
+        found = solve(cefsm, "C", "m", "edge-pair", budget=10_000)
     assert_sound(cefsm, found)
     missed = {each.requirement.steps for each in found.undecided}
     assert missed.isdisjoint(reachable_pairs(cefsm)), "what can be met in a small model is found"
@@ -135,7 +135,7 @@ def test_a_loop_that_must_be_taken_often_is_taken_so_often(component: Callable[.
         "t1: {from: a, to: a, action: n := n + step}",
         "t2: {from: a, to: b, guard: n == 20}",
     )
-    (path,) = solve(cefsm, "C", "m", [Requirement("m", "transitions", ("t2",))], budget=10).paths
+    (path,) = solve(cefsm, "C", "m", [Requirement("m", "transitions", ("t2",))], budget=10_000).paths
     assert len(path.ids) == 8, "seven steps, as each is 3 at most, and out"
     assert sum(value for move in path.moves for _, value in move.inputs if isinstance(value, int)) == 20
 
@@ -150,7 +150,7 @@ def test_a_proof_names_the_guards_that_conflict_and_no_other(
         "t2: {from: b, to: a, guard: v > 1.0 && v < 0.5}",
         "t3: {from: b, to: a, guard: v > 1.0}",
     )
-    found = solve(cefsm, "C", "m", "edge", budget=5)
+    found = solve(cefsm, "C", "m", "edge", budget=5_000)
     assert verdict(found, "t2") == Infeasible(
         Requirement("m", "transitions", ("t2",)), ("guard of 't2': v > 1.0 && v < 0.5",)
     )
@@ -168,7 +168,7 @@ def test_a_proof_goes_back_to_the_start_where_it_must(
         "t3: {from: a, to: b, guard: b}",
         "t4: {from: a, to: b, guard: m < 0}",
     )
-    found = solve(cefsm, "C", "m", "edge", budget=3)
+    found = solve(cefsm, "C", "m", "edge", budget=3_000)
     back = ("'b' starts at false", "guard of 't3': b", "guard of 't1': v > 1.0 && v < 0.5")
     assert verdict(found, "t3") == Infeasible(Requirement("m", "transitions", ("t3",)), back)
     bound = ("always m >= 0", "guard of 't4': m < 0")
@@ -182,7 +182,7 @@ def test_what_only_rounding_allows_is_not_called_infeasible(component: Callable[
         "t2: {from: b, to: a, guard: y == y + 1.0}",
         "t3: {from: b, to: a, guard: y * 2.0 < y}",
     )
-    found = solve(cefsm, "C", "m", "edge", budget=3)
+    found = solve(cefsm, "C", "m", "edge", budget=3_000)
     assert not isinstance(verdict(found, "t2"), Infeasible), "1e300 + 1 == 1e300 in floating point"
     assert isinstance(verdict(found, "t3"), Infeasible), "no rounding makes twice a positive number smaller"
 
@@ -193,7 +193,7 @@ def test_real_inputs_are_floats_that_really_hold(component: Callable[..., Cefsm]
         't1: {from: a, to: b, guard: "x * x + y * y < 0.3 && x > 0.51 && hypot(x, y) > 0.52"}',
         "t2: {from: b, to: a, guard: sqrt(x) == 1.5 && floor(y) % 3 == 2 && abs(y) / 2.0 < 5}",
     )
-    found = solve(cefsm, "C", "m", "edge", budget=10)
+    found = solve(cefsm, "C", "m", "edge", budget=10_000)
     assert len(found.covered) == 2
     run(cefsm, found.paths[0].moves)
 
@@ -204,10 +204,10 @@ def test_a_search_that_cannot_end_says_what_it_spent(component: Callable[..., Ce
         "t1: {from: a, to: a, guard: k > 0 && k < 1000, action: n := (n * k) % 100003}",
         "t2: {from: a, to: b, guard: n * n == 2 * k * k && k > 7}",
     )
-    found = solve(cefsm, "C", "m", "edge", budget=1.0)
+    found = solve(cefsm, "C", "m", "edge", budget=1_000)
     missed = verdict(found, "t2")
     assert isinstance(missed, Undecided) and missed.reason
-    assert missed.spent < 4.0
+    assert missed.spent < 4_000
 
 
 def test_paths_end_where_a_test_may_end_unless_they_may_end_anywhere(component: Callable[..., Cefsm]) -> None:
@@ -245,7 +245,7 @@ def test_other_machines_of_the_component_help_where_the_space_is_searched() -> N
 
 def test_what_other_machines_may_set_proves_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(deciding, "MOST_STATES", 0)
-    found = solve(parse_model(SHARED), "C", "m", "edge", budget=3)
+    found = solve(parse_model(SHARED), "C", "m", "edge", budget=3_000)
     missed = verdict(found, "t1")
     assert isinstance(missed, Undecided) and "other machines" in missed.reason
     assert isinstance(verdict(found, "t2"), Infeasible), "n is 2 and 1 under no interference"

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from parcours.cli.options import as_json, model_file, print_json, seconds, seed
+from parcours.cli.options import as_json, count, model_file, print_json, seed
 
 if TYPE_CHECKING:
     from parcours.model.structure import Cefsm
@@ -24,12 +23,12 @@ Decided = tuple[str, str, "Executability"]
 @click.option("--criterion", default="edge", show_default=True, help="What to cover: node, edge, edge-pair, prime, ...")
 @click.option("--component", default="", help="Only this component.")
 @click.option("--machine", default="", help="Only this machine.")
-@seconds("--budget", default=10.0, help="Longest time for all machines together")
+@count("--budget", default=10_000, help="Most work for all machines together; a unit takes some 1 ms.")
 @click.option("--anywhere", is_flag=True, help="Let paths end anywhere, not only where a test may end.")
 @seed
 @as_json
 def command(
-    file: Path, criterion: str, component: str, machine: str, budget: float, anywhere: bool, seed: int, as_json: bool
+    file: Path, criterion: str, component: str, machine: str, budget: int, anywhere: bool, seed: int, as_json: bool
 ) -> None:
     """Decide which requirements of each machine can be met: covered with values, proven infeasible, or undecided.
 
@@ -37,7 +36,7 @@ def command(
     prime, complete-round-trip, complete:N, specified:WALKS and all-du-paths do. simple-round-trip, all-defs and
     all-uses are refused, for any of several paths meets them: ask for complete-round-trip or all-du-paths instead.
 
-    Example: parcours feasible model.yaml --criterion edge-pair --component Planner --machine cycles --budget 30
+    Example: parcours feasible model.yaml --criterion edge-pair --component Planner --machine cycles --budget 30000
     """
     from parcours.cli.progress import progress
     from parcours.errors import require_known
@@ -54,10 +53,10 @@ def command(
         require_known(machine, [name for _, name in pairs], "machine", slug="unknown-machine")
         pairs = [(owner, name) for owner, name in pairs if name == machine]
     found: list[Decided] = []
-    until = time.monotonic() + budget
+    left = float(budget)
     with progress() as report:
         for place, (owner, name) in enumerate(pairs):
-            share = max(0.001, until - time.monotonic()) / (len(pairs) - place)
+            share = left / (len(pairs) - place)
 
             def tell(what: str, done: int, total: int, label: str = f"{owner}.{name}") -> None:
                 report(f"{label}: {what}", done, total)
@@ -65,6 +64,7 @@ def command(
             decided = solve(
                 cefsm, owner, name, criterion, share, seed, complete=not anywhere, report=None if as_json else tell
             )
+            left = max(0.0, left - decided.spent)
             found.append((owner, name, decided))
     if as_json:
         print_json([_json(cefsm, *each) for each in found])
@@ -104,7 +104,7 @@ def _json(cefsm: Cefsm, owner: str, machine: str, decided: Executability) -> dic
         "covered": [{"requirement": str(each.requirement), "path": number[each.path]} for each in decided.covered],
         "infeasible": [{"requirement": str(each.requirement), "proof": each.proof} for each in decided.infeasible],
         "undecided": [
-            {"requirement": str(each.requirement), "reason": each.reason, "spent_s": round(each.spent, 3)}
+            {"requirement": str(each.requirement), "reason": each.reason, "spent": each.spent}
             for each in decided.undecided
         ],
         "paths": paths,

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import click
 
-from parcours.cli.options import PATH, as_json, choice, count, model_file, print_json, print_rows, read_model, seconds
+from parcours.cli.options import PATH, as_json, choice, count, model_file, print_json, print_rows, read_model
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -39,11 +39,15 @@ if TYPE_CHECKING:
 @click.option("--measure", "runs", type=PATH, help="Measure the runs in this file, cover nothing.")
 @choice("--tours", "direct", "sidetrips", "detours", help="How a run may tour what is required, for --measure.")
 @count("--most", default=1_000_000, help="Most requirements.")
-@seconds("--seconds", default=8.0, help="Longest search for the requirements of a machine")
+@count(
+    "--work",
+    default=16_000_000,
+    help="Most steps of the search for the requirements of a machine; some 2 million take 1 s.",
+)
 @as_json
 def command(
     file: Path, criterion: str, component: str, machine: str, composition: bool, walk: bool, max_length: int | None,
-    listed: bool, runs: Path | None, tours: Tours, most: int, seconds: float, as_json: bool,
+    listed: bool, runs: Path | None, tours: Tours, most: int, work: int, as_json: bool,
 ) -> None:  # fmt: skip
     """Print few short paths through each machine that meet a criterion, and how far they are from the optimum.
 
@@ -56,7 +60,7 @@ def command(
 
     cefsm = read_model(file)
     chosen = parse_criterion(criterion)
-    limits = Limits(most, 20 * most, seconds)
+    limits = Limits(most, 20 * most, work)
     together = composition or chosen.family == "communication"
     if composition and chosen.family != "communication" and (listed or runs is not None):
         raise click.UsageError("--requirements and --measure look at machines; leave --composition out")

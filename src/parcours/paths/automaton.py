@@ -101,6 +101,13 @@ def outermost(n_edges: int, sequences: Sequence[tuple[int, ...]]) -> list[tuple[
     ]
 
 
+# Graph a -e-> b -f-> a, sequence (e, f). A node of the product is a state with the part of a sequence just done:
+#
+#     (a, -) ---e---> (b, e) ---f---> (a, e f)
+#        ^                                |
+#        +-------- SILENT, required ------+      the only way on from a completed sequence
+#
+# So "visit e f" becomes "take this arc", a lower bound of 1 in a flow problem.
 def network(graph: Graph, sequences: Sequence[tuple[int, ...]]) -> Network:
     """Return the product of the graph with the automaton of the sequences, as far as walks from the start reach."""
     trie = Trie(len(graph.edges), sequences)

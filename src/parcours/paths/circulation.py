@@ -33,6 +33,12 @@ def cheapest_flow(
     [1, 1]
     """
     n_arcs, n_nodes = sources.size, supplies.size
+    # Each round sends one path of flow from a surplus to a lack, along the cheapest way of the residual network:
+    #
+    #     +2 (u) ==cost 1, left 1==> (v) -2          +1 (u) <==cost -1, left 1== (v) -1   the used arc can be undone
+    #        (u) --cost 5, left 9--> (v)      =>        (u) --cost  5, left 9--> (v)
+    #
+    # Potentials keep the reduced costs at 0 or more, which Dijkstra needs although undoing has a negative price.
     # Arc k forwards is 2 k, backwards 2 k + 1; `left` is what may still be added.
     heads = np.stack([targets, sources], 1).ravel().tolist()
     price = np.stack([costs, -costs], 1).ravel().tolist()

@@ -70,6 +70,11 @@ def least_cost(arcs: Arcs) -> int:
     return int(_circulation(closed, _UNLIMITED) @ closed.costs)
 
 
+# Walks become one circulation through a pause node; its last arc counts the walks:
+#
+#      start 0 ~~> ... required arcs (flow >= least) ... ~~> ends
+#         ^                                                   |
+#         +--------- last arc: n walks <----- (pause) <-------+
 def _closed(arcs: Arcs) -> Arcs:
     """Return the network with one more node, the pause between two walks: from every end, and back to the start."""
     pause, n_ends = arcs.n_nodes, arcs.ends.size

@@ -1,13 +1,10 @@
-"""How much a criterion may ask for: a count of requirements, their total length and a deadline, refused beyond."""
+"""How much a criterion may ask for: most requirements, steps in all of them, and steps of the search for them."""
 
 from __future__ import annotations
 
-import time
 from dataclasses import dataclass
 
 from parcours.errors import BadRequest
-
-_BETWEEN_LOOKS = 4095
 
 
 @dataclass(frozen=True, slots=True)
@@ -17,16 +14,16 @@ class Limits:
     Attributes:
         count: most requirements.
         steps: most steps in all of them together; each takes 8 bytes.
-        seconds: longest search for them [s].
+        work: most steps of the search for them; some two million take a second.
     """
 
     count: int = 1_000_000
     steps: int = 20_000_000
-    seconds: float = 8.0
+    work: int = 16_000_000
 
 
 class Tally:
-    """Counts requirements as they are found, against limits; time runs from when it is made.
+    """Counts requirements as they are found, against limits.
 
     >>> tally = Tally(Limits(count=1), "prime paths of 'door'")
     >>> tally.add(3)
@@ -39,8 +36,7 @@ class Tally:
 
     def __init__(self, limits: Limits, what: str) -> None:
         self.limits, self.what = limits, what
-        self.count = self.steps = self._ticks = 0
-        self._deadline = time.monotonic() + limits.seconds
+        self.count = self.steps = self.work = 0
 
     def add(self, steps: int) -> None:
         """Count one requirement with this number of steps.
@@ -57,14 +53,10 @@ class Tally:
         self.tick()
 
     def tick(self) -> None:
-        """Look at the clock at every 4096th call.
-
-        Raises:
-            BadRequest: the time is up.
-        """
-        self._ticks += 1
-        if not self._ticks & _BETWEEN_LOOKS and time.monotonic() > self._deadline:
-            raise self._refusal(f"so few that {self.limits.seconds:g} s find them")
+        """Count one step of the search. Raises BadRequest if it is one too many."""
+        self.work += 1
+        if self.work > self.limits.work:
+            raise self._refusal(f"so few that {self.limits.work} steps of the search find them")
 
     def _refusal(self, rule: str) -> BadRequest:
         return BadRequest(

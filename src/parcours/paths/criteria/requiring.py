@@ -79,10 +79,7 @@ def requirements(
 
 
 def demands(
-    of: Machine | Graph | Cefsm,
-    criterion: Criterion,
-    variables: Sequence[Variable] = (),
-    limits: Limits | None = None,
+    of: Machine | Graph | Cefsm, criterion: Criterion, variables: Sequence[Variable] = (), limits: Limits | None = None
 ) -> list[Demand]:
     """Return what a criterion over graphs or over variables asks, machine by machine, as `requirements`.
 
@@ -190,7 +187,7 @@ def _specified(subject: Subject, walks: Iterable[tuple[str, ...]]) -> Iterator[G
 
 def _owner(walk: tuple[str, ...], name: str, owner: Mapping[str, int]) -> int:
     if name not in owner:
-        rule = f"it must be made of transitions that can be reached, but {name!r} is none"
+        rule = f"it must be made of transitions that can be reached, but {name!r} is not one"
         raise BadRequest(f"walk '{' '.join(walk)}'", rule, one_of(name, list(owner)), slug="foreign-transition")
     return owner[name]
 

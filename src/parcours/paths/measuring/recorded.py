@@ -59,7 +59,7 @@ def looked_up(name: str, sequence: Sequence[str], known: dict[str, list[Known]])
             halves = ((entry[:at], entry[at + 1 :]) for at in marks)
             both = next(([*known[a], *known[b]] for a, b in halves if a in known and b in known), None)
             if both is None:
-                rule = f"must name transitions of '{name}', but {entry!r} is none"
+                rule = f"must name transitions of '{name}', but {entry!r} is not one"
                 raise BadRequest(
                     f"sequence, entry {place}", rule, one_of(entry, list(known)), slug="foreign-transition"
                 )

@@ -6,7 +6,6 @@ of it was seen, the rest is infeasible. Then the solver looks for conflicts, and
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Collection, Sequence
 from typing import TYPE_CHECKING
 
@@ -18,7 +17,17 @@ from parcours.paths.criteria.requirement import Requirement
 from parcours.paths.graph import graph_of
 from parcours.paths.solving.exploring import Exploration, Explored
 from parcours.paths.solving.targets import Node, Targets
-from parcours.paths.solving.verdicts import Covered, Executability, Infeasible, Path, Undecided, has_solver
+from parcours.paths.solving.verdicts import (
+    BUDGET,
+    Covered,
+    Executability,
+    Infeasible,
+    Path,
+    Spent,
+    Undecided,
+    Work,
+    has_solver,
+)
 from parcours.paths.spaces import part_of
 from parcours.paths.timing.clockwork import is_timed
 from parcours.paths.timing.events import events_of
@@ -54,7 +63,7 @@ def solve(
     component: str,
     machine: str,
     wanted: str | Sequence[Requirement],
-    budget: float = 10.0,
+    budget: float = BUDGET,
     seed: int = 0,
     complete: bool = True,
     report: Report | None = None,
@@ -70,7 +79,7 @@ def solve(
         component: the component.
         machine: its machine.
         wanted: a coverage criterion, or requirements: states, sequences of transitions, du-paths.
-        budget: longest time for all of it [s]; what is not decided by then is undecided.
+        budget: most units of work (`Work`, some 1 ms each); what is not decided by then is undecided.
         seed: of the solver's random choices.
         complete: whether paths go on to where a test may end, where they can.
         report: called as the work goes on.
@@ -135,8 +144,7 @@ class _Solving:
         report: Report | None,
     ) -> None:
         self.owner, self.machine, self.needs = owner, machine, tuple(dict.fromkeys(needs))
-        self.begun, self.budget, self.report = time.monotonic(), budget, report
-        self.deadline = self.begun + budget
+        self.work, self.report = Work(budget), report
         self.model = part_of(cefsm, owner.name)
         self.targets = Targets(machine, self.needs)
         graph = graph_of(machine)
@@ -149,8 +157,9 @@ class _Solving:
     def run(self, seed: int, *, complete: bool) -> Executability:
         """Return the verdicts."""
         share = 0.6 if has_solver() else 1.0
-        until = self.begun + share * self.budget
-        explored = Exploration(self.model, self.targets, self.finals, MOST_STATES, until).runs(complete=complete)
+        until = self.work.after(share)
+        explorer = Exploration(self.model, self.targets, self.finals, MOST_STATES, self.work, until)
+        explored = explorer.runs(complete=complete)
         if self.targets.at(self.targets.start()):
             self._take(self.verifier.path(()))  # the start needs no transition, which might not come in time
         for run in explored.runs:
@@ -171,21 +180,24 @@ class _Solving:
         from parcours.paths.solving.searching import Prefixes, Search
 
         ground = Ground(self.model)
-        prover = Prover(ground, self.owner, self.machine, seed, bounds_of(ground, self.owner, self._after(0.2)))
-        until = self._after(0.3)
+        prover = Prover(
+            ground, self.owner, self.machine, seed,
+            bounds_of(ground, self.owner, self.work, self.work.after(0.2)), self.work,
+        )  # fmt: skip
+        until = self.work.after(0.3)
         # What is infeasible for sure is worth a look for reasons, no more.
         self._exclude(
             self._unreached(explored),
             lambda need: prover.proof(need, until, WAYS_FOR_REASONS) or (SEEN.format(explored.n_states),),
         )
         self._exclude(list(self.open), lambda need: prover.proof(need, until, 1))
-        prefixes = Prefixes(ground, self.owner, self.machine, seed)
+        prefixes = Prefixes(ground, self.owner, self.machine, seed, self.work)
         root = Search(prefixes, self.targets, (), self.verifier.runs)
-        prefixes.deadline = self._after(0.5)
+        prefixes.until = self.work.after(0.5)
         reason = self._grow(prefixes, root, prover, complete=complete)
-        until = self._after(0.5)
+        until = self.work.after(0.5)
         self._exclude(list(self.open), lambda need: prover.proof(need, until, WAYS_FOR_PROOF))
-        prefixes.deadline = self.deadline
+        prefixes.until = self.work.budget
         return self._grow(prefixes, root, prover, complete=complete) if self.open else reason
 
     def _unreached(self, explored: Explored) -> list[Requirement]:
@@ -215,25 +227,20 @@ class _Solving:
                 if complete and not self.verifier.ends(ids):
                     found = self._extended(root.beginning(ids), lambda node: node[0] in self.finals) or found
                 self._take(self.verifier.path(_moves(*found), in_time=True))
-        except TimeoutError:
-            return f"the budget of {self.budget:g} s was spent, {prefixes.checks} questions to the solver"
+        except Spent:
+            return f"the budget of {self.work.budget:g} units was spent, {prefixes.checks} questions to the solver"
         if prefixes.doubt:
             return prefixes.doubt
         tried = f"none of the paths that can run comes to it, of {prefixes.checks} tried"
-        until = self._after(0.5)
+        until = self.work.after(0.5)
         self._exclude(list(self.open), lambda need: prover.proof(need, until, WAYS_FOR_PROOF) or (tried,))
         return ""
 
     def _extended(self, search: Search, wanted: Callable[[Node], bool]) -> Found | None:
         try:
             return search.onward(wanted, EXTENSION_CHECKS)
-        except TimeoutError:
+        except Spent:
             return None
-
-    def _after(self, share: float) -> float:
-        """Return when a share of the time that is left will be spent."""
-        now = time.monotonic()
-        return now + max(0.0, self.deadline - now) * share
 
     def _meets(self, node: Node) -> bool:
         return not self.open.keys().isdisjoint(self.targets.at(node))
@@ -251,7 +258,7 @@ class _Solving:
             self.report("requirements decided", len(self.needs) - len(self.open), len(self.needs))
 
     def _verdicts(self, reason: str) -> Executability:
-        spent = time.monotonic() - self.begun
+        spent = round(self.work.spent)
         return Executability(
             tuple(Covered(need, self.covered[need]) for need in self.needs if need in self.covered),
             tuple(Infeasible(need, self.infeasible[need]) for need in self.needs if need in self.infeasible),
@@ -261,6 +268,7 @@ class _Solving:
                 if need not in self.covered and need not in self.infeasible
             ),
             tuple(dict.fromkeys(self.covered[need] for need in self.needs if need in self.covered)),
+            spent,
         )
 
 

@@ -7,7 +7,6 @@ space is finite and every choice of inputs was tried, what was not met cannot be
 from __future__ import annotations
 
 import sys
-import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
@@ -20,7 +19,11 @@ from parcours.model.structure import Cefsm
 from parcours.paths.criteria.requirement import Requirement
 from parcours.paths.graph import Came, way_to
 from parcours.paths.solving.targets import Node, Targets
+from parcours.paths.solving.verdicts import Spent, Work
 from parcours.paths.spaces import ModelSpace, Place
+
+LOOK = 1 / 64
+"""What it costs to come to a state that was expanded before, in units of work."""
 
 Position = tuple[Place, Node]
 """Where a run stands, and which parts of requirements it has just done."""
@@ -30,10 +33,6 @@ Wanted = Callable[[Node], bool]
 
 Found = tuple[list[Move], Position, set[Requirement]]
 """A way, where it ends, and what it meets."""
-
-
-class Full(Exception):
-    """The state space is larger than allowed, or the time is up; the text says which."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,12 +52,15 @@ class Exploration:
         targets: what the runs of one machine are to meet.
         finals: the states of that machine where a run may end.
         most: how many configurations may be visited.
-        deadline: when to stop, on `time.monotonic`.
+        work: counts the states.
+        until: when to stop: what `work` may have spent.
     """
 
-    def __init__(self, alone: Cefsm, targets: Targets, finals: Iterable[str], most: int, deadline: float) -> None:
+    def __init__(
+        self, alone: Cefsm, targets: Targets, finals: Iterable[str], most: int, work: Work, until: float
+    ) -> None:
         self._space, self._targets, self._finals = ModelSpace(alone, remembered=sys.maxsize), targets, set(finals)
-        self._most, self._deadline = most, deadline
+        self._most, self._work, self._until = most, work, until
         self._after: dict[Place, list[tuple[Move, Place]]] = {}
         self._doubts: dict[str, str] = {}
         self._doubt = ""
@@ -83,7 +85,7 @@ class Exploration:
         while missing:
             try:
                 found = self._onward(here, meets)
-            except Full as why:
+            except Spent as why:
                 found, doubt = None, str(why)
             if found is not None:
                 moves, here, seen = found
@@ -106,7 +108,7 @@ class Exploration:
             return tuple(run)
         try:
             found = self._straight(here, is_home) or self._onward(here, is_home)
-        except Full:
+        except Spent:
             return tuple(run)
         return (*run, *found[0]) if found is not None else tuple(run)
 
@@ -117,8 +119,9 @@ class Exploration:
         queue = deque([here])
         while queue:
             place = queue.popleft()
-            if time.monotonic() > self._deadline:
-                raise Full(f"the budget was spent after {len(self._after)} states")
+            self._work.spent += LOOK
+            if self._work.spent > self._until:
+                raise Spent(f"the budget was spent after {len(self._after)} states")
             for move, then in self._expanded(place[0]):
                 node = place[1]
                 for id in (move.transition, move.partner):
@@ -136,7 +139,7 @@ class Exploration:
                     return way_to(following, came), following, met
                 queue.append(following)
                 if len(came) > 4 * self._most:
-                    raise Full(f"more than {4 * self._most} states with what they have just met")
+                    raise Spent(f"more than {4 * self._most} states with what they have just met")
         return None
 
     def _straight(self, here: Position, wanted: Wanted) -> Found | None:
@@ -165,7 +168,8 @@ class Exploration:
     def _expanded(self, place: Place) -> list[tuple[Move, Place]]:
         if place not in self._after:
             if len(self._after) >= self._most:
-                raise Full(f"more than {self._most} states")
+                raise Spent(f"more than {self._most} states")
+            self._work.spent += 1
             self._after[place] = list(self._moves(place))
         return self._after[place]
 

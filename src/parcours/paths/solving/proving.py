@@ -9,7 +9,6 @@ Where time counts, it is left out at first, so that clocks read anything: that t
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator, Sequence
 
 import z3
@@ -21,28 +20,30 @@ from parcours.model.structure import Component, Machine, Transition
 from parcours.paths.criteria.requirement import START, Requirement
 from parcours.paths.solving.reading import Begin, Bound, Ground
 from parcours.paths.solving.terms import NoTerm
+from parcours.paths.solving.verdicts import Work
 from parcours.paths.solving.walk import Walk
 from parcours.paths.timing.events import Event
 
 MAX_CONSTANTS = 12
 """Most constants that are guessed as bounds, the smallest in size."""
 
-BOUND_SECONDS = 0.5
-"""Longest time for one question about a bound [s]; what is not known by then is given up."""
+BOUND_WORK = 500
+"""Most work for one question about a bound; what is not known by then is given up."""
 
-CHECK_SECONDS = 1.0
-"""Longest time for one question to the solver [s]."""
+CHECK_WORK = 1000
+"""Most work for one question to the solver."""
 
 Slice = tuple[str, ...]
 """Transitions in order, between which others may have been passed over."""
 
 
 class Prover:
-    """Proofs about one machine of a component."""
+    """Searches backwards from a requirement for a conflict on every way to it."""
 
     def __init__(
-        self, ground: Ground, component: Component, machine: Machine, seed: int, bounds: frozenset[Bound]
+        self, ground: Ground, component: Component, machine: Machine, seed: int, bounds: frozenset[Bound], work: Work
     ) -> None:
+        self._work = work
         self._bounds, self._unsteady = bounds, ground.unsteady(component.name, machine.name)
         self._ground, self._component, self._machine, self._seed = ground, component, machine, seed
         self._transitions = {transition.id: transition for transition in machine.transitions}
@@ -51,16 +52,16 @@ class Prover:
         for transition in machine.transitions:
             self._entering.setdefault(transition.target, []).append(transition)
 
-    def proof(self, need: Requirement, deadline: float, ways: int) -> tuple[str, ...] | None:
+    def proof(self, need: Requirement, until: float, ways: int) -> tuple[str, ...] | None:
         """Return what conflicts on every way to a requirement, or None if no proof was found."""
         if self._ground.timed:
-            now = time.monotonic()
-            found = self._proof(need, now + max(0.0, deadline - now) / 2, ways, timed=False)
+            now = self._work.spent
+            found = self._proof(need, now + max(0.0, until - now) / 2, ways, timed=False)
             if found is not None:
                 return found
-        return self._proof(need, deadline, ways, timed=self._ground.timed)
+        return self._proof(need, until, ways, timed=self._ground.timed)
 
-    def _proof(self, need: Requirement, deadline: float, ways: int, *, timed: bool) -> tuple[str, ...] | None:
+    def _proof(self, need: Requirement, until: float, ways: int, *, timed: bool) -> tuple[str, ...] | None:
         ahead: list[tuple[str, Slice]]
         if need.kind == "state":
             if need.steps[0] == self._machine.initial:
@@ -73,7 +74,7 @@ class Prover:
             ahead = [(self._transitions[need.steps[0]].source, need.steps)]
         seen, reasons = set(ahead), dict[str, None]()
         for state, slice_ in ahead:
-            if len(seen) > ways or time.monotonic() > deadline:
+            if len(seen) > ways or self._work.spent > until:
                 return None
             conflict = self._conflict(slice_, "anywhere", timed=timed)
             if conflict is None and state == self._machine.initial:
@@ -97,7 +98,7 @@ class Prover:
         for transition in self._entering.get(state, ()):
             sets = {action.target for action in transition.actions if isinstance(action, Assignment)}
             tests = names(transition.guard) if transition.guard is not None else frozenset[str]()
-            # A test is put in front once only, or a loop of tests would never end.
+            # A test is put in front only once: a loop of tests would otherwise never end.
             tells = not sets.isdisjoint(read) or (transition.id not in slice_ and not tests.isdisjoint(read))
             # Time passes on every transition, so none is passed over where it counts.
             yield transition.source, slice_ if not tells and not timed else (transition.id, *slice_)
@@ -109,14 +110,14 @@ class Prover:
             place = (0, self._component.name, self._machine.name)
             steps = Walk(
                 self._ground, [place], exact=exact, explain=True, begin=begin,
-                unsteady=unsteady, bounds=self._bounds, timed=timed, seed=self._seed,
+                unsteady=unsteady, bounds=self._bounds, timed=timed, seed=self._seed, work=self._work,
             )  # fmt: skip
             try:
                 for number, id in enumerate(ids, start=1):
                     steps.push(Event(number, *place, self._transitions[id]))
             except NoTerm:
                 return None
-            if steps.check(CHECK_SECONDS) is not False:
+            if steps.check(CHECK_WORK) is not False:
                 return None
             if not steps.rounds:
                 break
@@ -140,8 +141,8 @@ class Prover:
                 yield f"{variable.name!r} starts at {shown}"
 
 
-def bounds_of(ground: Ground, component: Component, deadline: float) -> frozenset[Bound]:
-    """Return bounds that the integer variables of a component never leave; none if the time is up before they are sure.
+def bounds_of(ground: Ground, component: Component, work: Work, until: float) -> frozenset[Bound]:
+    """Return bounds that the integer variables of a component never leave; none if the work ends before they are sure.
 
     Bounds are guessed: a variable stays above, or below, its initial value or one of the constants in the component.
     Guesses that some transition breaks, while all the others hold, are given up until none is broken (Flanagan &
@@ -160,9 +161,9 @@ def bounds_of(ground: Ground, component: Component, deadline: float) -> frozense
     while alive != before:
         before = set(alive)
         for machine, transition in setters:
-            if time.monotonic() > deadline:
+            if work.spent > until:
                 return frozenset()
-            alive = _kept(ground, Event(1, 0, component.name, machine, transition), alive)
+            alive = _kept(ground, Event(1, 0, component.name, machine, transition), alive, work)
     return frozenset(alive)
 
 
@@ -186,9 +187,9 @@ def _expressions(component: Component) -> list[Expression]:
     ]
 
 
-def _kept(ground: Ground, event: Event, alive: set[Bound]) -> set[Bound]:
+def _kept(ground: Ground, event: Event, alive: set[Bound], work: Work) -> set[Bound]:
     """Return the bounds that still hold after an event before which all of them did."""
-    steps = Walk(ground, [event.place], begin="anywhere", bounds=frozenset(alive))
+    steps = Walk(ground, [event.place], begin="anywhere", bounds=frozenset(alive), work=work)
     try:
         steps.push(event)
     except NoTerm:
@@ -199,6 +200,6 @@ def _kept(ground: Ground, event: Event, alive: set[Bound]) -> set[Bound]:
         bound
         for bound in alive
         if bound.variable in values
-        and (steps.rounds or steps.check(BOUND_SECONDS, z3.Not(bound.of(values[bound.variable]))) is not False)
+        and (steps.rounds or steps.check(BOUND_WORK, z3.Not(bound.of(values[bound.variable]))) is not False)
     }
     return alive - broken

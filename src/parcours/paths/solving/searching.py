@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import heapq
 import sys
-import time
 from collections.abc import Callable, Iterator
 
 from parcours.model.configuration import Inputs
@@ -18,6 +17,7 @@ from parcours.model.structure import Component, Machine
 from parcours.paths.solving.reading import Ground
 from parcours.paths.solving.targets import Node, Targets
 from parcours.paths.solving.terms import NoTerm
+from parcours.paths.solving.verdicts import Spent, Work
 from parcours.paths.solving.walk import Walk
 from parcours.paths.timing.events import Event
 
@@ -27,8 +27,8 @@ Ids = tuple[str, ...]
 Verified = Callable[[Ids, tuple[Inputs, ...]], bool]
 """Whether a path with inputs runs in the model."""
 
-CHECK_SECONDS = 2.0
-"""Longest time for one question to the solver [s]."""
+CHECK_WORK = 2000
+"""Most work for one question to the solver."""
 
 LOOPS = 50
 """Where time counts, a path takes at most this many transitions for each state and transition of the machine."""
@@ -41,14 +41,14 @@ class Prefixes:
     nothing, and is empty if it does.
     """
 
-    def __init__(self, ground: Ground, component: Component, machine: Machine, seed: int) -> None:
+    def __init__(self, ground: Ground, component: Component, machine: Machine, seed: int, work: Work) -> None:
         self._place = (0, component.name, machine.name)
-        self._walk = Walk(ground, [self._place], seed=seed)
+        self._walk = Walk(ground, [self._place], seed=seed, work=work)
         self._ids: Ids = ()
         # Where time counts no two paths are alike, so loops would have no end.
         self.longest = LOOPS * (len(machine.states) + len(machine.transitions)) if ground.timed else sys.maxsize
         self._transitions = {transition.id: transition for transition in machine.transitions}
-        self.deadline, self.checks = time.monotonic(), 0
+        self.work, self.until, self.checks = work, work.budget, 0
         meetings = {each.name for each in ground.cefsm.channels if each.sender == each.receiver == component.name}
         self.allowed = frozenset(
             transition.id
@@ -64,7 +64,7 @@ class Prefixes:
         """Return whether a path can run, all but its last transition being known to; `key`, `inputs` are then its.
 
         Raises:
-            TimeoutError: the deadline has passed.
+            Spent: the work allowed is done.
         """
         self._go(ids[:-1])
         if not ids:
@@ -75,11 +75,11 @@ class Prefixes:
             self.doubt = self.doubt or str(reason)
             return False
         self.checks += 1
-        answer = self._walk.check(max(0.01, min(CHECK_SECONDS, self.deadline - time.monotonic())))
+        answer = self._walk.check(min(CHECK_WORK, self.until - self.work.spent))
         if answer is None:
-            if time.monotonic() > self.deadline:
-                raise TimeoutError
-            self.doubt = self.doubt or f"the solver gave no answer in {CHECK_SECONDS:g} s"
+            if self.work.spent > self.until:
+                raise Spent
+            self.doubt = self.doubt or f"the solver gave no answer to a question within {CHECK_WORK} units of work"
         elif not answer and self._walk.rounds:
             self.doubt = self.doubt or "rounding might make a path run"
         return answer is True
@@ -91,7 +91,7 @@ class Prefixes:
     def inputs(self) -> Iterator[tuple[Inputs, ...]]:
         """Yield inputs that may make the path run that was just found to."""
         yield self._walk.inputs()
-        if self._walk.rounds and self._walk.check(CHECK_SECONDS):
+        if self._walk.rounds and self._walk.check(CHECK_WORK):
             yield self._walk.settled()
 
     def _go(self, ids: Ids) -> None:
@@ -111,6 +111,16 @@ class Prefixes:
         self._ids = (*self._ids, id)
 
 
+# The paths form a tree of prefixes. One solver stands at one node of it; to look at another path it pops back to the
+# common prefix and pushes the rest, so the newest of equally good paths, which is near, goes first:
+#
+#       (start)
+#       /     \
+#     t1       t2         looking at t1 t3 t5 after t1 t4:  pop t4, push t3, push t5
+#    /  \                 t1 stays asserted and solved
+#   t3   t4 <- solver     a node without a solution is cut off with everything below it
+#   |
+#   t5
 class Search:
     """A best-first search from the end of one path; it can be continued."""
 
@@ -133,8 +143,8 @@ class Search:
         prefixes, last = self._prefixes, self._prefixes.checks + effort
         distances = self._targets.distances(wanted, prefixes.allowed)
         while self._heap:
-            if time.monotonic() > prefixes.deadline or prefixes.checks >= last:
-                raise TimeoutError
+            if prefixes.work.spent > prefixes.until or prefixes.checks >= last:
+                raise Spent
             cost, order, ids, node = heapq.heappop(self._heap)
             hits = len(ids) > len(self._root) and wanted(node) and ids not in self.unverified
             now = len(ids) + (0 if hits else distances.get(node, -1))
@@ -145,7 +155,7 @@ class Search:
                 continue
             try:
                 runs = prefixes.runs(ids)
-            except TimeoutError:
+            except Spent:
                 heapq.heappush(self._heap, (cost, order, ids, node))
                 raise
             if not runs:

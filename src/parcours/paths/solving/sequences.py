@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 
 from parcours.model.structure import Cefsm
 from parcours.paths.criteria.requirement import Requirement
-from parcours.paths.solving.verdicts import Covered, Infeasible, Path, Undecided, Verdict, require_solver
+from parcours.paths.solving.verdicts import BUDGET, Covered, Infeasible, Path, Undecided, Verdict, Work, require_solver
 from parcours.paths.timing.events import Event, events_of, taken_messages
 from parcours.paths.timing.replaying import Replay
 from parcours.paths.timing.schedules import Contradiction, Schedule, Unscheduled, schedule
@@ -18,7 +17,7 @@ def solve_sequence(
     transition_ids: Sequence[str],
     instances: Sequence[int] = (),
     sends: Sequence[int | None] = (),
-    budget: float = 10.0,
+    budget: float = BUDGET,
     seed: int = 0,
 ) -> Verdict:
     """Return values under which a sequence runs from the initial state, or why there are none.
@@ -33,7 +32,7 @@ def solve_sequence(
         instances: for each transition which copy of its component takes it; empty if there is one of each.
         sends: for each transition the position, from 0, of the one whose message it takes, or None if the
             tester supplies it; empty for first in, first out on every channel inside the model.
-        budget: longest time for one question to the solver [s].
+        budget: most units of work (`Work`) for one question to the solver.
         seed: of the solver's random choices.
 
     Raises:
@@ -43,18 +42,18 @@ def solve_sequence(
     require_solver()
     from parcours.paths.solving.terms import NoTerm
 
-    begun = time.monotonic()
+    work = Work(budget)
     need = Requirement("", "transitions", tuple(transition_ids))
     try:
-        found = _decided(cefsm, events, budget, seed)
+        found = _decided(cefsm, events, work, seed)
     except NoTerm as reason:
         found = str(reason)
     if isinstance(found, str):
-        return Undecided(need, found, time.monotonic() - begun)
+        return Undecided(need, found, round(work.spent))
     return Infeasible(need, found) if isinstance(found, tuple) else Covered(need, found)
 
 
-def _decided(cefsm: Cefsm, events: Sequence[Event], budget: float, seed: int) -> Path | tuple[str, ...] | str:
+def _decided(cefsm: Cefsm, events: Sequence[Event], work: Work, seed: int) -> Path | tuple[str, ...] | str:
     """Return a path that runs, what conflicts, or why neither is known."""
     from parcours.paths.solving.reading import Ground
     from parcours.paths.solving.walk import Walk
@@ -63,14 +62,14 @@ def _decided(cefsm: Cefsm, events: Sequence[Event], budget: float, seed: int) ->
     taken = frozenset(taken_messages(events))
 
     def walked(*, exact: bool, explain: bool) -> Walk:
-        walk = Walk(ground, places, exact=exact, explain=explain, taken=taken, seed=seed)
+        walk = Walk(ground, places, exact=exact, explain=explain, taken=taken, seed=seed, work=work)
         for event in events:
             walk.push(event)
         walk.finish()
         return walk
 
     walk = walked(exact=True, explain=False)
-    answer = walk.check(budget)
+    answer = walk.check(work.budget)
     if answer:
         replay, why_not = Replay(cefsm), ""
         for inputs in (walk.inputs, walk.settled):
@@ -82,10 +81,10 @@ def _decided(cefsm: Cefsm, events: Sequence[Event], budget: float, seed: int) ->
     if answer is False:
         # Once more, for reasons; and where reals are computed with, as floating point might round them.
         walk = walked(exact=not walk.rounds, explain=True)
-        answer = walk.check(budget)
+        answer = walk.check(work.budget)
         if answer is False:
             return walk.core()
-    return "rounding might make it run" if answer else f"the solver gave no answer in {budget:g} s"
+    return "rounding might make it run" if answer else f"the solver gave no answer within {work.budget:g} units of work"
 
 
 def solved_schedule(
@@ -93,7 +92,7 @@ def solved_schedule(
     transition_ids: Sequence[str],
     instances: Sequence[int] = (),
     sends: Sequence[int | None] = (),
-    budget: float = 10.0,
+    budget: float = BUDGET,
 ) -> Schedule | Contradiction | Unscheduled:
     """Return when each transition of a sequence can be taken, under values that the solver finds where it needs some.
 

@@ -111,7 +111,7 @@ class Targets:
             named = [step for place, step in enumerate(need.steps) if place or step != START or need.kind == "state"]
             for step in named:
                 if step not in known:
-                    rule = f"must name what machine {self.machine.name!r} has, but {step!r} is none"
+                    rule = f"must name what machine {self.machine.name!r} has, but {step!r} is not there"
                     raise BadRequest(where, rule, one_of(step, sorted(known)[:100]), slug="foreign-transition")
             for first, second in pairwise(named if need.kind != "state" else ()):
                 into, out_of = self.transitions[first].target, self.transitions[second].source

@@ -86,7 +86,7 @@ def constant(value: object, symbols: Symbols, *, exact: bool = True) -> Value:
             return rational(Fraction(repr(value)) if exact else Fraction(value))
         case str():
             return z3.IntVal(symbols.code(value))
-    raise NoTerm(f"{value!r} is no constant")
+    raise NoTerm(f"{value!r} is not a constant")
 
 
 def rational(number: Fraction) -> Value:
@@ -112,7 +112,11 @@ Lookup = Callable[[Expression, Type], Value]
 
 
 class Translator:
-    """Expressions of one transition -> terms."""
+    """Translates the expressions of one transition into terms of z3.
+
+    `sides` collects the conditions on helper symbols, such as roots and rounding errors, that the solver must be given
+    along with the terms; `rounds` says whether floating point may round something.
+    """
 
     def __init__(
         self,

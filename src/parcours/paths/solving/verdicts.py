@@ -9,6 +9,38 @@ from parcours.errors import BadRequest
 from parcours.model.configuration import Inputs, Move
 from parcours.paths.criteria.requirement import Requirement
 
+BUDGET = 10_000
+"""Units of work for one machine, or for one question about a sequence: some 10 s."""
+
+SOLVER_STEPS = 5_000
+"""Steps of z3 (its `rlimit`) in one unit of work."""
+
+
+class Spent(Exception):
+    """The work allowed is done; the text says what came of it."""
+
+
+@dataclass(slots=True)
+class Work:
+    """What a search has done, counted so that a busy machine gives the same answers as a quiet one.
+
+    One unit is some 1 ms on a machine of 2025: a state expanded, or a question to the solver with at most
+    `SOLVER_STEPS` of its own steps; more of these count in proportion.
+
+    Attributes:
+        budget: most units.
+        spent: units so far.
+        mark: the solver's count of steps when it was last read, if it was.
+    """
+
+    budget: float
+    spent: float = 0.0
+    mark: int | None = None
+
+    def after(self, share: float) -> float:
+        """Return what will be spent when a share of what is left is."""
+        return self.spent + max(0.0, self.budget - self.spent) * share
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Path:
@@ -66,12 +98,12 @@ class Undecided:
     Attributes:
         requirement: what was asked.
         reason: why it was not decided.
-        spent: the time given to it and its companions [s].
+        spent: the work done for it and its companions, in units of `Work`.
     """
 
     requirement: Requirement
     reason: str
-    spent: float
+    spent: int
     verdict: Literal["undecided"] = "undecided"
 
 
@@ -80,12 +112,13 @@ Verdict: TypeAlias = Covered | Infeasible | Undecided
 
 @dataclass(frozen=True, slots=True)
 class Executability:
-    """Every requirement in one of three lists, each in the order of the requirements, and the paths to run."""
+    """Every requirement in one of three lists, each in their own order; the paths to run; the work done."""
 
     covered: tuple[Covered, ...]
     infeasible: tuple[Infeasible, ...]
     undecided: tuple[Undecided, ...]
     paths: tuple[Path, ...]
+    spent: int = 0
 
     @property
     def verdicts(self) -> tuple[Verdict, ...]:

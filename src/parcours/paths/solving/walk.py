@@ -10,6 +10,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 from fractions import Fraction
+from math import inf
 
 import z3
 
@@ -19,6 +20,7 @@ from parcours.model.scope import is_local, variable_type
 from parcours.model.structure import Transition, Variable
 from parcours.paths.solving.reading import Begin, Bound, Ground, Level, Reading, domain_text, time_of
 from parcours.paths.solving.terms import NoTerm, Translator, Value, is_constant, rational, variable
+from parcours.paths.solving.verdicts import SOLVER_STEPS, Work
 from parcours.paths.timing.clocks import Condition, NoBound, ways
 from parcours.paths.timing.clockwork import Clockwork, Facts, set_when
 from parcours.paths.timing.events import Event, Place
@@ -40,7 +42,9 @@ class Walk:
         taken: frozenset[tuple[int, str]] = frozenset(),
         timed: bool = True,
         seed: int = 0,
+        work: Work | None = None,
     ) -> None:
+        self.work = work or Work(inf)
         self.ground, self._places, self._explain, self._taken = ground, tuple(places), explain, taken
         self._timed = timed and ground.timed
         self._solver = z3.Solver()
@@ -98,11 +102,20 @@ class Walk:
         top = self._levels[-1].values.items()
         return {slot[2]: value for slot, value in top if slot[:2] == (event.instance, event.component)}
 
-    def check(self, seconds: float, *also: Value) -> bool | None:
-        """Return whether the events can happen, and more hold; None if that was not decided in time."""
-        self._solver.set("timeout", max(1, int(seconds * 1000)))
+    def check(self, units: float, *also: Value) -> bool | None:
+        """Return whether the events can happen, and more hold; None if that takes more units of work."""
+        if self.work.mark is None:
+            self.work.mark = self._count()
+        # The limit counts the solver's own steps (0 would be no limit); a time limit would depend on the machine.
+        self._solver.set("rlimit", int(min(max(1, units * SOLVER_STEPS), 2**32 - 1)))
         answer = self._solver.check(*also)
+        count = self._count()
+        self.work.spent += 1 + (count - self.work.mark) // SOLVER_STEPS
+        self.work.mark = count
         return None if answer == z3.unknown else bool(answer == z3.sat)
+
+    def _count(self) -> int:
+        return int(self._solver.statistics().get_key_value("rlimit count"))
 
     def core(self) -> tuple[str, ...]:
         """Return what cannot hold together, after `check` said no; needs `explain`."""

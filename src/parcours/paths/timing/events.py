@@ -45,10 +45,7 @@ class Event:
 
 
 def events_of(
-    cefsm: Cefsm,
-    transition_ids: Sequence[str],
-    instances: Sequence[int] = (),
-    sends: Sequence[int | None] = (),
+    cefsm: Cefsm, transition_ids: Sequence[str], instances: Sequence[int] = (), sends: Sequence[int | None] = ()
 ) -> tuple[Event, ...]:
     """Return the events of a sequence over one machine or several, each from its initial state on.
 
@@ -71,7 +68,7 @@ def events_of(
     found: list[Event] = []
     for position, id in enumerate(transition_ids):
         if id not in owners:
-            rule = f"must name transitions of {cefsm.name!r}, but {id!r} is none"
+            rule = f"must name transitions of {cefsm.name!r}, but {id!r} is not one"
             raise BadRequest(f"sequence, entry {position}", rule, one_of(id, list(owners)), slug="foreign-transition")
         component, machine, transition = owners[id]
         place = (instances[position] if instances else 0, component.name, machine.name)

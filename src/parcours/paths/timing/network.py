@@ -57,6 +57,12 @@ class Windows:
     times: tuple[Fraction, ...]
 
 
+# A bound "later - earlier <= most" is an arc of length `most` from earlier to later; node 0 is the start at 0 s.
+#
+#           at most 5                "at least 2" is an arc backwards, of length -2
+#     (1) ------------> (2)          the shortest way 0 -> e is the latest time of e; minus the shortest way e -> 0 the
+#         <------------              earliest; a cycle of negative length is a contradiction, e.g. at most 1 and at
+#          at least 2: -2            least 2: 1 - 2 < 0
 def windows_of(n_events: int, limits: Sequence[Limit]) -> Windows | tuple[Limit, ...]:
     """Return when each event can happen, or a cycle of bounds that cannot hold together."""
     every = [*limits, *(Limit(event, 0, Fraction(0), why="time starts at 0 s") for event in range(1, n_events))]

@@ -160,7 +160,7 @@ class Tallies:
 
     def _target(self, written: str, what: str, name: str, lists: list[list[Entry]]) -> None:
         if not lists:
-            rule = f"must name a {what} of a machine that walks, but {name!r} is none"
+            rule = f"must name a {what} of a machine that walks, but {name!r} is not one"
             raise BadRequest(f"stop condition {written!r}", rule, slug="unknown-target")
         tally = Tally(written)
         self.targets.append(tally)
