@@ -6,6 +6,7 @@ This is the same component that runs in simulated time; only its clock and its m
 from __future__ import annotations
 
 import gc
+import os
 from collections import Counter, deque
 from collections.abc import Iterator
 
@@ -23,6 +24,7 @@ from parcours.run.hosts.frames import (
     Quit,
     Ready,
     Received,
+    Report,
     Rest,
     Run,
     Shown,
@@ -52,6 +54,7 @@ class _Life:
         self._capacity = {one.channel: one.capacity for one in node.links
                           if one.kind is LinkKind.TOPIC and one.receiver == node.component}  # fmt: skip
         self._instances: dict[int, Instance] = {}
+        self._pid = os.getpid()
         self._forget()
 
     def _forget(self) -> None:
@@ -69,11 +72,11 @@ class _Life:
         gc.collect()
 
     def serve(self) -> None:
-        self._line.report(Ready())
+        self._report(Ready())
         # Commands first, as far as they are there: a message that arrived while the component worked counts as there
         # before its timer; then one piece of work. A flood may not keep the component from its timers.
         while True:
-            said = self._line.poll(self._due())
+            said = self._poll(self._due())
             if isinstance(said, Quit):
                 return
             obeyed = 0
@@ -82,8 +85,25 @@ class _Life:
                     return
                 self._obey(said)
                 obeyed += 1
-                said = self._line.poll(0) if self._component is not None and obeyed < _AT_ONCE else None
+                said = self._poll(0) if self._component is not None and obeyed < _AT_ONCE else None
             self._live_on()
+
+    # A child that a component forked comes back here with its parent's connection. It must not read what the tester
+    # sends to the parent, nor answer in its place:
+    #
+    #     tester --- Grant ---> node --- fork ---> child      both now hold the same socket
+    #            <-- Turned ---                    ends here
+    def _report(self, said: Report) -> None:
+        self._end_a_child()
+        self._line.report(said)
+
+    def _poll(self, until: int | None) -> Command | None:
+        self._end_a_child()
+        return self._line.poll(until)
+
+    def _end_a_child(self) -> None:
+        if os.getpid() != self._pid:
+            os._exit(0)
 
     def _obey(self, said: Command) -> None:
         match said:
@@ -98,11 +118,11 @@ class _Life:
                     self._instances = {one: Instance(self._node_program.instance(case)) for one in references}
                 except Exception as error:
                     self._unmade = error
-                self._line.report(Ready())
+                self._report(Ready())
             case Grant(reference, turns):
                 self._take(reference, turns)
             case Look(reference):
-                self._line.report(Shown(reference, self._shown(reference)))
+                self._report(Shown(reference, self._shown(reference)))
             case Run(case, zero):
                 self._forget()
                 self._clock = WallClock(zero)
@@ -113,7 +133,7 @@ class _Life:
                     self._break(error)
             case Rest():
                 self._forget()
-                self._line.report(Ready())
+                self._report(Ready())
 
     def _shown(self, reference: int) -> Wire | None:
         """Return what an instance shows of itself; nothing of one that raises instead."""
@@ -129,10 +149,10 @@ class _Life:
         for turn in turns:
             try:
                 said = self._turned(reference, turn)
-                self._line.report(said)
+                self._report(said)
             except Exception as error:
                 said = Turned(reference, "raised", self._clock.now(), text=f"{type(error).__name__}: {error}")
-                self._line.report(said)
+                self._report(said)
             if said.manner != "taken" or said.transition != turn.transition:
                 return
 
@@ -176,7 +196,7 @@ class _Life:
             self._inbox.remove(oldest)
             self._waiting[channel] -= 1
             self._n_taken += 1
-            self._line.report(Dropped(oldest.number, self._clock.now()))
+            self._report(Dropped(oldest.number, self._clock.now()))
         self._inbox.append(delivery)
         self._waiting[channel] += 1
         self._is_idle = False
@@ -202,7 +222,7 @@ class _Life:
             elif self._inbox:
                 self._take_up(component, self._inbox.popleft())
             elif wake is None and not self._is_idle:
-                self._line.report(Idle(self._n_taken))
+                self._report(Idle(self._n_taken))
                 self._is_idle = True
             else:
                 self._is_idle = True
@@ -217,19 +237,19 @@ class _Life:
         try:
             payload = self._node_program.decode(channel, delivery.message.data)
         except BadRequest as error:
-            self._line.report(Dropped(delivery.number, self._clock.now(), f"unreadable: {error}"))
+            self._report(Dropped(delivery.number, self._clock.now(), f"unreadable: {error}"))
             return
         now = self._clock.now()
-        self._line.report(Received(delivery.number, now))
+        self._report(Received(delivery.number, now))
         self._work(component.handle(channel, payload, now))
 
     def _break(self, error: Exception) -> None:
-        self._line.report(Broke(self._clock.now(), f"{type(error).__name__}: {error}"))
+        self._report(Broke(self._clock.now(), f"{type(error).__name__}: {error}"))
         self._component = None
 
     def _work(self, steps: Iterator[Step]) -> None:
         for step in steps:
             sends = tuple(map(self._wire, step.sends))
             if step.transition or sends:
-                self._line.report(Took(self._clock.now(), step.transition, sends))
+                self._report(Took(self._clock.now(), step.transition, sends))
         self._is_idle = False

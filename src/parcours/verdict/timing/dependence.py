@@ -53,8 +53,8 @@ def dependence(times: NDArray[np.int64], last: int) -> Dependence:
         times: [ns], in the order in which they were measured, shape (n_repeats,).
         last: the longest duration within the limit [ns].
 
-    >>> spells = np.array(([1] * 90 + [9] * 10) * 3)
-    >>> round(dependence(spells, last=5).spell), dependence(np.arange(300) % 7, last=9).spell
+    >>> one_spell = [1] * 190 + [9] * 10 + [1] * 100
+    >>> round(dependence(np.array(one_spell), last=5).spell), dependence(np.arange(300) % 7, last=9).spell
     (10, 1.0)
     """
     tenth = int(np.quantile(times, _UPPER, method="inverted_cdf"))

@@ -143,8 +143,8 @@ def _quantile(ordered: NDArray[np.int64], bound: Bound, noise: Noise | None, wor
         charged = worth.ranks(n, bound.quantile - share, bound.error / 2)[0]
         margin = int(ordered[charged - 1]) - last - 1 if charged else -1
         return _too_noisy(said, margin, share, bound, noise, worth) or _said(Verdict.FAIL, said, noise)
-    draws, spells = worth.draws(n), math.ceil(misses / worth.spell)
-    needed = max(bound.repeats, worth.needed(repeats_needed(bound.quantile, bound.error, spells)))
+    draws, spells = worth.draws(n), round(misses / worth.spell)
+    needed = max(bound.repeats, worth.needed(repeats_needed(bound.quantile, bound.error, max(spells, min(misses, 1)))))
     if misses == 0:
         shown = math.floor(1000.0 * (1.0 - greatest_miss_rate(0, draws, bound.error)) + 1e-9) / 10.0
         return _inconclusive(
