@@ -241,7 +241,7 @@ def test_a_trace_without_the_models_components_is_inconclusive() -> None:
 def test_names_that_do_not_exist_are_refused() -> None:
     with pytest.raises(BadRequest, match=r"must be a component of 'shop', but is 'Cook'.*unknown-part"):
         Checker(SHOP, component="Cook")
-    with pytest.raises(BadRequest, match=r"only a channel can be late, but 'bil' is none; did you mean 'bill'"):
+    with pytest.raises(BadRequest, match=r"only a channel can be late, but 'bil' is not one; did you mean 'bill'"):
         Checker(SHOP, quiescence={"bil": 1})
     with pytest.raises(BadRequest, match=r"must be a known name, but 'everything' was given.*unknown-observation"):
         Checker(SHOP, observes="everything")  # type: ignore[arg-type]

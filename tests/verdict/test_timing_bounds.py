@@ -23,6 +23,7 @@ bounds = st.builds(
     strict=st.booleans(),
     repeats=st.integers(0, 10**6),
     confidence=st.sampled_from([50.0, 80.0, 95.0, 99.0, 99.9]),
+    spell=st.integers(1, 1000),
 )
 
 
@@ -39,6 +40,7 @@ def test_a_bound_written_down_and_read_is_the_same_bound(bound: Bound) -> None:
         ("p99 < 20 ms over 200 repeats", Bound(20_000_000, 99.0, repeats=200)),
         ("p95 <= 5 ms", Bound(5_000_000, 95.0, strict=False)),
         ("  p99.9 < 0.5 µs over 1 repeat with 99.5% confidence ", Bound(500, 99.9, repeats=1, confidence=99.5)),
+        ("p99 < 5 ms over 3000 repeats in spells of 10", Bound(5_000_000, 99.0, repeats=3000, spell=10)),
         ("p50 < 1.25 s", Bound(1_250_000_000, 50.0)),
         ("p50 < 7 ns", Bound(7, 50.0)),
     ],
@@ -68,6 +70,7 @@ def test_a_bound_is_read_as_it_stands(text: str, bound: Bound) -> None:
         ("every < 0.5 ns", r"whole number of nanoseconds, but 0.5 ns.*\[timing-bound-range\]"),
         ("every < 9999999 s", r"at most 1e15 ns.*\[timing-bound-range\]"),
         ("p99 < 5 ms over 0 repeats", r"at least 1 repeat.*\[timing-bound-range\]"),
+        ("p99 < 5 ms in spells of 0", r"at least 1 repeat.*\[timing-bound-range\]"),
         ("p99 < 5 ms with 100 % confidence", r"below 100 %.*\[timing-bound-range\]"),
         ("p99 < 5 ms with 40 % confidence", r"at least 50 %.*\[timing-bound-range\]"),
     ],

@@ -11,6 +11,7 @@ from parcours.errors import BadRequest
 from parcours.run.noise import Noise
 from parcours.verdict.judgement import Verdict
 from parcours.verdict.timing import NEVER, judge, parse_bound
+from parcours.verdict.timing.dependence import chance_of_runs, dependence
 from parcours.verdict.timing.ranks import greatest_miss_rate
 
 MS = 1_000_000
@@ -18,8 +19,13 @@ QUIET = Noise((10_000,) * 6000, "2 round trips")
 
 
 def durations(fast: int, slow: int, at: int = 9 * MS) -> list[int]:
-    """So many repeats of 2 ms, then so many of `at`."""
-    return [2 * MS] * fast + [at] * slow
+    """Repeats of 2 ms and of `at`, in an order that shows no dependence."""
+    taken = np.array([2 * MS] * fast + [at] * slow, dtype=np.int64)
+    for seed in range(100):
+        shuffled = np.random.default_rng(seed).permutation(taken)
+        if chance_of_runs(shuffled > 5 * MS) > 0.2:
+            break
+    return [int(one) for one in shuffled]
 
 
 @pytest.mark.parametrize(
@@ -136,11 +142,45 @@ def test_a_single_repeat_that_never_ends_is_no_noise() -> None:
     assert judge(durations(299, 1, NEVER), parse_bound("every < 5 ms"), Noise((9_000,) * 10)).verdict is Verdict.FAIL
 
 
-def test_order_does_not_matter() -> None:
-    taken = durations(470, 3)
-    shuffled = np.random.default_rng(1).permutation(taken)
-    for bound in ("every < 5 ms", "p99 < 5 ms", "p95 < 5 ms"):
-        assert judge(taken, parse_bound(bound), QUIET) == judge(shuffled, parse_bound(bound), QUIET)
+def in_spells(n: int, rate: float, length: int, seed: int) -> np.ndarray:
+    """Repeats of 2 ms, of which a share `rate` takes 9 ms, in spells of `length` that begin whenever they like."""
+    begins = np.random.default_rng(seed).random(n + length) < rate / length
+    slow = np.convolve(begins, np.ones(length), mode="full")[length : length + n] > 0
+    return np.where(slow, 9 * MS, 2 * MS)
+
+
+def test_misses_in_spells_are_no_more_than_one_miss_a_spell() -> None:
+    spell = [2 * MS] * 290 + [9 * MS] * 10
+    bound = parse_bound("p99 < 5 ms")
+    assert judge(durations(290, 10), bound).verdict is Verdict.FAIL
+    found = judge(spell, bound)
+    assert found.verdict is Verdict.INCONCLUSIVE
+    assert "spells of about 10.0" in found.why and "300 count as 30" in found.why
+
+
+@pytest.mark.parametrize("length", [1, 3, 10])
+def test_bursts_fail_a_bound_that_holds_in_no_more_runs_than_the_confidence_allows(length: int) -> None:
+    verdicts = [judge(in_spells(600, 0.0099, length, seed), parse_bound("p99 < 5 ms")).verdict for seed in range(400)]
+    assert verdicts.count(Verdict.FAIL) <= 0.05 * 400 + 2.0 * (0.05 * 0.95 * 400) ** 0.5
+
+
+def test_a_bound_that_names_its_spells_is_not_passed_by_luck() -> None:
+    def passes(bound: str) -> int:
+        return sum(judge(in_spells(600, 0.0101, 10, seed), parse_bound(bound)).passed for seed in range(200))
+
+    assert passes("p99 < 5 ms") > 60, "spells that did not occur cannot be seen"
+    assert passes("p99 < 5 ms in spells of 10") == 0
+    assert judge([2 * MS] * 2990, parse_bound("p99 < 5 ms in spells of 10")).passed
+
+
+def test_a_pass_says_how_long_spells_may_be() -> None:
+    assert "misses in spells of up to 10 would have shown" in judge([2 * MS] * 2990, parse_bound("p99 < 5 ms")).why
+
+
+def test_independent_repeats_are_seldom_taken_for_dependent_ones() -> None:
+    stream = np.random.default_rng(4)
+    seen = [dependence(stream.integers(0, 1000, 300), 989).is_seen for _ in range(400)]
+    assert sum(seen) <= 0.05 * 400
 
 
 @pytest.mark.parametrize("given", [[[1, 2]], [-1], ["1"], [float("nan")], [True], [2**64], [2**63], [1e300]])

@@ -1,7 +1,13 @@
 """Combines abstract cases, rows of data and time budgets into a plan whose cases are found by their numbers alone.
 
-Numbers run over the abstract cases first, then over the time budgets, then over the rows of data; so any
-stretch of a plan treats all abstract cases alike, and the first `len(abstracts) * n_rows` data rows satisfy
+Numbers run over the abstract cases first, then over the time budgets, then over the rows of data:
+
+    number     0   1   2     3   4   5     6   7   8     9 ...
+    abstract   A   B   C     A   B   C     A   B   C     A
+    budget     ---20 s---    ---40 s---    ---20 s---    ...
+    data row   -----------0-----------     -----------1---
+
+So any stretch of a plan treats all abstract cases alike, and the first `len(abstracts) * n_rows` data rows satisfy
 the combination criterion for every abstract case. Values depend on (seed, abstract case, data row) only:
 cases that differ in nothing but their time budget have the same values.
 """

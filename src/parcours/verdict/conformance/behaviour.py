@@ -1,4 +1,12 @@
-"""The states that one component of a model may be in, and its steps with its messages to and from anybody else."""
+"""The step relation of one component on its own: its states, transitions, and messages to and from the others.
+
+The rest of the system is replaced by one stub that may send anything at any time and keeps all it is sent:
+
+    +-----------+   reads: inbox    +--------------+
+    | component | <---------------- |  the others  |     what the component does depends on
+    |           | ----------------> |    (stub)    |     its own state and its inbox alone
+    +-----------+   sends: due      +--------------+
+"""
 
 from __future__ import annotations
 
@@ -12,10 +20,10 @@ from parcours.model.steps import Steps
 from parcours.model.structure import BASE_TYPES, Cefsm, Component, Machine, Receive, Transition
 
 _OTHERS = "the others"
-_ROOM = 1 << 20
-_REMEMBERED = 200_000
+_ROOM = 1 << 20  # capacity of the stub's channels: it never makes the component wait
+_REMEMBERED = 200_000  # results of steps that are kept
 _MORE: Message = (("more", ...),)
-"""Stands at the end of an inbox for any number of messages of which nothing is known."""
+"""The last item of a full inbox: any number of further messages, of unknown content."""
 
 Inbox = tuple[tuple[Message, ...], ...]
 After = tuple[tuple[str, ...], tuple[object, ...], tuple[tuple[str, Message], ...]]
@@ -24,14 +32,13 @@ After = tuple[tuple[str, ...], tuple[object, ...], tuple[tuple[str, Message], ..
 
 @dataclass(frozen=True, slots=True)
 class Allowance:
-    """What a component may do that the model leaves out; nothing by default.
+    """What a component may do beyond its model; by default nothing.
 
     Args:
-        unmodelled: channels on which it may also send outside the transitions of the model.
-        conversations: whether an answer counts for the latest question only. On two channels of one topic in
-            opposite directions (a service), a new question voids answers not yet taken up, and what answers a
-            question asked outside the model triggers none of its transitions. Without it, every message waits
-            until a transition takes it, as the model says.
+        unmodelled: channels on which it may send without taking a transition.
+        conversations: whether an answer belongs to the latest request only. On a service (two channels of one topic in
+            opposite directions) a new request then discards answers that were not taken up, and the answer to an
+            unmodelled request triggers no transition. Otherwise every message waits until a transition takes it up.
     """
 
     unmodelled: frozenset[str] = frozenset()
@@ -39,21 +46,27 @@ class Allowance:
 
 
 class State(NamedTuple):
-    """Where one component may stand. A machine that does not run is in the state ''.
+    """A state that one component may be in."""
 
-    `inbox` holds for each channel it reads what was received and not taken up, `due` what the transition under way has
-    yet to send, `foreign` the channels whose next answer is for a question outside the model.
-    """
-
-    states: tuple[str, ...]
-    values: tuple[object, ...]
-    inbox: Inbox
-    due: tuple[tuple[str, Message], ...] = ()
-    foreign: frozenset[str] = frozenset()
+    states: tuple[str, ...]  # of each machine; '' of one that does not run
+    values: tuple[object, ...]  # of its variables
+    inbox: Inbox  # for each channel it reads: received, not yet taken up
+    due: tuple[tuple[str, Message], ...] = ()  # what the transition under way has yet to send, in order
+    foreign: frozenset[str] = frozenset()  # channels whose next answer belongs to an unmodelled request
 
 
 class Behaviour:
-    """The local step relation of one component: that of the model, the other components being free."""
+    """The step relation of one component while the others may do anything.
+
+    Args:
+        cefsm: a model without errors.
+        component: its name.
+        allowance: what it may do beyond the model.
+        unread: how many unread messages of a channel are told apart; with more, `_MORE` stands for the rest.
+
+    Raises:
+        BadRequest: an unmodelled channel is not in the model.
+    """
 
     def __init__(self, cefsm: Cefsm, component: str, allowance: Allowance, unread: int) -> None:
         self.name, self.allowance, self._unread = component, allowance, unread
@@ -83,7 +96,7 @@ class Behaviour:
         }
 
     def initial(self, *, apart: bool = False) -> tuple[State, ...]:
-        """Return the states it may begin in: all machines running, or `apart`, any one of them alone."""
+        """Return the initial states: one with all machines running, or `apart`, one for each machine running alone."""
         begin = self._steps.layout.initial()
         *own, stub = begin.states
         alone = [[name if at == slot else "" for at, name in enumerate(own)] for slot in range(len(own))]
@@ -209,6 +222,7 @@ class Behaviour:
                 if error.slug != "out-of-range":  # a step that would leave a domain cannot be taken
                     raise
                 continue
+            # The stub's queues were empty, so what is in them now is what the transition sent, in its order.
             left = [list(queue) for queue in after.queues]
             due = tuple((send.channel, left[self._queues[send.channel]].pop(0)) for send in transition.sends)
             yield after.states, after.values, due
@@ -219,7 +233,8 @@ def _with(inbox: Inbox, at: int, waiting: tuple[Message, ...]) -> Inbox:
 
 
 def _heads(waiting: tuple[Message, ...]) -> Iterator[tuple[Message, tuple[Message, ...]]]:
-    # The message that is read next, and what is left: of any number, as many are left, or as are told apart.
+    # Yields the message that is read next and the rest of the queue. After _MORE the queue may be as long as before
+    # or one shorter: both are states that the component may be in.
     if not waiting:
         return
     if waiting[-1] == _MORE:
@@ -230,7 +245,7 @@ def _heads(waiting: tuple[Message, ...]) -> Iterator[tuple[Message, tuple[Messag
 
 
 def _answers(cefsm: Cefsm, component: str) -> dict[str, str]:
-    # Of each question that the component sends, the channel on which its answer comes.
+    # Request channel of a service -> the channel of its answers.
     read = {each.event.channel for each in cefsm.component(component).transitions() if each.event}
     return {
         asked.name: answer.name

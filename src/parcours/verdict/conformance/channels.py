@@ -1,4 +1,11 @@
-"""What is under way on each channel of a trace, and whether it was taken up once and in order."""
+"""Follows the messages on each channel of a trace: was each received once, in order, within the channel's capacity?
+
+send ---> under_way ---------------------------> receive
+             |                                      ^
+             +---- hold ----> held ---- release ----+        held by the tester: others may overtake, no room taken
+             |                 |
+             +------ drop -----+                             lost: it must not be received
+"""
 
 from __future__ import annotations
 
@@ -13,10 +20,10 @@ _OPEN: tuple[Message, ...] = ((),)
 
 @dataclass(slots=True)
 class _Under:
-    """A message under way. `order` counts what was sent on its channel."""
+    """A message under way."""
 
-    number: int
-    order: int
+    number: int  # as the trace numbers it; -1 if it does not
+    order: int  # place among all that were sent on its channel
     sender: str
     contents: tuple[Message, ...]
     let_go: bool = False

@@ -108,7 +108,7 @@ class Checker:
         if self.deviation is not None:
             return self.deviation
         self._position += 1
-        if self._debts is not None and event.time > self._debts.deadline:
+        if self._debts is not None and event.time > self._debts.deadline:  # this event came too late to help
             self._overdue(self._debts)
             return self.deviation
         before, self._time = self._time, event.time
@@ -187,7 +187,7 @@ class Checker:
         try:
             return self._instances[name]
         except KeyError:
-            base, mark, _ = name.partition("#")
+            base, mark, _ = name.partition("#")  # Planner#2 is a numbered instance, which runs one machine
             made = None
             if base in self._followed:
                 tracker = self._trackers.of(base, apart=bool(mark))

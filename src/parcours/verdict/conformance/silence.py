@@ -1,4 +1,9 @@
-"""When silence becomes a deviation: what each component still owes, and the timeouts."""
+"""Decides when silence is a deviation: what each component still owes, and for how long it may.
+
+state of the component   | must send |  must send   | need not |
+messages                 |           ^ sent         |          |
+debt, timeout 20 ms      |<-- 12 --->|<---- 20 --->! overdue   (a message sent starts the next debt)
+"""
 
 from __future__ import annotations
 
@@ -32,7 +37,7 @@ class Debts:
         channels = [channel.name for channel in cefsm.channels]
         for name, timeout in timeouts.items():
             if name not in channels:
-                rule = f"only a channel can be late, but {name!r} is none"
+                rule = f"only a channel can be late, but {name!r} is not one"
                 raise BadRequest("quiescence", rule, one_of(name, channels), slug="unknown-channel")
             if timeout <= 0:
                 rule = f"a timeout is above 0, but {timeout} ns is given"

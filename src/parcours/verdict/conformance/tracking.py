@@ -1,7 +1,10 @@
-"""The set of states that one component may be in: each observation filters and advances the set.
+"""Tracks the set of states that one component may be in: each observation filters and advances the set.
 
-The sets are the states of a deterministic automaton that is built where traces lead, and kept: an observation
-seen before from the same set is one look-up.
+    observed:      take p22              send reply(3)
+    {a, b, c}  ----------------> {d, e} ---------------> {e}       no state left: the observation is a deviation
+
+This is the subset construction of automata theory, done lazily: a set that a trace reaches becomes a node, an
+observation an edge between nodes, and both are kept. An observation seen before from the same set is one look-up.
 """
 
 from __future__ import annotations
@@ -20,33 +23,28 @@ Observes = Literal["transitions", "messages"]
 UNREAD: dict[Observes, int] = {"transitions": 64, "messages": 8}
 """Unread messages of one channel that are counted: few, where each may or may not have been taken up unseen."""
 
-_KEPT = 50_000
+_KEPT = 50_000  # edges of a node, nodes of a tracker: a long run must not fill the memory
 _OPEN: tuple[Message, ...] = ((),)
 
 
 class Edge(NamedTuple):
-    """What an observation leads to.
+    """Where an observation leads."""
 
-    `node` is None if it is not allowed, `contents` what a message sent may hold, `doubt` why there may be more states.
-    """
-
-    node: Node | None
-    contents: tuple[Message, ...]
-    doubt: str
+    node: Node | None  # None: the model does not allow the observation
+    contents: tuple[Message, ...]  # of a message sent: what it may hold
+    doubt: str  # why there may be more states than those of the node; empty if there are not
 
 
 class Node:
-    """A set of states, what follows it, and what of it is known already.
-
-    `doubt` says why there may be more states, reached by steps that nobody sees; `edges` what each observation led to.
-    """
+    """A set of states, and what has been found out about it so far."""
 
     __slots__ = ("doubt", "edges", "expected", "owed", "states")
 
     def __init__(self, states: frozenset[State], doubt: str) -> None:
-        self.states, self.doubt = states, doubt
-        self.edges: dict[object, Edge] = {}
-        self.owed: dict[str, bool] = {}
+        self.states = states
+        self.doubt = doubt  # why unseen steps may lead to more states than these; empty if they cannot
+        self.edges: dict[object, Edge] = {}  # by observation
+        self.owed: dict[str, bool] = {}  # by channel
         self.expected: tuple[Expectation, ...] | None = None
 
     def keep(self, key: object, edge: Edge) -> Edge:
@@ -58,7 +56,15 @@ class Node:
 
 
 class Tracker:
-    """All sets of states of one component that observations lead to."""
+    """The automaton of one component, as far as traces have led into it.
+
+    Args:
+        behaviour: the steps of the component.
+        observes: whether transitions are observed, or only messages; then every step that sends and receives nothing
+            is taken silently, and a set is closed under such steps.
+        hidden: most states that closing a set may add. Beyond it the set is incomplete, and a deviation is in doubt.
+        apart: whether one machine of the component runs alone.
+    """
 
     def __init__(self, behaviour: Behaviour, observes: Observes, hidden: int, *, apart: bool = False) -> None:
         self.behaviour, self.observes, self._hidden = behaviour, observes, hidden
@@ -101,6 +107,7 @@ class Tracker:
         key = ("?", channel, contents)
         edge = node.edges.get(key)
         if edge is None:
+            # A transition sends all it must before its component takes up anything else.
             ready = [state for state in node.states if self.observes == "messages" or not state.due]
             after = self._node(self.behaviour.receive(state, channel, each) for state in ready for each in contents)
             edge = node.keep(key, _edge(after, _OPEN))
@@ -115,7 +122,7 @@ class Tracker:
     def owes(self, node: Node, channel: str) -> bool:
         """Return whether a message must come on the channel, whatever the component does, if nothing else reaches it.
 
-        What can happen again and again is taken to happen: a loop that may be left is left.
+        The component is assumed to be fair: it leaves a loop that it can leave.
         """
         if channel not in node.owed:
             node.owed[channel] = all(self._owes(state, channel) for state in node.states)
@@ -195,7 +202,7 @@ class Tracker:
         return node
 
     def _close(self, found: dict[State, None]) -> str:
-        # Adds what steps nobody sees lead to; says why there may be more.
+        # Adds the states that unseen steps lead to, depth first; returns why there may be more.
         waiting, doubt = list(found), ""
         while waiting:
             state = waiting.pop()
@@ -209,6 +216,11 @@ class Tracker:
         return doubt
 
     def _is_owed(self, begin: State, channel: str) -> bool:
+        # Forwards: all states that can be reached without sending on the channel, and from where. Backwards from the
+        # states that send: if every state reached can still come to one of them, a fair component must send.
+        #
+        #     begin --> s1 --> s2 --> sending            owed
+        #                \--> s3 <--> s4                 not owed: s3 and s4 need never send
         before: dict[State, list[State]] = {begin: []}
         sending: list[State] = []
         waiting = [begin]
@@ -236,7 +248,7 @@ class Tracker:
 
 
 class Trackers:
-    """The trackers of one model's components, made when they are asked for."""
+    """The trackers of a model's components, made on demand."""
 
     def __init__(self, cefsm: Cefsm, observes: Observes, allowance: Allowance, hidden: int) -> None:
         self.key = observes, allowance, hidden
@@ -274,7 +286,7 @@ def _edge(node: Node | None, contents: tuple[Message, ...], doubt: str = "") -> 
 
 
 def _agree(said: Message, observed: Message) -> bool:
-    # Whether an observed message can be the one that the model says; reals as far as nine digits.
+    # Reals agree to nine digits: a payload may have travelled as text or as a 32-bit float.
     if not said or not observed:
         return True
     seen = dict(observed)

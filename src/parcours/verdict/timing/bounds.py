@@ -109,7 +109,7 @@ def parse_bound(text: str) -> Bound:
         BadRequest: the text is no bound, names another statistic, or a number out of its range.
 
     >>> parse_bound("p99.9<=1.5ms with 99 % confidence")
-    Bound(limit=1500000, percent=99.9, strict=False, repeats=0, confidence=99.0)
+    Bound(limit=1500000, percent=99.9, strict=False, repeats=0, confidence=99.0, spell=1)
     >>> parse_bound("mean < 20 ms")
     Traceback (most recent call last):
     parcours.errors.BadRequest: timing bound 'mean < 20 ms': it bounds `every` duration or a quantile such as `p99`, \
@@ -136,7 +136,7 @@ but 'mean' was given; a mean hides missed deadlines: write `p50 < ...` for the t
         match["relation"] == "<",
         int(repeats or 0),
         float(match["confidence"] or CONFIDENCE),
-        int(match["spell"] or 1),
+        int(match["spell"] if match["spell"] is not None else 1),
     )
 
 
