@@ -10,9 +10,9 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 from parcours.errors import BadModel
-from parcours.model.expression import Assignment, Expression, names
+from parcours.model.expression import Apply, Assignment, Expression, names
 from parcours_formats.guard_languages import Branch, Tokens, Translation, performed, refusal, sized
-from parcours_formats.guard_languages.foreign_syntax import Applied, Set, Statement, When
+from parcours_formats.guard_languages.foreign_syntax import Set, Statement, When
 from parcours_formats.guard_languages.values import (
     MAX_CASES,
     TRUE,
@@ -164,7 +164,7 @@ class Execution:
             for each in self.under(case, here)
         ]
 
-    def called(self, call: Applied, routine: Routine, here: Running) -> list[Running]:
+    def called(self, call: Apply, routine: Routine, here: Running) -> list[Running]:
         """Return the ways out of a call, with what they return."""
         if self.scope.cells.depth >= MAX_NESTED:
             raise refusal(self.where, f"calls more than {MAX_NESTED} deep")
@@ -205,7 +205,7 @@ def updates(text: str, environment: Environment, origin: str, line: int) -> list
     return [Branch(sized(each.branch.guard, where), without_locals(each.branch.actions, where)) for each in found]
 
 
-def value_of(call: Applied, environment: Environment, routine: Routine, where: str) -> Cases:
+def value_of(call: Apply, environment: Environment, routine: Routine, where: str) -> Cases:
     """Return the value of a call, in terms of the variables before it."""
     found: Cases = []
     kept = environment.cells.known
@@ -240,7 +240,7 @@ def without_locals(actions: Iterable[Assignment], where: str) -> tuple[Assignmen
 class CallingEnvironment(Environment):
     """The names of one scope, functions among them."""
 
-    def applied(self, tree: Applied, where: str) -> Cases:
+    def applied(self, tree: Apply, where: str) -> Cases:
         """Return the value of a call: of a function of the file, or of the language."""
         if isinstance(routine := self.names.get(tree.function), Routine):
             return value_of(tree, self, routine, where)

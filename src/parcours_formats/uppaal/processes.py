@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from itertools import product
 
 from parcours.errors import BadModel, one_of
+from parcours.model.expression import Expression
 from parcours_formats.guard_languages import refusal
-from parcours_formats.guard_languages.foreign_syntax import Tree
 from parcours_formats.naming import Names, as_label
 from parcours_formats.uppaal.declarations import (
     Declaration,
@@ -123,7 +123,9 @@ class Instantiation:
             self.give(parameter, argument, scope, bound, where)
         return self.bound(instance.template, bound, where, depth + 1)
 
-    def give(self, parameter: Declared, argument: Tree, scope: Environment, given: Environment, where: str) -> None:
+    def give(
+        self, parameter: Declared, argument: Expression, scope: Environment, given: Environment, where: str
+    ) -> None:
         """Let a parameter mean its argument: the place itself, or its value."""
         shape = self.around.shape(parameter.type, where, parameter.lengths)
         if parameter.is_reference or shape.lengths or shape.kind in ("chan", "clock", "struct"):
