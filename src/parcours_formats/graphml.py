@@ -25,10 +25,8 @@ from parcours_formats.xml_lines import Element, parse_xml
 def read(text: str, origin: str) -> Reading:
     """Return the model that a GraphML file holds.
 
-    Raises:
-        BadModel: the text is no GraphML, its graph is not directed, or a label says what our language cannot.
+    Raises BadModel if its graph is not directed, or a label says what our language cannot.
 
-    Example:
     >>> reading = read('''<graphml><graph edgedefault="directed"><node id="a"/><node id="b"/>
     ... <edge source="a" target="b"/></graph></graphml>''', "two.graphml")
     >>> reading.cefsm.component("two").machines[0].states

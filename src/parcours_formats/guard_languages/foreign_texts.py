@@ -64,16 +64,10 @@ class Branch:
 
 
 def guard(text: str, language: Language, where: str, kinds: Mapping[str, str] | None = None) -> Expression:
-    """Return a condition as an expression of our language.
+    """Return a condition, e.g. `x === 1 && !done`, as an expression of our language; a number stands for `x != 0`.
 
-    Args:
-        text: the condition, e.g. `x === 1 && !done`.
-        language: `javascript` or `uppaal`.
-        where: file, line and element it belongs to, for messages.
-        kinds: the type (bool, int, real, text) of the variables that are known; a number stands for `x != 0`.
-
-    Raises:
-        BadModel: the text is no condition (foreign-syntax), or says what our language cannot (foreign-construct).
+    `where` (file, line, element) is for messages, and `kinds` the type (bool, int, real, text) of variables, if known.
+    Raises BadModel if the text is no condition (foreign-syntax), or our language cannot say it (foreign-construct).
     """
     return condition(text, Scope(language, kinds or {}), where)
 
@@ -89,11 +83,7 @@ def condition(text: str, scope: Scope, where: str) -> Expression:
 
 
 def branches(text: str, scope: Scope, where: str) -> tuple[Branch, ...]:
-    """Return what statements do, one branch for each way their choices can fall; exactly one guard holds.
-
-    Raises:
-        BadModel: as for `guard`.
-    """
+    """Return what statements do, one branch for each way their choices can fall; exactly one guard holds."""
     found = performed(Parser(Tokens(text, scope.language, where)).statements(), scope, where)
     for branch in found:
         sized(branch.guard, where)
@@ -149,6 +139,7 @@ def variables(initial: Iterable[Assignment], later: Iterable[Assignment], where:
         values[action.target] = -given if isinstance(value, Unary) and not isinstance(given, str | bool) else given
     kinds = {name: KINDS[type(value)] for name, value in values.items()}
     later = [action for action in later if kinds.get(action.target) == "int"]
+    # A real spreads along assignments, perhaps several of them: again until nothing changes.
     before = None
     while before != kinds:
         before = dict(kinds)

@@ -9,20 +9,11 @@ from typing import TypeAlias
 
 from parcours.errors import BadModel
 from parcours.model.expression import Apply, Expression, Field, Literal, Name
-from parcours_formats.guard_languages import Branch, Scope, Tokens, Translation, performed, refusal, sized
+from parcours_formats.guard_languages import Branch, Scope, Tokens, Translation, performed, refusal, sized, values
 from parcours_formats.guard_languages.foreign_syntax import Set as Assign
 from parcours_formats.guard_languages.foreign_syntax import Statement
 from parcours_formats.guard_languages.foreign_texts import MAX_ACTIONS
-from parcours_formats.guard_languages.values import (
-    FALSE,
-    MAX_CASES,
-    TRUE,
-    Cases,
-    always,
-    conjunction,
-    literal,
-    negation,
-)
+from parcours_formats.guard_languages.values import FALSE, TRUE, Cases, always, conjunction, literal, negation
 from parcours_formats.losses import Losses
 from parcours_formats.scxml.datamodel import ChartParser, Whole, parsed, part_at, refused, spread
 from parcours_formats.xml_lines import Element
@@ -136,8 +127,8 @@ class Content:
                 now = [after for outcome in now for after in self._after(element, scope, outcome)]
             else:
                 self.lose(element, f"<{element.tag}> is left out")
-            if len(now) > MAX_CASES:
-                rule = f"content has at most {MAX_CASES} branches, but this has more"
+            if len(now) > values.MAX_CASES:
+                rule = f"content has at most {values.MAX_CASES} branches, but this has more"
                 raise BadModel(self.where(element), rule, "split it", slug="expression-size")
         return now
 

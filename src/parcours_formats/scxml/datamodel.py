@@ -40,6 +40,7 @@ class DataModel:
         if len(declared) > MAX_DATA:
             rule = f"a document declares at most {MAX_DATA} data, but this one has {len(declared)}"
             raise BadModel(f"{origin}:{declared[0].line}", rule, "split the document", slug="expansion-size")
+        # Names of data stay as they are; those of parts are made around them.
         scripted = [each.place.id for each in self._assigned if isinstance(each.place, Name)]
         self._names = Names([*(element.get("id") for element in declared), *scripted])
         for element in declared:
@@ -250,6 +251,7 @@ class ChartParser(syntax.Parser):
             tokens.position += 1
             if not tokens.accept(":"):
                 tokens.refuse(f"the field {key!r} without a value", f"write {key}: value")
+            # `__proto__: x` sets what the object inherits from; it makes no field.
             if key in fields or key == "__proto__":
                 tokens.refuse(f"the field {key!r}, twice or special", "write each field once")
             fields[key] = self.condition()

@@ -3,6 +3,10 @@
 Each configuration that can be reached becomes a state, and each set of transitions that SCXML would take together
 becomes one transition, with the content of exits, transitions and entries in the order of the standard. Inner
 transitions go before outer ones and earlier before later ones: their conditions stand negated in the guards.
+
+    parallel p                                 (a1, b1) --e--> (a2, b2)      both regions answer e at once
+      region a:  a1 --e-----> a2       =>      (a1, b1) --f--> (a1, b2)
+      region b:  b1 --e, f--> b2               (a1, b2) --e--> (a2, b2)
 """
 
 from __future__ import annotations
@@ -72,6 +76,7 @@ class Flattening:
 
     def flat(self) -> Flat:
         """Return the machine."""
+        # Breadth first over configurations: all guards stay symbolic, so that only states are enumerated.
         first, beginning = start(self.root)
         steps: list[Step] = []
         seen = {first: first.name}
@@ -88,6 +93,7 @@ class Flattening:
                     border.append(after)
                     if len(seen) > MAX_CONFIGURATIONS:
                         self.fail(f"a chart has at most {MAX_CONFIGURATIONS} configurations, but this one has more")
+                # `In(id)` already sees the new configuration on entry, and still the old one on exit.
                 outcomes = self.content.run(leaving, self.within(here, event))
                 outcomes = self.content.run(entering, self.within(after, event), outcomes)
                 for outcome in self.ended(here, after, outcomes):

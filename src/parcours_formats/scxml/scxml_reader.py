@@ -45,11 +45,7 @@ START = "(start)"
 
 
 def read(text: str, origin: str) -> Reading:
-    """Return the chart of an SCXML document as a model.
-
-    Raises:
-        BadModel: the document is not well formed, or says what cannot be translated.
-    """
+    """Return the chart of an SCXML document as a model. Raises BadModel if it says what cannot be translated."""
     root = parse_xml(text, origin)
     if root.tag != "scxml":
         rule = f"the root element must be scxml, but is {root.tag[:40]!r}"

@@ -338,6 +338,7 @@ class BodyParser(syntax.Parser):
 
     def statement(self) -> tuple[syntax.Statement, ...]:
         """Return the statement that starts here, with what follows it."""
+        # Increments are collected while the statement is read; statements inside it keep theirs to themselves.
         kept, self.trailing = self.trailing, []
         found = self._statement()
         found, self.trailing = (*found, *self.trailing), kept
@@ -361,9 +362,7 @@ class BodyParser(syntax.Parser):
         return super().statement()
 
     def _braced(self) -> Expression:
-        self.tokens.expect("(")
-        condition = self.condition()
-        self.tokens.expect(")")
+        condition = self.braced()
         if self.trailing:
             self.tokens.refuse("an increment inside a condition")
         return condition

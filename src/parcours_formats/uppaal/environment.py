@@ -9,19 +9,8 @@ from typing import Self, TypeVar
 
 from parcours.errors import BadModel
 from parcours.model.expression import Apply, Binary, Expression, Field, Literal, Name, Unary
-from parcours_formats.guard_languages import Scope, Translation, refusal
-from parcours_formats.guard_languages.values import (
-    FALSE,
-    MAX_CASES,
-    TRUE,
-    Cases,
-    always,
-    conjunction,
-    disjunction,
-    folded,
-    joined,
-    literal,
-)
+from parcours_formats.guard_languages import Scope, Translation, refusal, values
+from parcours_formats.guard_languages.values import FALSE, TRUE, Cases, always, conjunction
 from parcours_formats.uppaal.declarations import Declared, Initial, Routine, TypeTree
 from parcours_formats.uppaal.symbols import KINDS, MAX_CELLS, Cell, Cells, Given, Held, Link, Record, Row, Shape, Symbol
 
@@ -58,7 +47,7 @@ class Environment(Scope):
 
     def hold(self, name: str, value: bool | int | float) -> None:
         """Let a name mean a constant."""
-        self.names[name] = Held(((TRUE, literal(value)),))
+        self.names[name] = Held(((TRUE, values.literal(value)),))
 
     def declare(self, declared: Declared | Routine, where: str) -> None:
         """Add a name and what it means. Raises BadModel if its type or initial value cannot be worked out."""
@@ -109,8 +98,8 @@ class Environment(Scope):
                     both = conjunction((case, condition, at))
                     if both != FALSE:
                         found.append((both, item))
-                    if len(found) > MAX_CASES:
-                        rule = f"an element of an array has at most {MAX_CASES} cases, but this one has more"
+                    if len(found) > values.MAX_CASES:
+                        rule = f"an element of an array has at most {values.MAX_CASES} cases, but this one has more"
                         raise BadModel(where, rule, "use constants as indices", slug="expansion-size")
         if not found and not self.cells.depth:  # inside a function, a way on which an index is outside ends there
             raise BadModel(where, "an index must lie inside its array, but this one does not", slug="out-of-range")
@@ -137,7 +126,7 @@ class Environment(Scope):
                 case Cell():
                     found.append((case, self.cells.known.get(symbol.id, Name(symbol.id))))
                 case Held(cases):
-                    found += joined(where, lambda _, value: value, [(case, TRUE)], list(cases))
+                    found += values.joined(where, lambda _, value: value, [(case, TRUE)], list(cases))
                 case _:
                     raise refusal(where, f"{KINDS[type(symbol)]} as a value")
         return found
@@ -163,18 +152,18 @@ class Environment(Scope):
         name, *ends, body = tree.arguments
         type_ = TypeTree("int", low=ends[0], high=ends[1]) if len(ends) == 2 else TypeTree(str(ends[0]))
         inner, parts, is_sum = self.inner(), list[Cases](), tree.function == "sum:"
-        values = tuple(self.shape(type_, where).values(where))
-        self.cells.spend(where, len(values))
-        for value in values:
+        chosen = tuple(self.shape(type_, where).values(where))
+        self.cells.spend(where, len(chosen))
+        for value in chosen:
             inner.hold(str(name), value)
             translation = Translation(inner, where)
             parts.append(translation.number(body) if is_sum else always(translation.truth(body)))
         if is_sum:
             total = always(Literal(0))
             for part in parts:
-                total = joined(where, lambda one, other: folded(Binary("+", one, other)), total, part)
+                total = values.joined(where, lambda one, other: values.folded(Binary("+", one, other)), total, part)
             return total
-        join = conjunction if tree.function == "forall:" else disjunction
+        join = conjunction if tree.function == "forall:" else values.disjunction
         return always(join(value for ((_, value),) in parts))
 
     def constant(self, tree: Expression, where: str) -> bool | int | float:

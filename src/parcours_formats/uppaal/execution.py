@@ -11,18 +11,9 @@ from dataclasses import dataclass, replace
 
 from parcours.errors import BadModel
 from parcours.model.expression import Apply, Assignment, Expression, names
-from parcours_formats.guard_languages import Branch, Tokens, Translation, performed, refusal, sized
+from parcours_formats.guard_languages import Branch, Tokens, Translation, performed, refusal, sized, values
 from parcours_formats.guard_languages.foreign_syntax import Set, Statement, When
-from parcours_formats.guard_languages.values import (
-    MAX_CASES,
-    TRUE,
-    Cases,
-    always,
-    is_constant,
-    literal,
-    negation,
-    replaced,
-)
+from parcours_formats.guard_languages.values import TRUE, Cases, always, is_constant, literal, negation, replaced
 from parcours_formats.uppaal.declarations import BodyParser, Declared, Each, Local, Loop, Perform, Return, Routine
 from parcours_formats.uppaal.environment import Environment
 from parcours_formats.uppaal.symbols import Cell
@@ -67,8 +58,8 @@ class Execution:
 
     def bounded(self, now: list[Running]) -> None:
         """Raise BadModel if there are too many ways."""
-        if len(now) > MAX_CASES:
-            rule = f"an update has at most {MAX_CASES} branches, but this one has more"
+        if len(now) > values.MAX_CASES:
+            rule = f"an update has at most {values.MAX_CASES} branches, but this one has more"
             raise BadModel(self.where, rule, "make its arrays or ranges smaller", slug="expansion-size")
 
     def after(self, statement: Statement, here: Running) -> list[Running]:
@@ -90,9 +81,9 @@ class Execution:
             case Loop():
                 return self.turns(statement, here)
             case Each(name, type_, body):
-                now, values = [here], tuple(self.scope.shape(type_, self.where).values(self.where))
-                self.scope.cells.spend(self.where, len(values))
-                for value in values:
+                now, turns = [here], tuple(self.scope.shape(type_, self.where).values(self.where))
+                self.scope.cells.spend(self.where, len(turns))
+                for value in turns:
                     block = self.within()
                     block.scope.hold(name, value)
                     now = block.run(body, now)

@@ -11,15 +11,8 @@ from parcours.errors import BadModel, one_of
 from parcours.model.expression import Expression
 from parcours_formats.guard_languages import refusal
 from parcours_formats.naming import Names, as_label
-from parcours_formats.uppaal.declarations import (
-    Declaration,
-    Declared,
-    Instance,
-    Routine,
-    System,
-    parse_declarations,
-    parse_parameters,
-)
+from parcours_formats.uppaal import declarations
+from parcours_formats.uppaal.declarations import Declaration, Declared, Instance, Routine, System
 from parcours_formats.uppaal.environment import Environment
 from parcours_formats.xml_lines import Element
 
@@ -180,6 +173,8 @@ class Template:
 
     def ways(self) -> list[tuple[Edge, ...]]:
         """Return the ways from location to location: an edge, or two with a branch point between."""
+        #   a ---> (fork) --+--> b       is the ways  a -> b  and  a -> c: UPPAAL has no time and no
+        #                   '--> c       other step between the two edges
         found: list[tuple[Edge, ...]] = []
         leaving = {fork: [edge for edge in self.edges if edge.source == fork] for fork in self.forks}
         for edge in self.edges:
@@ -211,8 +206,8 @@ def read_template(element: Element, origin: str) -> Template:
             rule = f"an edge of {name!r} must not join two branch points, but this one does"
             raise BadModel(f"{origin}:{each.line}", rule, slug="uppaal-structure")
         edges.append(Edge(_name(each) or str(number), source, target, _labels(each), each.line))
-    given = parse_parameters(parameters.text, origin, parameters.line)
-    local = parse_declarations(declared.text, origin, declared.line)
+    given = declarations.parse_parameters(parameters.text, origin, parameters.line)
+    local = declarations.parse_declarations(declared.text, origin, declared.line)
     return Template(name, given, local, locations, forks, initial, tuple(edges), element.line)
 
 

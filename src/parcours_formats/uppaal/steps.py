@@ -88,7 +88,7 @@ class Steps:
         self, way: tuple[Edge, ...], environment: Environment
     ) -> list[tuple[Expression, Branch, Link | None, str]]:
         guards = [self.condition(label, environment) for label in _labels(way, "guard")]
-        if FALSE in guards:
+        if FALSE in guards:  # a selection may put an index outside its array where the guard forbids it
             return []
         meetings: list[tuple[Expression, Link | None, str]] = [(TRUE, None, "")]
         for label in _labels(way, "synchronisation"):

@@ -22,11 +22,7 @@ from parcours_formats.xml_lines import parse_xml
 
 
 def read(text: str, origin: str) -> Reading:
-    """Return the system of a UPPAAL file as a model.
-
-    Raises:
-        BadModel: the file is not well formed, or says what cannot be translated.
-    """
+    """Return the system of a UPPAAL file as a model. Raises BadModel if it says what cannot be translated."""
     root = parse_xml(text, origin)
     if root.tag != "nta":
         rule = f"the root element must be nta, but is {root.tag[:40]!r}"
