@@ -105,6 +105,7 @@ class _Reader:
 
     def models(self, name: str) -> list[Model]:
         """Return one model, or one for each outermost group that has a start."""
+        # Groups are models only if each holds a start and no edge crosses from one to another.
         starts = [id for id, vertex in self.vertices.items() if vertex.name.lower() == START.lower()]
         groups = list(dict.fromkeys(self.inside[id] for id in starts))
         crossing = any(self.inside.get(edge.source) != self.inside.get(edge.target) for edge in self.edges)

@@ -65,7 +65,7 @@ def translated(
 ) -> tuple[list[list[Transition]], tuple[Variable, ...], Losses]:
     """Return the transitions of each draft, several where an action has branches, and the variables."""
     scope = _Variables("javascript")
-    initial: list[Assignment] = []
+    initial: list[Assignment] = []  # a variable is declared by the first value it gets
     for start in starts:
         scope.model = start.model
         for branch in _performed(start.actions, scope, f"{origin}:{start.line}: actions of {start.model!r}"):

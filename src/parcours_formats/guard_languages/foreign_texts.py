@@ -106,6 +106,8 @@ def performed(
 
 
 def _after(before: Branch, statement: Statement, scope: Scope, where: str) -> Iterable[Branch]:
+    #   if (c) x = 1 else x = y > 0 ? 2 : 3      is three branches, each with one guard:
+    #   c / x := 1      !c && y > 0 / x := 2      !c && !(y > 0) / x := 3
     translation = Translation(scope, where)
     if isinstance(statement, Set):
         for case, place in scope.target(statement.place, where):

@@ -214,6 +214,8 @@ class Translation:
 
     def _quotient(self, a: Expression, b: Expression) -> Cases:
         # Division that drops the fraction, as in C: ours keeps it, and floor drops it for what is not negative.
+        #   a / b  =   floor(a / b)     where a * b >= 0
+        #   a / b  =  -floor(-a / b)    elsewhere
         whole = folded(Apply("floor", (_folded("/", a, b),)))
         if self._natural(a) and self._natural(b):
             return always(whole)

@@ -64,6 +64,7 @@ def conjunction(parts: Iterable[Expression]) -> Expression:
     >>> str(conjunction([TRUE, Name("a"), Name("b"), Name("a")])), str(conjunction([Name("a"), negation(Name("a"))]))
     ('a && b', 'false')
     """
+    # Choices multiply, so that what cannot hold is dropped where that is cheap to see; it need not be complete.
     found = _chain("&&", parts, TRUE, FALSE)
     known: dict[Expression, Expression] = {}
     for part in conjuncts(found):

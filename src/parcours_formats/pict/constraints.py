@@ -183,6 +183,7 @@ class _Parser(TokenStream):
         found = [word for word in parameter.words if meets(word)]
         others = sorted(set(parameter.words).difference(found), key=parameter.words.index)
         self.counted(len(parameter.words), Literal(True))
+        # The shorter list is written: `not x` for all but one, instead of many alternatives.
         if len(others) < len(found):
             return Unary("!", _any(_is(parameter, word) for word in others))
         return _any(_is(parameter, word) for word in found)

@@ -134,6 +134,7 @@ class Content:
 
     def chosen(self, options: Iterable[Option], scope: Scope, outcome: Outcome) -> list[Outcome]:
         """Return what the first option whose condition holds does behind what was done before, or none of them."""
+        # if / elseif / else: `rest` says that none of the options so far was taken.
         found, rest = list[Outcome](), outcome.branch.guard
         for condition, where, block in options:
             choice = outcome.branch.before(self.condition(condition, scope, where), where)

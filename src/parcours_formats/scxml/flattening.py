@@ -124,6 +124,7 @@ class Flattening:
 
     def choices(self, here: Configuration) -> Iterator[tuple[str, Expression, tuple[Arc, ...]]]:
         """Yield event, guard and transitions of each way on; spontaneous ones go before events."""
+        # SCXML looks at the event queue only when no transition without event can go: hence `resting`.
         spontaneous = list(self.sets(here, ""))
         resting = conjunction(negation(guard) for guard, _ in spontaneous)
         for guard, arcs in spontaneous:
@@ -143,6 +144,7 @@ class Flattening:
         for atom in here.atoms():
             rest: Expression = TRUE
             own: list[tuple[Expression, Arc | None]] = []
+            # Innermost first: an inner transition goes before an outer one, whose guard gets its condition negated.
             for node in (atom, *atom.ancestors()):
                 for arc in self.answering(node).get(event, ()) if event else self.spontaneous(node, here):
                     if rest != FALSE:
@@ -152,6 +154,7 @@ class Flattening:
                         rest = sized(conjunction((rest, negation(holds))), f"{self.origin}:{arc.line}: cond")
             if own:
                 options.append([*own, (rest, None)] if rest != FALSE else own)
+        # Each region chooses by itself; conflicts between the choices are settled below.
         count = prod(map(len, options))
         if count > MAX_CASES:
             self.fail(f"an event has at most {MAX_CASES} effects in a configuration, but {event!r} has {count}")

@@ -69,6 +69,7 @@ class _System:
 
     def reading(self) -> Reading:
         """Return the model and what the document says beyond it."""
+        # The clocks of delays come before the machines, whose transitions set and read them.
         flats = self._flats()
         self._time(flats.values())
         machines, names = [], Names()
@@ -159,6 +160,7 @@ class _System:
                 for each in outcome.sent:
                     if not each.is_outward:
                         delays.setdefault(each.event, set()).add(each.delay)
+        #   send e, delay d:  since_e := 0  ...  e arrives:  guard since_e >= d
         names = Names(self.data.lines)
         for event, found in delays.items():
             if len(found) == 1 and found != {0.0}:

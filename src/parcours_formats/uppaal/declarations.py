@@ -63,6 +63,7 @@ class DeclarationReader(syntax.Parser):
         if word == "system":
             tokens.position += 1
             return [self._system(line)]
+        # `chan priority` orders channels; it declares none.
         if word in _SKIPPED or (word, after) == ("chan", "priority"):
             self._skip()
             return [Aside("priorities of channels" if word == "chan" else repr(word), line)]

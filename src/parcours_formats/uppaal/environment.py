@@ -111,6 +111,7 @@ class Environment(Scope):
                 return [(TRUE, row.items[at])] if at < len(row.items) else []
             case Unary("-", Literal()):
                 return []
+        #   a[i]  with three elements is  a_0 if i == 0,  a_1 if i == 1,  a_2 if i == 2
         self.spend(len(row.items) // 16, where)
         return ((Binary("==", index, Literal(at)), item) for at, item in enumerate(row.items))
 

@@ -117,6 +117,7 @@ class Execution:
         now, done = [here], list[Running]()
         for _ in range(MAX_TURNS):
             self.scope.cells.spend(self.where, len(now))
+            # Each way leaves the loop where its condition fails, and takes one more turn where it holds.
             inside: list[Running] = []
             for each in now:
                 self.recall(each)

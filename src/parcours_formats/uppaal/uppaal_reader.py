@@ -52,6 +52,7 @@ def read(text: str, origin: str) -> Reading:
     for process in Instantiation(templates, declared, around, origin).processes():
         losses += _location_losses(process)
         parts.append(Part(process, list(steps.of(process)), _invariants(process, steps, cells, losses)))
+    # A process `Environment` that only meets others is how our own writer writes the tester: it is read as that.
     testers = [part for part in parts if _is_tester(part)]
     if len(testers) < len(parts):
         parts = [part for part in parts if not _is_tester(part)]
