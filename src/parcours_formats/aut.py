@@ -32,11 +32,7 @@ _HEADER = re.compile(r"\s*des\s*\(\s*([0-9]{1,18})\s*,\s*([0-9]{1,18})\s*,\s*([0
 
 
 def read(text: str, origin: str) -> Reading:
-    """Return the transition system as a model of one machine; the name of the model is that of the file.
-
-    Raises:
-        BadModel: a line is no transition, or the counts of the header are not met.
-    """
+    """Return the transition system as a model of one machine; the name of the model is that of the file."""
     system = _System(text, origin)
     component, machine = part_names(origin.replace("\\", "/").rpartition("/")[2].removesuffix(".aut"))
     alphabet = Alphabet()
@@ -58,10 +54,8 @@ def write(cefsm: Cefsm) -> Writing:
     """Return the only machine of a model as a transition system.
 
     A transition with several labels (an input and outputs) becomes a chain of them through states of its own. If
-    the machine gives outputs, inputs are marked `?` and outputs `!`.
-
-    Raises:
-        BadRequest: the model has several machines; their composition has a state space, which `write_space` writes.
+    the machine gives outputs, inputs are marked `?` and outputs `!`. Raises BadRequest if the model has several
+    machines: their composition has a state space, which `write_space` writes.
     """
     machines = [machine for component in cefsm.components for machine in component.machines]
     if len(machines) != 1:
@@ -79,6 +73,7 @@ def write(cefsm: Cefsm) -> Writing:
         event = [transition.event.channel] if transition.event else []
         chain = [f"?{symbols[name]}" if marked else _unmistakable(symbols[name]) for name in event if name in symbols]
         chain += ["!" + symbols[send.channel] for send in transition.sends if send.channel in symbols]
+        #   A --?in / !out1, !out2--> B   becomes   A --?in--> n --!out1--> n+1 --!out2--> B
         stops = [number[transition.source], *range(count, count + len(chain) - 1), number[transition.target]]
         count += max(len(chain) - 1, 0)
         if len(chain) > 1:

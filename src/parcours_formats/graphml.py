@@ -25,10 +25,8 @@ from parcours_formats.xml_lines import Element, parse_xml
 def read(text: str, origin: str) -> Reading:
     """Return the model that a GraphML file holds.
 
-    Raises:
-        BadModel: the text is no GraphML, its graph is not directed, or a label says what our language cannot.
+    Raises BadModel if its graph is not directed, or a label says what our language cannot.
 
-    Example:
     >>> reading = read('''<graphml><graph edgedefault="directed"><node id="a"/><node id="b"/>
     ... <edge source="a" target="b"/></graph></graphml>''', "two.graphml")
     >>> reading.cefsm.component("two").machines[0].states
@@ -107,6 +105,7 @@ class _Reader:
 
     def models(self, name: str) -> list[Model]:
         """Return one model, or one for each outermost group that has a start."""
+        # Groups are models only if each holds a start and no edge crosses from one to another.
         starts = [id for id, vertex in self.vertices.items() if vertex.name.lower() == START.lower()]
         groups = list(dict.fromkeys(self.inside[id] for id in starts))
         crossing = any(self.inside.get(edge.source) != self.inside.get(edge.target) for edge in self.edges)

@@ -11,11 +11,12 @@ def grouped(keys: Sequence[Iterable[str]]) -> list[list[int]]:
     >>> grouped(["a", "b", "", "bc", "ac"])
     [[0, 1, 3, 4], [2]]
     """
+    # Union-find: each item points towards the leader of its group, which is the item that comes first.
     leader, first = list(range(len(keys))), dict[str, int]()
 
     def lead(at: int) -> int:
         while leader[at] != at:
-            leader[at] = leader[leader[at]]
+            leader[at] = leader[leader[at]]  # halves the way for the next search
             at = leader[at]
         return at
 

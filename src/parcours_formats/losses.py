@@ -24,13 +24,8 @@ ASPECTS = frozenset(
 
 
 def unsaid(cefsm: Cefsm, holds: Set[str]) -> Iterator[Loss]:
-    """Yield what a format leaves out of a model.
+    """Yield what a format leaves out of a model; `holds` are those of ASPECTS that it has words for.
 
-    Args:
-        cefsm: a model without errors.
-        holds: those of ASPECTS that the format has words for.
-
-    Example:
     >>> from parcours.model import Component, Transition
     >>> light = Machine("light", "off", ("off",), (Transition("tick", "off", "off", duration=(1.0, 2.0)),))
     >>> print(*unsaid(Cefsm("lamp", (Component("Lamp", (light,)),)), ASPECTS - {"durations"}))

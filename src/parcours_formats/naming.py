@@ -35,6 +35,7 @@ class Names:
         return self._once(as_identifier(wanted))
 
     def _once(self, name: str) -> str:
+        # The number last given is kept: a million bearers of one name cost a million steps, not their square.
         given = name
         while given in self._taken:
             number = self._next[name] = self._next.get(name, 1) + 1

@@ -48,6 +48,7 @@ class Alphabet:
 
 def symbols_of(cefsm: Cefsm, barred: str = "") -> dict[str, str]:
     """Return the symbol of each channel that has one end at the environment: its topic, or else its name."""
+    # A topic is the symbol that a channel was read from; it goes back as long as no two channels become one.
     found: dict[str, str] = {}
     used: set[tuple[str, str, str]] = set()
     for channel in cefsm.channels:

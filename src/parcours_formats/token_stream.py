@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from typing import ClassVar, NoReturn
 
-from parcours.errors import BadModel
+from parcours.errors import BadModel, ParcoursError
 
 
 class TokenStream:
@@ -17,6 +17,7 @@ class TokenStream:
     pattern: ClassVar[re.Pattern[str]]
     slug: ClassVar[str]
     quoted_kind: ClassVar[str] = "text"
+    error: ClassVar[type[ParcoursError]] = BadModel
 
     def __init__(self, text: str, origin: str, line: int = 1) -> None:
         self.text, self.origin, self.line = text, origin, line
@@ -59,4 +60,4 @@ class TokenStream:
 
     def fail(self, rule: str, remedy: str = "", slug: str = "") -> NoReturn:
         """Refuse what stands in this line."""
-        raise BadModel(f"{self.origin}:{self.line}", rule, remedy, slug=slug or self.slug)
+        raise self.error(f"{self.origin}:{self.line}", rule, remedy, slug=slug or self.slug)

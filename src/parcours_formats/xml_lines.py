@@ -76,6 +76,7 @@ class _Builder:
         parser.StartElementHandler = self.start
         parser.EndElementHandler = self.end
         parser.CharacterDataHandler = self.characters
+        # Entities are how XML grows without bounds or reads other files: none is accepted, wherever it comes from.
         parser.EntityDeclHandler = lambda name, *_: self.entity(name)
         parser.SkippedEntityHandler = lambda name, _: self.entity(name)
         parser.ExternalEntityRefHandler = lambda context, *_: self.entity(context)
@@ -109,6 +110,7 @@ class _Builder:
         self.path.pop().text = "".join(self.texts.pop())
 
     def characters(self, text: str) -> None:
+        # A text comes in pieces, to be joined at the end of the element; the first one tells where it starts.
         if not self.texts[-1]:
             self.path[-1].text_line = self.parser.CurrentLineNumber
         self.texts[-1].append(text)

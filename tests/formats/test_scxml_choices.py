@@ -48,8 +48,7 @@ def model(*transitions: Transition, variables: tuple[Variable, ...] = ()) -> Cef
 
 
 @pytest.mark.parametrize(
-    ("file", "count"),
-    [("examples/formats/ticket_machine.json", 11), ("src/parcours_ramp/components/model.yaml", 37)],
+    ("file", "count"), [("examples/formats/ticket_machine.json", 11), ("src/parcours_ramp/components/model.yaml", 37)]
 )
 def test_every_transition_comes_back_under_its_name(file: str, count: int) -> None:
     before = read_any(ROOT / file).cefsm

@@ -9,12 +9,7 @@ from pathlib import Path
 import pytest
 
 from parcours.errors import BadModel
-from parcours.model import (
-    ENVIRONMENT,
-    Cefsm,
-    Steps,
-    predicate,
-)
+from parcours.model import ENVIRONMENT, Cefsm, Steps, predicate
 from parcours.model.formats import Reading
 from parcours_formats import scxml
 

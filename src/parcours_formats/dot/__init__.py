@@ -24,10 +24,8 @@ def read(text: str, origin: str) -> Reading:
     """Return the model that a DOT file holds; each of its digraphs is a machine.
 
     The start is where the only edge of a node that just marks it leads (`__start0 -> s0`), or else the source of the
-    first edge. States drawn as double circles are final.
-
-    Raises:
-        BadModel: the text is no DOT, a graph is not directed, or a label says what our language cannot.
+    first edge. States drawn as double circles are final. Raises BadModel if a graph is not directed, or a label says
+    what our language cannot.
     """
     graphs = parse_dot(text, origin)
     drawn = [drawing for graph in graphs for drawing in drawings(graph, origin, stem(origin))]

@@ -116,6 +116,7 @@ class _Parser(TokenStream):
     def advance(self) -> None:
         super().advance()
         if self.kind == "markup":
+            # Markup nests, which no regular expression follows: angles are counted.
             start, depth = self.at - 1, 0
             for match in _ANGLE.finditer(self.text, start):
                 depth += 1 if match.group() == "<" else -1
@@ -172,8 +173,7 @@ class _Parser(TokenStream):
                 graph.attributes.update(given)
             return {}
         ends, is_node = self.ends(graph, defaults)
-        if is_node and self.accept("="):
-            # It was a key, not a node.
+        if is_node and self.accept("="):  # it was a key, not a node
             [key] = ends
             value = self.id("a value")
             if self.depth == 1:

@@ -25,6 +25,7 @@ _MARK = "__start"
 def drawings(graph: Graph, origin: str, name: str) -> Iterator[Drawing]:
     """Yield the machines that a digraph draws: one, unless parts that no edge joins have starts of their own."""
     whole = Drawing(graph, origin, name)
+    # A search from each start: if two reach the same part, all is one machine; what none reaches goes with the first.
     part: dict[str, int] = {}
     near: dict[str, list[str]] = {id: [] for id in graph.nodes}
     for edge in graph.edges:

@@ -107,11 +107,7 @@ class _Parser(TokenStream):
 
 
 def read(text: str, origin: str) -> Reading:
-    """Return the model that GraphWalker's JSON holds.
-
-    Raises:
-        BadModel: the text is no such JSON, or says what our language cannot.
-    """
+    """Return the model that GraphWalker's JSON holds. Raises BadModel if it says what our language cannot."""
     root = parse_json(text, origin)
     reader = _Reader(origin)
     items = reader.items(root, "a GraphWalker file")

@@ -216,6 +216,8 @@ class _Walker:
 
     def jump(self) -> None:
         """Add the jumps between vertices of different models that share a state."""
+        #   model A:  a1 --> [a2 SHARED:S]            one machine:  a1 --> a2 <==> b1 --> b2
+        #   model B:  [b1 SHARED:S] --> b2            <==> are two jumps without event or guard
         places: dict[str, list[tuple[int, Vertex]]] = {}
         for at, model in enumerate(self.models):
             for vertex in model.vertices:

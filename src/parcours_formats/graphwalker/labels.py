@@ -42,6 +42,7 @@ def as_edge(label: str, id: str, source: str, target: str, line: int = 0) -> Edg
     ('e_Add', "n < a['x]']", ('n++;',), 0.5, True)
     """
     text, parts = _parts(label)
+    # `seen` has the same length as `text`: signs are looked for in the one, and cut from the other.
     seen = _masked(text)
     guard = ""
     slash, start = seen.find("/"), seen.find("[")

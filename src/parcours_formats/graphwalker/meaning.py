@@ -7,11 +7,10 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 
 from parcours.errors import BadModel
-from parcours.model.expression import Assignment, Binary, Expression, Literal, Name, Unary, names
+from parcours.model.expression import Assignment, Binary, Expression, Field, Literal, Name, Unary, names
 from parcours.model.expression.syntax import COMPARISONS, walk
 from parcours.model.structure import Transition, Variable
 from parcours_formats.guard_languages import Branch, Scope, branches, condition, variables
-from parcours_formats.guard_languages.foreign_syntax import Identifier, Member, Tree
 from parcours_formats.guard_languages.values import TRUE, conjunction, kind_of
 from parcours_formats.losses import Losses
 from parcours_formats.naming import Names
@@ -48,11 +47,11 @@ class _Variables(Scope):
     given: dict[tuple[str, str], str] = field(default_factory=dict)
     names: Names = field(default_factory=Names)
 
-    def target(self, tree: Tree, where: str) -> list[tuple[Expression, Name]]:
+    def target(self, tree: Expression, where: str) -> list[tuple[Expression, Name]]:
         match tree:
-            case Member(Identifier("global"), name):
+            case Field(Name("global"), name):
                 key = ("", name)
-            case Identifier(name):
+            case Name(name):
                 key = (self.model, name)
             case _:
                 return super().target(tree, where)
@@ -66,7 +65,7 @@ def translated(
 ) -> tuple[list[list[Transition]], tuple[Variable, ...], Losses]:
     """Return the transitions of each draft, several where an action has branches, and the variables."""
     scope = _Variables("javascript")
-    initial: list[Assignment] = []
+    initial: list[Assignment] = []  # a variable is declared by the first value it gets
     for start in starts:
         scope.model = start.model
         for branch in _performed(start.actions, scope, f"{origin}:{start.line}: actions of {start.model!r}"):

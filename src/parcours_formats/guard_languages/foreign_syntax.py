@@ -7,13 +7,17 @@
                 | 'if' '(' condition ')' statement ['else' statement]
 
 Everything else is refused by its name. Nothing is evaluated; length and depth are bounded.
+
+A foreign tree is made of the nodes of our own language. What ours lacks is an `Apply` of a sign that no function
+can be called: `a[i]` is Apply("[]", (a, i)), `c ? y : n` is Apply("?:", (c, y, n)), `{k: v}` is Apply("{}", (k, v)),
+`[v, w]` is Apply("[,]", (v, w)), and `forall (i : int[1, n]) c` is Apply("forall:", (i, 1, n, c)).
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TypeAlias
 
+from parcours.model.expression import Apply, Binary, Expression, Field, Literal, Name, Unary
 from parcours_formats.guard_languages.foreign_tokens import MAX_DEPTH, Tokens
 
 LEVELS: dict[str, int] = {
@@ -32,6 +36,29 @@ _ASSIGNING = {"=": "", ":=": "", "+=": "+", "-=": "-", "*=": "*", "/=": "/", "%=
 _DECLARING = ("var", "let", "const")
 
 
+class Statement:
+    """A statement; UPPAAL's C has kinds of its own."""
+
+    __slots__ = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Set(Statement):
+    """`place = value`; `a += b` is the same as `a = a + b`."""
+
+    place: Expression
+    value: Expression
+
+
+@dataclass(frozen=True, slots=True)
+class When(Statement):
+    """`if (condition) yes else no`."""
+
+    condition: Expression
+    yes: tuple[Statement, ...]
+    no: tuple[Statement, ...]
+
+
 class Parser:
     """Recursive descent over tokens, for conditions and for statements."""
 
@@ -39,28 +66,27 @@ class Parser:
         self.tokens = tokens
         self.nesting = 0
 
-    def condition(self) -> Tree:
+    def condition(self) -> Expression:
         """Return the condition or value that starts here."""
         self._enter()
-        tokens = self.tokens
         found = self._infix(1)
-        if tokens.accept("?"):
+        if self.tokens.accept("?"):
             yes = self.condition()
-            tokens.expect(":")
-            found = Choice(found, yes, self.condition())
+            self.tokens.expect(":")
+            found = Apply("?:", (found, yes, self.condition()))
         self.nesting -= 1
         return found
 
-    def _infix(self, level: int) -> Tree:
-        left = self._prefix()
-        chain = 0
+    def _infix(self, level: int) -> Expression:
+        # Precedence climbing: the right operand takes only what binds more tightly than this operator.
+        left, chain = self._prefix(), 0
         while (operator := self._spelled()) in LEVELS and LEVELS[operator] >= level:
             self.tokens.position += 1
             self._enter()
-            left = Infix(operator, left, self._infix(LEVELS[operator] + 1))
+            left = Binary(operator, left, self._infix(LEVELS[operator] + 1))
             self.nesting -= 1
             chain += 1
-            if chain > MAX_DEPTH:
+            if chain > MAX_DEPTH:  # a + b + c ... is a tree as deep as it is long
                 self.tokens.too_deep()
         return left
 
@@ -68,80 +94,72 @@ class Parser:
         token = self.tokens.token
         return "" if token.kind == "text" else _SPELLING.get(token.text, token.text)
 
-    def _prefix(self) -> Tree:
+    def _prefix(self) -> Expression:
         operator = self._spelled()
-        if operator in ("!", "-", "+"):
-            self.tokens.position += 1
-            self._enter()
-            operand = self._prefix()
-            self.nesting -= 1
-            # A plus makes a number of its operand, as the difference to 0 does; a text is not one here.
-            return Infix("-", operand, Constant(0)) if operator == "+" else Prefix(operator, operand)
-        return self.operand()
+        if operator not in ("!", "-", "+"):
+            return self.operand()
+        self.tokens.position += 1
+        self._enter()
+        operand = self._prefix()
+        self.nesting -= 1
+        # A plus makes a number of its operand, as the difference to 0 does; a text is not one here.
+        return Binary("-", operand, Literal(0)) if operator == "+" else Unary(operator, operand)
 
-    def operand(self) -> Tree:
+    def operand(self) -> Expression:
         """Return the operand that starts here, without what stands before it."""
         return self.place()
 
-    def place(self) -> Tree:
+    def place(self) -> Expression:
         """Return the atom that starts here, with what follows it: an index, a field, arguments."""
-        tokens = self.tokens
-        found = self._atom()
+        tokens, found = self.tokens, self._atom()
         for _ in range(MAX_DEPTH):
             if tokens.accept("["):
-                found = Index(found, self.condition())
+                found = Apply("[]", (found, self.condition()))
                 tokens.expect("]")
             elif tokens.accept("."):
-                found = Member(found, tokens.name("a field name"))
+                found = Field(found, tokens.name("a field name"))
             elif tokens.accept("("):
-                found = Applied(_path(found), tuple(tokens.listed(self.condition, ")")))
+                found = Apply(_path(found), tuple(tokens.listed(self.condition, ")")))
             else:
                 return found
         return tokens.too_deep()
 
-    def _atom(self) -> Tree:
-        tokens = self.tokens
-        token = tokens.token
-        if token.kind == "sign" and token.text == "(":
+    def _atom(self) -> Expression:
+        tokens, token = self.tokens, self.tokens.token
+        if token.text == "(":
             return self.braced()
         if token.kind in ("int", "real", "text"):
             tokens.position += 1
-            return Constant(tokens.value(token))
+            return Literal(tokens.value(token))
         if token.text in ("forall", "exists", "sum") and tokens.language == "uppaal":
             return self._quantified()
-        if token.kind == "name" and token.text in ("true", "false"):
+        if token.text in ("true", "false"):
             tokens.position += 1
-            return Constant(token.text == "true")
-        return Identifier(tokens.name("a value"))
+            return Literal(token.text == "true")
+        return Name(tokens.name("a value"))
 
-    def _quantified(self) -> Tree:
+    def _quantified(self) -> Expression:
         tokens = self.tokens
         quantifier = tokens.name("a quantifier")
         tokens.expect("(")
-        name = tokens.name("a name")
+        name = Name(tokens.name("a name"))
         tokens.expect(":")
-        low, high = self.range()
+        tokens.accept("const")
+        if tokens.accept("int"):
+            tokens.expect("[")
+            low = self.condition()
+            tokens.expect(",")
+            ends: tuple[Expression, ...] = (low, self.condition())
+            tokens.expect("]")
+        else:
+            ends = (Name(tokens.name("a type")),)
         tokens.expect(")")
-        return Quantified(quantifier, name, low, high, self.condition())
-
-    def range(self) -> tuple[Tree, Tree | None]:
-        """Return the ends of `int[low, high]`, or the name of a type and None."""
-        tokens = self.tokens
-        tokens.accept_word("const")
-        if not tokens.accept_word("int"):
-            return Identifier(tokens.name("a type")), None
-        tokens.expect("[")
-        low = self.condition()
-        tokens.expect(",")
-        high = self.condition()
-        tokens.expect("]")
-        return low, high
+        return Apply(f"{quantifier}:", (name, *ends, self.condition()))
 
     def statements(self, closing: str = "") -> tuple[Statement, ...]:
         """Return the statements up to a closing sign, or the end."""
-        tokens = self.tokens
+        tokens, found = self.tokens, list[Statement]()
         self._enter()
-        found: list[Statement] = []
         while not (tokens.accept(closing) if closing else tokens.token.kind == "end"):
             if tokens.accept(";") or tokens.accept(","):
                 continue
@@ -156,41 +174,40 @@ class Parser:
         tokens = self.tokens
         if tokens.accept("{"):
             return self.statements("}")
-        if tokens.accept_word("if"):
+        if tokens.accept("if"):
             condition = self.braced()
             yes = self.inner()
             tokens.accept(";")
-            no = self.inner() if tokens.accept_word("else") else ()
-            return (When(condition, yes, no),)
+            return (When(condition, yes, self.inner() if tokens.accept("else") else ()),)
         if tokens.language == "javascript" and tokens.token.text in _DECLARING:
             tokens.position += 1
-        step = self._step()
+        step = self.step()
         place = self.place()
-        if step := step or self._step():
-            return (Set(place, Infix(step, place, Constant(1))),)
-        if isinstance(place, Applied):
+        if step := step or self.step():
+            return (Set(place, Binary(step, place, Literal(1))),)
+        if isinstance(place, Apply) and place.function[-1] not in ":]}":
             return self.called(place)
         sign = tokens.token.text
-        if tokens.token.kind != "sign" or sign not in _ASSIGNING:
+        if sign not in _ASSIGNING:
             tokens.fail("an assignment")
         tokens.position += 1
         value = self.condition()
-        if tokens.token.text in _ASSIGNING and tokens.token.kind == "sign":
+        if tokens.token.text in _ASSIGNING:
             tokens.refuse("an assignment inside an expression")
-        return (Set(place, Infix(_ASSIGNING[sign], place, value) if _ASSIGNING[sign] else value),)
+        return (Set(place, Binary(_ASSIGNING[sign], place, value) if _ASSIGNING[sign] else value),)
 
-    def braced(self) -> Tree:
+    def braced(self) -> Expression:
         """Return a condition in parentheses."""
         self.tokens.expect("(")
         condition = self.condition()
         self.tokens.expect(")")
         return condition
 
-    def _step(self) -> str:
+    def step(self) -> str:
         """Take `++` or `--` if it is next; return its operator."""
         return "+" if self.tokens.accept("++") else "-" if self.tokens.accept("--") else ""
 
-    def called(self, call: Applied) -> tuple[Statement, ...]:
+    def called(self, call: Apply) -> tuple[Statement, ...]:
         """Return what a call for its effect means; here it is refused."""
         self.tokens.refuse(f"a call of the function {call.function!r}")
 
@@ -207,131 +224,11 @@ class Parser:
             self.tokens.too_deep()
 
 
-def _path(tree: Tree) -> str:
+def _path(tree: Expression) -> str:
     match tree:
-        case Identifier(name):
+        case Name(name):
             return name
-        case Member(of, name):
+        case Field(of, name):
             return f"{_path(of)}.{name}"
         case _:
             return "(an expression)"
-
-
-@dataclass(frozen=True, slots=True)
-class Constant:
-    """A number, a text or a truth value."""
-
-    value: bool | int | float | str
-
-
-@dataclass(frozen=True, slots=True)
-class Identifier:
-    """A name of the foreign model."""
-
-    name: str
-
-
-@dataclass(frozen=True, slots=True)
-class Index:
-    """An element of an array."""
-
-    of: Tree
-    index: Tree
-
-
-@dataclass(frozen=True, slots=True)
-class Member:
-    """A field of a record."""
-
-    of: Tree
-    name: str
-
-
-@dataclass(frozen=True, slots=True)
-class Prefix:
-    """`!` or `-` before an operand."""
-
-    operator: str
-    operand: Tree
-
-
-@dataclass(frozen=True, slots=True)
-class Infix:
-    """Two operands joined by an operator of LEVELS, in our spelling."""
-
-    operator: str
-    left: Tree
-    right: Tree
-
-
-@dataclass(frozen=True, slots=True)
-class Choice:
-    """`condition ? yes : no`."""
-
-    condition: Tree
-    yes: Tree
-    no: Tree
-
-
-@dataclass(frozen=True, slots=True)
-class Applied:
-    """A function with its arguments; `function` is its path, e.g. `Math.max`."""
-
-    function: str
-    arguments: tuple[Tree, ...]
-
-
-@dataclass(frozen=True, slots=True)
-class Quantified:
-    """UPPAAL's `forall (i : range) body`, or exists, or sum."""
-
-    quantifier: str
-    name: str
-    low: Tree
-    high: Tree | None
-    body: Tree
-
-
-@dataclass(frozen=True, slots=True)
-class Record:
-    """JavaScript's `{a: value, ...}`, with the names of its fields."""
-
-    fields: tuple[tuple[str, Tree], ...]
-
-
-@dataclass(frozen=True, slots=True)
-class Series:
-    """JavaScript's `[value, ...]`."""
-
-    items: tuple[Tree, ...]
-
-
-Tree: TypeAlias = (
-    Constant | Identifier | Index | Member | Prefix | Infix | Choice | Applied | Quantified | Record | Series
-)
-
-
-@dataclass(frozen=True, slots=True)
-class Set:
-    """`place = value`; `a += b` is the same as `a = a + b`."""
-
-    place: Tree
-    value: Tree
-
-
-@dataclass(frozen=True, slots=True)
-class When:
-    """`if (condition) yes else no`."""
-
-    condition: Tree
-    yes: tuple[Statement, ...]
-    no: tuple[Statement, ...]
-
-
-class Other:
-    """A statement that only one language has; who reads that language knows its kinds."""
-
-    __slots__ = ()
-
-
-Statement: TypeAlias = Set | When | Other

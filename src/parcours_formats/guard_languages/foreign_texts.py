@@ -23,6 +23,7 @@ from parcours_formats.guard_languages.values import (
     TRUE,
     conjunction,
     kind_of,
+    literal,
     negation,
     replaced,
 )
@@ -40,9 +41,7 @@ class Branch:
 
     def before(self, condition: Expression, where: str) -> Expression:
         """Return a condition on the values afterwards in terms of the values before."""
-        if condition in (TRUE, FALSE):
-            return condition
-        return replaced(condition, self.held(where))
+        return condition if condition in (TRUE, FALSE) else replaced(condition, self.held(where))
 
     def under(self, condition: Expression, where: str) -> Branch | None:
         """Return the branch on which a condition on the values afterwards holds too; None if it cannot."""
@@ -65,20 +64,10 @@ class Branch:
 
 
 def guard(text: str, language: Language, where: str, kinds: Mapping[str, str] | None = None) -> Expression:
-    """Return a condition as an expression of our language.
+    """Return a condition, e.g. `x === 1 && !done`, as an expression of our language; a number stands for `x != 0`.
 
-    Args:
-        text: the condition, e.g. `x === 1 && !done`.
-        language: `javascript` or `uppaal`.
-        where: file, line and element it belongs to, for messages.
-        kinds: the type (bool, int, real, text) of the variables that are known; a number stands for `x != 0`.
-
-    Raises:
-        BadModel: the text is no condition (foreign-syntax), or says what our language cannot (foreign-construct).
-
-    Example:
-    >>> str(guard("x === 1 && (done ? y : 2) > 1", "javascript", "guard of 'e1'"))
-    'x == 1 && (done && y > 1 || !done)'
+    `where` (file, line, element) is for messages, and `kinds` the type (bool, int, real, text) of variables, if known.
+    Raises BadModel if the text is no condition (foreign-syntax), or our language cannot say it (foreign-construct).
     """
     return condition(text, Scope(language, kinds or {}), where)
 
@@ -86,8 +75,7 @@ def guard(text: str, language: Language, where: str, kinds: Mapping[str, str] | 
 def condition(text: str, scope: Scope, where: str) -> Expression:
     """Return a condition whose names a scope knows, as `guard`."""
     tokens = Tokens(text, scope.language, where)
-    parser = Parser(tokens)
-    tree = parser.condition()
+    tree = Parser(tokens).condition()
     tokens.accept(";")
     if tokens.token.kind != "end":
         tokens.fail("an operator or the end")
@@ -95,17 +83,7 @@ def condition(text: str, scope: Scope, where: str) -> Expression:
 
 
 def branches(text: str, scope: Scope, where: str) -> tuple[Branch, ...]:
-    """Return what statements do, one branch for each way their choices can fall; exactly one guard holds.
-
-    Raises:
-        BadModel: as for `guard`.
-
-    Example:
-    >>> for branch in branches("x = 1; if (y > x) { y = y - x } else y = 0", Scope("javascript"), "actions"):
-    ...     print(branch.guard, *branch.actions)
-    y > 1 x := 1 y := y - x
-    y <= 1 x := 1 y := 0
-    """
+    """Return what statements do, one branch for each way their choices can fall; exactly one guard holds."""
     found = performed(Parser(Tokens(text, scope.language, where)).statements(), scope, where)
     for branch in found:
         sized(branch.guard, where)
@@ -128,13 +106,15 @@ def performed(
 
 
 def _after(before: Branch, statement: Statement, scope: Scope, where: str) -> Iterable[Branch]:
+    #   if (c) x = 1 else x = y > 0 ? 2 : 3      is three branches, each with one guard:
+    #   c / x := 1      !c && y > 0 / x := 2      !c && !(y > 0) / x := 3
     translation = Translation(scope, where)
     if isinstance(statement, Set):
         for case, place in scope.target(statement.place, where):
             values = translation.of_kind(statement.value, scope.kinds.get(place.id, ""))
             scope.spend(len(values), where)
-            for condition, value in values:
-                if (after := before.under(conjunction((case, condition)), where)) is not None:
+            for holding, value in values:
+                if (after := before.under(conjunction((case, holding)), where)) is not None:
                     yield after.then(place.id, value, where)
         return
     if not isinstance(statement, When):
@@ -149,30 +129,25 @@ def _after(before: Branch, statement: Statement, scope: Scope, where: str) -> It
 
 
 def variables(initial: Iterable[Assignment], later: Iterable[Assignment], where: str) -> tuple[Variable, ...]:
-    """Return the variables that initial assignments of constants declare.
-
-    >>> [start], [later] = (branches(text, Scope("javascript"), "") for text in ("n = 0; on = false; v = 1", "v /= 2"))
-    >>> [(each.name, each.type, each.initial) for each in variables(start.actions, later.actions, "m")]
-    [('n', 'int', 0), ('on', 'bool', False), ('v', 'real', 1.0)]
-    """
-    values: dict[str, object] = {}
+    """Return the variables that initial assignments of constants declare; one that ever gets a real is a real."""
+    values: dict[str, bool | int | float | str] = {}
     for action in initial:
-        known = {name: Literal(value) for name, value in values.items() if isinstance(value, bool | int | float | str)}
-        value = replaced(action.value, known)
-        sign = -1 if isinstance(value, Unary) else 1
+        value = replaced(action.value, {name: literal(value) for name, value in values.items()})
         constant = value.operand if isinstance(value, Unary) else value
         if not isinstance(constant, Literal):
             rule = f'an initial value is a constant, but {action.target!r} starts as "{action.value}"'
             raise BadModel(where, rule, "write the constant", slug="foreign-construct")
-        values[action.target] = constant.value if isinstance(constant.value, bool | str) else sign * constant.value
+        given = constant.value
+        values[action.target] = -given if isinstance(value, Unary) and not isinstance(given, str | bool) else given
     kinds = {name: KINDS[type(value)] for name, value in values.items()}
     later = [action for action in later if kinds.get(action.target) == "int"]
-    changed = True
-    while changed:
-        changed = False
+    # A real spreads along assignments, perhaps several of them: again until nothing changes.
+    before = None
+    while before != kinds:
+        before = dict(kinds)
         for action in later:
-            if kinds[action.target] == "int" and kind_of(action.value, kinds) == "real":
-                kinds[action.target], changed = "real", True
+            if kind_of(action.value, kinds) == "real":
+                kinds[action.target] = "real"
     return tuple(
         Variable(name, kinds[name], float(value) if kinds[name] == "real" and isinstance(value, int) else value)
         for name, value in values.items()

@@ -36,31 +36,31 @@ _ESCAPE = re.compile(r"\\(?:u(?P<unit>[0-9a-fA-F]{4})|(?P<sign>.))", re.DOTALL)
 _ESCAPES = {"n": "\n", "t": "\t", "r": "\r", "\\": "\\", "'": "'", '"': '"', "/": "/"}
 
 _SIGNS = {
-    **dict.fromkeys(("&", "|", "^", "~", "&=", "|=", "^="), "the bit operator {}"),
-    **dict.fromkeys(("<<", ">>", ">>>", "<<=", ">>=", ">>>="), "the bit operator {}"),
-    **dict.fromkeys(("**", "**=", "??", "??=", "?.", "...", "&&=", "||="), "the operator {}"),
+    **dict.fromkeys(
+        ("&", "|", "^", "~", "&=", "|=", "^=", "<<", ">>", ">>>", "<<=", ">>=", ">>>="), "the bit operator {}"
+    ),
+    **dict.fromkeys(("**", "**=", "??", "??=", "?.", "...", "&&=", "||=", "->"), "the operator {}"),
+    **dict.fromkeys(("++", "--"), "{} inside an expression"),
+    **dict.fromkeys(("=", ":="), "an assignment inside an expression"),
     "=>": "a function",
-    "->": "the operator {}",
     "{": "an object",
     "[": "a list",
     "'": "a derivative (rate of a clock)",
     "`": "a text template",
-    "++": "{} inside an expression",
-    "--": "{} inside an expression",
-    "=": "an assignment inside an expression",
-    ":=": "an assignment inside an expression",
 }
+_LOOPS = dict.fromkeys(("for", "while", "do"), "the loop {}")
+_JAVASCRIPT_WORDS = (
+    "function return class async await yield switch try throw new typeof instanceof delete void in this with"
+)
 _WORDS = {
-    **dict.fromkeys(("for", "while", "do"), "the loop {}"),
-    **dict.fromkeys(("function", "return", "class", "async", "await", "yield", "switch", "try", "throw"), "{}"),
-    **dict.fromkeys(("new", "typeof", "instanceof", "delete", "void", "in", "this", "with"), "{}"),
-    **dict.fromkeys(("null", "undefined", "NaN", "Infinity"), "the value {}"),
+    "javascript": {
+        **_LOOPS,
+        **dict.fromkeys(_JAVASCRIPT_WORDS.split(), "{}"),
+        **dict.fromkeys(("null", "undefined", "NaN", "Infinity"), "the value {}"),
+    },
+    # `switch`, `deadlock` and `numOf` are names inside a system.
+    "uppaal": {**_LOOPS, **dict.fromkeys(("return", "spawn", "exit", "xor"), "{}")},
 }
-_UPPAAL_WORDS = {
-    **dict.fromkeys(("for", "while", "do"), "the loop {}"),
-    **dict.fromkeys(("return", "spawn", "exit", "xor"), "{}"),
-}
-"""UPPAAL's own words inside a system; `switch`, `deadlock` and `numOf` are names there."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,14 +79,13 @@ class Tokens:
     def __init__(self, text: str, language: Language, where: str, line: int = 0) -> None:
         self.text, self.language, self.origin, self.line = text, language, where, line
         self.position = 0
-        self._words = _WORDS if language == "javascript" else _UPPAAL_WORDS
+        self._words = _WORDS[language]
         self._breaks: list[int] = []
-        self._end = Token("end", "", len(text))
-        self._all = [self._end]
+        self._all = [Token("end", "", len(text))]
         if len(text) > MAX_LENGTH:
             rule = f"a foreign text has at most {MAX_LENGTH} characters, but this one has {len(text)}"
             raise BadModel(self.where(), rule, "split it", slug="expression-size")
-        self._all = [*self._split(), self._end]
+        self._all = [*self._split(), *self._all]
 
     @property
     def token(self) -> Token:
@@ -113,15 +112,8 @@ class Tokens:
         return self.token.fresh or self._all[self.position - 1].text in ("}", ";")
 
     def accept(self, sign: str) -> bool:
-        """Take the next token if it is the sign; return whether it was."""
-        if self.token.text == sign and self.token.kind == "sign":
-            self.position += 1
-            return True
-        return False
-
-    def accept_word(self, word: str) -> bool:
-        """Take the next token if it is the word; return whether it was."""
-        if self.token.text == word and self.token.kind == "name":
+        """Take the next token if it is the sign or word; return whether it was."""
+        if self.token.text == sign:
             self.position += 1
             return True
         return False

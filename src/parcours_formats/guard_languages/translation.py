@@ -2,32 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Set
+from collections.abc import Mapping, Set
 from dataclasses import dataclass, field
+from functools import partial
 
 from parcours.errors import BadModel
-from parcours.model.expression import Apply, Binary, Expression, Literal, Name, Unary
+from parcours.model.expression import Apply, Binary, Expression, Field, Literal, Name, Unary
 from parcours.model.expression.parsing import MAX_DEPTH, MAX_LENGTH
 from parcours.model.nodes import is_identifier
-from parcours_formats.guard_languages import foreign_syntax as syntax
+from parcours_formats.guard_languages import values
 from parcours_formats.guard_languages.foreign_tokens import Language
-from parcours_formats.guard_languages.values import (
-    FALSE,
-    MAX_CASES,
-    TRUE,
-    Cases,
-    always,
-    conjunction,
-    depth,
-    disjunction,
-    folded,
-    holds,
-    is_natural,
-    joined,
-    kind_of,
-    literal,
-    negation,
-)
+from parcours_formats.guard_languages.values import FALSE, TRUE, Cases, always, conjunction, folded, kind_of, negation
 
 FUNCTIONS = {
     "javascript": {f"Math.{name}": name for name in ("abs", "floor", "hypot", "max", "min", "sqrt")},
@@ -39,6 +24,8 @@ FUNCTIONS = {
     },
 }
 """The functions of each language that ours has too."""
+
+_COMPARING = ("==", "!=", "<", "<=", ">", ">=")
 
 
 @dataclass
@@ -52,27 +39,27 @@ class Scope:
     def spend(self, count: int, where: str) -> None:
         """Count cases that are written out. Readers that expand ranges bound their sum."""
 
-    def read(self, tree: syntax.Identifier | syntax.Index | syntax.Member, where: str) -> Cases:
-        """Return what a place of the foreign model holds."""
+    def read(self, tree: Expression, where: str) -> Cases:
+        """Return what a place of the foreign model (a name, a field, an element) holds."""
         return always(self.target(tree, where)[0][1])
 
-    def target(self, tree: syntax.Tree, where: str) -> list[tuple[Expression, Name]]:
+    def target(self, tree: Expression, where: str) -> list[tuple[Expression, Name]]:
         """Return the variables that an assignment to a place may change, each with the condition for it."""
-        if isinstance(tree, syntax.Identifier) and is_identifier(tree.name):
-            return [(TRUE, Name(tree.name))]
+        if isinstance(tree, Name) and is_identifier(tree.id):
+            return [(TRUE, tree)]
         raise refusal(where, construct_of(tree))
 
-    def applied(self, tree: syntax.Applied, where: str) -> Cases:
+    def applied(self, tree: Apply, where: str) -> Cases:
         """Return the value of a function."""
         own = FUNCTIONS[self.language].get(tree.function)
         if own is None:
             raise refusal(where, f"a call of the function {tree.function!r}")
         arguments = [Translation(self, where).number(each) for each in tree.arguments]
-        return joined(where, lambda *values: folded(Apply(own, values)), *arguments)
+        return values.joined(where, lambda *given: folded(Apply(own, given)), *arguments)
 
-    def quantified(self, tree: syntax.Quantified, where: str) -> Cases:
+    def quantified(self, tree: Apply, where: str) -> Cases:
         """Return the value of forall, exists or sum."""
-        raise refusal(where, f"{tree.quantifier!r} over a range")
+        raise refusal(where, f"{tree.function[:-1]!r} over a range")
 
 
 class Translation:
@@ -80,31 +67,31 @@ class Translation:
 
     def __init__(self, scope: Scope, where: str) -> None:
         self.scope, self.where = scope, where
-        self._known: dict[int, tuple[syntax.Tree, Cases]] = {}
+        self._known: dict[int, tuple[Expression, Cases]] = {}
 
-    def truth(self, tree: syntax.Tree) -> Expression:
+    def truth(self, tree: Expression) -> Expression:
         """Return the condition that a tree stands for; a number stands for `!= 0`."""
         match tree:
-            case syntax.Infix("&&", left, right):
+            case Binary("&&", left, right):
                 return conjunction((self.truth(left), self.truth(right)))
-            case syntax.Infix("||", left, right):
-                return disjunction((self.truth(left), self.truth(right)))
-            case syntax.Infix("imply", left, right):
-                return disjunction((negation(self.truth(left)), self.truth(right)))
-            case syntax.Prefix("!", operand):
+            case Binary("||", left, right):
+                return values.disjunction((self.truth(left), self.truth(right)))
+            case Binary("imply", left, right):
+                return values.disjunction((negation(self.truth(left)), self.truth(right)))
+            case Unary("!", operand):
                 return negation(self.truth(operand))
-            case syntax.Choice(condition, yes, no):
+            case Apply("?:", (condition, yes, no)):
                 choice = self.truth(condition)
                 taken = conjunction((choice, self.truth(yes)))
-                return disjunction((taken, conjunction((negation(choice), self.truth(no)))))
+                return values.disjunction((taken, conjunction((negation(choice), self.truth(no)))))
             case _:
-                return holds([(case, self._true(value)) for case, value in self.value(tree)])
+                return values.holds([(case, self._true(value)) for case, value in self.value(tree)])
 
-    def number(self, tree: syntax.Tree) -> Cases:
+    def number(self, tree: Expression) -> Cases:
         """Return the number that a tree stands for; a truth value is 1 or 0."""
         found: Cases = []
         for case, value in self.value(tree):
-            if kind_of(value, self.scope.kinds) != "bool":
+            if self._kind(value) != "bool":
                 found.append((case, value))
                 continue
             for condition, number in ((value, 1), (negation(value), 0)):
@@ -112,91 +99,86 @@ class Translation:
                     found.append((both, Literal(number)))
         return found
 
-    def of_kind(self, tree: syntax.Tree, kind: str) -> Cases:
+    def of_kind(self, tree: Expression, kind: str) -> Cases:
         """Return what a tree stands for as a value of a variable of that kind."""
         if kind == "bool":
             return always(self.truth(tree))
         return self.number(tree) if kind in ("int", "real", "clock") else self.value(tree)
 
-    def value(self, tree: syntax.Tree) -> Cases:
+    def value(self, tree: Expression) -> Cases:
         """Return what a tree stands for, of whatever kind."""
         # Operators ask for their operands as values and as numbers: each is translated once.
         if id(tree) not in self._known:
             self._known[id(tree)] = tree, self._value(tree)
         return self._known[id(tree)][1]
 
-    def _value(self, tree: syntax.Tree) -> Cases:
+    def _value(self, tree: Expression) -> Cases:
         match tree:
-            case syntax.Constant(constant):
-                return always(literal(constant))
-            case syntax.Identifier() | syntax.Index() | syntax.Member():
+            case Literal(constant):
+                return always(values.literal(constant))
+            case Name() | Field() | Apply("[]", _):
                 return self.scope.read(tree, self.where)
-            case syntax.Prefix("-", operand):
-                return joined(self.where, lambda value: folded(Unary("-", value)), self.number(operand))
-            case syntax.Infix("==" | "!=" | "<" | "<=" | ">" | ">=" as operator, left, right):
+            case Unary("-", operand):
+                return values.joined(self.where, lambda value: folded(Unary("-", value)), self.number(operand))
+            case Binary(operator, left, right) if operator in _COMPARING:
                 return always(self._comparison(operator, left, right))
-            case syntax.Infix("+" | "-" | "*" | "/" | "%" | "<?" | ">?" as operator, left, right):
+            case Binary("+" | "-" | "*" | "/" | "%" | "<?" | ">?" as operator, left, right):
                 return self._arithmetic(operator, left, right)
-            case syntax.Choice(condition, yes, no):
+            case Apply("?:", (condition, yes, no)):
                 choice = self.truth(condition)
                 found = [(conjunction((choice, case)), value) for case, value in self.value(yes)]
                 found += [(conjunction((negation(choice), case)), value) for case, value in self.value(no)]
                 return [(case, value) for case, value in found if case != FALSE]
-            case syntax.Applied():
-                return self.scope.applied(tree, self.where)
-            case syntax.Record() | syntax.Series():
+            case Apply("{}" | "[,]", _):
                 raise refusal(self.where, construct_of(tree))
-            case syntax.Quantified():
+            case Apply("forall:" | "exists:" | "sum:", _):
                 return self.scope.quantified(tree, self.where)
-            case syntax.Infix(operator, left, _) if self.scope.language == "javascript":
-                kinds = {kind_of(value, self.scope.kinds) for _, value in self.value(left)}
+            case Apply():
+                return self.scope.applied(tree, self.where)
+            case Binary(operator, left, _) if self.scope.language == "javascript":
+                # There, `a && b` is one of its operands, and only that of truth values is a truth value.
+                kinds = {self._kind(value) for _, value in self.value(left)}
                 if kinds & {"int", "real", "text"}:
                     raise refusal(self.where, f"{operator} on values that are not true or false")
         return always(self.truth(tree))
 
+    def _kind(self, value: Expression) -> str:
+        return kind_of(value, self.scope.kinds)
+
     def _true(self, value: Expression) -> Expression:
-        kind = kind_of(value, self.scope.kinds)
+        kind = self._kind(value)
         if kind in ("int", "real"):
             return folded(Binary("!=", value, Literal(0)))
         return folded(Binary("!=", value, Literal(""))) if kind == "text" else value
 
-    def _comparison(self, operator: str, left: syntax.Tree, right: syntax.Tree) -> Expression:
-        kinds = self.scope.kinds
+    def _comparison(self, operator: str, left: Expression, right: Expression) -> Expression:
         sides = [self.value(left), self.value(right)]
-        among = {kind_of(value, kinds) == "bool" for side in sides for _, value in side}
-        if among == {True, False} or (among == {True} and operator not in ("==", "!=")):
-            known = {kind_of(value, kinds) for side in sides for _, value in side}
-            if known & {"int", "real"} or operator not in ("==", "!="):
-                sides = [self.number(left), self.number(right)]
-        if (
-            operator in ("==", "!=")
-            and isinstance(left, syntax.Infix)
-            and left.operator == "%"
-            and right == syntax.Constant(0)
-        ):
-            # Languages differ in the sign of a remainder, not in whether there is one.
-            sides[0] = joined(self.where, _binary("%"), self.number(left.left), self.number(left.right))
-        return holds(joined(self.where, _binary(operator), *sides))
+        known = {self._kind(value) for side in sides for _, value in side}
+        if "bool" in known and (operator not in ("==", "!=") or known & {"int", "real"}):
+            sides = [self.number(left), self.number(right)]
+        match operator, left, right:
+            case "==" | "!=", Binary("%", one, two), Literal(0):
+                # Languages differ in the sign of a remainder, not in whether there is one.
+                sides[0] = values.joined(self.where, partial(_folded, "%"), self.number(one), self.number(two))
+        return values.holds(values.joined(self.where, partial(_folded, operator), *sides))
 
     def _joined_texts(self, one: Cases, two: Cases) -> Cases:
         """Return texts put together, where each case says which: ours cannot put variables together."""
         found: Cases = []
-        for case, (a, b) in _pairs(joined(self.where, lambda a, b: Apply("pair", (a, b)), one, two)):
-            if "text" not in (kind_of(a, self.scope.kinds), kind_of(b, self.scope.kinds)):
+        for case, (a, b) in values.joined(self.where, _pair, one, two):
+            if "text" not in (self._kind(a), self._kind(b)):
                 raise refusal(self.where, "+ on what is now a text, now a number")
             for first, left in self._spelled(a):
                 for second, right in self._spelled(b):
                     if (both := conjunction((case, first, second))) != FALSE:
                         found.append((both, Literal(left + right)))
-        if len(found) > MAX_CASES:
-            rule = f"a translated value has at most {MAX_CASES} cases, but this one has {len(found)}"
-            raise BadModel(self.where, rule, "split the expression", slug="expression-size")
+        values.bounded(len(found), self.where)
         return found
 
     def _spelled(self, value: Expression) -> list[tuple[Expression, str]]:
         if (text := spelled(value)) is not None:
             return [(TRUE, text)]
-        if kind_of(value, self.scope.kinds) == "bool":
+        if self._kind(value) == "bool":
             return [(value, "true"), (negation(value), "false")]
         raise self._varies(f'"{value}"')
 
@@ -205,58 +187,61 @@ class Translation:
         remedy = "write the texts it can become as a choice: x == 1 ? 'a1' : 'a2'"
         return BadModel(self.where, rule, remedy, slug="foreign-construct")
 
-    def _arithmetic(self, operator: str, left: syntax.Tree, right: syntax.Tree) -> Cases:
+    def _arithmetic(self, operator: str, left: Expression, right: Expression) -> Cases:
         if operator == "+":
-            sides = self.value(left), self.value(right)
-            if any(kind_of(value, self.scope.kinds) == "text" for side in sides for _, value in side):
-                for tree, side in zip((left, right), sides, strict=True):
+            sides = [(tree, self.value(tree)) for tree in (left, right)]
+            if any(self._kind(value) == "text" for _, side in sides for _, value in side):
+                for tree, side in sides:
                     # What `f && 2` gives is a condition here, but the text would hold a 2.
-                    if not is_truth(tree) and any(kind_of(value, self.scope.kinds) == "bool" for _, value in side):
+                    if not is_truth(tree) and any(self._kind(value) == "bool" for _, value in side):
                         raise self._varies("a condition")
-                return self._joined_texts(*sides)
+                return self._joined_texts(sides[0][1], sides[1][1])
         one, two = self.number(left), self.number(right)
-        kinds = [kind_of(value, self.scope.kinds) for side in (one, two) for _, value in side]
+        kinds = [self._kind(value) for side in (one, two) for _, value in side]
         if "text" in kinds:
             raise refusal(self.where, f"{operator} on texts")
         if operator in ("<?", ">?"):
             function = "min" if operator == "<?" else "max"
-            return joined(self.where, lambda a, b: folded(Apply(function, (a, b))), one, two)
+            return values.joined(self.where, lambda a, b: folded(Apply(function, (a, b))), one, two)
         truncates = operator == "/" and self.scope.language == "uppaal" and "real" not in kinds
         if operator != "%" and not truncates:
-            return joined(self.where, _binary(operator), one, two)
+            return values.joined(self.where, partial(_folded, operator), one, two)
         return [
             (conjunction((case, condition)), value)
-            for case, (a, b) in _pairs(joined(self.where, lambda a, b: Apply("pair", (a, b)), one, two))
+            for case, (a, b) in values.joined(self.where, _pair, one, two)
             for condition, value in (self._quotient(a, b) if truncates else self._remainder(a, b))
         ]
 
     def _quotient(self, a: Expression, b: Expression) -> Cases:
         # Division that drops the fraction, as in C: ours keeps it, and floor drops it for what is not negative.
-        whole = folded(Apply("floor", (folded(Binary("/", a, b)),)))
+        #   a / b  =   floor(a / b)     where a * b >= 0
+        #   a / b  =  -floor(-a / b)    elsewhere
+        whole = folded(Apply("floor", (_folded("/", a, b),)))
         if self._natural(a) and self._natural(b):
             return always(whole)
-        opposite = folded(Unary("-", folded(Apply("floor", (folded(Binary("/", folded(Unary("-", a)), b)),)))))
-        product = a if self._natural(b) else folded(Binary("*", a, b))
-        return _by_sign(product, whole, opposite)
+        opposite = folded(Unary("-", folded(Apply("floor", (_folded("/", folded(Unary("-", a)), b),)))))
+        return _by_sign(a if self._natural(b) else _folded("*", a, b), whole, opposite)
 
     def _remainder(self, a: Expression, b: Expression) -> Cases:
         # The sign of the dividend, as in C and JavaScript: ours has that of the divisor.
         divisor = b if self._natural(b) else folded(Apply("abs", (b,)))
-        plain = folded(Binary("%", a, divisor))
+        plain = _folded("%", a, divisor)
         if self._natural(a):
             return always(plain)
-        return _by_sign(a, plain, folded(Unary("-", folded(Binary("%", folded(Unary("-", a)), divisor)))))
+        return _by_sign(a, plain, folded(Unary("-", _folded("%", folded(Unary("-", a)), divisor))))
 
     def _natural(self, node: Expression) -> bool:
-        return is_natural(node, self.scope.naturals)
+        return values.is_natural(node, self.scope.naturals)
 
 
-def is_truth(tree: syntax.Tree) -> bool:
+def is_truth(tree: Expression) -> bool:
     """Return whether the tree shows that a condition is true or false in JavaScript, not merely as good as that."""
     match tree:
-        case syntax.Constant() | syntax.Prefix("!", _) | syntax.Infix("==" | "!=" | "<" | "<=" | ">" | ">=", _, _):
+        case Literal() | Unary("!", _):
             return True
-        case syntax.Choice(_, yes, no):
+        case Binary(operator, _, _):
+            return operator in _COMPARING
+        case Apply("?:", (_, yes, no)):
             return is_truth(yes) and is_truth(no)
         case _:
             return False
@@ -281,23 +266,23 @@ def spelled(value: Expression) -> str | None:
     return (str(int(constant)) if constant == int(constant) else repr(constant)) if is_plain else None
 
 
-def _binary(operator: str) -> Callable[..., Expression]:
-    return lambda left, right: folded(Binary(operator, left, right))
+def _folded(operator: str, left: Expression, right: Expression) -> Expression:
+    return folded(Binary(operator, left, right))
+
+
+def _pair(left: Expression, right: Expression) -> tuple[Expression, Expression]:
+    return left, right
 
 
 def _by_sign(node: Expression, positive: Expression, negative: Expression) -> Cases:
-    condition = folded(Binary(">=", node, Literal(0)))
+    condition = _folded(">=", node, Literal(0))
     found = [(condition, positive), (negation(condition), negative)]
     return [(case, value) for case, value in found if case != FALSE]
 
 
-def _pairs(cases: Cases) -> list[tuple[Expression, tuple[Expression, Expression]]]:
-    return [(case, (pair.arguments[0], pair.arguments[1])) for case, pair in cases if isinstance(pair, Apply)]
-
-
 def sized(node: Expression, where: str) -> Expression:
     """Return the expression if it is no longer than our own parser allows, so that it can be written and read."""
-    if depth(node) >= MAX_DEPTH or len(str(node)) > MAX_LENGTH:
+    if values.depth(node) >= MAX_DEPTH or len(str(node)) > MAX_LENGTH:
         size = f"{MAX_LENGTH} characters and {MAX_DEPTH} levels"
         rule = f"a translated expression has at most {size}, but this one has more"
         raise BadModel(where, rule, "split it", slug="expression-size")
@@ -310,20 +295,20 @@ def refusal(where: str, what: str) -> BadModel:
     return BadModel(where, rule, "write it with these", slug="foreign-construct")
 
 
-def construct_of(tree: syntax.Tree) -> str:
+def construct_of(tree: Expression) -> str:
     """Return what a place is that our language does not know, in words."""
     match tree:
-        case syntax.Identifier(name):
+        case Name(name):
             return f"the name {name!r}"
-        case syntax.Member(_, name):
+        case Field(_, name):
             return f"a field {name!r} of an object"
-        case syntax.Index():
+        case Apply("[]", _):
             return "an element of a list"
-        case syntax.Applied(function, _):
-            return f"a call of the function {function!r}"
-        case syntax.Record():
+        case Apply("{}", _):
             return "an object"
-        case syntax.Series():
+        case Apply("[,]", _):
             return "a list"
+        case Apply(function, _) if function[-1] not in ":]}":
+            return f"a call of the function {function!r}"
         case _:
             return "an assignment to a value"

@@ -7,13 +7,13 @@ needs one of these is a list of cases: conditions of which exactly one holds, ea
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Set
-from dataclasses import replace
 from itertools import product
 from math import prod
-from typing import TypeAlias
+from typing import TypeAlias, TypeVar
 
 from parcours.errors import BadModel
 from parcours.model.expression import Apply, Binary, Expression, Field, Literal, Name, Unary, evaluate
+from parcours.model.expression.syntax import parts
 from parcours.model.structure import Component
 
 TRUE, FALSE = Literal(True), Literal(False)
@@ -27,23 +27,30 @@ Cases: TypeAlias = list[tuple[Expression, Expression]]
 """(condition, value) pairs: exactly one condition holds."""
 
 
+_T = TypeVar("_T")
+
+
 def always(value: Expression) -> Cases:
     """Return the cases of a value that depends on nothing."""
     return [(TRUE, value)]
 
 
-def joined(where: str, make: Callable[..., Expression], *operands: Cases) -> Cases:
-    """Return the cases of an operation whose operands have cases."""
-    count = prod(map(len, operands))
-    if count > MAX_CASES:
-        rule = f"a translated value has at most {MAX_CASES} cases, but this one has {count}"
-        raise BadModel(where, rule, "split the expression", slug="expression-size")
-    found: Cases = []
+def joined(where: str, make: Callable[..., _T], *operands: Cases) -> list[tuple[Expression, _T]]:
+    """Return the cases of an operation whose operands have cases: every combination that is not impossible."""
+    bounded(prod(map(len, operands)), where)
+    found = []
     for chosen in product(*operands):
         condition = conjunction(case for case, _ in chosen)
         if condition != FALSE:
             found.append((condition, make(*(value for _, value in chosen))))
     return found
+
+
+def bounded(count: int, where: str) -> None:
+    """Raise BadModel if a value has more than MAX_CASES cases."""
+    if count > MAX_CASES:
+        rule = f"a translated value has at most {MAX_CASES} cases, but this one has {count}"
+        raise BadModel(where, rule, "split the expression", slug="expression-size")
 
 
 def holds(cases: Cases) -> Expression:
@@ -57,6 +64,7 @@ def conjunction(parts: Iterable[Expression]) -> Expression:
     >>> str(conjunction([TRUE, Name("a"), Name("b"), Name("a")])), str(conjunction([Name("a"), negation(Name("a"))]))
     ('a && b', 'false')
     """
+    # Choices multiply, so that what cannot hold is dropped where that is cheap to see; it need not be complete.
     found = _chain("&&", parts, TRUE, FALSE)
     known: dict[Expression, Expression] = {}
     for part in conjuncts(found):
@@ -67,11 +75,7 @@ def conjunction(parts: Iterable[Expression]) -> Expression:
 
 
 def conjuncts(condition: Expression) -> list[Expression]:
-    """Return the parts of a conjunction.
-
-    >>> [str(part) for part in conjuncts(conjunction([Name("a"), Name("b"), Name("c")]))]
-    ['a', 'b', 'c']
-    """
+    """Return the parts of a conjunction."""
     if isinstance(condition, Binary) and condition.operator == "&&":
         return [*conjuncts(condition.left), *conjuncts(condition.right)]
     return [condition]
@@ -126,31 +130,19 @@ def negation(part: Expression) -> Expression:
 def folded(node: Expression) -> Expression:
     """Return the node, or the constant it is when all its parts are constants and it has a value."""
     match node:
-        case Unary("-", Literal()):
+        case Literal() | Name() | Field() | Unary("-", Literal()):
             return node
         case Unary("-", Unary("-", operand)):
             return operand
-        case Unary(_, operand):
-            parts: tuple[Expression, ...] = (operand,)
         case Binary("&&", left, right):
             return conjunction((left, right))
         case Binary("||", left, right):
             return disjunction((left, right))
-        case Binary(_, left, right):
-            parts = (left, right)
-        case Apply(_, arguments):
-            parts = arguments
-        case _:
+    if all(map(is_constant, parts(node))):
+        try:
+            return literal(evaluate(node, {}))
+        except BadModel:
             return node
-    if not all(is_constant(part) for part in parts):
-        return _neutral(node)
-    try:
-        return literal(evaluate(node, {}))
-    except BadModel:
-        return node
-
-
-def _neutral(node: Expression) -> Expression:
     match node:
         case Binary("+" | "-", left, Literal(0)) | Binary("*" | "/", left, Literal(1)):
             return left
@@ -178,7 +170,7 @@ def literal(value: object) -> Expression:
 
 
 def replaced(node: Expression, values: Mapping[str, Expression]) -> Expression:
-    """Return the expression with names replaced by values.
+    """Return the expression with names replaced by values, and constants worked out.
 
     >>> str(replaced(Binary("<", Name("x"), Name("y")), {"x": Literal(3)}))
     '3 < y'
@@ -186,14 +178,14 @@ def replaced(node: Expression, values: Mapping[str, Expression]) -> Expression:
     match node:
         case Name(id):
             return values.get(id, node)
-        case Field(of, _):
-            return replace(node, of=replaced(of, values))
-        case Unary(_, operand):
-            return folded(replace(node, operand=replaced(operand, values)))
-        case Binary(_, left, right):
-            return folded(replace(node, left=replaced(left, values), right=replaced(right, values)))
-        case Apply(_, arguments):
-            return folded(replace(node, arguments=tuple(replaced(each, values) for each in arguments)))
+        case Field(of, name):
+            return Field(replaced(of, values), name)
+        case Unary(operator, operand):
+            return folded(Unary(operator, replaced(operand, values)))
+        case Binary(operator, left, right):
+            return folded(Binary(operator, replaced(left, values), replaced(right, values)))
+        case Apply(function, arguments):
+            return folded(Apply(function, tuple(replaced(each, values) for each in arguments)))
         case _:
             return node
 
@@ -221,19 +213,11 @@ def kind_of(node: Expression, kinds: Mapping[str, str]) -> str:
             return "real"
         case Apply("floor" | "size", _):
             return "int"
-        case Binary(_, left, right):
-            return _wider(kind_of(left, kinds), kind_of(right, kinds))
-        case Apply(_, arguments):
-            kind = "int"
-            for argument in arguments:
-                kind = _wider(kind, kind_of(argument, kinds))
-            return kind
+        case Binary() | Apply():
+            inner = {kind_of(part, kinds) for part in parts(node)}
+            return "real" if "real" in inner else "int" if inner <= {"int"} else ""
         case _:
             return ""
-
-
-def _wider(one: str, other: str) -> str:
-    return "real" if "real" in (one, other) else "int" if one == other == "int" else ""
 
 
 def is_natural(node: Expression, naturals: Set[str]) -> bool:
@@ -259,17 +243,7 @@ def is_natural(node: Expression, naturals: Set[str]) -> bool:
 
 def depth(node: Expression) -> int:
     """Return how many nodes the longest way down a tree has."""
-    match node:
-        case Field(of, _):
-            return 1 + depth(of)
-        case Unary(_, operand):
-            return 1 + depth(operand)
-        case Binary(_, left, right):
-            return 1 + max(depth(left), depth(right))
-        case Apply(_, arguments):
-            return 1 + max((depth(argument) for argument in arguments), default=0)
-        case _:
-            return 1
+    return 1 + max(map(depth, parts(node)), default=0)
 
 
 def naturals_of(component: Component) -> set[str]:

@@ -17,7 +17,7 @@ import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
-from typing import Any, NoReturn
+from typing import Any
 
 from parcours.data.constraints import Constraint
 from parcours.data.domains import Domain
@@ -81,6 +81,7 @@ class _Parser(TokenStream):
         re.VERBOSE,
     )
     slug = "pict-syntax"
+    error = BadDomain
 
     def __init__(self, text: str, first_line: int, origin: str, parameters: Mapping[str, Parameter]) -> None:
         self.parameters, self.depth, self.n_terms = parameters, 0, 0
@@ -182,6 +183,7 @@ class _Parser(TokenStream):
         found = [word for word in parameter.words if meets(word)]
         others = sorted(set(parameter.words).difference(found), key=parameter.words.index)
         self.counted(len(parameter.words), Literal(True))
+        # The shorter list is written: `not x` for all but one, instead of many alternatives.
         if len(others) < len(found):
             return Unary("!", _any(_is(parameter, word) for word in others))
         return _any(_is(parameter, word) for word in found)
@@ -231,9 +233,6 @@ class _Parser(TokenStream):
     def expect(self, sign: str) -> None:
         if not self.accept(sign):
             self.fail(f"{sign!r} must stand here, but this is {self.shown(40)!r}")
-
-    def fail(self, rule: str, remedy: str = "", slug: str = "") -> NoReturn:
-        raise BadDomain(f"{self.origin}:{self.line}", rule, remedy, slug=slug or self.slug)
 
 
 def _joined(sign: str, parts: Sequence[Expression]) -> Expression:

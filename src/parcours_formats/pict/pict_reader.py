@@ -56,10 +56,7 @@ def read_pict(path: Path | str) -> DataReading:
 
 
 def parse_pict(text: str, origin: str) -> DataReading:
-    """Return the input model of a PICT text.
-
-    Raises:
-        BadDomain: the text is no PICT model; the message has the line.
+    """Return the input model of a PICT text. Raises BadDomain, with the line, if it is none.
 
     >>> reading = parse_pict('''
     ... TYPE: single, span, ~broken

@@ -93,6 +93,7 @@ class _Writer:
 
     def constraint(self, constraint: Constraint) -> Iterator[str]:
         """Yield the constraint in PICT's language, or the combinations that it forbids."""
+        # First in words; what PICT has no words for, as the combinations of blocks that it forbids.
         try:
             yield self.said(parse_expression(constraint.text or str(constraint.expression)), constraint) + ";"
             return

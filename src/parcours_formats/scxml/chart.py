@@ -93,6 +93,7 @@ class ChartReader:
         self.nodes: dict[str, Node] = {}
         self.invoked: list[Element] = []
         self._elements: list[tuple[Node, Element]] = []
+        # Two passes: a target may stand behind the transition that names it.
         self.root = self._node(root, None)
         for node, element in self._elements:
             self._fill(node, element)
@@ -215,6 +216,7 @@ def take(arcs: Iterable[Arc], configuration: Configuration) -> tuple[Configurati
     leaving = {node for arc in arcs for node in exits(arc, configuration)}
     remembered = dict(configuration.remembered)
     done: list[Element] = []
+    # Exits run inside out, then the transitions, then entries outside in (appendix D of the standard).
     for node in sorted(leaving, key=in_order, reverse=True):
         for history in (child for child in node.children if child.kind == "history"):
             inside = [each for each in configuration.active if each.is_inside(node)]

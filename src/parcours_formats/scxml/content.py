@@ -8,20 +8,12 @@ from dataclasses import dataclass, field, replace
 from typing import TypeAlias
 
 from parcours.errors import BadModel
-from parcours.model.expression import Expression, Name
-from parcours_formats.guard_languages import Branch, Scope, Tokens, Translation, performed, refusal, sized
-from parcours_formats.guard_languages import foreign_syntax as syntax
+from parcours.model.expression import Apply, Expression, Field, Literal, Name
+from parcours_formats.guard_languages import Branch, Scope, Tokens, Translation, performed, refusal, sized, values
+from parcours_formats.guard_languages.foreign_syntax import Set as Assign
+from parcours_formats.guard_languages.foreign_syntax import Statement
 from parcours_formats.guard_languages.foreign_texts import MAX_ACTIONS
-from parcours_formats.guard_languages.values import (
-    FALSE,
-    MAX_CASES,
-    TRUE,
-    Cases,
-    always,
-    conjunction,
-    literal,
-    negation,
-)
+from parcours_formats.guard_languages.values import FALSE, TRUE, Cases, always, conjunction, literal, negation
 from parcours_formats.losses import Losses
 from parcours_formats.scxml.datamodel import ChartParser, Whole, parsed, part_at, refused, spread
 from parcours_formats.xml_lines import Element
@@ -65,11 +57,11 @@ class DataScope(Scope):
     active: Set[str] = frozenset()
     event: str = ""
 
-    def read(self, tree: syntax.Identifier | syntax.Index | syntax.Member, where: str) -> Cases:
+    def read(self, tree: Expression, where: str) -> Cases:
         """Return what a place holds."""
-        if tree == syntax.Member(syntax.Identifier("_event"), "name"):
+        if tree == Field(Name("_event"), "name"):
             return always(literal(self.event))
-        if tree == syntax.Identifier("_name"):
+        if tree == Name("_name"):
             return always(literal(""))
         self._demand(tree, where)
         match part_at(tree, self.wholes, where):
@@ -81,27 +73,27 @@ class DataScope(Scope):
                 raise refused(where, f"{name!r} as a whole", "use its parts")
         return super().read(tree, where)
 
-    def target(self, tree: syntax.Tree, where: str) -> list[tuple[Expression, Name]]:
+    def target(self, tree: Expression, where: str) -> list[tuple[Expression, Name]]:
         """Return the variable that an assignment to a place changes."""
         self._demand(tree, where)
         if isinstance(variable := part_at(tree, self.wholes, where), str):
             return [(TRUE, Name(variable))]
-        if isinstance(tree, syntax.Identifier) and (tree.name not in self.kinds or tree.name in self.parts):
-            rule = f"a location must be data of the document, but {tree.name!r} is not"
+        if isinstance(tree, Name) and (tree.id not in self.kinds or tree.id in self.parts):
+            rule = f"a location must be data of the document, but {tree.id!r} is not"
             raise BadModel(where, rule, "declare it in <datamodel>", slug="unknown-name")
         return super().target(tree, where)
 
-    def _demand(self, tree: syntax.Tree, where: str) -> None:
+    def _demand(self, tree: Expression, where: str) -> None:
         """Raise the reason why the data that a place belongs to could not be translated, if so."""
-        while isinstance(tree, syntax.Member | syntax.Index):
-            tree = tree.of
-        if isinstance(tree, syntax.Identifier) and tree.name in self.missing:
-            error = self.missing[tree.name]
-            raise BadModel(where, f"{tree.name!r} cannot be used: {error.rule}", error.remedy, slug=error.slug)
+        while isinstance(tree, Field) or (isinstance(tree, Apply) and tree.function == "[]"):
+            tree = tree.of if isinstance(tree, Field) else tree.arguments[0]
+        if isinstance(tree, Name) and tree.id in self.missing:
+            error = self.missing[tree.id]
+            raise BadModel(where, f"{tree.id!r} cannot be used: {error.rule}", error.remedy, slug=error.slug)
 
-    def applied(self, tree: syntax.Applied, where: str) -> Cases:
+    def applied(self, tree: Apply, where: str) -> Cases:
         """Return the value of a function; `In(id)` is known in every configuration."""
-        if tree.function == "In" and len(tree.arguments) == 1 and isinstance(tree.arguments[0], syntax.Constant):
+        if tree.function == "In" and len(tree.arguments) == 1 and isinstance(tree.arguments[0], Literal):
             return always(literal(tree.arguments[0].value in self.active))
         return super().applied(tree, where)
 
@@ -111,7 +103,7 @@ class Content:
 
     def __init__(self, origin: str, losses: Losses) -> None:
         self.origin, self.losses = origin, losses
-        self._trees: dict[str, syntax.Tree] = {}
+        self._trees: dict[str, Expression] = {}
 
     def where(self, element: Element) -> str:
         """Return the place of an element for messages."""
@@ -121,7 +113,7 @@ class Content:
         """Return a condition."""
         return sized(Translation(scope, where).truth(self.tree(text, where)), where) if text else TRUE
 
-    def tree(self, text: str, where: str) -> syntax.Tree:
+    def tree(self, text: str, where: str) -> Expression:
         """Return the syntax tree of an expression; each text is parsed once."""
         if text not in self._trees:
             self._trees[text] = parsed(text, where)
@@ -135,13 +127,14 @@ class Content:
                 now = [after for outcome in now for after in self._after(element, scope, outcome)]
             else:
                 self.lose(element, f"<{element.tag}> is left out")
-            if len(now) > MAX_CASES:
-                rule = f"content has at most {MAX_CASES} branches, but this has more"
+            if len(now) > values.MAX_CASES:
+                rule = f"content has at most {values.MAX_CASES} branches, but this has more"
                 raise BadModel(self.where(element), rule, "split it", slug="expression-size")
         return now
 
     def chosen(self, options: Iterable[Option], scope: Scope, outcome: Outcome) -> list[Outcome]:
         """Return what the first option whose condition holds does behind what was done before, or none of them."""
+        # if / elseif / else: `rest` says that none of the options so far was taken.
         found, rest = list[Outcome](), outcome.branch.guard
         for condition, where, block in options:
             choice = outcome.branch.before(self.condition(condition, scope, where), where)
@@ -161,7 +154,7 @@ class Content:
             case "assign":
                 place = self.tree(element.get("location"), where)
                 value = self.tree(element.get("expr") or element.text.strip(), where)
-                return self._performed([syntax.Set(place, value)], scope, where, outcome)
+                return self._performed([Assign(place, value)], scope, where, outcome)
             case "script":
                 if element.get("src"):
                     raise refusal(where, "a script in another file")
@@ -179,9 +172,7 @@ class Content:
         self.lose(element, _IGNORED[element.tag])
         return [outcome]
 
-    def _performed(
-        self, statements: Iterable[syntax.Statement], scope: Scope, where: str, outcome: Outcome
-    ) -> list[Outcome]:
+    def _performed(self, statements: Iterable[Statement], scope: Scope, where: str, outcome: Outcome) -> list[Outcome]:
         if isinstance(scope, DataScope):
             statements = tuple(spread(tuple(statements), scope.wholes, where))
         return [replace(outcome, branch=each) for each in performed(statements, scope, where, outcome.branch)]
@@ -199,7 +190,7 @@ class Content:
         event = element.get("event")
         if not event and element.get("eventexpr"):
             tree = self.tree(element.get("eventexpr"), where)
-            if not (isinstance(tree, syntax.Constant) and isinstance(tree.value, str)):
+            if not (isinstance(tree, Literal) and isinstance(tree.value, str)):
                 raise refusal(where, "an event whose name is computed")
             event = tree.value
         if element.children or element.get("namelist"):

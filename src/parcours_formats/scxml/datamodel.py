@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import TypeAlias
 
 from parcours.errors import BadModel
-from parcours.model.expression import Expression, Literal
+from parcours.model.expression import Apply, Binary, Expression, Field, Literal, Name, Unary
+from parcours.model.expression.syntax import parts as parts_of
 from parcours_formats.guard_languages import Scope, Tokens, Translation, refusal
 from parcours_formats.guard_languages import foreign_syntax as syntax
 from parcours_formats.guard_languages.values import is_constant, kind_of
@@ -39,7 +40,8 @@ class DataModel:
         if len(declared) > MAX_DATA:
             rule = f"a document declares at most {MAX_DATA} data, but this one has {len(declared)}"
             raise BadModel(f"{origin}:{declared[0].line}", rule, "split the document", slug="expansion-size")
-        scripted = [each.place.name for each in self._assigned if isinstance(each.place, syntax.Identifier)]
+        # Names of data stay as they are; those of parts are made around them.
+        scripted = [each.place.id for each in self._assigned if isinstance(each.place, Name)]
         self._names = Names([*(element.get("id") for element in declared), *scripted])
         for element in declared:
             self._declare(element.get("id"), element)
@@ -74,15 +76,15 @@ class DataModel:
                 raise refusal(where, "a choice in a script of the document")
             if isinstance(part := part_at(statement.place, self.wholes, where), str):
                 self._start(part, self._constant(statement.value, where))
-            elif not isinstance(statement.place, syntax.Identifier):
+            elif not isinstance(statement.place, Name):
                 raise refusal(where, "an assignment to a part of what is not declared in a script of the document")
             else:
-                self.lines.setdefault(statement.place.name, script.line)
-                self._begin(statement.place.name, statement.value, where)
+                self.lines.setdefault(statement.place.id, script.line)
+                self._begin(statement.place.id, statement.value, where)
 
-    def _begin(self, name: str, tree: syntax.Tree, where: str) -> None:
+    def _begin(self, name: str, tree: Expression, where: str) -> None:
         """Let data start with a value; an object or a list becomes variables."""
-        is_whole = isinstance(tree, syntax.Record | syntax.Series)
+        is_whole = _written(tree) is not None
         if name in self.wholes or (is_whole and name in self.initial):
             raise refused(where, f"a second initial value of {name!r}", "keep one")
         if not is_whole:
@@ -100,19 +102,18 @@ class DataModel:
         rule = f"its parts are variables here: {shown}" if values else "it is empty, and is no variable here"
         self.losses.add(f"data {name!r}", self.lines[name], rule)
 
-    def _part(self, name: str, variable: str, tree: syntax.Tree, where: str, values: dict[str, Expression]) -> Part:
-        if not isinstance(tree, syntax.Record | syntax.Series):
+    def _part(self, name: str, variable: str, tree: Expression, where: str, values: dict[str, Expression]) -> Part:
+        written = _written(tree)
+        if written is None:
             given = self._names.identifier(variable)
             values[given] = self._constant(tree, where)
             return given
         if len(self.initial) + len(values) > MAX_DATA:
             raise refused(where, f"more than {MAX_DATA} parts", "split the document")
-        if isinstance(tree, syntax.Record):
-            fields = {key: (f"{name}.{key}", value) for key, value in tree.fields}
-        else:
-            fields = {str(at): (f"{name}[{at}]", value) for at, value in enumerate(tree.items)}
-        whole = Whole(name, {}, isinstance(tree, syntax.Series))
-        for key, (inner, value) in fields.items():
+        parts, is_list = written
+        whole = Whole(name, {}, is_list)
+        for key, value in parts.items():
+            inner = f"{name}[{key}]" if is_list else f"{name}.{key}"
             whole.parts[key] = self._part(inner, f"{variable}_{key}", value, where, values)
         return whole
 
@@ -120,7 +121,7 @@ class DataModel:
         self.initial[name] = value
         self.kinds[name] = kind_of(value, {})
 
-    def _constant(self, tree: syntax.Tree, where: str) -> Expression:
+    def _constant(self, tree: Expression, where: str) -> Expression:
         cases = Translation(_Initial(self.initial, self.wholes), where).value(tree)
         if len(cases) != 1 or not is_constant(cases[0][1]):
             raise refusal(where, "an initial value that is not constant")
@@ -128,7 +129,7 @@ class DataModel:
 
     def _guessed(self, name: str) -> str:
         for statement in self._assigned:
-            if statement.place == syntax.Identifier(name) and (kind := _kind(statement.value, self.kinds)):
+            if statement.place == Name(name) and (kind := _kind(statement.value, self.kinds)):
                 return kind
         raise refusal(f"{self.origin}:{self.lines[name]}", f"{name!r} without a value")
 
@@ -140,14 +141,14 @@ class _Initial(Scope):
         super().__init__("javascript")
         self._values, self._wholes = values, wholes
 
-    def read(self, tree: syntax.Tree, where: str) -> list[tuple[Expression, Expression]]:
+    def read(self, tree: Expression, where: str) -> list[tuple[Expression, Expression]]:
         """Return the value of a name, or of a part."""
         part = part_at(tree, self._wholes, where)
         if isinstance(part, int | str):
             return [(Literal(True), self._values[part] if isinstance(part, str) else Literal(part))]
-        if isinstance(tree, syntax.Identifier) and tree.name in self._values:
-            return [(Literal(True), self._values[tree.name])]
-        return super().read(tree, where)  # type: ignore[arg-type]
+        if isinstance(tree, Name) and tree.id in self._values:
+            return [(Literal(True), self._values[tree.id])]
+        return super().read(tree, where)
 
 
 def _assigned(root: Element) -> Iterable[syntax.Set]:
@@ -169,7 +170,7 @@ def _sets(statements: Iterable[syntax.Statement]) -> Iterable[syntax.Set]:
             yield statement
 
 
-def parsed(text: str, where: str) -> syntax.Tree:
+def parsed(text: str, where: str) -> Expression:
     """Return the syntax tree of an expression."""
     tokens = Tokens(text, "javascript", where)
     tree = ChartParser(tokens).condition()
@@ -178,27 +179,21 @@ def parsed(text: str, where: str) -> syntax.Tree:
     return tree
 
 
-def _kind(tree: syntax.Tree, kinds: dict[str, str]) -> str:
+def _kind(tree: Expression, kinds: dict[str, str]) -> str:
     match tree:
-        case syntax.Member(syntax.Identifier("_event"), "name"):
+        case Field(Name("_event"), "name"):
             return "text"
-        case syntax.Constant(value):
-            return kind_of(Literal(value), {})
-        case syntax.Identifier(name):
-            return kinds.get(name, "")
-        case syntax.Prefix("!", _) | syntax.Infix("&&" | "||" | "==" | "!=" | "<" | "<=" | ">" | ">=", _, _):
-            return "bool"
-        case syntax.Prefix(_, operand):
+        case Unary("-", operand):
             return _kind(operand, kinds)
-        case syntax.Infix("/", _, _):
-            return "real"
-        case syntax.Infix(operator, left, right):
+        case Binary("+" | "-" | "*" | "%" as operator, left, right):
             among = _kind(left, kinds), _kind(right, kinds)
             return "text" if operator == "+" and "text" in among else "real" if "real" in among else "int"
-        case syntax.Choice(_, yes, _):
+        case Apply("?:", (_, yes, _)):
             return _kind(yes, kinds)
-        case _:
+        case Apply():
             return ""
+        case _:
+            return kind_of(tree, kinds)
 
 
 MAX_PARTS = 1_000
@@ -223,19 +218,22 @@ class ChartParser(syntax.Parser):
     """Reads JavaScript with objects and lists written out.
 
     >>> from parcours_formats.guard_languages import Tokens
-    >>> ChartParser(Tokens("{a: 1, 'b': [x, 2]}", "javascript", "here")).condition().fields[0]
-    ('a', Constant(value=1))
+    >>> ChartParser(Tokens("{a: 1, 'b': [x, 2]}", "javascript", "here")).condition().arguments[:2]
+    (Name(id='a'), Literal(value=1))
     """
 
-    def operand(self) -> syntax.Tree:
+    def operand(self) -> Expression:
         """Return an operand; it may be an object or a list."""
         if self.tokens.accept("{"):
-            return self._record()
+            return self._object()
         if self.tokens.accept("["):
-            return self._series()
+            items: list[Expression] = []
+            while not self._ends("]", len(items)):
+                items.append(self.condition())
+            return Apply("[,]", tuple(items))
         return super().operand()
 
-    def called(self, call: syntax.Applied) -> tuple[syntax.Statement, ...]:
+    def called(self, call: Apply) -> tuple[syntax.Statement, ...]:
         """Refuse a call for its effect."""
         list_, _, method = call.function.rpartition(".")
         if list_ and method in _RESIZING:
@@ -243,8 +241,8 @@ class ChartParser(syntax.Parser):
             self.tokens.refuse(f"{method!r}, which changes the list {list_!r} as a whole,", remedy)
         return super().called(call)
 
-    def _record(self) -> syntax.Record:
-        tokens, fields = self.tokens, dict[str, syntax.Tree]()
+    def _object(self) -> Expression:
+        tokens, fields = self.tokens, dict[str, Expression]()
         while not self._ends("}", len(fields)):
             token = tokens.token
             if token.kind not in ("name", "text", "int"):
@@ -253,16 +251,11 @@ class ChartParser(syntax.Parser):
             tokens.position += 1
             if not tokens.accept(":"):
                 tokens.refuse(f"the field {key!r} without a value", f"write {key}: value")
+            # `__proto__: x` sets what the object inherits from; it makes no field.
             if key in fields or key == "__proto__":
                 tokens.refuse(f"the field {key!r}, twice or special", "write each field once")
             fields[key] = self.condition()
-        return syntax.Record(tuple(fields.items()))
-
-    def _series(self) -> syntax.Series:
-        items: list[syntax.Tree] = []
-        while not self._ends("]", len(items)):
-            items.append(self.condition())
-        return syntax.Series(tuple(items))
+        return Apply("{}", tuple(part for key, value in fields.items() for part in (Name(key), value)))
 
     def _ends(self, closing: str, count: int) -> bool:
         """Take the closing sign if it is next, or the comma before the next part."""
@@ -277,28 +270,38 @@ class ChartParser(syntax.Parser):
         return False
 
 
+def _written(tree: Expression) -> tuple[dict[str, Expression], bool] | None:
+    """Return the parts of an object or a list that is written out, and whether it is a list."""
+    match tree:
+        case Apply("{}", given):
+            return {str(key): value for key, value in zip(given[::2], given[1::2], strict=True)}, False
+        case Apply("[,]", items):
+            return {str(at): item for at, item in enumerate(items)}, True
+    return None
+
+
 def refused(where: str, what: str, remedy: str) -> BadModel:
     """Return the refusal of something that an object or a list is, and variables for its parts are not."""
     rule = f"an object or a list is read as variables, one for each part of a fixed shape, but here is {what}"
     return BadModel(where, rule, remedy, slug="foreign-construct")
 
 
-def part_at(tree: syntax.Tree, wholes: Mapping[str, Whole], where: str) -> Part | int | None:
+def part_at(tree: Expression, wholes: Mapping[str, Whole], where: str) -> Part | int | None:
     """Return what a place means: a variable, a whole, or the length of a list.
 
     >>> x = Whole("x", {"a": "x_a", "b": Whole("x.b", {"0": "x_b_0"}, True)}, False)
-    >>> at_b = syntax.Member(syntax.Identifier("x"), "b")
-    >>> [part_at(of, {"x": x}, "") for of in (syntax.Index(at_b, syntax.Constant(0)), syntax.Member(at_b, "length"))]
+    >>> at_b = Field(Name("x"), "b")
+    >>> [part_at(of, {"x": x}, "") for of in (Apply("[]", (at_b, Literal(0))), Field(at_b, "length"))]
     ['x_b_0', 1]
     """
     match tree:
-        case syntax.Identifier(name):
+        case Name(name):
             return wholes.get(name)
-        case syntax.Member(of, key):
+        case Field(of, key):
             whole = part_at(of, wholes, where)
-        case syntax.Index(of, syntax.Constant(int() | str() as constant)) if not isinstance(constant, bool):
+        case Apply("[]", (of, Literal(int() | str() as constant))) if not isinstance(constant, bool):
             whole, key = part_at(of, wholes, where), str(constant)
-        case syntax.Index(of, _):
+        case Apply("[]", (of, _)):
             whole, key = part_at(of, wholes, where), ""
             if isinstance(whole, Whole):
                 remedy = f"write a choice: i == 0 ? {whole.name}[0] : ..., or the number"
@@ -326,23 +329,24 @@ def spread(
             case syntax.When(condition, yes, no):
                 yield syntax.When(condition, tuple(spread(yes, wholes, where)), tuple(spread(no, wholes, where)))
             case syntax.Set(place, value):
-                if isinstance(value, syntax.Choice) and isinstance(part_at(place, wholes, where), Whole):
-                    inner = ((syntax.Set(place, value.yes),), (syntax.Set(place, value.no),))
-                    yield syntax.When(value.condition, *(tuple(spread(each, wholes, where)) for each in inner))
-                    continue
-                yield from _by_parts(place, value, wholes, where)
+                match value:
+                    case Apply("?:", (choice, *options)) if isinstance(part_at(place, wholes, where), Whole):
+                        yes, no = (tuple(spread((syntax.Set(place, each),), wholes, where)) for each in options)
+                        yield syntax.When(choice, yes, no)
+                    case _:
+                        yield from _by_parts(place, value, wholes, where)
             case _:
                 yield statement
 
 
 def _by_parts(
-    place: syntax.Tree, value: syntax.Tree, wholes: Mapping[str, Whole], where: str
+    place: Expression, value: Expression, wholes: Mapping[str, Whole], where: str
 ) -> Iterator[syntax.Statement]:
     part = part_at(place, wholes, where)
     if isinstance(part, int):
         raise refused(where, "an assignment to the length of a list", "give it all its elements at first")
     if not isinstance(part, Whole):
-        if isinstance(value, syntax.Record | syntax.Series):
+        if _written(value) is not None:
             what = "one assigned to a place that starts as a single value"
             raise refused(where, what, "let <data> start with that shape")
         yield syntax.Set(place, value)
@@ -358,35 +362,29 @@ def _by_parts(
         yield left.pop(free[0])[1]
 
 
-def _leaves(place: syntax.Tree, whole: Whole, value: syntax.Tree, where: str) -> Iterator[syntax.Set]:
-    match value:
-        case syntax.Record(fields) if not whole.is_list:
-            given = dict(fields)
-        case syntax.Series(items) if whole.is_list:
-            given = {str(at): item for at, item in enumerate(items)}
-        case _:
-            remedy = "assign part by part: a copy of an object or a list shares its parts with the original there"
-            kind = "a list" if whole.is_list else "an object"
-            raise refused(where, f"{whole.name!r} assigned what is not written out as {kind}", remedy)
+def _leaves(place: Expression, whole: Whole, value: Expression, where: str) -> Iterator[syntax.Set]:
+    given, is_list = _written(value) or ({}, None)
+    if is_list is not whole.is_list:
+        remedy = "assign part by part: a copy of an object or a list shares its parts with the original there"
+        kind = "a list" if whole.is_list else "an object"
+        raise refused(where, f"{whole.name!r} assigned what is not written out as {kind}", remedy)
     if given.keys() != whole.parts.keys():
         has, wants = (", ".join(list(keys)[:20]) or "none" for keys in (given, whole.parts))
         what = f"{whole.name!r} assigned the parts {has}, though it starts with {wants}"
         raise refused(where, what, "let <data> start with all parts")
     for key, part in whole.parts.items():
-        inner = syntax.Index(place, syntax.Constant(int(key) if whole.is_list else key))
+        inner = Apply("[]", (place, Literal(int(key) if whole.is_list else key)))
         if isinstance(part, Whole):
             yield from _leaves(inner, part, given[key], where)
-        elif isinstance(given[key], syntax.Record | syntax.Series):
+        elif _written(given[key]) is not None:
             raise refused(where, f"one as the part {key!r} of {whole.name!r}, a single value", "let <data> start so")
         else:
             yield syntax.Set(inner, given[key])
 
 
-def _read(tree: syntax.Tree, wholes: Mapping[str, Whole], where: str) -> set[str]:
+def _read(tree: Expression, wholes: Mapping[str, Whole], where: str) -> set[str]:
     """Return the variables of parts that a value reads."""
-    if isinstance(tree, syntax.Member | syntax.Index):
+    if isinstance(tree, Field) or (isinstance(tree, Apply) and tree.function == "[]"):
         part = part_at(tree, wholes, where)
         return {part} if isinstance(part, str) else set()
-    inner = [getattr(tree, each.name) for each in fields(tree)]
-    inner += tree.arguments if isinstance(tree, syntax.Applied) else ()
-    return set().union(*(_read(each, wholes, where) for each in inner if isinstance(each, syntax.Tree)))
+    return set().union(*(_read(each, wholes, where) for each in parts_of(tree)))

@@ -3,6 +3,10 @@
 Each configuration that can be reached becomes a state, and each set of transitions that SCXML would take together
 becomes one transition, with the content of exits, transitions and entries in the order of the standard. Inner
 transitions go before outer ones and earlier before later ones: their conditions stand negated in the guards.
+
+    parallel p                                 (a1, b1) --e--> (a2, b2)      both regions answer e at once
+      region a:  a1 --e-----> a2       =>      (a1, b1) --f--> (a1, b2)
+      region b:  b1 --e, f--> b2               (a1, b2) --e--> (a2, b2)
 """
 
 from __future__ import annotations
@@ -72,6 +76,7 @@ class Flattening:
 
     def flat(self) -> Flat:
         """Return the machine."""
+        # Breadth first over configurations: all guards stay symbolic, so that only states are enumerated.
         first, beginning = start(self.root)
         steps: list[Step] = []
         seen = {first: first.name}
@@ -88,6 +93,7 @@ class Flattening:
                     border.append(after)
                     if len(seen) > MAX_CONFIGURATIONS:
                         self.fail(f"a chart has at most {MAX_CONFIGURATIONS} configurations, but this one has more")
+                # `In(id)` already sees the new configuration on entry, and still the old one on exit.
                 outcomes = self.content.run(leaving, self.within(here, event))
                 outcomes = self.content.run(entering, self.within(after, event), outcomes)
                 for outcome in self.ended(here, after, outcomes):
@@ -118,6 +124,7 @@ class Flattening:
 
     def choices(self, here: Configuration) -> Iterator[tuple[str, Expression, tuple[Arc, ...]]]:
         """Yield event, guard and transitions of each way on; spontaneous ones go before events."""
+        # SCXML looks at the event queue only when no transition without event can go: hence `resting`.
         spontaneous = list(self.sets(here, ""))
         resting = conjunction(negation(guard) for guard, _ in spontaneous)
         for guard, arcs in spontaneous:
@@ -137,6 +144,7 @@ class Flattening:
         for atom in here.atoms():
             rest: Expression = TRUE
             own: list[tuple[Expression, Arc | None]] = []
+            # Innermost first: an inner transition goes before an outer one, whose guard gets its condition negated.
             for node in (atom, *atom.ancestors()):
                 for arc in self.answering(node).get(event, ()) if event else self.spontaneous(node, here):
                     if rest != FALSE:
@@ -146,6 +154,7 @@ class Flattening:
                         rest = sized(conjunction((rest, negation(holds))), f"{self.origin}:{arc.line}: cond")
             if own:
                 options.append([*own, (rest, None)] if rest != FALSE else own)
+        # Each region chooses by itself; conflicts between the choices are settled below.
         count = prod(map(len, options))
         if count > MAX_CASES:
             self.fail(f"an event has at most {MAX_CASES} effects in a configuration, but {event!r} has {count}")

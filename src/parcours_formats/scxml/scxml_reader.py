@@ -45,11 +45,7 @@ START = "(start)"
 
 
 def read(text: str, origin: str) -> Reading:
-    """Return the chart of an SCXML document as a model.
-
-    Raises:
-        BadModel: the document is not well formed, or says what cannot be translated.
-    """
+    """Return the chart of an SCXML document as a model. Raises BadModel if it says what cannot be translated."""
     root = parse_xml(text, origin)
     if root.tag != "scxml":
         rule = f"the root element must be scxml, but is {root.tag[:40]!r}"
@@ -73,6 +69,7 @@ class _System:
 
     def reading(self) -> Reading:
         """Return the model and what the document says beyond it."""
+        # The clocks of delays come before the machines, whose transitions set and read them.
         flats = self._flats()
         self._time(flats.values())
         machines, names = [], Names()
@@ -163,6 +160,7 @@ class _System:
                 for each in outcome.sent:
                     if not each.is_outward:
                         delays.setdefault(each.event, set()).add(each.delay)
+        #   send e, delay d:  since_e := 0  ...  e arrives:  guard since_e >= d
         names = Names(self.data.lines)
         for event, found in delays.items():
             if len(found) == 1 and found != {0.0}:

@@ -21,7 +21,6 @@ from parcours.model.structure import (
     Channel,
     Component,
     Machine,
-    MessageClass,
     Receive,
     Send,
     Transition,
@@ -31,6 +30,7 @@ from parcours_formats.grouping import grouped
 from parcours_formats.guard_languages.values import TRUE, literal, replaced
 from parcours_formats.losses import Losses
 from parcours_formats.naming import Names
+from parcours_formats.symbols import SIGNAL
 from parcours_formats.uppaal.processes import Process
 from parcours_formats.uppaal.steps import MAX_STEPS, Step
 from parcours_formats.uppaal.symbols import Cell, Cells, Link
@@ -67,7 +67,12 @@ class Composing:
         return tuple(found)
 
     def _group(self) -> None:
-        # A process that uses a variable which somebody changes joins all that use it.
+        # A process that uses a variable which somebody changes joins all that use it:
+        #
+        #   P1 --x:=1--> [x] <--reads-- P2      P3 --reads--> [k] <--reads-- P4      nobody changes k
+        #   '----- component P1_P2 -----'       component P3      component P4       k is a constant of both
+        #
+        # Clocks count as changed: their values differ with time.
         written = [{action.target for step in part.steps for action in step.actions} for part in self.parts]
         changed = set().union(*written)
         used = [_read(part) | own for part, own in zip(self.parts, written, strict=True)]
@@ -173,9 +178,6 @@ def _plain(id: str) -> str:
     return id.rpartition(".")[2]
 
 
-SIGNAL = "Signal"
-"""The message class of every channel: UPPAAL's carry nothing."""
-
 _Side = dict[str, tuple[int, list[Step]]]
 
 
@@ -203,7 +205,7 @@ class Linking:
             self._join(link, sides["!"], sides["?"])
             self._limits(link, sides["!"], sides["?"])
         self.channels = tuple(self._made)
-        self.messages = (MessageClass(SIGNAL, ()),) if self._made else ()
+        self.messages = (SIGNAL,) if self._made else ()
 
     def _join(self, link: Link, senders: _Side, receivers: _Side) -> None:
         self._bounded(link, senders, receivers)
@@ -235,16 +237,14 @@ class Linking:
             self._steps += max(partners, 1) * sum(len(steps) for _, steps in side.values())
         if self._steps > MAX_STEPS:
             ends = f"{len(senders)} processes that send with {len(receivers)} that receive"
-            rule = (
-                f"steps that meet are written out once for each partner, at most {MAX_STEPS} in all, "
-                f"but channel {link.id!r} joins {ends}"
-            )
+            most = f"steps that meet are written out once for each partner, at most {MAX_STEPS} in all"
+            rule = f"{most}, but channel {link.id!r} joins {ends}"
             remedy = "instantiate fewer processes: a few on each side behave like many"
             raise BadModel(f"{self.origin}:{link.line}", rule, remedy, slug="expansion-size")
 
     def _channel(self, link: Link, between: tuple[str, str], *, alone: bool) -> str:
         name = self._names.identifier(link.id if alone else f"{link.id}_{between[0]}_{between[1]}")
-        self._made.append(Channel(name, *between, SIGNAL, capacity=0, line=link.line))
+        self._made.append(Channel(name, *between, SIGNAL.name, capacity=0, line=link.line))
         return name
 
     def _limits(self, link: Link, senders: _Side, receivers: _Side) -> None:

@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TypeAlias
 
+from parcours.model.expression import Apply, Binary, Expression, Literal
 from parcours_formats.guard_languages import foreign_syntax as syntax
 from parcours_formats.guard_languages.foreign_tokens import Tokens
 
@@ -22,7 +23,7 @@ def parse_declarations(text: str, origin: str, line: int) -> list[Declaration]:
 
     >>> [n, go] = parse_declarations("const int N = 6;\\nurgent chan go[N];", "gate.xml", 4)
     >>> n.name, n.initial, go.line, sorted(go.type.prefixes), go.lengths
-    ('N', Constant(value=6), 5, ['urgent'], (Identifier(name='N'),))
+    ('N', Literal(value=6), 5, ['urgent'], (Name(id='N'),))
     """
     return DeclarationReader(Tokens(text, "uppaal", origin, line)).all()
 
@@ -62,6 +63,7 @@ class DeclarationReader(syntax.Parser):
         if word == "system":
             tokens.position += 1
             return [self._system(line)]
+        # `chan priority` orders channels; it declares none.
         if word in _SKIPPED or (word, after) == ("chan", "priority"):
             self._skip()
             return [Aside("priorities of channels" if word == "chan" else repr(word), line)]
@@ -120,8 +122,8 @@ class DeclarationReader(syntax.Parser):
             return TypeTree(base, marks, low, high)
         return TypeTree(base, marks)
 
-    def _lengths(self) -> tuple[syntax.Tree | TypeTree, ...]:
-        tokens, found = self.tokens, list[syntax.Tree | TypeTree]()
+    def _lengths(self) -> tuple[Expression | TypeTree, ...]:
+        tokens, found = self.tokens, list[Expression | TypeTree]()
         while tokens.accept("["):
             is_type = tokens.token.text in ("int", "scalar") and tokens.ahead(1).text == "["
             found.append(self.type() if is_type else self.condition())
@@ -207,12 +209,12 @@ class TypeTree:
 
     base: str
     prefixes: frozenset[str] = frozenset()
-    low: syntax.Tree | None = None
-    high: syntax.Tree | None = None
+    low: Expression | None = None
+    high: Expression | None = None
     fields: tuple[Declared, ...] = ()
 
 
-Initial: TypeAlias = "syntax.Tree | tuple[Initial, ...]"
+Initial: TypeAlias = "Expression | tuple[Initial, ...]"
 
 
 @dataclass(frozen=True, slots=True)
@@ -222,7 +224,7 @@ class Declared:
     name: str
     type: TypeTree
     line: int
-    lengths: tuple[syntax.Tree | TypeTree, ...] = ()
+    lengths: tuple[Expression | TypeTree, ...] = ()
     initial: Initial | None = None
     is_reference: bool = False
     is_type: bool = False
@@ -247,7 +249,7 @@ class Instance:
     name: str
     parameters: tuple[Declared, ...]
     template: str
-    arguments: tuple[syntax.Tree, ...]
+    arguments: tuple[Expression, ...]
     line: int
 
 
@@ -275,22 +277,22 @@ _TYPES = ("int", "bool", "const", "double", "struct")
 
 
 @dataclass(frozen=True, slots=True)
-class Perform(syntax.Other):
+class Perform(syntax.Statement):
     """A function called for its effect."""
 
-    call: syntax.Applied
+    call: Apply
 
 
 @dataclass(frozen=True, slots=True)
-class Loop(syntax.Other):
+class Loop(syntax.Statement):
     """`while (condition) body`; a `for` is one behind its first statement."""
 
-    condition: syntax.Tree
+    condition: Expression
     body: tuple[syntax.Statement, ...]
 
 
 @dataclass(frozen=True, slots=True)
-class Each(syntax.Other):
+class Each(syntax.Statement):
     """`for (name : range) body`."""
 
     name: str
@@ -299,14 +301,14 @@ class Each(syntax.Other):
 
 
 @dataclass(frozen=True, slots=True)
-class Return(syntax.Other):
+class Return(syntax.Statement):
     """`return value;`."""
 
-    value: syntax.Tree | None
+    value: Expression | None
 
 
 @dataclass(frozen=True, slots=True)
-class Local(syntax.Other):
+class Local(syntax.Statement):
     """A variable of a function, declared."""
 
     declared: Declared
@@ -324,19 +326,20 @@ class BodyParser(syntax.Parser):
         super().__init__(tokens)
         self.trailing: list[syntax.Statement] = []
 
-    def operand(self) -> syntax.Tree:
+    def operand(self) -> Expression:
         """Return an operand; `x++` is x, and the increment follows the statement."""
         found = super().operand()
-        if step := self._step():
-            self.trailing.append(syntax.Set(found, syntax.Infix(step, found, syntax.Constant(1))))
+        if step := self.step():
+            self.trailing.append(syntax.Set(found, Binary(step, found, Literal(1))))
         return found
 
-    def called(self, call: syntax.Applied) -> tuple[syntax.Statement, ...]:
+    def called(self, call: Apply) -> tuple[syntax.Statement, ...]:
         """Return the statement of a call."""
         return (Perform(call),)
 
     def statement(self) -> tuple[syntax.Statement, ...]:
         """Return the statement that starts here, with what follows it."""
+        # Increments are collected while the statement is read; statements inside it keep theirs to themselves.
         kept, self.trailing = self.trailing, []
         found = self._statement()
         found, self.trailing = (*found, *self.trailing), kept
@@ -346,12 +349,12 @@ class BodyParser(syntax.Parser):
         tokens = self.tokens
         if tokens.accept(";"):
             return ()
-        if tokens.accept_word("return"):
+        if tokens.accept("return"):
             return (Return(None if tokens.token.text == ";" else self.condition()),)
-        if tokens.accept_word("while"):
+        if tokens.accept("while"):
             condition = self._braced()
             return (Loop(condition, self.inner()),)
-        if tokens.accept_word("for"):
+        if tokens.accept("for"):
             return self._for()
         if tokens.token.text in _TYPES or (tokens.token.kind == tokens.ahead(1).kind == "name"):
             declared = DeclarationReader(tokens).plain()
@@ -359,10 +362,8 @@ class BodyParser(syntax.Parser):
             return tuple(map(Local, declared))
         return super().statement()
 
-    def _braced(self) -> syntax.Tree:
-        self.tokens.expect("(")
-        condition = self.condition()
-        self.tokens.expect(")")
+    def _braced(self) -> Expression:
+        condition = self.braced()
         if self.trailing:
             self.tokens.refuse("an increment inside a condition")
         return condition
@@ -377,7 +378,7 @@ class BodyParser(syntax.Parser):
             return (Each(name, type_, self.inner()),)
         first = () if tokens.token.text == ";" else self._statement()
         tokens.expect(";")
-        condition = syntax.Constant(True) if tokens.token.text == ";" else self.condition()
+        condition = Literal(True) if tokens.token.text == ";" else self.condition()
         tokens.expect(";")
         following = () if tokens.token.text == ")" else super().statement()
         tokens.expect(")")

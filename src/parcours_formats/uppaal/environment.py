@@ -8,21 +8,9 @@ from dataclasses import replace
 from typing import Self, TypeVar
 
 from parcours.errors import BadModel
-from parcours.model.expression import Binary, Expression, Literal, Name, Unary
-from parcours_formats.guard_languages import Scope, Translation, refusal
-from parcours_formats.guard_languages.foreign_syntax import Identifier, Index, Member, Quantified, Tree
-from parcours_formats.guard_languages.values import (
-    FALSE,
-    MAX_CASES,
-    TRUE,
-    Cases,
-    always,
-    conjunction,
-    disjunction,
-    folded,
-    joined,
-    literal,
-)
+from parcours.model.expression import Apply, Binary, Expression, Field, Literal, Name, Unary
+from parcours_formats.guard_languages import Scope, Translation, refusal, values
+from parcours_formats.guard_languages.values import FALSE, TRUE, Cases, always, conjunction
 from parcours_formats.uppaal.declarations import Declared, Initial, Routine, TypeTree
 from parcours_formats.uppaal.symbols import KINDS, MAX_CELLS, Cell, Cells, Given, Held, Link, Record, Row, Shape, Symbol
 
@@ -59,7 +47,7 @@ class Environment(Scope):
 
     def hold(self, name: str, value: bool | int | float) -> None:
         """Let a name mean a constant."""
-        self.names[name] = Held(((TRUE, literal(value)),))
+        self.names[name] = Held(((TRUE, values.literal(value)),))
 
     def declare(self, declared: Declared | Routine, where: str) -> None:
         """Add a name and what it means. Raises BadModel if its type or initial value cannot be worked out."""
@@ -74,24 +62,24 @@ class Environment(Scope):
         id = f"{self.prefix}{declared.name}"
         self.names[declared.name] = self.cells.make(id, shape, given, declared.line, where, is_global=not self.prefix)
 
-    def locate(self, tree: Tree, where: str) -> list[tuple[Expression, Symbol]]:
+    def locate(self, tree: Expression, where: str) -> list[tuple[Expression, Symbol]]:
         """Return the symbols that a place stands for, each with the condition for it: an index may vary."""
         match tree:
-            case Identifier(name):
+            case Name(name):
                 return [(TRUE, self.find(name, where))]
-            case Member(of, name):
+            case Field(of, name):
                 found: list[tuple[Expression, Symbol]] = []
                 for case, symbol in self.locate(of, where):
                     if not isinstance(symbol, Record) or name not in symbol.fields:
                         raise refusal(where, f"the field {name!r} of {KINDS[type(symbol)]}")
                     found.append((case, symbol.fields[name]))
                 return found
-            case Index(of, index):
+            case Apply("[]", (of, index)):
                 return self._elements(self.locate(of, where), Translation(self, where).number(index), where)
             case _:
                 raise refusal(where, "a value where a variable or channel must stand")
 
-    def place(self, argument: Tree, where: str) -> Symbol:
+    def place(self, argument: Expression, where: str) -> Symbol:
         """Return the only symbol that an argument stands for."""
         places = self.locate(argument, where)
         if len(places) != 1:
@@ -110,8 +98,8 @@ class Environment(Scope):
                     both = conjunction((case, condition, at))
                     if both != FALSE:
                         found.append((both, item))
-                    if len(found) > MAX_CASES:
-                        rule = f"an element of an array has at most {MAX_CASES} cases, but this one has more"
+                    if len(found) > values.MAX_CASES:
+                        rule = f"an element of an array has at most {values.MAX_CASES} cases, but this one has more"
                         raise BadModel(where, rule, "use constants as indices", slug="expansion-size")
         if not found and not self.cells.depth:  # inside a function, a way on which an index is outside ends there
             raise BadModel(where, "an index must lie inside its array, but this one does not", slug="out-of-range")
@@ -123,6 +111,7 @@ class Environment(Scope):
                 return [(TRUE, row.items[at])] if at < len(row.items) else []
             case Unary("-", Literal()):
                 return []
+        #   a[i]  with three elements is  a_0 if i == 0,  a_1 if i == 1,  a_2 if i == 2
         self.spend(len(row.items) // 16, where)
         return ((Binary("==", index, Literal(at)), item) for at, item in enumerate(row.items))
 
@@ -130,7 +119,7 @@ class Environment(Scope):
         """Count cases of the whole system. Raises BadModel beyond MAX_WORK."""
         self.cells.spend(where, count)
 
-    def read(self, tree: Identifier | Index | Member, where: str) -> Cases:
+    def read(self, tree: Expression, where: str) -> Cases:
         """Return what a place holds."""
         found: Cases = []
         for case, symbol in self.locate(tree, where):
@@ -138,20 +127,20 @@ class Environment(Scope):
                 case Cell():
                     found.append((case, self.cells.known.get(symbol.id, Name(symbol.id))))
                 case Held(cases):
-                    found += joined(where, lambda _, value: value, [(case, TRUE)], list(cases))
+                    found += values.joined(where, lambda _, value: value, [(case, TRUE)], list(cases))
                 case _:
                     raise refusal(where, f"{KINDS[type(symbol)]} as a value")
         return found
 
-    def target(self, tree: Tree, where: str) -> list[tuple[Expression, Name]]:
+    def target(self, tree: Expression, where: str) -> list[tuple[Expression, Name]]:
         """Return the variables that an assignment may change, each with its condition."""
         return [(case, Name(cell.id)) for case, cell in self._among(tree, Cell, "an assignment to", where)]
 
-    def links(self, tree: Tree, where: str) -> list[tuple[Expression, Link]]:
+    def links(self, tree: Expression, where: str) -> list[tuple[Expression, Link]]:
         """Return the channels that a synchronisation may mean, each with its condition."""
         return self._among(tree, Link, "a synchronisation on", where)
 
-    def _among(self, tree: Tree, kind: type[_S], use: str, where: str) -> list[tuple[Expression, _S]]:
+    def _among(self, tree: Expression, kind: type[_S], use: str, where: str) -> list[tuple[Expression, _S]]:
         found = []
         for case, symbol in self.locate(tree, where):
             if not isinstance(symbol, kind):
@@ -159,28 +148,26 @@ class Environment(Scope):
             found.append((case, symbol))
         return found
 
-    def quantified(self, tree: Quantified, where: str) -> Cases:
+    def quantified(self, tree: Apply, where: str) -> Cases:
         """Return the value of forall, exists or sum, written out."""
-        type_ = TypeTree("int", low=tree.low, high=tree.high)
-        if tree.high is None and isinstance(tree.low, Identifier):
-            type_ = TypeTree(tree.low.name)
-        inner, parts = self.inner(), list[Cases]()
-        values = tuple(self.shape(type_, where).values(where))
-        self.cells.spend(where, len(values))
-        for value in values:
-            inner.hold(tree.name, value)
+        name, *ends, body = tree.arguments
+        type_ = TypeTree("int", low=ends[0], high=ends[1]) if len(ends) == 2 else TypeTree(str(ends[0]))
+        inner, parts, is_sum = self.inner(), list[Cases](), tree.function == "sum:"
+        chosen = tuple(self.shape(type_, where).values(where))
+        self.cells.spend(where, len(chosen))
+        for value in chosen:
+            inner.hold(str(name), value)
             translation = Translation(inner, where)
-            is_sum = tree.quantifier == "sum"
-            parts.append(translation.number(tree.body) if is_sum else always(translation.truth(tree.body)))
-        if tree.quantifier == "sum":
+            parts.append(translation.number(body) if is_sum else always(translation.truth(body)))
+        if is_sum:
             total = always(Literal(0))
             for part in parts:
-                total = joined(where, lambda one, other: folded(Binary("+", one, other)), total, part)
+                total = values.joined(where, lambda one, other: values.folded(Binary("+", one, other)), total, part)
             return total
-        join = conjunction if tree.quantifier == "forall" else disjunction
+        join = conjunction if tree.function == "forall:" else values.disjunction
         return always(join(value for ((_, value),) in parts))
 
-    def constant(self, tree: Tree, where: str) -> bool | int | float:
+    def constant(self, tree: Expression, where: str) -> bool | int | float:
         """Return the value of an expression that must be constant. Raises BadModel if it is not."""
         cases = Translation(self, where).value(tree)
         if len(cases) == 1 and cases[0][0] == TRUE:
@@ -190,7 +177,7 @@ class Environment(Scope):
                 return -inner.value if isinstance(value, Unary) else inner.value
         raise BadModel(where, "a constant must stand here, but it depends on variables", slug="foreign-construct")
 
-    def shape(self, type_: TypeTree, where: str, lengths: tuple[Tree | TypeTree, ...] = ()) -> Shape:
+    def shape(self, type_: TypeTree, where: str, lengths: tuple[Expression | TypeTree, ...] = ()) -> Shape:
         """Return a type, worked out. Raises BadModel if it is unknown or too large."""
         own = tuple(self._length(each, where) for each in lengths)
         if type_.base == "struct":
@@ -212,9 +199,9 @@ class Environment(Scope):
             raise refusal(where, f"{KINDS[type(named)]} {type_.base!r} as a type")
         return replace(named, prefixes=named.prefixes | type_.prefixes, lengths=own + named.lengths)
 
-    def _length(self, length: Tree | TypeTree, where: str) -> int:
-        if isinstance(length, Identifier) and isinstance(self.find(length.name, where), Shape):
-            length = TypeTree(length.name)
+    def _length(self, length: Expression | TypeTree, where: str) -> int:
+        if isinstance(length, Name) and isinstance(self.find(length.id, where), Shape):
+            length = TypeTree(length.id)
         if isinstance(length, TypeTree):
             shape = self.shape(length, where)
             count = shape.high + 1 if shape.low == 0 and shape.high is not None else 0

@@ -10,19 +10,10 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 from parcours.errors import BadModel
-from parcours.model.expression import Assignment, Expression, names
-from parcours_formats.guard_languages import Branch, Tokens, Translation, performed, refusal, sized
-from parcours_formats.guard_languages.foreign_syntax import Applied, Set, Statement, When
-from parcours_formats.guard_languages.values import (
-    MAX_CASES,
-    TRUE,
-    Cases,
-    always,
-    is_constant,
-    literal,
-    negation,
-    replaced,
-)
+from parcours.model.expression import Apply, Assignment, Expression, names
+from parcours_formats.guard_languages import Branch, Tokens, Translation, performed, refusal, sized, values
+from parcours_formats.guard_languages.foreign_syntax import Set, Statement, When
+from parcours_formats.guard_languages.values import TRUE, Cases, always, is_constant, literal, negation, replaced
 from parcours_formats.uppaal.declarations import BodyParser, Declared, Each, Local, Loop, Perform, Return, Routine
 from parcours_formats.uppaal.environment import Environment
 from parcours_formats.uppaal.symbols import Cell
@@ -67,8 +58,8 @@ class Execution:
 
     def bounded(self, now: list[Running]) -> None:
         """Raise BadModel if there are too many ways."""
-        if len(now) > MAX_CASES:
-            rule = f"an update has at most {MAX_CASES} branches, but this one has more"
+        if len(now) > values.MAX_CASES:
+            rule = f"an update has at most {values.MAX_CASES} branches, but this one has more"
             raise BadModel(self.where, rule, "make its arrays or ranges smaller", slug="expansion-size")
 
     def after(self, statement: Statement, here: Running) -> list[Running]:
@@ -90,9 +81,9 @@ class Execution:
             case Loop():
                 return self.turns(statement, here)
             case Each(name, type_, body):
-                now, values = [here], tuple(self.scope.shape(type_, self.where).values(self.where))
-                self.scope.cells.spend(self.where, len(values))
-                for value in values:
+                now, turns = [here], tuple(self.scope.shape(type_, self.where).values(self.where))
+                self.scope.cells.spend(self.where, len(turns))
+                for value in turns:
                     block = self.within()
                     block.scope.hold(name, value)
                     now = block.run(body, now)
@@ -126,6 +117,7 @@ class Execution:
         now, done = [here], list[Running]()
         for _ in range(MAX_TURNS):
             self.scope.cells.spend(self.where, len(now))
+            # Each way leaves the loop where its condition fails, and takes one more turn where it holds.
             inside: list[Running] = []
             for each in now:
                 self.recall(each)
@@ -164,7 +156,7 @@ class Execution:
             for each in self.under(case, here)
         ]
 
-    def called(self, call: Applied, routine: Routine, here: Running) -> list[Running]:
+    def called(self, call: Apply, routine: Routine, here: Running) -> list[Running]:
         """Return the ways out of a call, with what they return."""
         if self.scope.cells.depth >= MAX_NESTED:
             raise refusal(self.where, f"calls more than {MAX_NESTED} deep")
@@ -205,7 +197,7 @@ def updates(text: str, environment: Environment, origin: str, line: int) -> list
     return [Branch(sized(each.branch.guard, where), without_locals(each.branch.actions, where)) for each in found]
 
 
-def value_of(call: Applied, environment: Environment, routine: Routine, where: str) -> Cases:
+def value_of(call: Apply, environment: Environment, routine: Routine, where: str) -> Cases:
     """Return the value of a call, in terms of the variables before it."""
     found: Cases = []
     kept = environment.cells.known
@@ -240,7 +232,7 @@ def without_locals(actions: Iterable[Assignment], where: str) -> tuple[Assignmen
 class CallingEnvironment(Environment):
     """The names of one scope, functions among them."""
 
-    def applied(self, tree: Applied, where: str) -> Cases:
+    def applied(self, tree: Apply, where: str) -> Cases:
         """Return the value of a call: of a function of the file, or of the language."""
         if isinstance(routine := self.names.get(tree.function), Routine):
             return value_of(tree, self, routine, where)

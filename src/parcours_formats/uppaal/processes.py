@@ -8,18 +8,11 @@ from dataclasses import dataclass
 from itertools import product
 
 from parcours.errors import BadModel, one_of
+from parcours.model.expression import Expression
 from parcours_formats.guard_languages import refusal
-from parcours_formats.guard_languages.foreign_syntax import Tree
 from parcours_formats.naming import Names, as_label
-from parcours_formats.uppaal.declarations import (
-    Declaration,
-    Declared,
-    Instance,
-    Routine,
-    System,
-    parse_declarations,
-    parse_parameters,
-)
+from parcours_formats.uppaal import declarations
+from parcours_formats.uppaal.declarations import Declaration, Declared, Instance, Routine, System
 from parcours_formats.uppaal.environment import Environment
 from parcours_formats.xml_lines import Element
 
@@ -123,7 +116,9 @@ class Instantiation:
             self.give(parameter, argument, scope, bound, where)
         return self.bound(instance.template, bound, where, depth + 1)
 
-    def give(self, parameter: Declared, argument: Tree, scope: Environment, given: Environment, where: str) -> None:
+    def give(
+        self, parameter: Declared, argument: Expression, scope: Environment, given: Environment, where: str
+    ) -> None:
         """Let a parameter mean its argument: the place itself, or its value."""
         shape = self.around.shape(parameter.type, where, parameter.lengths)
         if parameter.is_reference or shape.lengths or shape.kind in ("chan", "clock", "struct"):
@@ -178,6 +173,8 @@ class Template:
 
     def ways(self) -> list[tuple[Edge, ...]]:
         """Return the ways from location to location: an edge, or two with a branch point between."""
+        #   a ---> (fork) --+--> b       is the ways  a -> b  and  a -> c: UPPAAL has no time and no
+        #                   '--> c       other step between the two edges
         found: list[tuple[Edge, ...]] = []
         leaving = {fork: [edge for edge in self.edges if edge.source == fork] for fork in self.forks}
         for edge in self.edges:
@@ -209,8 +206,8 @@ def read_template(element: Element, origin: str) -> Template:
             rule = f"an edge of {name!r} must not join two branch points, but this one does"
             raise BadModel(f"{origin}:{each.line}", rule, slug="uppaal-structure")
         edges.append(Edge(_name(each) or str(number), source, target, _labels(each), each.line))
-    given = parse_parameters(parameters.text, origin, parameters.line)
-    local = parse_declarations(declared.text, origin, declared.line)
+    given = declarations.parse_parameters(parameters.text, origin, parameters.line)
+    local = declarations.parse_declarations(declared.text, origin, declared.line)
     return Template(name, given, local, locations, forks, initial, tuple(edges), element.line)
 
 

@@ -50,7 +50,7 @@ class Shared:
         read = {each.event.channel for part in cefsm.components for each in part.transitions() if each.event}
         named = {channel.name: self.names.identifier(channel.name) for channel in cefsm.channels}
         self.links = {each.name: self._link(each, named[each.name], each.name in read) for each in cefsm.channels}
-        self.variables: dict[tuple[str, str], str] = {}
+        self.variables: dict[str, dict[str, str]] = {component.name: {} for component in cefsm.components}
         for component, variable in variables:
             self._name(component, variable)
 
@@ -73,7 +73,7 @@ class Shared:
     def declared(self, component: Component) -> Iterator[str]:
         """Yield the declarations of the variables of a component."""
         for variable in component.variables:
-            name = self.variables.get((component.name, variable.name))
+            name = self.variables[component.name].get(variable.name)
             if name is None or variable.role == "input":
                 continue
             if variable.type == CLOCK:
@@ -89,14 +89,11 @@ class Shared:
         self, component: Component, transition: Transition | None = None, *, guard: bool = False
     ) -> Rendering:
         """Return how the names of a component are written, and those of the message a transition receives."""
-        known = {
-            variable.name: name
-            for variable in component.variables
-            if (name := self.variables.get((component.name, variable.name))) is not None
-        }
+        known = dict(self.variables[component.name])
         event = transition.event if transition is not None else None
         if event is not None and event.name:
             link = self.links[event.channel]
+            # A queue holds its message before the edge is taken, so that a guard may read it; a rendezvous does not.
             for part, (slot, _) in link.slots.items() if link.capacity or not guard else ():
                 known[f"{event.name}.{part}"] = f"{slot}[0]" if link.capacity else slot
         clocks = {each.name for each in component.variables if each.type == CLOCK}
@@ -108,12 +105,9 @@ class Shared:
         said += [action.value for action in transition.actions if isinstance(action, Assignment)]
         said += [value for send in transition.sends for value in send.payload]
         used = {name for node in said for name in names(node)}
-        found = []
-        for variable in component.variables:
-            name = self.variables.get((component.name, variable.name))
-            if variable.role == "input" and variable.name in used and name is not None:
-                found.append(f"{name} : int{_bounds(variable) or '[0,1]'}")
-        return found
+        inputs = [each for each in component.variables if each.role == "input" and each.name in used]
+        known = self.variables[component.name]
+        return [f"{known[each.name]} : int{_bounds(each) or '[0,1]'}" for each in inputs if each.name in known]
 
     def waits(self, taken: str, sends: Iterable[Send]) -> list[str]:
         """Return the conditions on queues: a message is there, and there is room for what is sent."""
@@ -133,6 +127,9 @@ class Shared:
 
     def shifted(self, name: str) -> list[str]:
         """Return the updates that take the first message out of a queue."""
+        #   slot   [ a | b | c | - ]  queue = 3      one element more than the capacity, so that the last
+        #            /   /   /                       move reads inside the array
+        #   slot   [ b | c | - | - ]  queue = 2
         link = self.links[name]
         slots = [slot for slot, _ in link.slots.values()]
         moves = [f"{slot}[{at}] = {slot}[{at + 1}]" for slot in slots for at in range(link.capacity)]
@@ -149,8 +146,9 @@ class Shared:
         is_outer = ENVIRONMENT in (channel.sender, channel.receiver)
         capacity = channel.capacity if is_read and not is_outer else 0
         if capacity:
-            rule = f"the queue of {capacity} is a counter there, and does not come back as a channel"
-            self.losses.add(where, line, rule)
+            self.losses.add(
+                where, line, f"the queue of {capacity} is a counter there, and does not come back as a channel"
+            )
         elif is_outer and channel.capacity:
             self.losses.add(where, line, "has no capacity there: the tester is always ready")
         if name != channel.name:
@@ -158,8 +156,8 @@ class Shared:
         if channel.topic:
             self.losses.add(where, line, f"its topic {channel.topic!r} is not written")
         if fields:
-            rule = f"messages are variables there, and the class {channel.message!r} does not come back"
-            self.losses.add(where, line, rule)
+            what = f"messages are variables there, and the class {channel.message!r} does not come back"
+            self.losses.add(where, line, what)
         slots: dict[str, tuple[str, str]] = {}
         for part in fields:
             if is_outer or part.type not in ("bool", "int") or part.shape:
@@ -175,8 +173,7 @@ class Shared:
             self.losses.add(where, variable.line, f"a variable of type {variable.type} is not written")
             return
         if variable.role == "input" and variable.type == "int" and not variable.domain:
-            rule = "an input without a range is not written: it cannot be selected"
-            self.losses.add(where, variable.line, rule)
+            self.losses.add(where, variable.line, "an input without a range is not written: it cannot be selected")
             return
         if variable.role == "input":
             self.losses.add(where, variable.line, "an input is a selection at each edge that reads it")
@@ -189,7 +186,7 @@ class Shared:
         name = self.names.identifier(variable.name)
         if name != variable.name:
             self.losses.add(where, variable.line, f"is called {name!r} there")
-        self.variables[component.name, variable.name] = name
+        self.variables[component.name][variable.name] = name
 
 
 def _bounds(variable: Variable) -> str:
@@ -294,6 +291,7 @@ class Rendering:
         if operator == "%" and not is_natural(left, self.naturals):
             if not (isinstance(right, Literal) and is_natural(right, self.naturals)):
                 raise UnsayableError("the sign of its remainder is that of the dividend")
+            # C takes the sign of the dividend: |a % d| < d, so that one more d makes it positive.
             divisor = self._of(right, own + 1, scale)
             return f"({text} + {divisor}) % {divisor}", own
         return text, own
@@ -327,6 +325,7 @@ def scale_of(cefsm: Cefsm) -> int:
             for condition in conditions:
                 if names(condition) & clocks:
                     times += _numbers(condition)
+    # UPPAAL's clocks compare with integers only: 0.25 s becomes 250 units of a millisecond.
     scale = 1
     while scale < 10**LARGEST_SCALE and any(abs(time * scale - round(time * scale)) > 1e-6 for time in times):
         scale *= 10

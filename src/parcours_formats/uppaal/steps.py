@@ -8,9 +8,9 @@ from itertools import product
 from math import prod
 
 from parcours.errors import BadModel
-from parcours.model.expression import Assignment, Expression
+from parcours.model.expression import Assignment, Expression, Literal
 from parcours_formats.guard_languages import Branch, Tokens, Translation, sized
-from parcours_formats.guard_languages.foreign_syntax import Constant, Parser, Tree
+from parcours_formats.guard_languages.foreign_syntax import Parser
 from parcours_formats.guard_languages.values import FALSE, TRUE, conjunction
 from parcours_formats.naming import Names
 from parcours_formats.uppaal.declarations import parse_selections
@@ -88,7 +88,7 @@ class Steps:
         self, way: tuple[Edge, ...], environment: Environment
     ) -> list[tuple[Expression, Branch, Link | None, str]]:
         guards = [self.condition(label, environment) for label in _labels(way, "guard")]
-        if FALSE in guards:
+        if FALSE in guards:  # a selection may put an index outside its array where the guard forbids it
             return []
         meetings: list[tuple[Expression, Link | None, str]] = [(TRUE, None, "")]
         for label in _labels(way, "synchronisation"):
@@ -131,8 +131,8 @@ class Steps:
     def _weight(self, way: tuple[Edge, ...], environment: Environment) -> float:
         weight = 1.0
         for label in _labels(way[1:], "probability"):
-            tree: Tree = Parser(Tokens(label.text, "uppaal", *self._at(label))).condition()
-            weight *= environment.constant(tree, self._where(label.line)) if tree != Constant(1) else 1
+            tree = Parser(Tokens(label.text, "uppaal", *self._at(label))).condition()
+            weight *= environment.constant(tree, self._where(label.line)) if tree != Literal(1) else 1
         return weight
 
     def _at(self, label: Label) -> tuple[str, int]:

@@ -170,6 +170,7 @@ class Cells:
 
     def make_local(self, name: str, shape: Shape, line: int, where: str) -> tuple[Symbol, list[Cell]]:
         """Return a variable of a function, with the cells it consists of: they last for one call."""
+        # No name of a file has an apostrophe, so that a local variable never meets another.
         self.calls += 1
         before = set(self.cells)
         made = self.make(f"{name}'{self.calls}", shape, None, line, where, is_global=False)

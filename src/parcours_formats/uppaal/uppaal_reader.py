@@ -22,11 +22,7 @@ from parcours_formats.xml_lines import parse_xml
 
 
 def read(text: str, origin: str) -> Reading:
-    """Return the system of a UPPAAL file as a model.
-
-    Raises:
-        BadModel: the file is not well formed, or says what cannot be translated.
-    """
+    """Return the system of a UPPAAL file as a model. Raises BadModel if it says what cannot be translated."""
     root = parse_xml(text, origin)
     if root.tag != "nta":
         rule = f"the root element must be nta, but is {root.tag[:40]!r}"
@@ -56,6 +52,7 @@ def read(text: str, origin: str) -> Reading:
     for process in Instantiation(templates, declared, around, origin).processes():
         losses += _location_losses(process)
         parts.append(Part(process, list(steps.of(process)), _invariants(process, steps, cells, losses)))
+    # A process `Environment` that only meets others is how our own writer writes the tester: it is read as that.
     testers = [part for part in parts if _is_tester(part)]
     if len(testers) < len(parts):
         parts = [part for part in parts if not _is_tester(part)]

@@ -87,7 +87,8 @@ class _Template:
         declared += [f"clock {self.since};"] if self.since else []
         yield f"\t<template>\n\t\t<name>{self.name}</name>"
         yield f"\t\t<declaration>{escape(chr(10).join(declared))}</declaration>"
-        shown = Names([*WORDS, *self.shared.variables.values(), *(link.name for link in self.shared.links.values())])
+        given = [name for own in self.shared.variables.values() for name in own.values()]
+        shown = Names([*WORDS, *given, *(link.name for link in self.shared.links.values())])
         for number, state in enumerate(machine.states):
             name = shown.identifier(state)
             if name != state:
@@ -118,7 +119,7 @@ class _Template:
         rendering = shared.rendering(self.component, transition)
         updates = []
         for action in transition.actions:
-            target = shared.variables.get((self.component.name, getattr(action, "target", "")))
+            target = shared.variables[self.component.name].get(getattr(action, "target", ""))
             if isinstance(action, Assignment) and target is not None:
                 if value := self.assigned(action, where, line, rendering):
                     updates.append(f"{target} = {value}")
@@ -147,6 +148,8 @@ class _Template:
         self, transition: Transition, labels: list[tuple[str, str]], meetings: list[str], update: str
     ) -> Iterator[str]:
         """Yield the edges on which a transition meets one other after the other."""
+        #   A --ch1?, all updates--> (committed) --ch2!--> (committed) --ch3!--> B
+        # An edge of UPPAAL meets one other; nothing else happens, and no time passes, while a location is committed.
         stops = [self.ids[transition.source]]
         for _ in meetings[1:]:
             self.between.append(f"{self.name}_b{len(self.between)}")
