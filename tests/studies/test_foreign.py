@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 
+from message_classes import defined_types
 from parcours.errors import HostFailure
 from parcours.run.binding import Binding, compile_binding, parse_binding, read_binding
 from parcours.run.binding.decoding import Decoder
-from parcours.run.binding.definitions import defined_types
 from parcours.run.binding.passing import BEGINS, CONTINUED, STALLED, STOPPED, Answered, Message
 from parcours.run.binding.relay import Relay
 from parcours.run.binding.slots import SlotPlan, Spoke, apart, whole
