@@ -213,7 +213,7 @@ class _DeviationError(Exception):
 #        |<---- turn 3 --------|
 #
 # Ours move only when they are granted a turn. Foreign nodes do not ask: there the gates alone keep them, and where no
-# message does, their process is stopped (`parcours_navigation.foreign.abstract`).
+# message does, their process is stopped.
 
 
 class _Enforcement:

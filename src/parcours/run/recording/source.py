@@ -103,14 +103,12 @@ def _expanded(compression: str, content: bytes, most: int) -> bytes | None:
 def damaged(where: str, what: str) -> BadResults:
     """Return the complaint that a recording contradicts itself."""
     rule = f"a recording's records agree with each other, but {what}"
-    return BadResults(
-        where, rule, "the file is damaged: copy it again, or run the case again", slug="recording-damaged"
-    )
+    remedy = "the file is damaged: copy it again, or run the case again"
+    return BadResults(where, rule, remedy, slug="recording-damaged")
 
 
 def too_large(where: str, given: int, most: int) -> BadResults:
     """Return the complaint that more is to be read than allowed [bytes]."""
     remedy = "give a greater limit if the file is sound, or cut it into pieces with its own tools"
-    return BadResults(
-        where, f"at most {most} bytes are read, but there are {given}", remedy, slug="recording-too-large"
-    )
+    rule = f"at most {most} bytes are read, but there are {given}"
+    return BadResults(where, rule, remedy, slug="recording-too-large")
