@@ -32,8 +32,7 @@ from parcours_navigation.foreign.cases import abstract_scenes
 from parcours_navigation.foreign.isolation import Order
 from parcours_navigation.foreign.recorded import rejudge
 from parcours_navigation.foreign.results import Result
-from parcours_navigation.foreign.running import ForeignStudy
-from parcours_navigation.foreign.system import SystemDrive
+from parcours_navigation.foreign.running import ForeignStudy, SystemDrive
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 TOGETHER, SIDE_BY_SIDE = "ITP1-tp22.tp31.tp22-0.1.1", "plan-tp31.tp22.tp31-0.5.6"

@@ -6,11 +6,11 @@ from typing import Any
 
 import pytest
 
+from message_classes import defined_types
 from parcours.errors import BadRequest, HostFailure
 from parcours.model import parse_model
 from parcours.run.binding import Compiled, MessageTypes, compile_binding, parse_binding
 from parcours.run.binding.access import compile_place
-from parcours.run.binding.definitions import defined_types
 from parcours.run.binding.places import parse_place
 from parcours.run.binding.worlds import body
 

@@ -8,13 +8,13 @@ from typing import Any
 
 import pytest
 
-from parcours.errors import BadModel, BadRequest, HostFailure
+from message_classes import defined_types
+from parcours.errors import BadModel, HostFailure
 from parcours.model.expression import Type
 from parcours.run.binding import MessageTypes
 from parcours.run.binding.access import Access, compile_place
-from parcours.run.binding.definitions import defined_types, read_definitions
 from parcours.run.binding.formulas import parse_formula
-from parcours.run.binding.message_types import slot_of
+from parcours.run.binding.message_types import read_definitions, slot_of
 from parcours.run.binding.places import parse_place
 
 DEFINITIONS = {
@@ -205,14 +205,6 @@ def test_definitions_are_found_by_the_names_of_their_folders(tmp_path: Path) -> 
     types = defined_types(read_definitions([tmp_path]))
     message: Any = types.create("b/TwoResponse")
     assert message.one.x == 0.0
-
-
-@pytest.mark.parametrize(
-    ("text", "said"), [("A[] more\nA one", "must not hold itself"), ("float64", "must be a field")]
-)
-def test_a_definition_that_makes_no_message_is_refused(text: str, said: str) -> None:
-    with pytest.raises(BadRequest, match=said):
-        defined_types({"a/A": text}).fields("a/A")
 
 
 def test_constants_of_yaml_words_inside_texts_stay_texts() -> None:

@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+from message_classes import defined_types
 from parcours.model import check_file
 from parcours.run.binding import (
     Binding,
@@ -22,7 +23,6 @@ from parcours.run.binding import (
     remappings,
     routes,
 )
-from parcours.run.binding.definitions import defined_types
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 PYTHON = EXAMPLES / "ros1_python" / "binding.yaml"

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from parcours.run import heartbeat as heartbeat
-from parcours.run.pool import run_tasks
+from parcours.run.campaign import run_tasks
 
 
 @dataclass(frozen=True)

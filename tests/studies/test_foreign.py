@@ -8,19 +8,20 @@ from pathlib import Path
 
 import pytest
 
+from message_classes import defined_types
 from parcours.errors import HostFailure
 from parcours.run.binding import Binding, compile_binding, parse_binding, read_binding
 from parcours.run.binding.decoding import Decoder
-from parcours.run.binding.definitions import defined_types
 from parcours.run.binding.passing import BEGINS, CONTINUED, STALLED, STOPPED, Answered, Message
 from parcours.run.binding.relay import Relay
 from parcours.run.binding.slots import SlotPlan, Spoke, apart, whole
+from parcours.run.binding.structure import Bound
 from parcours.run.faults.text import parse_plan
 from parcours.run.trace import TraceEvent
 from parcours_navigation.facts import NEVER
 from parcours_navigation.foreign.cases import abstract_scenes, find_scenes
 from parcours_navigation.foreign.conforming import SLACK, Conformers, visible
-from parcours_navigation.foreign.timing import Span, durations, spans
+from parcours_navigation.foreign.timing import durations, spans
 from parcours_navigation.foreign.world import ForeignWorld, Scene
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "ros1_python" / "binding.yaml"
@@ -259,7 +260,7 @@ def test_spans_run_from_the_first_hop_to_the_last(binding: Binding) -> None:
 
 def test_a_period_is_a_span_from_a_channel_to_itself() -> None:
     events = [TraceEvent(time, kind, channel="a") for time in (0, 30, 70) for kind in ("send", "receive")]
-    assert durations(events, Span("period", "a", "a", ())) == [30, 40]
+    assert durations(events, Bound("period", (), "a", "a")) == [30, 40]
 
 
 def test_abstract_cases_are_found_by_their_ids(binding: Binding) -> None:

@@ -75,12 +75,8 @@ def unwritable(path: Path, error: OSError) -> BadRequest:
     >>> print(unwritable(Path("out"), PermissionError(13, "Permission denied")))
     out: must be writable, but: Permission denied; name another folder or free this one [folder-unwritable]
     """
-    return BadRequest(
-        str(path),
-        f"must be writable, but: {error.strerror or error}",
-        "name another folder or free this one",
-        slug="folder-unwritable",
-    )
+    rule = f"must be writable, but: {error.strerror or error}"
+    return BadRequest(str(path), rule, "name another folder or free this one", slug="folder-unwritable")
 
 
 def sweep(folder: Path) -> None:

@@ -1,6 +1,7 @@
 """Computes the shards that are missing of a campaign, in any number of workers, into a folder.
 
-The results are the same bytes for any number of workers, any order, and however often it was interrupted.
+The results are the same bytes for any number of workers, any order, and however often it was interrupted. A worker that
+dies costs the task it was on and nothing else; one that hangs on a case is ended, and its task goes on without it.
 """
 
 from __future__ import annotations
@@ -9,20 +10,27 @@ import contextlib
 import importlib
 import signal
 import threading
-from collections.abc import Callable, Generator, Iterator
+from collections import Counter
+from collections.abc import Callable, Generator, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol, cast, runtime_checkable
 
-from parcours.errors import BadRequest
+from parcours.errors import BadRequest, HostFailure, ParcoursError
 from parcours.run.atomic import sweep
 from parcours.run.heartbeat import LostCase, RunsStrangers
-from parcours.run.pool import run_tasks
 from parcours.run.store import Campaign, Rows, Store, create
-from parcours.run.workers import described, failure_of
+from parcours.run.workers import Crew, Done, Lost, described, failure_of
 
 Simulate = Callable[[int, int], Rows]
 """(first case, how many) -> their results, shape (how many,)."""
+
+Task = Callable[[int, tuple[LostCase, ...]], None]
+"""Does what has a number, without the cases that were lost on earlier attempts at it."""
+
+_ATTEMPTS = 2
+_FROM_OUTSIDE = (-signal.SIGKILL, -signal.SIGTERM)
+"""Status of a process that something else has ended: for want of memory, say."""
 
 Progress = Callable[[int, int], None]
 """Called with (cases finished, cases in all) at the start and after every shard."""
@@ -120,7 +128,7 @@ class _ComputeShard:
     simulate: Simulate | str
     store: Store
 
-    def __call__(self, shard: int, lost: tuple[LostCase, ...] = ()) -> None:
+    def __call__(self, shard: int, lost: tuple[LostCase, ...]) -> None:
         function: object = _resolve(self.simulate) if isinstance(self.simulate, str) else self.simulate
         cases = self.store.campaign.cases(shard)
         if lost and isinstance(function, RunsStrangers):
@@ -137,16 +145,77 @@ def _done(
     if not missing or (not words and (workers == 1 or len(missing) == 1)):
         for shard in missing:
             try:
-                task(shard)
+                task(shard, ())
             except Exception as error:
                 raise failure_of(name(shard), described(error)) from error
             yield shard
         return
     forks = isinstance(runs, Prepares) and runs.prepare()
-    with contextlib.closing(
-        run_tasks(task, missing, min(workers, len(missing)), name, heartbeat_words=words, forks=forks)
-    ) as done:
-        yield from done
+    n = min(workers, len(missing))
+    yield from run_tasks(task, missing, n, name, heartbeat_words=words, forks=forks)
+
+
+def run_tasks(
+    task: Task,
+    numbers: Sequence[int],
+    workers: int,
+    name: Callable[[int], str],
+    *,
+    heartbeat_words: int = 0,
+    forks: bool = False,
+) -> Generator[int, None, None]:
+    """Yield each number once `task(number, lost)` has returned in some worker, in order of completion.
+
+    A task whose worker dies is given to a fresh worker once. After a failure no further task is started, those
+    in progress are finished, and then the failure is raised. Leaving the iterator early stops the workers.
+    With `heartbeat_words`, a task whose worker hung or died in a case is started again as often as it takes, without
+    the cases that were lost; what ended a worker from outside is believed to be the case's doing the second time only.
+
+    Args:
+        task: picklable, unless workers are forked; called with the cases that were lost on earlier attempts at it.
+        numbers: what to run, in the order in which to start.
+        workers: how many processes, at least 1.
+        name: what to call a task in a message.
+        heartbeat_words: size of the array that a worker shares (`parcours.run.heartbeat`), or 0 for none.
+        forks: whether workers are forked of this process; see `Crew`.
+
+    Raises:
+        HostFailure: a task raised, or its worker died twice.
+        ParcoursError: an error of ours that a task raised.
+        BadRequest: the task cannot be sent to another process.
+    """
+    tries, deaths = Counter[int](), Counter[int]()
+    lost: dict[int, tuple[LostCase, ...]] = {}
+    failure: ParcoursError | None = None
+    with contextlib.closing(Crew(task, workers, forks=forks, n_words=heartbeat_words)) as crew:
+        crew.pending.extend((number, (number, ())) for number in numbers)
+        for number, answer in crew.answers():
+            if isinstance(answer, Done):
+                yield number
+            elif not isinstance(answer, Lost):
+                failure = failure or failure_of(name(number), answer)
+            elif answer.case is not None:
+                case = answer.case
+                deaths[case.number] += 1
+                if answer.how == "hung" or answer.status not in _FROM_OUTSIDE or deaths[case.number] == _ATTEMPTS:
+                    lost[number] = (*lost.get(number, ()), case)
+                crew.pending.appendleft((number, (number, lost.get(number, ()))))
+            else:
+                tries[number] += 1
+                if tries[number] < _ATTEMPTS:
+                    crew.pending.appendleft((number, (number, lost.get(number, ()))))
+                else:
+                    failure = failure or _died(name(number), answer)
+            if failure is not None:
+                crew.pending.clear()
+    if failure is not None:
+        raise failure
+
+
+def _died(name: str, lost: Lost) -> HostFailure:
+    rule = f"was started {_ATTEMPTS} times, but its worker {lost.ending} each time"
+    remedy = "run these cases with one worker to see why; all other shards are kept"
+    return HostFailure(name, rule, remedy, slug="worker-died")
 
 
 @contextlib.contextmanager

@@ -202,6 +202,20 @@ class _DeviationError(Exception):
         self.event, self.expected, self.got, self.silent = event, expected, got, silent
 
 
+# How an order is enforced on our own components, here (1: A sends m to B, 2: B, 3: A):
+#
+#     instance A            this loop            gate (1, m)            instance B
+#        |<---- turn 1 --------|                      |                     |  waits
+#        |-- took 1, sent m -->|------- hold -------->|                     |
+#        |  waits              |<----- release -------|                     |
+#        |                     |------ turn 2, with m --------------------->|
+#        |                     |<----- took 2 ------------------------------|
+#        |<---- turn 3 --------|
+#
+# Ours move only when they are granted a turn. Foreign nodes do not ask: there the gates alone keep them, and where no
+# message does, their process is stopped.
+
+
 class _Enforcement:
     def __init__(self, events: Sequence[Event], instances: Instances, supply: Callable[[Event], object], case: str,
                  strict: bool, patience: int) -> None:  # fmt: skip

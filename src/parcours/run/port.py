@@ -78,12 +78,9 @@ class Link:
 
     def __post_init__(self) -> None:
         if self.capacity < (0 if self.kind is LinkKind.RENDEZVOUS else 1):
-            raise BadRequest(
-                f"link {self.channel!r}",
-                f"a {self.kind.value} holds at least one message, but its capacity is {self.capacity}",
-                "give a capacity of 1 or more, or make it a rendezvous",
-                slug="link-capacity",
-            )
+            rule = f"a {self.kind.value} holds at least one message, but its capacity is {self.capacity}"
+            remedy = "give a capacity of 1 or more, or make it a rendezvous"
+            raise BadRequest(f"link {self.channel!r}", rule, remedy, slug="link-capacity")
 
 
 def _kind(channel: Channel, cefsm: Cefsm) -> LinkKind:

@@ -104,6 +104,11 @@ class Campaign:
 class Store:
     """The results of one campaign in one folder. Make it with `create` or `open_results`."""
 
+    # campaign.json              what all shards are results of, and the SHA-256 of what it says
+    #   shard-000000.npy         cases 0..255, one record each
+    #   shard-000000.npy.sha256  its sum: this shard is finished
+    #   shard-000001.npy         without a sum: the writer was killed here, the shard is computed again
+
     def __init__(self, folder: Path, campaign: Campaign) -> None:
         self.folder, self.campaign = folder, campaign
 
@@ -131,6 +136,7 @@ class Store:
         np.lib.format.write_array(buffer, packed, version=(1, 0), allow_pickle=False)
         content = buffer.getvalue()
         path = self.path(shard)
+        # The array comes first: a shard counts as finished when its sum is there: a kill in between costs one shard.
         write_atomically(path, content)
         write_atomically(_sum(path), f"{hashlib.sha256(content).hexdigest()}  {path.name}\n".encode())
 
@@ -147,11 +153,8 @@ class Store:
             raise _damaged(path, f"must be readable with its sum, but: {error}") from error
         found = hashlib.sha256(content).hexdigest()
         if not noted or noted[0] != found:
-            raise _damaged(
-                path,
-                f"must have the SHA-256 noted beside it, but its {len(content)} bytes have {found[:12]}...:"
-                " it was cut short or changed",
-            )
+            given = f"its {len(content)} bytes have {found[:12]}...: it was cut short or changed"
+            raise _damaged(path, f"must have the SHA-256 noted beside it, but {given}")
         try:
             rows: Rows = np.load(io.BytesIO(content), allow_pickle=False)
         except (ValueError, EOFError) as error:
@@ -285,16 +288,9 @@ def open_results(folder: Path) -> Store:
             parameters=document["parameters"],
             shard_size=document["shard_size"],
         )
-    except (
-        ArithmeticError,
-        AttributeError,
-        LookupError,
-        RecursionError,
-        SyntaxError,
-        TypeError,
-        ValueError,
-        BadRequest,
-    ) as error:
+    # A changed file may hold anything: NumPy parses the type codes, and raises whatever its parser does.
+    except (ArithmeticError, AttributeError, LookupError, RecursionError, SyntaxError, TypeError, ValueError,
+            BadRequest) as error:  # fmt: skip
         rule = f"must describe a campaign, but does not: {error}"
         raise BadResults(str(path), rule, "run the campaign into a new folder", slug="results-manifest") from error
     return Store(folder, campaign)

@@ -77,11 +77,8 @@ def transitions(trace: Trace, component: str | None = None) -> tuple[str, ...]:
     >>> transitions(Trace("simulated", (TraceEvent(0, "take", "A", "p1"), TraceEvent(1, "note"))))
     ('p1',)
     """
-    return tuple(
-        event.transition
-        for event in trace.events
-        if event.kind == "take" and (component is None or event.component == component)
-    )
+    taken = (event for event in trace.events if event.kind == "take")
+    return tuple(event.transition for event in taken if component is None or event.component == component)
 
 
 def durations(trace: Trace, begin: str, end: str) -> tuple[int, ...]:
@@ -207,23 +204,13 @@ def read_trace(path: Path) -> Trace:
     head = _parsed(path, 1, lines[0], object)
     given = head.get("parcours") if isinstance(head, dict) else None
     if given != FORMAT:
-        raise BadResults(
-            f"{path}:1",
-            f"a trace begins with the format {FORMAT!r}, but this file names {given!r}",
-            "read it with the version of Parcours that wrote it, or run the case again",
-            slug="trace-version",
-        )
-    if (
-        len(lines) < 3
-        or lines[-1] != ""
-        or _parsed(path, len(lines) - 1, lines[-2], object) != {"events": len(lines) - 3}
-    ):
-        raise BadResults(
-            str(path),
-            f"a trace ends with the count of its {len(lines) - 2} events, but this file is cut short",
-            "run the case again",
-            slug="trace-cut-short",
-        )
+        rule = f"a trace begins with the format {FORMAT!r}, but this file names {given!r}"
+        remedy = "read it with the version of Parcours that wrote it, or run the case again"
+        raise BadResults(f"{path}:1", rule, remedy, slug="trace-version")
+    n = len(lines) - 3
+    if n < 0 or lines[-1] != "" or _parsed(path, n + 2, lines[-2], object) != {"events": n}:
+        rule = f"a trace ends with the count of its {n + 1} events, but this file is cut short"
+        raise BadResults(str(path), rule, "run the case again", slug="trace-cut-short")
     said = _parsed(path, 1, lines[0], _Head)
     try:
         noise = None if said.noise is None else noise_of(said.noise)
@@ -233,12 +220,9 @@ def read_trace(path: Path) -> Trace:
     for number, line in enumerate(lines[1:-2], start=2):
         events.append(TraceEvent(*_parsed(path, number, line, _Line)))
         if len(events) > 1 and events[-1].time < events[-2].time:
-            raise BadResults(
-                f"{path}:{number}",
-                f"time never runs backwards, but {events[-1].time} ns follows {events[-2].time} ns",
-                "the file was edited or mixed up: run the case again",
-                slug="trace-backwards",
-            )
+            rule = f"time never runs backwards, but {events[-1].time} ns follows {events[-2].time} ns"
+            remedy = "the file was edited or mixed up: run the case again"
+            raise BadResults(f"{path}:{number}", rule, remedy, slug="trace-backwards")
     return Trace(said.clock, tuple(events), said.host, said.case, noise)
 
 
@@ -250,9 +234,5 @@ def _parsed(path: Path, number: int, line: str, kind: Any) -> Any:
 
 
 def _malformed(path: Path, number: int, line: str) -> BadResults:
-    return BadResults(
-        f"{path}:{number}",
-        f"each line of a trace is a JSON header, event or count, but this one is {line[:60]!r}",
-        "run the case again",
-        slug="trace-line",
-    )
+    rule = f"each line of a trace is a JSON header, event or count, but this one is {line[:60]!r}"
+    return BadResults(f"{path}:{number}", rule, "run the case again", slug="trace-line")

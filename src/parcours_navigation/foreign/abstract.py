@@ -4,8 +4,12 @@ Nobody can make a node take a transition; but it can be kept from taking it. Wha
 until its turn. Where that does not keep it, as a server between a request and its response, its process is stopped at
 that point. What comes too early all the same, or does not come, leaves the case without a verdict.
 
-    A#0: event 3  --obstacles-->  gate (3, obstacles)  ...  turn of event 5  --released-->  B#1: event 5
-                                  "hold"                                     "release"
+    A#0                    relay                                        B#1
+     |  event 3: obstacles   |                                            |  event 5 waits for obstacles
+     |---------------------->|  hold in gate (3, obstacles)               |
+     |                       |  ... turns of events 4, then 5: release -->|
+     |                       |<--------------------- what event 5 sends --|
+     |<-- SIGSTOP, SIGCONT --|  where event 6 of A#0 waits for no message
 """
 
 from __future__ import annotations

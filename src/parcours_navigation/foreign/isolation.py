@@ -91,9 +91,8 @@ def run_apart(order: Order) -> Iterator[dict[str, object]]:
                 raise said[1]  # type: ignore[misc]
             if said[0] != "end":
                 rule = f"must run to its end, but ended with status {process.wait()}"
-                raise HostFailure(
-                    "the process that runs the nodes", rule, "its last words are above", slug="foreign-apart"
-                )
+                where, remedy = "the process that runs the nodes", "its last words are above"
+                raise HostFailure(where, rule, remedy, slug="foreign-apart")
         finally:
             _end(process)
 

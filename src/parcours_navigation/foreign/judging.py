@@ -7,8 +7,11 @@ from __future__ import annotations
 
 import heapq
 import itertools
-from collections.abc import Sequence
+import queue
+import threading
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +28,6 @@ from parcours.run.recording import Raw
 from parcours.run.trace import Trace, TraceEvent, held
 from parcours.verdict.conformance import Deviation
 from parcours.verdict.judgement import Judgement, Verdict
-from parcours_navigation.foreign.beside import Beside
 from parcours_navigation.foreign.conforming import Conformers
 from parcours_navigation.foreign.world import ForeignWorld, Scene
 from parcours_navigation.outcomes import VERDICT_OF, Outcome, explain, outcomes
@@ -33,6 +35,7 @@ from parcours_navigation.outcomes import VERDICT_OF, Outcome, explain, outcomes
 FAULTY = "under faults"
 """The note of a case under a plan of faults: the model does not know them, so it is followed, but not judged by."""
 
+T = TypeVar("T")
 _EVER = 1 << 62
 _LATEST = 10.0
 """How long after the end of a case what was observed may still be followed [s]."""
@@ -55,6 +58,38 @@ class Judged:
     deaths: tuple[tuple[str, str], ...] = ()
     deviations: tuple[Deviation, ...] = ()
     held: tuple[int, ...] = ()
+
+
+class Beside(Generic[T]):
+    """Does something with each item in a thread of its own, in order: the relay must not wait for a disk or a search.
+
+    What `do` raises is raised by `close`.
+    """
+
+    def __init__(self, do: Callable[[T], None], name: str) -> None:
+        self._do = do
+        self._queue: queue.SimpleQueue[T | None] = queue.SimpleQueue()
+        self._failed: list[BaseException] = []
+        self._is_late = False
+        self._thread = threading.Thread(target=self._work, daemon=True, name=name)
+        self._thread.start()
+        self.put = self._queue.put
+
+    def _work(self) -> None:
+        try:
+            while (item := self._queue.get()) is not None and not self._is_late:
+                self._do(item)
+        except BaseException as error:
+            self._failed.append(error)
+
+    def close(self, patience: float | None = None) -> bool:
+        """Return whether all is done within the patience [s]; the rest is left undone."""
+        self._queue.put(None)
+        self._thread.join(patience)
+        self._is_late = self._thread.is_alive()
+        if self._failed:
+            raise self._failed.pop()
+        return not self._is_late
 
 
 class _Watch:

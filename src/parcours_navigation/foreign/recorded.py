@@ -13,9 +13,8 @@ from parcours.run.hosts.ros1.foreign_types import ForeignTypes
 from parcours.run.recording import Raw, Recorder, read_recording
 from parcours.run.trace import TraceEvent
 from parcours.verdict.judgement import Judgement, Verdict
-from parcours_navigation.foreign.beside import Beside
 from parcours_navigation.foreign.cases import find_scenes
-from parcours_navigation.foreign.judging import AbstractJudge, Judged, SystemJudge
+from parcours_navigation.foreign.judging import AbstractJudge, Beside, Judged, SystemJudge
 from parcours_navigation.foreign.world import Scene
 
 

@@ -8,13 +8,12 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import replace
 
 from parcours.abtc import interaction_paths
-from parcours.model.structure import ENVIRONMENT, Cefsm
+from parcours.model.structure import ENVIRONMENT
 from parcours.report.timings import Timed
-from parcours.run.binding.structure import Binding
-from parcours.run.binding.structure import Bound as BoundText
+from parcours.run.binding.structure import Binding, Bound
 from parcours.run.hosts.ros1.foreign_session import Session
 from parcours.run.noise import Noise, NoiseMeter
 from parcours.run.trace import TraceEvent
@@ -27,50 +26,35 @@ _LONGEST = 1_000_000_000
 """How long to wait for an answer [ns] before the repeat counts as one that never ended."""
 
 
-@dataclass(frozen=True, slots=True)
-class Span:
-    """What is timed: from the first channel to the second."""
-
-    name: str
-    begin: str
-    end: str
-    texts: tuple[str, ...]
-
-
-def spans(binding: Binding) -> tuple[Span, ...]:
-    """Return the spans that the binding's `timing` bounds.
+def spans(binding: Binding) -> tuple[Bound, ...]:
+    """Return what the binding's `timing` bounds, each with the channels from and to which it is timed.
 
     An interaction runs from its first hop to its last; one of a single hop, from what its first component is given.
     """
-    found = []
-    for bound in binding.timing:
-        begin, end = (bound.begin, bound.end) if bound.begin else _of_interaction(binding, bound)
-        if begin and end:
-            found.append(Span(bound.name, begin, end, bound.texts))
-    return tuple(found)
+    found = (bound if bound.begin else _placed(binding, bound) for bound in binding.timing)
+    return tuple(bound for bound in found if bound.begin and bound.end)
 
 
-def _of_interaction(binding: Binding, bound: BoundText) -> tuple[str, str]:
+def _placed(binding: Binding, bound: Bound) -> Bound:
+    """Return the limits on an interaction of the model with the channels where it begins and ends."""
     model = binding.model
-    visited = next((parts for name, parts in model.interactions if name == bound.name), ())
+    visited = dict(model.interactions).get(bound.name, ())
     if not visited:
         visited = next((one.components for one in interaction_paths(model) if one.name == bound.name), ())
     hops = list(itertools.pairwise(visited))
     if not hops:
-        return "", ""
-    bound_names = {channel.name for channel in binding.channels}
-    first, last = (_between(model, *hop, bound_names) for hop in (hops[0], hops[-1]))
-    if len(hops) == 1:
-        first = _between(model, ENVIRONMENT, visited[0], bound_names)
-    return first, last
+        return bound
+    names = {channel.name for channel in binding.channels}
+
+    def between(sender: str, receiver: str) -> str:
+        found = (one.name for one in model.channels if (one.sender, one.receiver) == (sender, receiver))
+        return next((name for name in found if name in names), "")
+
+    first = hops[0] if len(hops) > 1 else (ENVIRONMENT, visited[0])
+    return replace(bound, begin=between(*first), end=between(*hops[-1]))
 
 
-def _between(model: Cefsm, sender: str, receiver: str, bound: set[str]) -> str:
-    found = (one.name for one in model.channels if (one.sender, one.receiver) == (sender, receiver))
-    return next((name for name in found if name in bound), "")
-
-
-def durations(events: Iterable[TraceEvent], span: Span) -> list[int]:
+def durations(events: Iterable[TraceEvent], span: Bound) -> list[int]:
     """Return how long each span took [ns], in order."""
     found: list[int] = []
     opened: int | None = None
@@ -84,13 +68,7 @@ def durations(events: Iterable[TraceEvent], span: Span) -> list[int]:
 
 
 class Exercise:
-    """Makes spans happen one after the other, and measures the machine between them.
-
-    Args:
-        session: started, every node run once.
-        maker: makes the tester's messages.
-        meter: open.
-    """
+    """Makes spans happen one after the other in a started session, and measures the machine between them."""
 
     def __init__(self, session: Session, maker: Maker, meter: NoiseMeter) -> None:
         self._session, self._maker, self._meter = session, maker, meter
@@ -101,7 +79,7 @@ class Exercise:
         if event.kind in ("send", "receive"):
             self._heard.append(event)
 
-    def run(self, span: Span, repeats: int) -> list[int]:
+    def run(self, span: Bound, repeats: int) -> list[int]:
         """Return the durations of some repeats [ns]; NEVER for one that did not end."""
         session, found = self._session, []
         for _ in range(repeats):
@@ -121,7 +99,7 @@ class Exercise:
         return found
 
 
-def timed(span: Span, took: list[int], warm_up: int, noise: Noise | None) -> list[Timed]:
+def timed(span: Bound, took: list[int], warm_up: int, noise: Noise | None) -> list[Timed]:
     """Return the durations of a span with their verdicts, one for each limit; the first ones do not count."""
     kept = took[warm_up:] if len(took) > warm_up else []
     found = []

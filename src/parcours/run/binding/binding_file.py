@@ -2,30 +2,31 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
+from typing import TypeVar
 
 from parcours.data import read_input_model
 from parcours.errors import BadDomain, BadRequest
-from parcours.model.documents import MAX_BYTES, Node, Scalar, read_document
+from parcours.model.documents import MAX_BYTES, Node, read_document
 from parcours.model.finding import Finding, complaint, errors_among
 from parcours.model.model_file import check_file
 from parcours.model.nodes import brief
 from parcours.model.structure import Cefsm
 from parcours.run.binding.checking import findings as findings_of
-from parcours.run.binding.formulas import Formula
-from parcours.run.binding.quantities import plain
-from parcours.run.binding.schema import FORMAT, NOTHING, PartReader
-from parcours.run.binding.structure import Action, Binding, BoundChannel, Command, Role, System
+from parcours.run.binding.quantities import Table, plain
+from parcours.run.binding.schema import PartReader
+from parcours.run.binding.structure import Binding, Role
 
-_QUANTITIES = ("radius", "v_max", "w_max", "a_max", "alpha_max")
-"""What `robot` may say of the simulated robot [m, m/s, rad/s, m/s2, rad/s2]."""
+T = TypeVar("T")
+
+FORMAT = "binding/1"
+"""The number of the format that this version reads."""
 
 _REQUIRED = ("parcours", "name", "model", "transport", "nodes", "channels")
-_OPTIONAL = (
-    "doc", "master", "interfaces", "python_paths", "parameters", "constants", "data", "between", "observe", "provide",
-    "quiescence", "timing", "warm_up", "system", "before_case", "after_case",
-)  # fmt: skip
+_ROLES: dict[str, Role] = {"channels": "model", "between": "between", "observe": "observe", "provide": "provide"}
 
 
 def read_binding(path: Path | str) -> Binding:
@@ -94,122 +95,63 @@ class _BindingReader(PartReader):
 
     def binding(self, node: Node, model: Cefsm | None = None) -> Binding | None:
         """Return the binding, or None if its model, which may be given, cannot be read."""
-        items = self.record(node, "a binding", _REQUIRED, _OPTIONAL)
-        version = self.text(items.get("parcours"), "'parcours'", FORMAT)
+        table: Table = {
+            "parcours": (self.version, None), "name": (self.label, ""), "doc": (self.text, ""),
+            "model": (lambda node, what: model or self.model(node, what), model),
+            "transport": (self.choice("ros1", "ros2"), "ros1"), "master": (self.text, ""),
+            "nodes": (self.every(self.process), ()), "timing": (self.every(self.bound, self.label), ()),
+            **{key: (self.every(partial(self.channel, role)), ()) for key, role in _ROLES.items()},
+            "quiescence": (self.duration, 0.5), "system": (self.system, None), "data": (self.data, ((), "")),
+            "warm_up": (lambda node, what: self.integer(node, what, 0, 1_000_000), 10),
+            "constants": (self.pairs(self.constant_of), ()),
+            "parameters": (self.pairs(lambda node, what: plain(node), self.address), ()),
+            "before_case": (self.actions, ()), "after_case": (self.actions, ()),
+            "interfaces": (self.folders, ()), "python_paths": (self.folders, ()),
+        }  # fmt: skip
+        said = self.section(node, "a binding", table, _REQUIRED, is_top=True)
+        del said["parcours"]
+        silence = said.pop("quiescence")
+        channels = [one for key in _ROLES for one in said.pop(key)]
+        # A channel is silent after the binding's own time, unless it says another.
+        said["channels"] = tuple(replace(one, quiescence=one.quiescence or silence) for one in channels)
+        said["data"], said["data_file"] = said["data"]
+        return None if said["model"] is None else Binding(source=self.origin, **said)
+
+    def version(self, node: Node, what: str) -> None:
+        """See that this version reads the format."""
+        version = self.text(node, what, FORMAT)
         if version != FORMAT:
-            rule = f"'parcours' must be {FORMAT!r}, but is {version[:40]!r}"
-            self.add(items["parcours"], "format", rule, f"this version reads {FORMAT} only")
-        if model is None and "model" in items:
-            model = self.model(items["model"])
-        nodes = tuple(self.process(*entry) for entry in self.entries(items.get("nodes"), "nodes"))
-        channels = self.channels(items)
-        timing = self.entries(items.get("timing"), "timing", self.label)
-        warm_up = self.integer(items["warm_up"], "'warm_up'", 0, 1_000_000) if "warm_up" in items else 10
-        constants = self.entries(items.get("constants"), "constants")
-        parameters = self.entries(items.get("parameters"), "parameters", self.address)
-        made = Binding(
-            self.label(items.get("name"), "the name of the binding"),
-            model or Cefsm("absent", ()),
-            self.transport(items.get("transport")),
-            nodes,
-            channels,
-            tuple(self.bound(*entry) for entry in timing),
-            warm_up,
-            self.system(items["system"]) if "system" in items else None,
-            tuple((name, self.constant_of(value, f"constant {name!r}")) for name, value, _ in constants),
-            self.data(items["data"]) if "data" in items else (),
-            str(self.path(items["data"], "'data'")) if "data" in items else "",
-            tuple((name, plain(value)) for name, value, _ in parameters),
-            self.actions(items, "before_case"),
-            self.actions(items, "after_case"),
-            self.folders(items, "interfaces"),
-            self.folders(items, "python_paths"),
-            self.text(items.get("master"), "'master'"),
-            self.origin,
-            self.text(items.get("doc"), "'doc'"),
-        )
-        return made if model is not None else None
+            rule = f"{what} must be {FORMAT!r}, but is {version[:40]!r}"
+            self.add(node, "format", rule, f"this version reads {FORMAT} only")
 
-    def channels(self, items: dict[str, Node]) -> tuple[BoundChannel, ...]:
-        """Return the entries of `channels`, then of `between`, of `observe` and of `provide`."""
-        silence = self.duration(items.get("quiescence"), "'quiescence'", 0.5)
-        found = [
-            self.channel(name, value, line, "model", silence)
-            for name, value, line in self.entries(items.get("channels"), "channels")
-        ]
-        roles: tuple[Role, ...] = ("between", "observe", "provide")
-        for role in roles:
-            for name, value, line in self.entries(items.get(role), f"topics under {role!r}"):
-                found.append(self.channel(name, value, line, role, silence))
-        return tuple(found)
+    def every(
+        self, read: Callable[[str, Node, int], T], name: Callable[[Node, str], str] | None = None
+    ) -> Callable[[Node, str], tuple[T, ...]]:
+        """Return what reads all entries of a mapping, each from its name, value and line."""
+        return lambda node, what: tuple(read(*entry) for entry in self.entries(node, what, name))
 
-    def model(self, node: Node) -> Cefsm | None:
+    def model(self, node: Node, what: str) -> Cefsm | None:
         """Return the model of the file that the node names; its errors become findings here."""
-        checked = check_file(self.path(node, "'model'"))
-        for finding in errors_among(checked.findings):
-            self.findings.append(finding)
+        checked = check_file(self.path(node, what))
+        self.findings += errors_among(checked.findings)
         return checked.model
 
-    def data(self, node: Node) -> tuple[str, ...]:
-        """Return the names of the inputs of the file that the node names."""
-        path = self.path(node, "'data'")
+    def data(self, node: Node, what: str) -> tuple[tuple[str, ...], str]:
+        """Return the names of the inputs of the file that the node names, and the file."""
+        path = self.path(node, what)
         try:
-            return read_input_model(path).names
+            return read_input_model(path).names, str(path)
         except BadDomain as error:
-            self.add(node, error.slug, f"'data' must name a file of test inputs: {error.rule}", error.remedy)
-            return ()
+            self.add(node, error.slug, f"{what} must name a file of test inputs: {error.rule}", error.remedy)
+            return (), str(path)
 
-    def actions(self, items: dict[str, Node], key: str) -> tuple[Action, ...]:
-        """Return the steps that stand under a key."""
-        return tuple(self.action(item, key) for item in self.listed(items.get(key), f"{key!r}"))
-
-    def folders(self, items: dict[str, Node], key: str) -> tuple[Path, ...]:
-        """Return the folders that stand under a key; each must exist."""
+    def folders(self, node: Node, what: str) -> tuple[Path, ...]:
+        """Return the folders of a list; each must exist."""
         found = []
-        for node in self.listed(items.get(key), f"{key!r}"):
-            path = self.path(node, f"an item of {key!r}")
+        for item in self.listed(node, what):
+            path = self.path(item, f"an item of {what}")
             if not path.is_dir():
-                rule = f"an item of {key!r} must be a folder, but {brief(str(path))} is none"
-                self.add(node, "binding-folder", rule, "paths count from the folder of the binding")
+                rule = f"an item of {what} must be a folder, but {brief(str(path))} is not"
+                self.add(item, "binding-folder", rule, "paths count from the folder of the binding")
             found.append(path)
         return tuple(found)
-
-    def system(self, node: Node) -> System:
-        """Return the section of system tests."""
-        optional = ("once", "each", "imminent_collision", "robot", "tolerance", "duration")
-        items = self.record(node, "'system'", ("sense", "command"), optional)
-        sense = self.entries(items.get("sense"), "channels to sense")
-        alarm = None
-        if "imminent_collision" in items:
-            formula = self.formula(items["imminent_collision"], "'imminent_collision'")
-            alarm = (self.spoken_of(items["imminent_collision"], "'imminent_collision'", formula), formula)
-        robot = self.record(items.get("robot"), "'robot'", (), _QUANTITIES) if "robot" in items else {}
-        return System(
-            tuple((name, self.duration(value, f"the period of {name!r}", 0.05)) for name, value, _ in sense),
-            self.command(items.get("command")),
-            tuple(self.identifier(item, "a channel of 'once'") for item in self.listed(items.get("once"), "'once'")),
-            tuple(self.identifier(item, "a channel of 'each'") for item in self.listed(items.get("each"), "'each'")),
-            alarm,
-            tuple((name, self.number(value, f"{name!r} of the robot")) for name, value in robot.items()),
-            self.amount(items.get("tolerance"), "'tolerance'", 0.2),
-            self.duration(items.get("duration"), "'duration'", 20.0),
-            node.line,
-        )
-
-    def command(self, node: Node | None) -> Command:
-        """Return what drives the robot."""
-        items = self.record(node, "'command'", ("linear", "angular"), ("hold",))
-        linear, angular = (self.formula(items.get(key), f"{key!r} of 'command'") for key in ("linear", "angular"))
-        hold = items.get("hold")
-        is_endless = hold is None or (isinstance(hold, Scalar) and hold.text == "inf")
-        time = float("inf") if is_endless else self.duration(hold, "'hold' of 'command'", 1.0)
-        on = self.spoken_of(node, "'command'", linear, angular) if node is not None else ""
-        return Command(on, linear, angular, time, node.line if node is not None else 0)
-
-    def spoken_of(self, node: Node, what: str, *formulas: Formula) -> str:
-        """Return the one channel of which formulas speak."""
-        channels = sorted({str(place.steps[0]) for formula in formulas for place in formula.places})
-        if len(channels) != 1 and all(formula != NOTHING for formula in formulas):
-            rule = f"{what} must speak of one channel, but speaks of {', '.join(channels) or 'none'}"
-            self.add(node, "binding-channel", rule, "write e.g. cmd_vel.linear.x")
-        return channels[0] if channels else ""

@@ -7,10 +7,12 @@ imported: who has it gives a function from the name of a type to its class.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from types import MappingProxyType
 
+from parcours.errors import BadRequest
 from parcours.model.expression import BOOL, INT, REAL, TEXT, Type
 
 _SLOT = re.compile(
@@ -30,6 +32,9 @@ _BOOLS = frozenset(("bool", "boolean"))
 _TEXTS = frozenset(("string", "wstring"))
 TIMES = frozenset(("time", "duration", "builtin_interfaces/Time", "builtin_interfaces/Duration"))
 """The types of times: seconds and nanoseconds, under names that differ between the generations."""
+
+MAX_DEFINITIONS = 10_000
+"""Most files that are read from the folders of interfaces."""
 
 _TIME_SLOTS = {"secs": "int32", "nsecs": "int32"}
 
@@ -130,3 +135,29 @@ def _fields_of(kind: type) -> dict[str, str]:
     if texts is None:
         return dict(_TIME_SLOTS) if {"secs", "nsecs"} <= set(dir(kind)) else {}
     return dict(zip(names, texts, strict=True))
+
+
+def read_definitions(folders: Iterable[Path]) -> dict[str, str]:
+    """Return the definitions in some folders: type, such as `nav_msgs/Path`, to the text of its file.
+
+    A file's package is the folder above `msg` or `srv`, and else the folder that it is in.
+
+    Args:
+        folders: searched to any depth for .msg and .srv files; links are not followed out of them.
+
+    Raises:
+        BadRequest: a file cannot be read, or there are more than MAX_DEFINITIONS.
+    """
+    found: dict[str, str] = {}
+    for folder in folders:
+        for path in sorted((*folder.rglob("*.msg"), *folder.rglob("*.srv"))):
+            package = path.parent.parent if path.parent.name in ("msg", "srv") else path.parent
+            try:
+                found[f"{package.resolve().name}/{path.stem}"] = path.read_text(encoding="utf-8")
+            except (OSError, UnicodeDecodeError):
+                rule = "a message definition must be a readable text, but this is not"
+                raise BadRequest(str(path), rule, slug="message-definition") from None
+            if len(found) > MAX_DEFINITIONS:
+                rule = f"at most {MAX_DEFINITIONS} definitions are read, but there are more"
+                raise BadRequest(str(folder), rule, "name the folders of the packages", slug="message-definition")
+    return found

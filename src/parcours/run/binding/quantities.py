@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Callable
+from typing import Any, TypeAlias
 
 from parcours.model.documents import Mapping, Node, Scalar, Sequence
 from parcours.model.nodes import NodeReader, shown
@@ -15,10 +17,31 @@ _INT = re.compile(r"[-+]?[0-9]{1,19}", re.ASCII)
 _REAL = re.compile(r"[-+]?(?:[0-9]{1,300}\.?[0-9]{0,300}|\.[0-9]{1,300})(?:[eE][-+]?[0-9]{1,3})?", re.ASCII)
 
 
+Reads: TypeAlias = Callable[[Node, str], object]
+"""Makes a value of a node; the text is what it is called in messages."""
+
+Table: TypeAlias = dict[str, tuple[Reads, object]]
+"""The keys of a mapping: how the value is read, and what it is where the key is missing."""
+
+
 class QuantityReader(NodeReader):
     """Reads nodes whose values are quantities or plain data; `findings` grows as it goes."""
 
-    def duration(self, node: Node | None, what: str, absent: float) -> float:
+    def section(
+        self, node: Node | None, what: str, table: Table, required: tuple[str, ...] = (), *, is_top: bool = False
+    ) -> dict[str, Any]:
+        """Return a value for each key of a table, from a mapping that has no other keys.
+
+        In messages a value is called `'key' of WHAT`, at the top of a document only `'key'`.
+        """
+        items = self.record(node, what, required, tuple(key for key in table if key not in required))
+        tail = "" if is_top else f" of {what}"
+        # Every key is read even after a finding: a user is shown all that is wrong at once.
+        return {
+            key: read(items[key], f"{key!r}{tail}") if key in items else absent for key, (read, absent) in table.items()
+        }
+
+    def duration(self, node: Node | None, what: str, absent: float = 1.0) -> float:
         """Return a time above 0 [s] from a text such as `0.5`, `20 ms` or `50 Hz` (its period)."""
         if node is None:
             return absent
@@ -30,11 +53,7 @@ class QuantityReader(NodeReader):
             return absent
         return 1.0 / number if match["unit"] == "Hz" else number * _SECONDS[match["unit"]]
 
-    def amount(self, node: Node | None, what: str, absent: float) -> float:
-        """Return a number that is not negative; `absent` if the key is missing."""
-        return absent if node is None else self.number(node, what)
-
-    def boolean(self, node: Node | None, what: str, absent: bool) -> bool:
+    def boolean(self, node: Node | None, what: str, absent: bool = False) -> bool:
         """Return true or false."""
         if node is None:
             return absent
@@ -50,6 +69,10 @@ class QuantityReader(NodeReader):
             self.add(node, "value", f"{what} must be {' or '.join(known)}, but is {text[:40]!r}")
             return absent
         return text
+
+    def choice(self, *known: str) -> Reads:
+        """Return what reads one word of a few."""
+        return lambda node, what: self.one_of(node, what, known, known[0])
 
     def words(self, node: Node | None, what: str) -> tuple[str, ...]:
         """Return the texts of a list."""

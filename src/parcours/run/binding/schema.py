@@ -2,37 +2,32 @@
 
 from __future__ import annotations
 
+import math
 import re
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
-from typing import Literal, cast
+from typing import TypeVar
 
 from parcours.errors import BadModel
 from parcours.model.documents import Mapping, Node, Scalar
 from parcours.model.nodes import brief, shown
+from parcours.run.binding import structure as parts
 from parcours.run.binding.formulas import Formula, parse_formula
 from parcours.run.binding.places import Place, parse_place
-from parcours.run.binding.quantities import QuantityReader, constant, plain
-from parcours.run.binding.structure import (
-    Action,
-    Bound,
-    BoundChannel,
-    Constant,
-    Injection,
-    Part,
-    Process,
-    Ready,
-    Role,
-    Transport,
-    Value,
-)
+from parcours.run.binding.quantities import QuantityReader, Table, constant, plain
 
-FORMAT = "binding/1"
-"""The number of the format that this version reads."""
+T = TypeVar("T")
+
+NOTHING = parse_formula("0")
+"""Stands for a formula that is missing or wrong."""
 
 _ADDRESS = re.compile(r"/?[A-Za-z~][A-Za-z0-9_]*(?:/[A-Za-z0-9_]+)*", re.ASCII)
 _TYPE = re.compile(r"[A-Za-z][A-Za-z0-9_]*(?:/(?:msg|srv))?/[A-Za-z][A-Za-z0-9_]*", re.ASCII)
-_CHANNEL = ("type", "fields", "queue", "latch", "out", "in", "observe", "quiescence", "inject")
 _READY = ("topic", "service", "node", "parameter", "message", "after")
+_VERBS = ("set", "wait", "call", "publish")
+_QUANTITIES = ("radius", "v_max", "w_max", "a_max", "alpha_max")
+"""What `robot` may say of the simulated robot [m, m/s, rad/s, m/s2, rad/s2]."""
 
 
 class PartReader(QuantityReader):
@@ -45,31 +40,28 @@ class PartReader(QuantityReader):
         super().__init__(origin)
         self.here = here
 
-    def formula(self, node: Node | None, what: str) -> Formula:
+    # Values.
+
+    def formula(self, node: Node, what: str) -> Formula:
         """Return a formula over places."""
+        return self.parsed(node, what, lambda text, where: parse_formula(text, where, node.line), NOTHING)
 
-        def parse(text: str, where: str) -> Formula:
-            return parse_formula(text, where, node.line if node is not None else 0)
-
-        return self.parsed(node, what, parse, NOTHING)
-
-    def path(self, node: Node | None, what: str) -> Path:
+    def path(self, node: Node, what: str) -> Path:
         """Return a path, from the folder of the file if it is relative."""
         return self.here / Path(self.text(node, what)).expanduser()
 
-    def address(self, node: Node | None, what: str) -> str:
+    def address(self, node: Node, what: str) -> str:
         """Return the global name of a topic, service, node or parameter; the leading slash may be left out."""
         text = self.text(node, what, "/absent")
-        if node is not None and (not _ADDRESS.fullmatch(text) or len(text) > 250):
-            rule = f"{what} must be a name such as /cmd_vel, but is {brief(text)}"
-            self.add(node, "binding-name", rule)
+        if not _ADDRESS.fullmatch(text) or len(text) > 250:
+            self.add(node, "binding-name", f"{what} must be a name such as /cmd_vel, but is {brief(text)}")
             return "/absent"
         if text.startswith("~"):
             rule = f"{what} must be a global name, but {brief(text)} is private"
             self.add(node, "binding-name", rule, f"write /node_name/{text[1:]}")
         return text if text.startswith("/") else f"/{text}"
 
-    def type_name(self, node: Node | None, what: str) -> str:
+    def type_name(self, node: Node, what: str) -> str:
         """Return a type such as `geometry_msgs/Twist`; `geometry_msgs/msg/Twist` is the same."""
         text = self.text(node, what, "absent/Absent")
         if not _TYPE.fullmatch(text):
@@ -78,182 +70,205 @@ class PartReader(QuantityReader):
         package, _, name = text.partition("/")
         return f"{package}/{name.rpartition('/')[2]}"
 
-    def process(self, name: str, node: Node, line: int) -> Process:
-        """Return an entry of `nodes`."""
-        what = f"node {name!r}"
-        optional = ("components", "command", "running", "env", "cwd", "remap", "ros_node", "ready", "timeout")
-        items = self.record(node, what, (), (*optional, "restart", "stop"))
-        running = self.boolean(items.get("running"), f"'running' of {what}", False)
-        command = self.words(items.get("command"), f"'command' of {what}")
-        if running == bool(command):
-            rule = f"{what} must have a command, or say 'running: true' if you start it yourself"
-            self.add(node, "binding-start", f"{rule}, but has {'both' if running else 'neither'}")
-        if running and "ros_node" not in items:
-            rule = (
-                f"{what} is not started here, so 'ros_node' must say by what name its life is seen, but it is missing"
-            )
-            self.add(node, "missing-key", rule, "add e.g. ros_node: /planner")
-        remap = self.boolean(items.get("remap"), f"'remap' of {what}", not running)
-        if running and remap:
-            rule = f"{what} is not started here, so no arguments can be appended, but it says 'remap: true'"
-            remedy = "remap it yourself, and say 'out' and 'in' of its channels"
-            self.add(items.get("remap"), "binding-start", rule, remedy)
-        env = self.entries(items.get("env"), f"variables of {what}", self.label)
-        components: tuple[str, ...] = (name,)
-        if "components" in items:
-            listed = self.listed(items["components"], f"'components' of {what}")
-            components = tuple(self.identifier(item, f"a component of {what}") for item in listed)
-        restart = self.one_of(items.get("restart"), f"'restart' of {what}", ("when-dead", "every-case"), "every-case")
-        return Process(
-            name,
-            components,
-            command,
-            tuple((key, self.text(value, f"{key!r} of {what}")) for key, value, _ in env),
-            self.path(items["cwd"], f"'cwd' of {what}") if "cwd" in items else self.here,
-            remap,
-            self.address(items["ros_node"], f"'ros_node' of {what}") if "ros_node" in items else "",
-            self.ready(items, what, line),
-            cast(Literal["when-dead", "every-case"], restart),
-            self.duration(items.get("stop"), f"'stop' of {what}", 2.0),
-            line,
-        )
-
-    def ready(self, items: dict[str, Node], what: str, line: int) -> tuple[Ready, ...]:
-        """Return the conditions of `ready`: a list of one-entry mappings; left out, all that is bound."""
-        timeout = self.duration(items.get("timeout"), f"'timeout' of {what}", 4.0)
-        found = []
-        for node in self.listed(items.get("ready"), f"'ready' of {what}"):
-            parts = self.record(node, f"a condition of {what}", (), (*_READY, "is"))
-            kinds = [kind for kind in _READY if kind in parts]
-            if len(kinds) != 1:
-                rule = f"a condition of {what} must name one of {', '.join(_READY)}, but names {len(kinds)}"
-                self.add(node, "binding-ready", rule, "e.g. ready: [{service: /plan}]")
-                continue
-            kind = cast(Literal["topic", "service", "node", "parameter", "message", "after"], kinds[0])
-            named = f"{kind!r} of {what}"
-            if kind == "after":
-                found.append(Ready(kind, "", self.duration(parts[kind], named, 1.0), timeout, node.line))
-                continue
-            value = self.constant_of(parts["is"], f"'is' of {what}") if "is" in parts else True
-            found.append(Ready(kind, self.address(parts[kind], named), value, timeout, node.line))
-        return tuple(found) or (Ready("bound", timeout=timeout, line=line),)
-
-    def constant_of(self, node: Node, what: str) -> Constant:
+    def constant_of(self, node: Node, what: str) -> parts.Constant:
         """Return a scalar as plain data."""
         if isinstance(node, Scalar):
             return constant(node)
         self.add(node, "kind", f"{what} must be a single value, but is {shown(node)}")
         return 0
 
-    def channel(self, name: str, node: Node, line: int, role: Role, silence: float) -> BoundChannel:
-        """Return an entry of `channels`, `between`, `observe` or `provide`."""
-        what = f"channel {name!r}" if role == "model" else f"{role!r} entry {name!r}"
-        more = ("topic", "service", "part", "timeout") if role == "model" else ("topic",)
-        named = ("from", "to") if role == "between" else ()
-        items = self.record(node, what, ("type", *named), (*_CHANNEL, *more))
-        sender, receiver = (self.identifier(items.get(key), f"{key!r} of {what}") for key in ("from", "to"))
-        part: Part = "topic"
-        if ("topic" in items) == ("service" in items):
-            rule = f"{what} must have a topic or a service, but has {'both' if 'topic' in items else 'neither'}"
-            self.add(node, "binding-address", rule)
-        elif "service" in items:
-            word = self.one_of(items.get("part"), f"'part' of {what}", ("request", "response"), "request")
-            part = "request" if word == "request" else "response"
-            if "part" not in items:
-                self.add(node, "missing-key", f"{what} is of a service: 'part' must be request or response", "add it")
-        elif "part" in items:
-            self.add(items["part"], "binding-address", f"only a service has parts, but {what} is a topic", "delete it")
-        address = items.get("service", items.get("topic"))
-        fields = self.entries(items.get("fields"), f"fields of {name!r}")
-        return BoundChannel(
-            name,
-            self.address(address, f"the address of {what}"),
-            self.type_name(items.get("type"), f"'type' of {what}"),
-            part,
-            role,
-            tuple((key, self.formula(value, f"field {key!r} of {what}")) for key, value, _ in fields),
-            self.integer(items["queue"], f"'queue' of {what}", 1, 100_000) if "queue" in items else 1,
-            self.boolean(items.get("latch"), f"'latch' of {what}", False),
-            self.address(items["out"], f"'out' of {what}") if "out" in items else "",
-            self.address(items["in"], f"'in' of {what}") if "in" in items else "",
-            self.boolean(items.get("observe"), f"'observe' of {what}", role == "observe"),
-            self.duration(items.get("quiescence"), f"'quiescence' of {what}", silence),
-            self.duration(items.get("timeout"), f"'timeout' of {what}", 2.0),
-            self.injection(items.get("inject"), what),
-            (sender, receiver),
-            line,
+    def identifiers(self, node: Node, what: str) -> tuple[str, ...]:
+        """Return the names of a list."""
+        return tuple(self.identifier(item, f"an item of {what}") for item in self.listed(node, what))
+
+    def pairs(
+        self, read: Callable[[Node, str], T], name: Callable[[Node, str], str] | None = None
+    ) -> Callable[[Node, str], tuple[tuple[str, T], ...]]:
+        """Return what reads a mapping from names of the user's choice as pairs."""
+        return lambda node, what: tuple(
+            (key, read(value, f"{key!r} of {what}")) for key, value, _ in self.entries(node, what, name)
         )
 
-    def injection(self, node: Node | None, what: str) -> Injection | None:
+    # Sections.
+
+    def process(self, name: str, node: Node, line: int) -> parts.Process:
+        """Return an entry of `nodes`."""
+        what = f"node {name!r}"
+        table: Table = {
+            "components": (self.identifiers, (name,)), "command": (self.words, ()), "running": (self.boolean, False),
+            "env": (self.pairs(self.text, self.label), ()), "cwd": (self.path, self.here),
+            "remap": (self.boolean, None), "ros_node": (self.address, ""), "ready": (self.conditions, ()),
+            "timeout": (self.duration, 4.0), "stop": (self.duration, 2.0),
+            "restart": (self.choice("every-case", "when-dead"), "every-case"),
+        }  # fmt: skip
+        said = self.section(node, what, table)
+        running, timeout = said.pop("running"), said.pop("timeout")
+        if running == bool(said["command"]):
+            rule = f"{what} must have a command, or say 'running: true' if you start it yourself"
+            self.add(node, "binding-start", f"{rule}, but has {'both' if running else 'neither'}")
+        if running and not said["ros_node"]:
+            rule = f"{what} is not started here, so 'ros_node' must say by what name it is seen, but it is missing"
+            self.add(node, "missing-key", rule, "add e.g. ros_node: /planner")
+        if running and said["remap"]:
+            rule = f"{what} is not started here, so no arguments can be appended, but it says 'remap: true'"
+            remedy = "remap it yourself, and say 'out' and 'in' of its channels"
+            self.add(node, "binding-start", rule, remedy)
+        if said["remap"] is None:
+            said["remap"] = not running
+        ready = said["ready"] or (parts.Ready("bound", line=line),)
+        said["ready"] = tuple(replace(one, timeout=timeout) for one in ready)
+        return parts.Process(name, line=line, **said)
+
+    def conditions(self, node: Node, what: str) -> tuple[parts.Ready, ...]:
+        """Return the conditions of `ready`: a list of mappings, each from one kind to a name or a time."""
+        table: Table = {kind: (self.duration if kind == "after" else self.address, None) for kind in _READY}
+        found = []
+        for item in self.listed(node, what):
+            said = self.section(item, f"a condition of {what}", {**table, "is": (self.constant_of, True)})
+            kinds = [kind for kind in _READY if said[kind] is not None]
+            if len(kinds) != 1:
+                rule = f"a condition of {what} must name one of {', '.join(_READY)}, but names {len(kinds)}"
+                self.add(item, "binding-ready", rule, "e.g. ready: [{service: /plan}]")
+            elif kinds == ["after"]:
+                found.append(parts.Ready("after", "", said["after"], line=item.line))
+            else:
+                found.append(parts.Ready(kinds[0], said[kinds[0]], said["is"], line=item.line))  # type: ignore[arg-type]
+        return tuple(found)
+
+    def channel(self, role: parts.Role, name: str, node: Node, line: int) -> parts.BoundChannel:
+        """Return an entry of `channels`, `between`, `observe` or `provide`; `quiescence` is 0 if it says none."""
+        what = f"channel {name!r}" if role == "model" else f"{role!r} entry {name!r}"
+        table: Table = {
+            "type": (self.type_name, "absent/Absent"), "topic": (self.address, ""),
+            "fields": (self.pairs(self.formula), ()), "latch": (self.boolean, False),
+            "queue": (lambda node, what: self.integer(node, what, 1, 100_000), 1),
+            "out": (self.address, ""), "in": (self.address, ""), "observe": (self.boolean, role == "observe"),
+            "quiescence": (self.duration, 0.0), "inject": (self.injection, None),
+        }  # fmt: skip
+        if role == "model":
+            table["service"] = self.address, ""
+            table["part"] = self.choice("request", "response"), ""
+            table["timeout"] = self.duration, 2.0
+        if role == "between":
+            table |= {"from": (self.identifier, ""), "to": (self.identifier, "")}
+        said = self.section(node, what, table, ("type", "from", "to") if role == "between" else ("type",))
+        topic, service, part, sender, receiver = (
+            said.pop(key, "") for key in ("topic", "service", "part", "from", "to")
+        )
+        if bool(topic) == bool(service):
+            rule = f"{what} must have a topic or a service, but has {'both' if topic else 'neither'}"
+            self.add(node, "binding-address", rule)
+        elif service and not part:
+            self.add(node, "missing-key", f"{what} is of a service: 'part' must be request or response", "add it")
+        elif topic and part:
+            self.add(node, "binding-address", f"only a service has parts, but {what} is a topic", "delete it")
+        said["part"], said["into"] = part or "topic", said.pop("in")
+        return parts.BoundChannel(
+            name, service or topic or "/absent", role=role, ends=(sender, receiver), line=line, **said
+        )
+
+    def injection(self, node: Node, what: str) -> parts.Injection:
         """Return how the tester makes messages of a channel."""
-        if node is None:
-            return None
-        items = self.record(node, f"'inject' of {what}", (), ("base", "set"))
-        entries = self.entries(items.get("set"), f"places of {what}", self.text)
+        said = self.section(node, what, {"base": (self.base, None), "set": (self.places, ())})
+        return parts.Injection(line=node.line, **said)
+
+    def base(self, node: Node, what: str) -> Mapping | None:
+        """Return the tree that a message is made of."""
+        if isinstance(node, Mapping):
+            return node
+        self.add(node, "kind", f"{what} must be a mapping, but is {shown(node)}")
+        return None
+
+    def places(self, node: Node, what: str) -> tuple[tuple[Place, Formula], ...]:
+        """Return places, each with the formula that it is set to."""
         made: list[tuple[Place, Formula]] = []
-        for text, value, line in entries:
+        for text, value, line in self.entries(node, what, self.text):
             try:
                 place = parse_place(text, what)
             except BadModel as error:
                 self.add(Scalar(text, True, line), error.slug, f"{what}: {error.rule}", error.remedy)
                 continue
             made.append((place, self.formula(value, f"{text!r} of {what}")))
-        base = items.get("base")
-        if base is not None and not isinstance(base, Mapping):
-            self.add(base, "kind", f"'base' of {what} must be a mapping, but is {shown(base)}")
-            base = None
-        return Injection(base, tuple(made), node.line)
+        return tuple(made)
 
-    def bound(self, name: str, node: Node, line: int) -> Bound:
-        """Return an entry of `timing`."""
+    def bound(self, name: str, node: Node, line: int) -> parts.Bound:
+        """Return an entry of `timing`: limits on an interaction, or from one channel to another."""
         what = f"timing {name!r}"
         if not isinstance(node, Mapping):
-            return Bound(name, self.bounds(node, what), line=line)
-        items = self.record(node, what, ("from", "to", "bound"), ())
-        begin, end = (self.identifier(items.get(key), f"{key!r} of {what}") for key in ("from", "to"))
-        return Bound(name, self.bounds(items.get("bound"), what), begin, end, line)
+            return parts.Bound(name, self.bounds(node, what), line=line)
+        table: Table = {"from": (self.identifier, ""), "to": (self.identifier, ""), "bound": (self.bounds, ())}
+        said = self.section(node, what, table, tuple(table))
+        return parts.Bound(name, said["bound"], said["from"], said["to"], line)
 
-    def bounds(self, node: Node | None, what: str) -> tuple[str, ...]:
+    def bounds(self, node: Node, what: str) -> tuple[str, ...]:
         """Return one text, or those of a list."""
-        texts = (self.text(node, what),) if node is None or isinstance(node, Scalar) else self.words(node, what)
-        if node is not None and not all(text.strip() for text in texts or ("",)):
+        texts = (self.text(node, what),) if isinstance(node, Scalar) else self.words(node, what)
+        if not all(text.strip() for text in texts or ("",)):
             rule = f"{what} must say a bound, but is empty"
             self.add(node, "binding-timing", rule, "e.g. p99 < 20 ms over 200 repeats")
         return texts
 
-    def action(self, node: Node, what: str) -> Action:
-        """Return a step of `before_case` or `after_case`."""
-        verbs = ("set", "wait", "call", "publish")
-        more = ("to", "formula", "is", "type", "inject", "timeout")
-        items = self.record(node, f"a step of {what!r}", (), (*verbs, *more))
-        found = [verb for verb in verbs if verb in items]
+    def actions(self, node: Node, what: str) -> tuple[parts.Action, ...]:
+        """Return the steps of `before_case` or `after_case`."""
+        return tuple(self.action(item, what) for item in self.listed(node, what))
+
+    def action(self, node: Node, what: str) -> parts.Action:
+        """Return one of these steps."""
+        table: Table = {
+            **dict.fromkeys(_VERBS, (self.address, "")), "is": (self.constant_of, None), "type": (self.type_name, ""),
+            "to": (lambda node, what: plain(node), None), "formula": (self.formula, None),
+            "inject": (self.injection, None), "timeout": (self.duration, 4.0),
+        }  # fmt: skip
+        said = self.section(node, f"a step of {what}", table)
+        found = [verb for verb in _VERBS if said[verb]]
         if len(found) != 1:
-            rule = f"a step of {what!r} must say one of {', '.join(verbs)}, but says {len(found)}"
+            rule = f"a step of {what} must say one of {', '.join(_VERBS)}, but says {len(found)}"
             self.add(node, "binding-action", rule, "e.g. {set: /ready, to: true}")
-            return Action("set", "/absent", line=node.line)
-        verb = cast(Literal["set", "wait", "call", "publish"], found[0])
-        spoken = f"{verb!r} of {what!r}"
-        if verb in ("call", "publish") and "type" not in items:
+            return parts.Action("set", "/absent", line=node.line)
+        verb, spoken = found[0], f"{found[0]!r} of {what}"
+        if verb in ("call", "publish") and not said["type"]:
             self.add(node, "missing-key", f"{spoken} must have the key 'type', but has not", "add it")
-        if verb == "set" and ("to" in items) == ("formula" in items):
+        if verb == "set" and (said["to"] is None) == (said["formula"] is None):
             self.add(node, "binding-action", f"{spoken} must have either 'to' or 'formula'")
-        value: Value = plain(items["to"]) if "to" in items else True
-        if "is" in items:
-            value = self.constant_of(items["is"], f"'is' of {spoken}")
-        return Action(
-            verb,
-            self.address(items[verb], f"the name after {verb!r}"),
-            self.type_name(items["type"], f"'type' of {spoken}") if "type" in items else "",
-            value,
-            self.formula(items["formula"], f"'formula' of {spoken}") if "formula" in items else None,
-            self.injection(items.get("inject"), spoken),
-            self.duration(items.get("timeout"), f"'timeout' of {spoken}", 4.0),
-            node.line,
-        )
+        value = next((said[key] for key in ("is", "to") if said[key] is not None), True)
+        more = {key: said[key] for key in ("type", "formula", "inject", "timeout")}
+        return parts.Action(verb, said[verb], value=value, line=node.line, **more)  # type: ignore[arg-type]
 
-    def transport(self, node: Node | None) -> Transport:
-        """Return `ros1` or `ros2`."""
-        return cast(Transport, self.one_of(node, "'transport'", ("ros1", "ros2"), "ros1"))
+    def system(self, node: Node, what: str) -> parts.System:
+        """Return the section of system tests."""
+        table: Table = {
+            "sense": (self.pairs(self.duration), ()), "once": (self.identifiers, ()), "each": (self.identifiers, ()),
+            "command": (self.command, parts.Command("", NOTHING, NOTHING, math.inf)), "robot": (self.robot, ()),
+            "tolerance": (self.number, 0.2), "duration": (self.duration, 20.0),
+            "imminent_collision": (self.alarm, None),
+        }  # fmt: skip
+        said = self.section(node, what, table, ("sense", "command"))
+        return parts.System(alarm=said.pop("imminent_collision"), line=node.line, **said)
 
+    def robot(self, node: Node, what: str) -> tuple[tuple[str, float], ...]:
+        """Return what is said of the simulated robot."""
+        said = self.section(node, what, dict.fromkeys(_QUANTITIES, (self.number, None)))
+        return tuple((name, value) for name, value in said.items() if value is not None)
 
-NOTHING = parse_formula("0")
+    def alarm(self, node: Node, what: str) -> tuple[str, Formula]:
+        """Return the condition that tells of an imminent collision, with the channel of which it speaks."""
+        formula = self.formula(node, what)
+        return self.spoken_of(node, what, formula), formula
+
+    def command(self, node: Node, what: str) -> parts.Command:
+        """Return what drives the robot."""
+        table: Table = dict.fromkeys(("linear", "angular"), (self.formula, NOTHING))
+        said = self.section(node, what, {**table, "hold": (self.hold, math.inf)}, ("linear", "angular"))
+        return parts.Command(self.spoken_of(node, what, said["linear"], said["angular"]), line=node.line, **said)
+
+    def hold(self, node: Node, what: str) -> float:
+        """Return how long a command counts [s]."""
+        return math.inf if isinstance(node, Scalar) and node.text == "inf" else self.duration(node, what)
+
+    def spoken_of(self, node: Node, what: str, *formulas: Formula) -> str:
+        """Return the one channel of which formulas speak."""
+        channels = sorted({str(place.steps[0]) for formula in formulas for place in formula.places})
+        if len(channels) != 1 and all(formula != NOTHING for formula in formulas):
+            rule = f"{what} must speak of one channel, but speaks of {', '.join(channels) or 'none'}"
+            self.add(node, "binding-channel", rule, "write e.g. cmd_vel.linear.x")
+        return channels[0] if channels else ""

@@ -93,12 +93,10 @@ class Layout:
         for place, one in enumerate(self._fields):
             twice = any(one.name == other.name for other in self._fields[:place])
             if twice or one.kind not in _ROS or not _NAME.match(one.name):
-                raise BadRequest(
-                    f"{where}, field {one.name!r}",
-                    f"a field has a lower-case name of its own and one of the kinds {', '.join(_ROS)}, but its kind is"
-                    f" {one.kind!r}{' and its name occurs twice' if twice else ''}",
-                    slug="recording-form",
-                )
+                given = f"{one.kind!r}{' and its name occurs twice' if twice else ''}"
+                rule = f"a field has a lower-case name of its own and one of the kinds {', '.join(_ROS)}"
+                said = f"{rule}, but its kind is {given}"
+                raise BadRequest(f"{where}, field {one.name!r}", said, slug="recording-form")
         self.definition = "".join(map(_line, self._fields))
         self.md5 = flat_md5(self.definition)
         self._plan = _plan([one.kind for one in self._fields])
@@ -166,12 +164,8 @@ class Layout:
 
     def _refusal(self, what: str) -> BadRequest:
         names = ", ".join(f"{one.name}: {one.kind}" for one in self._fields)
-        return BadRequest(
-            self._where,
-            f"a recorded payload has the values ({names[:200]}), but: {what}",
-            "make `flatten` agree with `form`",
-            slug="recording-value",
-        )
+        rule = f"a recorded payload has the values ({names[:200]}), but: {what}"
+        return BadRequest(self._where, rule, "make `flatten` agree with `form`", slug="recording-value")
 
 
 def _line(one: FieldForm) -> str:

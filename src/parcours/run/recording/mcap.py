@@ -87,13 +87,9 @@ def _inside(chunk: Chunk, source: Source) -> list[McapRecord]:
 
 def _topic(channel: Channel, schema: Schema | None, where: str) -> Topic:
     if schema is None or channel.message_encoding != "ros1":
-        raise BadResults(
-            where,
-            f"messages are of ROS 1 types that the file defines, but those of {channel.topic[:60]!r} are not"
-            f" (encoding {channel.message_encoding[:20]!r})",
-            "name a recording that Parcours wrote",
-            slug="recording-encoding",
-        )
+        given = f"those of {channel.topic[:60]!r} are not (encoding {channel.message_encoding[:20]!r})"
+        rule = f"messages are of ROS 1 types that the file defines, but {given}"
+        raise BadResults(where, rule, "name a recording that Parcours wrote", slug="recording-encoding")
     definition, known = schema.data.decode(), channel.metadata
     md5 = known.get("md5sum") or md5_of(definition, schema.name)
     return Topic(channel.topic, schema.name, md5, definition, known.get("latching") == "1")

@@ -118,12 +118,8 @@ def _opened(path: Path, most: int) -> Iterator[Iterator[Message]]:
     with file:
         magic = file.read(len(BAG_MAGIC))
         if not magic.startswith(MCAP_MAGIC) and magic != BAG_MAGIC:
-            raise BadResults(
-                where,
-                f"a recording begins as MCAP or as a ROS 1 bag of version 2.0, but this file with {magic!r}",
-                "name the file that was recorded",
-                slug="recording-magic",
-            )
+            rule = f"a recording begins as MCAP or as a ROS 1 bag of version 2.0, but this file with {magic!r}"
+            raise BadResults(where, rule, "name the file that was recorded", slug="recording-magic")
         yield messages(Source(file, where, most), "bag" if magic == BAG_MAGIC else "mcap")
 
 
@@ -169,12 +165,10 @@ class _Gathered:
         elif topic.name == RUN.name:
             said = _said(content, self._where)
             if said.get("parcours") != FORMAT:
-                raise BadResults(
-                    self._where,
-                    f"a recording has the format {FORMAT!r}, but this one names {str(said.get('parcours'))[:40]!r}",
-                    "read it with the version of Parcours that wrote it",
-                    slug="recording-version",
-                )
+                given = str(said.get("parcours"))[:40]
+                rule = f"a recording has the format {FORMAT!r}, but this one names {given!r}"
+                remedy = "read it with the version of Parcours that wrote it"
+                raise BadResults(self._where, rule, remedy, slug="recording-version")
             start = self._converted(said, _Start, topic)
             if self._begun is not None and self._begun != start:
                 raise self._mixed()
@@ -201,12 +195,9 @@ class _Gathered:
         """Return what the messages say."""
         begun = self._begun
         if begun is None:
-            raise BadResults(
-                self._where,
-                "a recording by Parcours begins with a message on /parcours/run, but this file has none",
-                "name a recording that Parcours wrote; of a run killed at its very begin nothing is left",
-                slug="recording-no-run",
-            )
+            rule = "a recording by Parcours begins with a message on /parcours/run, but this file has none"
+            remedy = "name a recording that Parcours wrote; of a run killed at its very start nothing is left"
+            raise BadResults(self._where, rule, remedy, slug="recording-no-run")
         ended, n = self._ended, len(self._events)
         noise, missing = None, f"the recording stops after {n} events" + (f": {cut}" if cut else "")
         if ended is not None:
@@ -246,11 +237,8 @@ class _Gathered:
         for values, _ in sorted(self._events.values(), key=lambda one: (one[0][1], one[0][0])):
             _, time, message, payload, _, kind, component, transition, channel, _, text = values
             lacking += payload >= 0 and payload not in restored
-            events.append(
-                TraceEvent(
-                    time, _KINDS[kind], component, transition, channel, message, text, restored.get(payload)
-                )
-            )  # fmt: skip
+            known = restored.get(payload)
+            events.append(TraceEvent(time, _KINDS[kind], component, transition, channel, message, text, known))
         return events, lacking
 
     def _restored(self, topic: Topic, content: bytes, channel: str, raw: bool, codec: Codec | None) -> object:
@@ -272,22 +260,15 @@ class _Gathered:
             raise damaged(self._where, f"a payload on {channel!r} makes no sense: {error}") from error
 
     def _other_type(self, topic: Topic, wanted: str) -> BadResults:
-        given = "; ".join(topic.definition.split("\n"))[:120]
-        return BadResults(
-            self._where,
-            f"messages on {topic.name} must be of the fields {'; '.join(wanted.split(chr(10)))[:120]!r}, but they are"
-            f" of {given!r}",
-            "read it with the version of Parcours, and for the study, that wrote it",
-            slug="recording-schema",
-        )
+        needed, given = (text.replace("\n", "; ")[:120] for text in (wanted, topic.definition))
+        rule = f"messages on {topic.name} must be of the fields {needed!r}, but they are of {given!r}"
+        remedy = "read it with the version of Parcours, and for the study, that wrote it"
+        return BadResults(self._where, rule, remedy, slug="recording-schema")
 
     def _mixed(self) -> BadResults:
-        return BadResults(
-            self._where,
-            "a recording holds one run, but several lie in this file",
-            "take them apart with its own tools, or name the file of one run",
-            slug="recording-mixed",
-        )
+        rule = "a recording holds one run, but several lie in this file"
+        remedy = "take them apart with its own tools, or name the file of one run"
+        return BadResults(self._where, rule, remedy, slug="recording-mixed")
 
 
 def _said(content: bytes, where: str) -> dict[str, Any]:

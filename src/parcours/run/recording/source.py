@@ -37,7 +37,7 @@ class Source:
 
         Raises:
             CutOff: the file ends before.
-            BadResults: n is more than is ever read at once, or than is left of what may be read.
+            BadResults: n is more than may be read at once, or in all.
         """
         if n > LONGEST:
             raise too_large(self.where, n, LONGEST)
@@ -51,18 +51,12 @@ class Source:
         return content
 
     def expand(self, compression: str, content: bytes, size: int) -> bytes:
-        """Return the bytes of a compressed chunk, never more of them than it says and than is allowed.
-
-        The decompressors of `mcap` and `rosbags` have no such bound: a small chunk could fill the memory.
-
-        Args:
-            compression: none (or empty), bz2, lz4 or zstd.
-            content: as it lies in the file.
-            size: how many bytes the file says come out.
+        """Return the `size` bytes of a compressed chunk.
 
         Raises:
-            BadResults: the compression is unknown, or other than `size` bytes come out, or more than are ever read.
+            BadResults: the compression is unknown, or other than `size` bytes come out, or more than may be read.
         """
+        # The decompressors of `mcap` and `rosbags` have no bound: a small chunk could fill the memory.
         if size > LONGEST:
             raise too_large(self.where, size, LONGEST)
         self._spend(max(size - len(content), 0))
@@ -72,12 +66,9 @@ class Source:
             what = f"a chunk compressed by {compression} cannot be expanded: {error}"
             raise damaged(self.where, what) from error
         if expanded is None:
-            raise BadResults(
-                self.where,
-                f"chunks are not compressed, or by bz2, lz4 or zstd, but {compression[:20]!r} was used",
-                "expand the file with `mcap decompress` or `rosbag decompress`",
-                slug="recording-compression",
-            )
+            rule = f"chunks are not compressed, or by bz2, lz4 or zstd, but {compression[:20]!r} was used"
+            remedy = "expand the file with `mcap decompress` or `rosbag decompress`"
+            raise BadResults(self.where, rule, remedy, slug="recording-compression")
         if len(expanded) != size:
             raise damaged(self.where, f"a chunk of {size} bytes has another size")
         return expanded
@@ -111,19 +102,13 @@ def _expanded(compression: str, content: bytes, most: int) -> bytes | None:
 
 def damaged(where: str, what: str) -> BadResults:
     """Return the complaint that a recording contradicts itself."""
-    return BadResults(
-        where,
-        f"a recording's records agree with each other, but {what}",
-        "the file is damaged: copy it again, or run the case again",
-        slug="recording-damaged",
-    )
+    rule = f"a recording's records agree with each other, but {what}"
+    remedy = "the file is damaged: copy it again, or run the case again"
+    return BadResults(where, rule, remedy, slug="recording-damaged")
 
 
 def too_large(where: str, given: int, most: int) -> BadResults:
     """Return the complaint that more is to be read than allowed [bytes]."""
-    return BadResults(
-        where,
-        f"at most {most} bytes are read, but there are {given}",
-        "give a greater limit if the file is sound, or cut it into pieces with its own tools",
-        slug="recording-too-large",
-    )
+    remedy = "give a greater limit if the file is sound, or cut it into pieces with its own tools"
+    rule = f"at most {most} bytes are read, but there are {given}"
+    return BadResults(where, rule, remedy, slug="recording-too-large")

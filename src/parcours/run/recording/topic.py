@@ -94,12 +94,9 @@ class Writer(ABC):
     def require_time(self, time: int) -> None:
         """Raise BadRequest unless the time [ns since the epoch] can be written."""
         if not 0 <= time < self.latest:
-            raise BadRequest(
-                self._where,
-                f"its times lie from 0 up to {self.latest} ns since the epoch, but {time} ns was given",
-                "give times since the start of the run, and when it started",
-                slug="recording-time",
-            )
+            rule = f"its times lie from 0 up to {self.latest} ns since the epoch, but {time} ns was given"
+            remedy = "give times since the start of the run, and when it started"
+            raise BadRequest(self._where, rule, remedy, slug="recording-time")
 
     def flush(self) -> None:
         """Let the file hold everything written so far, as a chunk of its own."""
@@ -159,11 +156,9 @@ def format_of(path: Path) -> Format:
     >>> format_of(Path("run.bag"))
     'bag'
     """
-    match path.suffix:
-        case ".mcap":
-            return "mcap"
-        case ".bag":
-            return "bag"
-    raise BadRequest(
-        str(path), "a recording ends in .mcap or .bag, but this name does not", "name it so", slug="recording-suffix"
-    )
+    if path.suffix == ".mcap":
+        return "mcap"
+    if path.suffix == ".bag":
+        return "bag"
+    rule = "a recording ends in .mcap or .bag, but this name does not"
+    raise BadRequest(str(path), rule, "name it so", slug="recording-suffix")

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from parcours.errors import BadRequest, HostFailure
-from parcours.run.binding.definitions import read_definitions
+from parcours.run.binding.message_types import read_definitions
 from parcours.run.hosts.ros1 import PACKAGES, interpreter_with, no_ros
 from parcours.run.hosts.ros1.ends import ANY, Kind
 
