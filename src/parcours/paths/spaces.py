@@ -42,8 +42,7 @@ class Option:
     def after(self, space: ModelSpace, here: Place, choice: int = 0) -> Place:
         """Return the place that the move with that choice leads to.
 
-        Raises:
-            BadModel: the move breaks the model's own rules: a value leaves its domain, or cannot be computed.
+        Raises BadModel: the move breaks the model's own rules: a value leaves its domain, or cannot be computed.
         """
         found = self._after[choice]
         if found is None:
@@ -142,12 +141,10 @@ def part_of(cefsm: Cefsm, component: str, machine: str = "") -> Cefsm:
     component assign keep their initial values.
 
     Args:
-        cefsm: the model.
         component: the component that stays.
         machine: the one machine of it that stays; all, if empty.
 
-    Raises:
-        BadRequest: there is no such component or machine.
+    Raises BadRequest: there is no such component or machine.
     """
     known = [each.name for each in cefsm.components]
     if component not in known:

@@ -55,15 +55,12 @@ def cover_sequences(
     """Return few short paths that contain each sequence of edges, without a break, and visit each state.
 
     Args:
-        graph: the graph to walk on.
         sequences: walks of the graph.
-        states: states to visit.
         shape: what a path is.
         max_length: most edges of a path; then there may be more paths than necessary.
 
-    Raises:
-        BadRequest: a single walk cannot visit everything, or a path of at most `max_length` edges cannot visit
-            something.
+    Raises BadRequest: a single walk cannot visit everything, or a path of at most `max_length` edges cannot visit
+    something.
     """
     wanted = outermost(len(graph.edges), sequences)
     asked = set(states)

@@ -22,12 +22,10 @@ def switches(graph: Graph, n: int, limits: Limits | None = None) -> list[tuple[i
     coverage subsumes (n - 1)-switch coverage.
 
     Args:
-        graph: the graph.
         n: how often to go from one edge to the next, at least 0.
         limits: how many are too many.
 
-    Raises:
-        BadRequest: there are too many; the message says how many had been found.
+    Raises BadRequest: there are too many; the message says how many had been found.
     """
     tally = Tally(limits or Limits(), f"{n}-switches of '{graph.name}'")
     longest = _longest(graph)

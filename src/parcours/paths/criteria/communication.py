@@ -73,12 +73,10 @@ def communications(cefsm: Cefsm, criterion: str, limits: Limits | None = None) -
     """Return what a criterion over channels requires of a model.
 
     Args:
-        cefsm: the model.
         criterion: channel, message or rendezvous.
         limits: how many requirements are too many.
 
-    Raises:
-        BadRequest: there are too many.
+    Raises BadRequest: there are too many.
     """
     wires = wiring(cefsm)
     if criterion == "rendezvous":

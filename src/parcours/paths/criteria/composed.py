@@ -23,10 +23,8 @@ def composition_graph(space: Space) -> Graph:
     """Return the graph of a composition: an edge for each move, named after it, between numbered configurations.
 
     A path may end where all queues are empty and each machine stands where one of its own paths may end (`graph_of`),
-    and wherever no such place can be reached any more.
-
-    Raises:
-        BadRequest: the exploration was stopped, so that some of the graph is not known.
+    and wherever no such place can be reached any more. Raises BadRequest: the exploration was stopped, so that some of
+    the graph is not known.
     """
     if not space.complete:
         raise BadRequest(
@@ -59,12 +57,10 @@ def composition_demand(
     from the one that sends to the one that receives.
 
     Args:
-        space: the explored composition.
         criterion: one of `parcours.paths.CRITERIA` over graphs or channels.
         limits: how many requirements are too many.
 
-    Raises:
-        BadRequest: the exploration was stopped; or as for `requirements`.
+    Raises BadRequest: the exploration was stopped; or as for `requirements`.
     """
     chosen = parse_criterion(criterion) if isinstance(criterion, str) else criterion
     graph = composition_graph(space)

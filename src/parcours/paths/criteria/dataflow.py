@@ -138,8 +138,7 @@ def uses(flow: Dataflow, limits: Limits | None = None) -> Iterator[Goal]:
 def du_paths(flow: Dataflow, limits: Limits | None = None) -> Iterator[Goal]:
     """Yield, for all-du-paths, each du-path.
 
-    Raises:
-        BadRequest: there are too many; the message tells how many had been found.
+    Raises BadRequest: there are too many; the message tells how many had been found.
     """
     tally = Tally(limits or Limits(), f"du-paths of '{flow.graph.name}'")
     yield from _within(flow, tally, confirmed=True)

@@ -39,11 +39,7 @@ class Tally:
         self.count = self.steps = self.work = 0
 
     def add(self, steps: int) -> None:
-        """Count one requirement with this number of steps.
-
-        Raises:
-            BadRequest: it is one too many, or its steps are.
-        """
+        """Count one requirement with this number of steps. Raises BadRequest: it is one too many, or its steps are."""
         self.count += 1
         self.steps += steps
         if self.count > self.limits.count:

@@ -72,7 +72,6 @@ def simple_paths(
     """Yield paths from `start` on which no state comes twice, each completed in one of two ways.
 
     Args:
-        start: the first state.
         targets: the state each edge enters.
         onward: for each state the edges to go on by: before all wanted states are on the path, and after.
         goals: for some states the edges that complete a path there, wherever they lead.

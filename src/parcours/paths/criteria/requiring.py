@@ -64,13 +64,11 @@ def requirements(
 
     Args:
         of: a machine, the graph of a composition, or a model with all its machines.
-        criterion: one of `parcours.paths.CRITERIA`.
         variables: for data criteria on a machine: those of the component that runs it.
         limits: how many requirements are too many.
 
-    Raises:
-        BadRequest: no criterion is written like that; there are too many requirements, and how many had been found; or
-            the criterion does not fit what it is asked of.
+    Raises BadRequest: no criterion is written like that; there are too many requirements, and how many had been found;
+    or the criterion does not fit what it is asked of.
     """
     chosen = parse_criterion(criterion) if isinstance(criterion, str) else criterion
     if chosen.family == "communication":

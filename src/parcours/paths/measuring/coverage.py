@@ -48,15 +48,13 @@ def measure(
 
     Args:
         of: a machine, a model with all its machines, or the graph of a composition.
-        criterion: one of `parcours.paths.CRITERIA`.
         sequences: transition ids, or moves of two as `p24+p16`, in the order in which they were taken, one sequence for
             each run.
         tours: direct, sidetrips or detours.
         variables: for data criteria on a machine: those of the component that runs it.
         limits: how many requirements are too many.
 
-    Raises:
-        BadRequest: as for `requirements`; or a sequence names a transition that the model does not have.
+    Raises BadRequest: as for `requirements`; or a sequence names a transition that the model does not have.
     """
     checked(tours)
     chosen = parse_criterion(criterion) if isinstance(criterion, str) else criterion

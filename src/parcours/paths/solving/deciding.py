@@ -75,17 +75,12 @@ def solve(
     said to be infeasible is so whatever they do.
 
     Args:
-        cefsm: the model.
-        component: the component.
-        machine: its machine.
         wanted: a coverage criterion, or requirements: states, sequences of transitions, du-paths.
         budget: most units of work (`Work`, some 1 ms each); what is not decided by then is undecided.
-        seed: of the solver's random choices.
         complete: whether paths go on to where a test may end, where they can.
         report: called as the work goes on.
 
-    Raises:
-        BadRequest: the component, the machine, the criterion or something a requirement names is unknown.
+    Raises BadRequest: the component, the machine, the criterion or something a requirement names is unknown.
     """
     owner, found = _owner(cefsm, component, machine)
     needs = requirements(found, wanted, variables=owner.variables) if isinstance(wanted, str) else wanted

@@ -63,8 +63,7 @@ class Prefixes:
     def runs(self, ids: Ids) -> bool:
         """Return whether a path can run, all but its last transition being known to; `key`, `inputs` are then its.
 
-        Raises:
-            Spent: the work allowed is done.
+        Raises Spent: the work allowed is done.
         """
         self._go(ids[:-1])
         if not ids:

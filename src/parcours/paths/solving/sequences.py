@@ -26,17 +26,14 @@ def solve_sequence(
     sequence sends, the tester supplies.
 
     Args:
-        cefsm: the model.
         transition_ids: what is taken, in order, each machine from its initial state on. A rendezvous is its send
             followed by its receive.
         instances: for each transition which copy of its component takes it; empty if there is one of each.
         sends: for each transition the position, from 0, of the one whose message it takes, or None if the
             tester supplies it; empty for first in, first out on every channel inside the model.
         budget: most units of work (`Work`) for one question to the solver.
-        seed: of the solver's random choices.
 
-    Raises:
-        BadRequest: an id is unknown, a machine would go on from where it does not stand, or z3 is not installed.
+    Raises BadRequest: an id is unknown, a machine would go on from where it does not stand, or z3 is not installed.
     """
     events = events_of(cefsm, transition_ids, instances, sends)
     require_solver()

@@ -78,15 +78,13 @@ def schedule(
     hold in several ways is met in the first way that fits.
 
     Args:
-        cefsm: the model.
         transition_ids: what is taken, in order, from the initial state of each machine on.
         instances: for each transition which copy of its component takes it; empty if there is one of each.
         sends: for each transition the position of the one whose message it takes; empty for first in, first out.
         inputs: for each transition the values of what is open there.
 
-    Raises:
-        BadRequest: an id is unknown, a machine would go on from where it does not stand, or the inputs do not
-            make the sequence run.
+    Raises BadRequest: an id is unknown, a machine would go on from where it does not stand, or the inputs do not make
+    the sequence run.
     """
     events = events_of(cefsm, transition_ids, instances, sends)
     if not events:

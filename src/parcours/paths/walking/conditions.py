@@ -85,8 +85,7 @@ def parse_condition(text: str) -> Condition:
     Args:
         text: in the language above; its own words in any case.
 
-    Raises:
-        BadRequest: the text is not in that language, too long, or nested too deep.
+    Raises BadRequest: the text is not in that language, too long, or nested too deep.
 
     >>> str(parse_condition("(node >= 80% AND steps>=1e3) || reached(Planner.idle)"))
     'node>=80% and steps>=1000 or reached(Planner.idle)'
@@ -134,10 +133,10 @@ def _leaf(reader: TokenReader) -> Condition:
             return Condition("never")
         case "reached" | "taken" as kind:
             return Condition(kind, reader.argument(word))
-        case kind:
+        case "steps" | "restarts" as kind:
             reader.need(">=", f"'{word}'")
-            amount = reader.number()
-            if kind == "steps" or kind == "restarts":
-                return Condition(kind, amount=amount)
-            reader.need("%", "the share of a criterion")
-            return Condition("covered", word, reader.percent(amount))
+            return Condition(kind, amount=reader.number())
+    reader.need(">=", f"'{word}'")
+    share = reader.number()
+    reader.need("%", "the share of a criterion")
+    return Condition("covered", word, reader.percent(share))

@@ -64,9 +64,8 @@ def parse_generators(text: str, machines: Machines, predefined: Sequence[str] = 
         machines: the machines that walk (`ModelSpace.machines`).
         predefined: the ids of the transitions that `predefined_path` takes.
 
-    Raises:
-        BadRequest: the text is not in that language, names an unknown generator or condition, or asks for a
-            predefined path where none is given.
+    Raises BadRequest: the text is not in that language, names an unknown generator or condition, or asks for a
+    predefined path where none is given.
     """
     reader = TokenReader(text, "generator", "random(edge_coverage(100))")
     phases: list[Phase] = []

@@ -100,8 +100,7 @@ class Tallies:
     def aim(self, targets: Iterable[Condition]) -> None:
         """Replace the targets: states reached, also as machine.state or component.machine.state, and transitions taken.
 
-        Raises:
-            BadRequest: no machine that walks has such a state or transition.
+        Raises BadRequest: no machine that walks has such a state or transition.
         """
         for entries in [*self._by_state.values(), *self._by_id.values()]:
             entries[:] = [entry for entry in entries if entry[0] not in self.targets]

@@ -82,8 +82,7 @@ class Walk:
         restarts: how often the walk started again.
         ended: why the walk ended; None while it goes on.
 
-    Raises:
-        BadRequest: a condition names no criterion, state or transition of the space.
+    Raises BadRequest: a condition names no criterion, state or transition of the space.
     """
 
     def __init__(
@@ -179,8 +178,7 @@ def phase(walker: str, until: str) -> Phase:
         walker: a name in `parcours.paths.walking.walkers.WALKERS`.
         until: a stop condition (`parcours.paths.walking.conditions`).
 
-    Raises:
-        BadRequest: no walker has that name, or the condition is not in the language.
+    Raises BadRequest: no walker has that name, or the condition is not in the language.
     """
     require_known(walker, list(WALKERS), "walker", slug="unknown-walker")
     return Phase(WALKERS[walker](), parse_condition(until))
