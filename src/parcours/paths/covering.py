@@ -68,15 +68,9 @@ def internal_paths(cefsm: Cefsm, criterion: str | Criterion = "edge") -> dict[st
 
 
 def machine_covers(
-    cefsm: Cefsm,
-    criterion: str | Criterion = "edge",
-    *,
-    component: str = "",
-    machine: str = "",
-    limits: Limits | None = None,
-    shape: Shape = "tests",
-    max_length: int | None = None,
-) -> tuple[MachineCover, ...]:
+    cefsm: Cefsm, criterion: str | Criterion = "edge", *, component: str = "", machine: str = "",
+    limits: Limits | None = None, shape: Shape = "tests", max_length: int | None = None,
+) -> tuple[MachineCover, ...]:  # fmt: skip
     """Return a cover of each machine of a model, its paths named as `internal_paths` does.
 
     Args:
@@ -122,12 +116,9 @@ def cover_demand(demand: Demand, *, shape: Shape = "tests", max_length: int | No
     """
     graph = demand.subject.graph
     if not graph.edges:
-        raise BadRequest(
-            f"machine '{graph.name}'",
-            f"must have a transition to cover, but none leaves its initial state '{graph.states[0]}'",
-            "give that state a transition, or leave the machine out",
-            slug="nothing-to-cover",
-        )
+        rule = f"must have a transition to cover, but none leaves its initial state '{graph.states[0]}'"
+        remedy = "give that state a transition, or leave the machine out"
+        raise BadRequest(f"machine '{graph.name}'", rule, remedy, slug="nothing-to-cover")
     number = {name: state for state, name in enumerate(demand.graph.states)}
     walks = [goal.walk for goal in demand.goals if goal.walk]
     states = [number[goal.requirement.steps[0]] for goal in demand.goals if not goal.walk]

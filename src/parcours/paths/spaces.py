@@ -159,12 +159,9 @@ def part_of(cefsm: Cefsm, component: str, machine: str = "") -> Cefsm:
         kept = replace(kept, machines=(kept.machines[names.index(machine)],))
     channels = (each for each in cefsm.channels if component in (each.sender, each.receiver))
     return replace(
-        cefsm,
-        components=(kept,),
-        channels=tuple(_alone(each, component, not machine) for each in channels),
-        interactions=(),
-        interaction_lines=(),
-    )
+        cefsm, components=(kept,), channels=tuple(_alone(each, component, not machine) for each in channels),
+        interactions=(), interaction_lines=(),
+    )  # fmt: skip
 
 
 def _alone(channel: Channel, component: str, is_whole: bool) -> Channel:

@@ -13,8 +13,7 @@ from dataclasses import dataclass
 from itertools import product
 
 from parcours.model.structure import ENVIRONMENT, Cefsm, Channel
-from parcours.paths.criteria.limits import Limits, Tally
-from parcours.paths.criteria.requirement import Requirement
+from parcours.paths.criteria.requirement import Limits, Requirement, Tally
 
 NOBODY = ""
 """The partner of a transition in a delivery from or to the environment."""

@@ -13,8 +13,7 @@ from parcours.errors import BadRequest
 from parcours.model.composition import Space
 from parcours.paths.criteria.communication import NOBODY, Wiring, communications, wiring
 from parcours.paths.criteria.grammar import Criterion, parse_criterion
-from parcours.paths.criteria.limits import Limits, Tally
-from parcours.paths.criteria.requirement import Goal, Requirement
+from parcours.paths.criteria.requirement import Goal, Limits, Requirement, Tally
 from parcours.paths.criteria.requiring import Demand, Subject, demands
 from parcours.paths.graph import Came, Graph, Walk, breadth_first, graph_of, stranded, way_to
 
@@ -27,23 +26,17 @@ def composition_graph(space: Space) -> Graph:
     the graph is not known.
     """
     if not space.complete:
-        raise BadRequest(
-            f"composition of '{space.cefsm.name}'",
-            f"it must be explored to its end, but {space.stopped}",
-            "raise the bounds of the exploration, or cover its machines one by one",
-            slug="open-composition",
-        )
+        rule = f"it must be explored to its end, but {space.stopped}"
+        remedy = "raise the bounds of the exploration, or cover its machines one by one"
+        raise BadRequest(f"composition of '{space.cefsm.name}'", rule, remedy, slug="open-composition")
     sources, targets = space.sources.tolist(), space.targets.tolist()
     rests = _rests(space)
     names = [str(move) for move in space.moves]
     return Graph(
-        space.cefsm.name,
-        tuple(map(str, range(space.n_states))),
-        tuple(names[label] for label in space.labels.tolist()),
-        space.sources.astype(np.int64),
-        space.targets.astype(np.int64),
-        tuple(sorted({*rests, *stranded(space.n_states, sources, targets, rests)})),
-    )
+        space.cefsm.name, tuple(map(str, range(space.n_states))),
+        tuple(names[label] for label in space.labels.tolist()), space.sources.astype(np.int64),
+        space.targets.astype(np.int64), tuple(sorted({*rests, *stranded(space.n_states, sources, targets, rests)})),
+    )  # fmt: skip
 
 
 def composition_demand(

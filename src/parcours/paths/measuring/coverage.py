@@ -8,8 +8,7 @@ from dataclasses import dataclass
 from parcours.model.structure import Cefsm, Machine, Variable
 from parcours.paths.criteria.communication import delivered, wiring
 from parcours.paths.criteria.grammar import Criterion, parse_criterion
-from parcours.paths.criteria.limits import Limits
-from parcours.paths.criteria.requirement import Requirement
+from parcours.paths.criteria.requirement import Limits, Requirement
 from parcours.paths.criteria.requiring import demands, model_of, requirements
 from parcours.paths.graph import Graph
 from parcours.paths.measuring.answering import met_goals
@@ -33,13 +32,9 @@ class Coverage:
 
 
 def measure(
-    of: Machine | Cefsm | Graph,
-    criterion: str | Criterion,
-    *sequences: Sequence[str],
-    tours: Tours = "direct",
-    variables: Sequence[Variable] = (),
-    limits: Limits | None = None,
-) -> Coverage:
+    of: Machine | Cefsm | Graph, criterion: str | Criterion, *sequences: Sequence[str], tours: Tours = "direct",
+    variables: Sequence[Variable] = (), limits: Limits | None = None,
+) -> Coverage:  # fmt: skip
     """Return which requirements the sequences meet, seen machine by machine.
 
     A machine stands in its initial state before it moves, so that state counts as visited. Two transitions are a pair

@@ -15,19 +15,9 @@ from parcours.model.structure import Cefsm, Component, Machine
 from parcours.paths.criteria import requirements
 from parcours.paths.criteria.requirement import Requirement
 from parcours.paths.graph import graph_of
-from parcours.paths.solving.exploring import Exploration, Explored
-from parcours.paths.solving.targets import Node, Targets
-from parcours.paths.solving.verdicts import (
-    BUDGET,
-    Covered,
-    Executability,
-    Infeasible,
-    Path,
-    Spent,
-    Undecided,
-    Work,
-    has_solver,
-)
+from parcours.paths.solving import verdicts
+from parcours.paths.solving.exploring import Exploration, Explored, Node, Targets
+from parcours.paths.solving.verdicts import BUDGET, Executability, Path, Spent, Work, has_solver
 from parcours.paths.spaces import part_of
 from parcours.paths.timing.clockwork import is_timed
 from parcours.paths.timing.events import events_of
@@ -59,15 +49,9 @@ Report = Callable[[str, int, int], None]
 
 
 def solve(
-    cefsm: Cefsm,
-    component: str,
-    machine: str,
-    wanted: str | Sequence[Requirement],
-    budget: float = BUDGET,
-    seed: int = 0,
-    complete: bool = True,
-    report: Report | None = None,
-) -> Executability:
+    cefsm: Cefsm, component: str, machine: str, wanted: str | Sequence[Requirement], budget: float = BUDGET,
+    seed: int = 0, complete: bool = True, report: Report | None = None,
+) -> Executability:  # fmt: skip
     """Return which requirements of one machine can be met, by few paths that run, and which cannot.
 
     The tester stands in at both ends of every channel that leaves the component. Paths found in the state space
@@ -130,14 +114,9 @@ class _Verifier:
 
 class _Solving:
     def __init__(
-        self,
-        cefsm: Cefsm,
-        owner: Component,
-        machine: Machine,
-        needs: Sequence[Requirement],
-        budget: float,
+        self, cefsm: Cefsm, owner: Component, machine: Machine, needs: Sequence[Requirement], budget: float,
         report: Report | None,
-    ) -> None:
+    ) -> None:  # fmt: skip
         self.owner, self.machine, self.needs = owner, machine, tuple(dict.fromkeys(needs))
         self.work, self.report = Work(budget), report
         self.model = part_of(cefsm, owner.name)
@@ -255,10 +234,10 @@ class _Solving:
     def _verdicts(self, reason: str) -> Executability:
         spent = round(self.work.spent)
         return Executability(
-            tuple(Covered(need, self.covered[need]) for need in self.needs if need in self.covered),
-            tuple(Infeasible(need, self.infeasible[need]) for need in self.needs if need in self.infeasible),
+            tuple(verdicts.Covered(need, self.covered[need]) for need in self.needs if need in self.covered),
+            tuple(verdicts.Infeasible(need, self.infeasible[need]) for need in self.needs if need in self.infeasible),
             tuple(
-                Undecided(need, reason or "a path to it did not run in time", spent)
+                verdicts.Undecided(need, reason or "a path to it did not run in time", spent)
                 for need in self.needs
                 if need not in self.covered and need not in self.infeasible
             ),

@@ -13,13 +13,9 @@ from parcours.paths.timing.schedules import Contradiction, Schedule, Unscheduled
 
 
 def solve_sequence(
-    cefsm: Cefsm,
-    transition_ids: Sequence[str],
-    instances: Sequence[int] = (),
-    sends: Sequence[int | None] = (),
-    budget: float = BUDGET,
-    seed: int = 0,
-) -> Verdict:
+    cefsm: Cefsm, transition_ids: Sequence[str], instances: Sequence[int] = (), sends: Sequence[int | None] = (),
+    budget: float = BUDGET, seed: int = 0,
+) -> Verdict:  # fmt: skip
     """Return values under which a sequence runs from the initial state, or why there are none.
 
     A message that one of the transitions sends arrives with the values it was sent with; what no transition of the
@@ -85,12 +81,9 @@ def _decided(cefsm: Cefsm, events: Sequence[Event], work: Work, seed: int) -> Pa
 
 
 def solved_schedule(
-    cefsm: Cefsm,
-    transition_ids: Sequence[str],
-    instances: Sequence[int] = (),
-    sends: Sequence[int | None] = (),
+    cefsm: Cefsm, transition_ids: Sequence[str], instances: Sequence[int] = (), sends: Sequence[int | None] = (),
     budget: float = BUDGET,
-) -> Schedule | Contradiction | Unscheduled:
+) -> Schedule | Contradiction | Unscheduled:  # fmt: skip
     """Return when each transition of a sequence can be taken, under values that the solver finds where it needs some.
 
     Args and errors are those of `schedule` and `solve_sequence`.

@@ -30,20 +30,10 @@ class Walk:
     """A sequence of events taken symbolically, one longer by `push` and one shorter by `pop`."""
 
     def __init__(
-        self,
-        ground: Ground,
-        places: Sequence[Place],
-        *,
-        exact: bool = True,
-        explain: bool = False,
-        begin: Begin = "initial",
-        unsteady: frozenset[str] = frozenset(),
-        bounds: frozenset[Bound] = frozenset(),
-        taken: frozenset[tuple[int, str]] = frozenset(),
-        timed: bool = True,
-        seed: int = 0,
-        work: Work | None = None,
-    ) -> None:
+        self, ground: Ground, places: Sequence[Place], *, exact: bool = True, explain: bool = False,
+        begin: Begin = "initial", unsteady: frozenset[str] = frozenset(), bounds: frozenset[Bound] = frozenset(),
+        taken: frozenset[tuple[int, str]] = frozenset(), timed: bool = True, seed: int = 0, work: Work | None = None,
+    ) -> None:  # fmt: skip
         self.work = work or Work(inf)
         self.ground, self._places, self._explain, self._taken = ground, tuple(places), explain, taken
         self._timed = timed and ground.timed

@@ -65,12 +65,9 @@ class Unscheduled:
 
 
 def schedule(
-    cefsm: Cefsm,
-    transition_ids: Sequence[str],
-    instances: Sequence[int] = (),
-    sends: Sequence[int | None] = (),
+    cefsm: Cefsm, transition_ids: Sequence[str], instances: Sequence[int] = (), sends: Sequence[int | None] = (),
     inputs: Sequence[Inputs] | None = None,
-) -> Schedule | Contradiction | Unscheduled:
+) -> Schedule | Contradiction | Unscheduled:  # fmt: skip
     """Return when each transition of a sequence can be taken.
 
     Guards over data alone are taken to hold (`parcours.paths.solving` decides that). Where clocks are compared
@@ -93,12 +90,8 @@ def schedule(
     if inputs is not None:
         replayed = Replay(cefsm).run(events, inputs)
         if replayed.why_not:
-            raise BadRequest(
-                "inputs",
-                f"must make the sequence run, but {replayed.why_not}",
-                "let solved_schedule find some",
-                slug="inputs-fail",
-            )
+            rule = f"must make the sequence run, but {replayed.why_not}"
+            raise BadRequest("inputs", rule, "let solved_schedule find some", slug="inputs-fail")
         known = replayed.known
     try:
         clockwork, facts = Clockwork(cefsm, list(dict.fromkeys(event.place for event in events))), []

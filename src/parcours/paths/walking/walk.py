@@ -86,16 +86,10 @@ class Walk:
     """
 
     def __init__(
-        self,
-        space: ModelSpace,
-        phases: Sequence[Phase],
-        generator: np.random.Generator,
-        *,
-        at_dead_end: AtDeadEnd = "restart",
-        budget: float = BUDGET,
-        clock: Clock = time.monotonic,
+        self, space: ModelSpace, phases: Sequence[Phase], generator: np.random.Generator, *,
+        at_dead_end: AtDeadEnd = "restart", budget: float = BUDGET, clock: Clock = time.monotonic,
         criteria: Sequence[str] = ("node", "edge"),
-    ) -> None:
+    ) -> None:  # fmt: skip
         require_known(at_dead_end, AT_DEAD_END, "dead end", slug="unknown-dead-end")
         named = [leaf.name for each in phases for leaf in leaves(each.until) if leaf.kind == "covered"]
         self.tallies = Tallies(space.machines, [*criteria, *named])
