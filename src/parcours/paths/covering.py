@@ -145,13 +145,8 @@ def only(cefsm: Cefsm, component: str, machine: str) -> Cefsm:
     if machine:
         known = [each.name for owner in owners for each in owner.machines]
         require_known(machine, known, "machine", slug="unknown-machine")
-    return replace(
-        cefsm,
-        components=tuple(
-            replace(owner, machines=tuple(each for each in owner.machines if machine in ("", each.name)))
-            for owner in owners
-        ),
-    )
+    kept = (replace(each, machines=tuple(m for m in each.machines if machine in ("", m.name))) for each in owners)
+    return replace(cefsm, components=tuple(kept))
 
 
 def _named(cefsm: Cefsm, covers: Sequence[MachineCover]) -> tuple[MachineCover, ...]:

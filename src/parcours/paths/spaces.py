@@ -113,14 +113,8 @@ class GraphSpace(ModelSpace):
     """The machines of a model as bare graphs: any transition that leaves a state can be taken."""
 
     def __init__(self, cefsm: Cefsm) -> None:
-        super().__init__(
-            replace(
-                cefsm,
-                components=tuple(
-                    replace(each, machines=tuple(map(_bare, each.machines)), variables=()) for each in cefsm.components
-                ),
-            )
-        )
+        parts = (replace(each, machines=tuple(map(_bare, each.machines)), variables=()) for each in cefsm.components)
+        super().__init__(replace(cefsm, components=tuple(parts)))
         self.machines = _machines(cefsm)
 
 

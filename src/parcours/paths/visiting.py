@@ -103,9 +103,8 @@ def _ends(graph: Graph, shape: Shape) -> tuple[int, ...]:
         return tuple(range(len(graph.states)))
     lost = stranded(len(graph.states), graph.sources.tolist(), graph.targets.tolist(), [0])
     if lost:
-        rule = (
-            f"a closed walk must lead back to {graph.states[0]!r}, but there is no way from {graph.states[lost[0]]!r}"
-        )
+        rule = f"a closed walk must lead back to {graph.states[0]!r}, but "
+        rule += f"there is no way from {graph.states[lost[0]]!r}"
         raise BadRequest(f"graph of {graph.name!r}", rule, "ask for tests or an open walk", slug="one-walk")
     return (0,)
 
@@ -213,9 +212,8 @@ def _within(
                 shorter.append([*way_to(sources[path[first]], outward), *path[first : place + 1]])
                 if len(shorter[-1]) + home > max_length:
                     what = " ".join(graph.edges[each] for each in path[first : place + 1])
-                    rule = (
-                        f"a path of at most {max_length} edges must visit {what}, but needs {len(shorter[-1]) + home}"
-                    )
+                    needed = len(shorter[-1]) + home
+                    rule = f"a path of at most {max_length} edges must visit {what}, but needs {needed}"
                     raise BadRequest(f"graph of {graph.name!r}", rule, "allow longer paths", slug="length-limit")
             else:
                 shorter[-1] += path[done + 1 : place + 1]

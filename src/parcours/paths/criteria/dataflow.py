@@ -86,7 +86,9 @@ def access(transition: Transition, roles: Mapping[str, str]) -> Access:
             elif name in roles:
                 reads[name] = None
             elif known:
-                raise _undeclared(transition, name)
+                rule = f"data criteria need the declaration of each variable, but {name!r} has none"
+                remedy = "give the variables of the component that runs the machine"
+                raise BadRequest(f"transition '{transition.id}'", rule, remedy, slug="undeclared-variable")
 
     if transition.guard is not None:
         use(transition.guard)
@@ -200,9 +202,3 @@ def _within(flow: Dataflow, tally: Tally, *, confirmed: bool) -> Iterator[Goal]:
 def _du_path(flow: Dataflow, walk: tuple[int, ...], variable: str) -> Goal:
     steps = tuple(flow.graph.edges[edge] for edge in walk)
     return Goal(Requirement(flow.label, "du-path", steps, variable), walk)
-
-
-def _undeclared(transition: Transition, name: str) -> BadRequest:
-    rule = f"data criteria need the declaration of each variable, but {name!r} has none"
-    remedy = "give the variables of the component that runs the machine"
-    return BadRequest(f"transition '{transition.id}'", rule, remedy, slug="undeclared-variable")

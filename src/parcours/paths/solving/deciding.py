@@ -112,6 +112,14 @@ class _Verifier:
         return Path(tuple(timely))
 
 
+# Each step may spend a share of what is left of the budget when it starts; what it does not need goes to the next.
+#
+#   state space   bounds of    conflicts,    longer    conflicts,     longer paths
+#   (no solver) > variables >  short look >  paths  >  long look  >   with all that is left
+#      60 %         20 %          30 %        50 %        50 %
+#
+# The state space comes first because what it finds has run already; proofs come before long searches because a search
+# for what is impossible ends only with its budget.
 class _Solving:
     def __init__(
         self, cefsm: Cefsm, owner: Component, machine: Machine, needs: Sequence[Requirement], budget: float,
@@ -176,7 +184,7 @@ class _Solving:
 
     def _unreached(self, explored: Explored) -> list[Requirement]:
         """Return what no run meets, where all that can happen was seen."""
-        reached = {need for run in explored.runs for need in self.targets.met(_ids(run))}
+        reached = {need for run in explored.runs for need in self.targets.met(Path(run).ids)}
         return [need for need in self.open if need not in reached] if not explored.doubt else []
 
     def _exclude(self, needs: Sequence[Requirement], proof: Callable[[Requirement], tuple[str, ...] | None]) -> None:
@@ -200,7 +208,8 @@ class _Solving:
                     longer = self._extended(root.beginning(ids), self._meets)
                 if complete and not self.verifier.ends(ids):
                     found = self._extended(root.beginning(ids), lambda node: node[0] in self.finals) or found
-                self._take(self.verifier.path(_moves(*found), in_time=True))
+                moves = [Move(id, "", chosen) for id, chosen in zip(*found, strict=True)]
+                self._take(self.verifier.path(moves, in_time=True))
         except Spent:
             return f"the budget of {self.work.budget:g} units was spent, {prefixes.checks} questions to the solver"
         if prefixes.doubt:
@@ -244,14 +253,6 @@ class _Solving:
             tuple(dict.fromkeys(self.covered[need] for need in self.needs if need in self.covered)),
             spent,
         )
-
-
-def _ids(moves: Sequence[Move]) -> list[str]:
-    return [id for move in moves for id in (move.transition, move.partner) if id]
-
-
-def _moves(ids: Sequence[str], inputs: Sequence[Inputs]) -> tuple[Move, ...]:
-    return tuple(Move(id, "", chosen) for id, chosen in zip(ids, inputs, strict=True))
 
 
 def _owner(cefsm: Cefsm, component: str, machine: str) -> tuple[Component, Machine]:

@@ -146,6 +146,8 @@ class Explored:
     n_states: int
 
 
+# The search runs on pairs of a place (a configuration of the component) and a node of the targets' automaton: two runs
+# to one place differ if one has just done more of a required sequence. Places are expanded once, whatever their nodes.
 class Exploration:
     """The state space of a component as far as it was asked for.
 

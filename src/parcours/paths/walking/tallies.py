@@ -84,8 +84,9 @@ class Tallies:
         self._machines = machines
         sequences: list[list[tuple[tuple[str, ...], Entry]]] = [[] for _ in machines]
         for name in dict.fromkeys(criteria):
-            needs = [(slot, need) for slot, labelled in enumerate(machines) for need in _required(labelled, name)]
-            tally = self.of[name] = Tally(name, tuple(need for _, need in needs), size=0)
+            needs = [(slot, need) for slot, (_, each) in enumerate(machines) for need in requirements(each, name)]
+            named = (replace(need, machine=machines[slot][0]) for slot, need in needs)
+            tally = self.of[name] = Tally(name, tuple(named), size=0)
             for place, (slot, need) in enumerate(needs):
                 if need.kind == "state":
                     self._by_state.setdefault((slot, need.steps[0]), []).append((tally, place))
@@ -208,8 +209,3 @@ def _settle(entries: Iterable[Entry]) -> None:
 def _is_wanted(entry: Entry) -> bool:
     tally, place = entry
     return tally.met < tally.goal and not tally.flags[place]
-
-
-def _required(labelled: tuple[str, Machine], criterion: str) -> Iterable[Requirement]:
-    label, machine = labelled
-    return (replace(need, machine=label) for need in requirements(machine, criterion))
