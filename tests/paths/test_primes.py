@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from parcours.errors import BadRequest
 from parcours.model.structure import Machine, Transition
 from parcours.paths.criteria.bounded import complete_paths, switches
-from parcours.paths.criteria.limits import Limits, Tally
 from parcours.paths.criteria.primes import prime_paths, round_trips, shortest_round_trips, simple_paths
+from parcours.paths.criteria.requirement import Limits, Tally
 from parcours.paths.graph import Graph, Walk, graph_of
 
 

@@ -13,7 +13,7 @@ from parcours.model.structure import Cefsm, Component, Machine, Transition
 from parcours.paths import measure
 from parcours.paths import spaces as spaces_module
 from parcours.paths.walking import WALKERS, Ending, GraphSpace, ModelSpace, Phase, Planned, Walk, part_of, phase
-from parcours.paths.walking.conditions import Never, parse_condition
+from parcours.paths.walking.conditions import parse_condition
 from parcours.paths.walking.walkers import Guided
 
 GATE = parse_model("""
@@ -229,9 +229,9 @@ def test_phases_go_on_where_the_one_before_ended_and_count_their_own_steps() -> 
 
 
 def test_a_planned_path_is_followed_and_its_obstacle_named() -> None:
-    walk = Walk(ModelSpace(GATE), [Phase(Planned([["bad", "bad"], ["good"]]), Never())], chance())
+    walk = Walk(ModelSpace(GATE), [Phase(Planned([["bad", "bad"], ["good"]]), parse_condition("never"))], chance())
     assert runs_of(walk) == [["bad", "bad"], ["good"]] and walk.ended is Ending.PLAN_DONE
-    walk = Walk(ModelSpace(GATE), [Phase(Planned([["bad", "ask"]]), Never())], chance())
+    walk = Walk(ModelSpace(GATE), [Phase(Planned([["bad", "ask"]]), parse_condition("never"))], chance())
     assert runs_of(walk) == [["bad"]] and walk.ended is Ending.BLOCKED
 
 

@@ -6,18 +6,6 @@ from parcours.paths.internal import InternalPath
 from parcours.paths.measuring import Coverage, measure
 
 __all__ = [
-    "CRITERIA",
-    "SUBSUMES",
-    "Coverage",
-    "Criterion",
-    "InternalPath",
-    "Limits",
-    "MachineCover",
-    "Requirement",
-    "cover",
-    "internal_paths",
-    "machine_covers",
-    "measure",
-    "requirements",
-    "subsumes",
-]
+    "CRITERIA", "SUBSUMES", "Coverage", "Criterion", "InternalPath", "Limits", "MachineCover", "Requirement", "cover",
+    "internal_paths", "machine_covers", "measure", "requirements", "subsumes",
+]  # fmt: skip

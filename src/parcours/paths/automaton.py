@@ -8,7 +8,7 @@ complete, so a walk visits the sequence if it takes the one arc that leaves this
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from parcours.paths.graph import Graph
@@ -83,6 +83,12 @@ class Trie:
                 return 0
             node = self.suffix[node]
         return child
+
+    def endings(self, node: int) -> Iterator[int]:
+        """Yield the nodes that end what stands at a node, the longest first: itself, and then each one's suffix."""
+        while node:
+            yield node
+            node = self.suffix[node]
 
 
 def outermost(n_edges: int, sequences: Sequence[tuple[int, ...]]) -> list[tuple[int, ...]]:

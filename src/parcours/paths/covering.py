@@ -43,13 +43,11 @@ def cover(
     """Return paths from the initial state that together meet the criterion.
 
     Args:
-        machine: the machine to cover.
-        criterion: one of `parcours.paths.CRITERIA` over graphs or variables.
         component: the name of the component that runs the machine; the paths carry it.
         variables: for criteria over variables: those of the component.
 
-    Raises:
-        BadRequest: no criterion is written like that, it requires too much, or the machine has no transition to walk.
+    Raises BadRequest: no criterion is written like that, it requires too much, or the machine has no transition to
+    walk.
     """
     alone = Cefsm(machine.name, (Component(component, (machine,), tuple(variables)),))
     (found,) = machine_covers(alone, criterion)
@@ -59,15 +57,9 @@ def cover(
 def internal_paths(cefsm: Cefsm, criterion: str | Criterion = "edge") -> dict[str, tuple[InternalPath, ...]]:
     """Return for each component the paths that cover its machines, named tp<component><path> as in Table III.
 
-    Components and paths are counted from 1 in file order. With ten or more of either, an underscore keeps the
-    two numbers apart.
-
-    Args:
-        cefsm: the model.
-        criterion: one of `parcours.paths.CRITERIA` over graphs or variables.
-
-    Raises:
-        BadRequest: no criterion is written like that, it requires too much, or a machine has no transition to walk.
+    Components and paths are counted from 1 in file order. With ten or more of either, an underscore keeps the two
+    numbers apart. Raises BadRequest: no criterion is written like that, it requires too much, or a machine has no
+    transition to walk.
     """
     found: dict[str, list[InternalPath]] = {component.name: [] for component in cefsm.components}
     for each in machine_covers(cefsm, criterion):
@@ -76,29 +68,20 @@ def internal_paths(cefsm: Cefsm, criterion: str | Criterion = "edge") -> dict[st
 
 
 def machine_covers(
-    cefsm: Cefsm,
-    criterion: str | Criterion = "edge",
-    *,
-    component: str = "",
-    machine: str = "",
-    limits: Limits | None = None,
-    shape: Shape = "tests",
-    max_length: int | None = None,
-) -> tuple[MachineCover, ...]:
+    cefsm: Cefsm, criterion: str | Criterion = "edge", *, component: str = "", machine: str = "",
+    limits: Limits | None = None, shape: Shape = "tests", max_length: int | None = None,
+) -> tuple[MachineCover, ...]:  # fmt: skip
     """Return a cover of each machine of a model, its paths named as `internal_paths` does.
 
     Args:
-        cefsm: the model.
-        criterion: one of `parcours.paths.CRITERIA` over graphs or variables.
         component: only its machines; all if empty.
         machine: only machines of this name; all if empty.
         limits: how many requirements of one machine are too many.
         shape: tests that end in final states, or one walk a machine.
         max_length: most transitions of a path.
 
-    Raises:
-        BadRequest: no component or machine has that name, no criterion is written like that, it requires too much, a
-            machine has no transition to walk, or what is asked for is impossible.
+    Raises BadRequest: no component or machine has that name, no criterion is written like that, it requires too much, a
+    machine has no transition to walk, or what is asked for is impossible.
     """
     chosen = parse_criterion(criterion) if isinstance(criterion, str) else criterion
     kept = only(cefsm, component, machine)
@@ -129,17 +112,13 @@ def cover_demand(demand: Demand, *, shape: Shape = "tests", max_length: int | No
         shape: tests that end in final states, or one walk.
         max_length: most edges of a path.
 
-    Raises:
-        BadRequest: there is no transition to walk, or what is asked for is impossible.
+    Raises BadRequest: there is no transition to walk, or what is asked for is impossible.
     """
     graph = demand.subject.graph
     if not graph.edges:
-        raise BadRequest(
-            f"machine '{graph.name}'",
-            f"must have a transition to cover, but none leaves its initial state '{graph.states[0]}'",
-            "give that state a transition, or leave the machine out",
-            slug="nothing-to-cover",
-        )
+        rule = f"must have a transition to cover, but none leaves its initial state '{graph.states[0]}'"
+        remedy = "give that state a transition, or leave the machine out"
+        raise BadRequest(f"machine '{graph.name}'", rule, remedy, slug="nothing-to-cover")
     number = {name: state for state, name in enumerate(demand.graph.states)}
     walks = [goal.walk for goal in demand.goals if goal.walk]
     states = [number[goal.requirement.steps[0]] for goal in demand.goals if not goal.walk]
@@ -158,8 +137,7 @@ def cover_demand(demand: Demand, *, shape: Shape = "tests", max_length: int | No
 def only(cefsm: Cefsm, component: str, machine: str) -> Cefsm:
     """Return a model with the components and machines of these names only, all where a name is empty.
 
-    Raises:
-        BadRequest: no component or machine has that name.
+    Raises BadRequest: no component or machine has that name.
     """
     if component:
         require_known(component, [each.name for each in cefsm.components], "component", slug="unknown-component")
@@ -167,13 +145,8 @@ def only(cefsm: Cefsm, component: str, machine: str) -> Cefsm:
     if machine:
         known = [each.name for owner in owners for each in owner.machines]
         require_known(machine, known, "machine", slug="unknown-machine")
-    return replace(
-        cefsm,
-        components=tuple(
-            replace(owner, machines=tuple(each for each in owner.machines if machine in ("", each.name)))
-            for owner in owners
-        ),
-    )
+    kept = (replace(each, machines=tuple(m for m in each.machines if machine in ("", m.name))) for each in owners)
+    return replace(cefsm, components=tuple(kept))
 
 
 def _named(cefsm: Cefsm, covers: Sequence[MachineCover]) -> tuple[MachineCover, ...]:

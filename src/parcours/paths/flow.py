@@ -80,13 +80,11 @@ def _closed(arcs: Arcs) -> Arcs:
     pause, n_ends = arcs.n_nodes, arcs.ends.size
     free = np.zeros(n_ends + 1, dtype=np.int64)
     return Arcs(
-        arcs.n_nodes + 1,
-        np.concatenate([arcs.sources, arcs.ends, [pause]]).astype(np.int64),
+        arcs.n_nodes + 1, np.concatenate([arcs.sources, arcs.ends, [pause]]).astype(np.int64),
         np.concatenate([arcs.targets, np.full(n_ends, pause), [0]]).astype(np.int64),
-        np.concatenate([arcs.costs, free]).astype(np.int64),
-        np.concatenate([arcs.least, free]).astype(np.int64),
+        np.concatenate([arcs.costs, free]).astype(np.int64), np.concatenate([arcs.least, free]).astype(np.int64),
         arcs.ends,
-    )
+    )  # fmt: skip
 
 
 def _between(closed: Arcs, component: Integers) -> Integers:
@@ -100,13 +98,10 @@ def _between(closed: Arcs, component: Integers) -> Integers:
     costs = np.zeros(n + outer.size, dtype=np.int64)
     costs[-1] = 1  # the last arc is the one from the pause to the start: what is counted
     split = Arcs(
-        2 * n,
-        np.concatenate([2 * np.arange(n), 2 * sources[outer] + 1]),
-        np.concatenate([2 * np.arange(n) + 1, 2 * targets[outer]]),
-        costs,
-        np.concatenate([through, closed.least[outer]]),
-        closed.ends,
-    )
+        2 * n, np.concatenate([2 * np.arange(n), 2 * sources[outer] + 1]),
+        np.concatenate([2 * np.arange(n) + 1, 2 * targets[outer]]), costs,
+        np.concatenate([through, closed.least[outer]]), closed.ends,
+    )  # fmt: skip
     fewest = _circulation(split, _UNLIMITED)[-1]
     split.costs[n:] = closed.costs[outer]
     split.least[-1] = fewest

@@ -85,13 +85,9 @@ def graph_of(machine: Machine) -> Graph:
     else:
         finals = back or (0,)
     return Graph(
-        machine.name,
-        tuple(number),
-        tuple(transition.id for transition in edges),
-        np.array(sources, dtype=np.int64),
-        np.array(targets, dtype=np.int64),
-        finals,
-    )
+        machine.name, tuple(number), tuple(transition.id for transition in edges), np.array(sources, dtype=np.int64),
+        np.array(targets, dtype=np.int64), finals,
+    )  # fmt: skip
 
 
 def stranded(n_states: int, sources: Sequence[int], targets: Sequence[int], ends: Iterable[int]) -> tuple[int, ...]:

@@ -151,12 +151,10 @@ def _solved(arcs: Arcs, rules: Sequence[Integers], whole: bool) -> OptimizeResul
     most = np.full(n_arcs, np.inf)
     most[-1] = arcs.least[-1]
     return milp(
-        arcs.costs,
-        integrality=np.full(n_arcs, int(whole)),
-        bounds=Bounds(arcs.least, most),
+        arcs.costs, integrality=np.full(n_arcs, int(whole)), bounds=Bounds(arcs.least, most),
         constraints=[LinearConstraint(balance, 0, 0), *(LinearConstraint(rule, 1, np.inf) for rule in rules)],
         options={"node_limit": _NODES},
-    )
+    )  # fmt: skip
 
 
 def _entering(arcs: Arcs, where: Integers) -> Iterator[Integers]:

@@ -42,8 +42,7 @@ class Option:
     def after(self, space: ModelSpace, here: Place, choice: int = 0) -> Place:
         """Return the place that the move with that choice leads to.
 
-        Raises:
-            BadModel: the move breaks the model's own rules: a value leaves its domain, or cannot be computed.
+        Raises BadModel: the move breaks the model's own rules: a value leaves its domain, or cannot be computed.
         """
         found = self._after[choice]
         if found is None:
@@ -114,14 +113,8 @@ class GraphSpace(ModelSpace):
     """The machines of a model as bare graphs: any transition that leaves a state can be taken."""
 
     def __init__(self, cefsm: Cefsm) -> None:
-        super().__init__(
-            replace(
-                cefsm,
-                components=tuple(
-                    replace(each, machines=tuple(map(_bare, each.machines)), variables=()) for each in cefsm.components
-                ),
-            )
-        )
+        parts = (replace(each, machines=tuple(map(_bare, each.machines)), variables=()) for each in cefsm.components)
+        super().__init__(replace(cefsm, components=tuple(parts)))
         self.machines = _machines(cefsm)
 
 
@@ -142,12 +135,10 @@ def part_of(cefsm: Cefsm, component: str, machine: str = "") -> Cefsm:
     component assign keep their initial values.
 
     Args:
-        cefsm: the model.
         component: the component that stays.
         machine: the one machine of it that stays; all, if empty.
 
-    Raises:
-        BadRequest: there is no such component or machine.
+    Raises BadRequest: there is no such component or machine.
     """
     known = [each.name for each in cefsm.components]
     if component not in known:
@@ -162,12 +153,9 @@ def part_of(cefsm: Cefsm, component: str, machine: str = "") -> Cefsm:
         kept = replace(kept, machines=(kept.machines[names.index(machine)],))
     channels = (each for each in cefsm.channels if component in (each.sender, each.receiver))
     return replace(
-        cefsm,
-        components=(kept,),
-        channels=tuple(_alone(each, component, not machine) for each in channels),
-        interactions=(),
-        interaction_lines=(),
-    )
+        cefsm, components=(kept,), channels=tuple(_alone(each, component, not machine) for each in channels),
+        interactions=(), interaction_lines=(),
+    )  # fmt: skip
 
 
 def _alone(channel: Channel, component: str, is_whole: bool) -> Channel:

@@ -13,11 +13,10 @@ from typing import Literal
 import numpy as np
 
 from parcours.errors import BadRequest
-from parcours.paths.automaton import SILENT, Network, network, outermost
+from parcours.paths.automaton import SILENT, Network, Trie, network, outermost
 from parcours.paths.flow import least_cost, passages
-from parcours.paths.graph import Graph, Walk, stranded
+from parcours.paths.graph import Came, Graph, Walk, breadth_first, stranded, way_to
 from parcours.paths.joining import Arcs
-from parcours.paths.shortening import shortest_path, within
 
 Shape = Literal["tests", "open", "closed"]
 """Paths from the start to final states; one walk that ends anywhere; one walk that ends where it began."""
@@ -45,25 +44,18 @@ class Cover:
 
 
 def cover_sequences(
-    graph: Graph,
-    sequences: Sequence[Walk],
-    states: Iterable[int] = (),
-    *,
-    shape: Shape = "tests",
+    graph: Graph, sequences: Sequence[Walk], states: Iterable[int] = (), *, shape: Shape = "tests",
     max_length: int | None = None,
-) -> Cover:
+) -> Cover:  # fmt: skip
     """Return few short paths that contain each sequence of edges, without a break, and visit each state.
 
     Args:
-        graph: the graph to walk on.
         sequences: walks of the graph.
-        states: states to visit.
         shape: what a path is.
         max_length: most edges of a path; then there may be more paths than necessary.
 
-    Raises:
-        BadRequest: a single walk cannot visit everything, or a path of at most `max_length` edges cannot visit
-            something.
+    Raises BadRequest: a single walk cannot visit everything, or a path of at most `max_length` edges cannot visit
+    something.
     """
     wanted = outermost(len(graph.edges), sequences)
     asked = set(states)
@@ -76,7 +68,7 @@ def cover_sequences(
         return Cover((), 0, 0)
     ends = _ends(graph, shape)
     if not wanted and not unseen:
-        wanted = [shortest_path(graph, ends)]
+        wanted = [_shortest_path(graph, ends)]
     built = _split(network(graph, wanted), unseen)
     arcs = _arcs(built, ends)
     paths, fewest, shortest = _fewest_paths(built, arcs)
@@ -85,7 +77,7 @@ def cover_sequences(
         raise BadRequest(f"graph of {graph.name!r}", rule, "ask for tests", slug="one-walk")
     if max_length is not None and max(map(len, paths)) > max_length:
         steps = wanted or [(path[place],) for path in paths for place in _arrivals(graph, path)]
-        paths = within(graph, paths, steps, set(ends), max_length)
+        paths = _within(graph, paths, steps, set(ends), max_length)
         shortest = least_cost(arcs)
         fewest = max(fewest, -(-shortest // max_length))
     return Cover(paths, fewest, shortest)
@@ -111,9 +103,8 @@ def _ends(graph: Graph, shape: Shape) -> tuple[int, ...]:
         return tuple(range(len(graph.states)))
     lost = stranded(len(graph.states), graph.sources.tolist(), graph.targets.tolist(), [0])
     if lost:
-        rule = (
-            f"a closed walk must lead back to {graph.states[0]!r}, but there is no way from {graph.states[lost[0]]!r}"
-        )
+        rule = f"a closed walk must lead back to {graph.states[0]!r}, but "
+        rule += f"there is no way from {graph.states[lost[0]]!r}"
         raise BadRequest(f"graph of {graph.name!r}", rule, "ask for tests or an open walk", slug="one-walk")
     return (0,)
 
@@ -126,25 +117,20 @@ def _split(built: Network, states: Sequence[int]) -> Network:
     place = {state: node for node, state in enumerate(built.states)}
     leave = {place[state]: node for state, node in onward.items()}
     return Network(
-        [*built.states, *states],
-        [*(leave.get(source, source) for source in built.sources), *leave],
-        [*built.targets, *leave.values()],
-        [*built.edges, *[SILENT] * len(leave)],
+        [*built.states, *states], [*(leave.get(source, source) for source in built.sources), *leave],
+        [*built.targets, *leave.values()], [*built.edges, *[SILENT] * len(leave)],
         [*built.required, *[True] * len(leave)],
-    )
+    )  # fmt: skip
 
 
 def _arcs(built: Network, ends: Sequence[int]) -> Arcs:
     final = set(ends)
     edges = np.array(built.edges, dtype=np.int64)
     return Arcs(
-        len(built.states),
-        np.array(built.sources, dtype=np.int64),
-        np.array(built.targets, dtype=np.int64),
-        (edges != SILENT).astype(np.int64),
-        np.array(built.required, dtype=np.int64),
+        len(built.states), np.array(built.sources, dtype=np.int64), np.array(built.targets, dtype=np.int64),
+        (edges != SILENT).astype(np.int64), np.array(built.required, dtype=np.int64),
         np.array([node for node, state in enumerate(built.states) if state in final], dtype=np.int64),
-    )
+    )  # fmt: skip
 
 
 def _fewest_paths(built: Network, arcs: Arcs) -> tuple[tuple[Walk, ...], int, int]:
@@ -200,3 +186,60 @@ def _euler_tour(sources: Sequence[int], targets: Sequence[int], taken: Sequence[
             tour.append(taken_last)
     tour.reverse()
     return tour[1:]
+
+
+def _within(
+    graph: Graph, paths: Sequence[Walk], wanted: Sequence[Walk], ends: set[int], max_length: int
+) -> tuple[Walk, ...]:
+    """Return paths of at most `max_length` edges that visit what is wanted in the order in which `paths` do."""
+    sources, targets = graph.sources.tolist(), graph.targets.tolist()
+    outward = _reached([0], sources, targets)
+    homeward = _reached(sorted(ends), targets, sources)
+    trie = Trie(len(graph.edges), wanted)
+    length = dict(zip(trie.ends, map(len, wanted), strict=True))
+    due = set(length)
+    shorter: list[list[int]] = []
+    for path in paths:
+        begun, done = 0, -1  # how far the trie and the last short path have come along this path
+        for place, edge in enumerate(path):
+            begun = trie.after(begun, edge)
+            if begun not in due:
+                continue
+            due.discard(begun)
+            home = len(_home(targets[edge], homeward))
+            if done < 0 or len(shorter[-1]) + place - done + home > max_length:
+                first = place + 1 - length[begun]
+                shorter.append([*way_to(sources[path[first]], outward), *path[first : place + 1]])
+                if len(shorter[-1]) + home > max_length:
+                    what = " ".join(graph.edges[each] for each in path[first : place + 1])
+                    needed = len(shorter[-1]) + home
+                    rule = f"a path of at most {max_length} edges must visit {what}, but needs {needed}"
+                    raise BadRequest(f"graph of {graph.name!r}", rule, "allow longer paths", slug="length-limit")
+            else:
+                shorter[-1] += path[done + 1 : place + 1]
+            done = place
+    return tuple((*path, *_home(targets[path[-1]], homeward)) for path in shorter)
+
+
+def _shortest_path(graph: Graph, ends: Sequence[int]) -> Walk:
+    """Return a path with the fewest edges, but one at least, from the start to one of the ends."""
+    sources, targets = graph.sources.tolist(), graph.targets.tolist()
+    homeward = _reached(ends, targets, sources)
+    ways = [(edge, *_home(targets[edge], homeward)) for edge, source in enumerate(sources) if not source]
+    return min(ways, key=len)
+
+
+def _reached(begin: Iterable[int], sources: Sequence[int], targets: Sequence[int]) -> Came[int, int]:
+    """Return how each state is reached from `begin` by the fewest edges, taken from their source to their target."""
+    leaving: dict[int, list[tuple[int, int]]] = {}
+    for edge, (source, target) in enumerate(zip(sources, targets, strict=True)):
+        leaving.setdefault(source, []).append((edge, target))
+    came: Came[int, int] = {}
+    for _ in breadth_first(begin, lambda state: leaving.get(state, ()), came):
+        pass
+    return came
+
+
+def _home(state: int, homeward: Came[int, int]) -> list[int]:
+    # The search went backwards from the ends.
+    return way_to(state, homeward)[::-1]

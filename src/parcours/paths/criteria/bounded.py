@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 
-from parcours.paths.criteria.limits import Limits, Tally
+from parcours.paths.criteria.requirement import Limits, Tally
 from parcours.paths.graph import Came, Graph, breadth_first
 
 UNBOUNDED = 1 << 62
@@ -22,12 +22,10 @@ def switches(graph: Graph, n: int, limits: Limits | None = None) -> list[tuple[i
     coverage subsumes (n - 1)-switch coverage.
 
     Args:
-        graph: the graph.
         n: how often to go from one edge to the next, at least 0.
         limits: how many are too many.
 
-    Raises:
-        BadRequest: there are too many; the message says how many had been found.
+    Raises BadRequest: there are too many; the message says how many had been found.
     """
     tally = Tally(limits or Limits(), f"{n}-switches of '{graph.name}'")
     longest = _longest(graph)
@@ -54,13 +52,9 @@ def _up_to(graph: Graph, ends: Iterable[int], most: int, tally: Tally) -> Iterat
 
 
 def _walks(
-    graph: Graph,
-    firsts: Iterable[int],
-    most: int,
-    tally: Tally,
-    may_become: Callable[[int, int], bool],
+    graph: Graph, firsts: Iterable[int], most: int, tally: Tally, may_become: Callable[[int, int], bool],
     is_complete: Callable[[int, int], bool],
-) -> Iterator[tuple[int, ...]]:
+) -> Iterator[tuple[int, ...]]:  # fmt: skip
     """Yield walks, depth first. The two questions are asked with a state and how many edges are left there."""
     leaving, targets = graph.leaving(), graph.targets.tolist()
     path: list[int] = []

@@ -13,8 +13,7 @@ from dataclasses import dataclass
 from itertools import product
 
 from parcours.model.structure import ENVIRONMENT, Cefsm, Channel
-from parcours.paths.criteria.limits import Limits, Tally
-from parcours.paths.criteria.requirement import Requirement
+from parcours.paths.criteria.requirement import Limits, Requirement, Tally
 
 NOBODY = ""
 """The partner of a transition in a delivery from or to the environment."""
@@ -73,12 +72,10 @@ def communications(cefsm: Cefsm, criterion: str, limits: Limits | None = None) -
     """Return what a criterion over channels requires of a model.
 
     Args:
-        cefsm: the model.
         criterion: channel, message or rendezvous.
         limits: how many requirements are too many.
 
-    Raises:
-        BadRequest: there are too many.
+    Raises BadRequest: there are too many.
     """
     wires = wiring(cefsm)
     if criterion == "rendezvous":

@@ -13,8 +13,7 @@ from parcours.errors import BadRequest
 from parcours.model.composition import Space
 from parcours.paths.criteria.communication import NOBODY, Wiring, communications, wiring
 from parcours.paths.criteria.grammar import Criterion, parse_criterion
-from parcours.paths.criteria.limits import Limits, Tally
-from parcours.paths.criteria.requirement import Goal, Requirement
+from parcours.paths.criteria.requirement import Goal, Limits, Requirement, Tally
 from parcours.paths.criteria.requiring import Demand, Subject, demands
 from parcours.paths.graph import Came, Graph, Walk, breadth_first, graph_of, stranded, way_to
 
@@ -23,29 +22,21 @@ def composition_graph(space: Space) -> Graph:
     """Return the graph of a composition: an edge for each move, named after it, between numbered configurations.
 
     A path may end where all queues are empty and each machine stands where one of its own paths may end (`graph_of`),
-    and wherever no such place can be reached any more.
-
-    Raises:
-        BadRequest: the exploration was stopped, so that some of the graph is not known.
+    and wherever no such place can be reached any more. Raises BadRequest: the exploration was stopped, so that some of
+    the graph is not known.
     """
     if not space.complete:
-        raise BadRequest(
-            f"composition of '{space.cefsm.name}'",
-            f"it must be explored to its end, but {space.stopped}",
-            "raise the bounds of the exploration, or cover its machines one by one",
-            slug="open-composition",
-        )
+        rule = f"it must be explored to its end, but {space.stopped}"
+        remedy = "raise the bounds of the exploration, or cover its machines one by one"
+        raise BadRequest(f"composition of '{space.cefsm.name}'", rule, remedy, slug="open-composition")
     sources, targets = space.sources.tolist(), space.targets.tolist()
     rests = _rests(space)
     names = [str(move) for move in space.moves]
     return Graph(
-        space.cefsm.name,
-        tuple(map(str, range(space.n_states))),
-        tuple(names[label] for label in space.labels.tolist()),
-        space.sources.astype(np.int64),
-        space.targets.astype(np.int64),
-        tuple(sorted({*rests, *stranded(space.n_states, sources, targets, rests)})),
-    )
+        space.cefsm.name, tuple(map(str, range(space.n_states))),
+        tuple(names[label] for label in space.labels.tolist()), space.sources.astype(np.int64),
+        space.targets.astype(np.int64), tuple(sorted({*rests, *stranded(space.n_states, sources, targets, rests)})),
+    )  # fmt: skip
 
 
 def composition_demand(
@@ -59,12 +50,10 @@ def composition_demand(
     from the one that sends to the one that receives.
 
     Args:
-        space: the explored composition.
         criterion: one of `parcours.paths.CRITERIA` over graphs or channels.
         limits: how many requirements are too many.
 
-    Raises:
-        BadRequest: the exploration was stopped; or as for `requirements`.
+    Raises BadRequest: the exploration was stopped; or as for `requirements`.
     """
     chosen = parse_criterion(criterion) if isinstance(criterion, str) else criterion
     graph = composition_graph(space)

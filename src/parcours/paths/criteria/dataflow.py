@@ -19,9 +19,8 @@ import numpy as np
 from parcours.errors import BadRequest
 from parcours.model.expression import Call, Expression, names
 from parcours.model.structure import Machine, Transition, Variable
-from parcours.paths.criteria.limits import Limits, Tally
 from parcours.paths.criteria.primes import simple_paths
-from parcours.paths.criteria.requirement import START, Goal, Requirement
+from parcours.paths.criteria.requirement import START, Goal, Limits, Requirement, Tally
 from parcours.paths.graph import Came, Graph, breadth_first, way_to
 
 
@@ -64,13 +63,9 @@ def dataflow(label: str, machine: Machine, graph: Graph, variables: Sequence[Var
     by_id = {transition.id: transition for transition in machine.transitions}
     accesses = (begin, *(access(by_id[edge], roles) for edge in graph.edges))
     begun = Graph(
-        graph.name,
-        (START, *graph.states),
-        (START, *graph.edges),
-        np.concatenate(([0], graph.sources + 1)),
-        np.concatenate(([1], graph.targets + 1)),
-        tuple(state + 1 for state in graph.finals),
-    )
+        graph.name, (START, *graph.states), (START, *graph.edges), np.concatenate(([0], graph.sources + 1)),
+        np.concatenate(([1], graph.targets + 1)), tuple(state + 1 for state in graph.finals),
+    )  # fmt: skip
     return Dataflow(label, begun, accesses)
 
 
@@ -91,7 +86,9 @@ def access(transition: Transition, roles: Mapping[str, str]) -> Access:
             elif name in roles:
                 reads[name] = None
             elif known:
-                raise _undeclared(transition, name)
+                rule = f"data criteria need the declaration of each variable, but {name!r} has none"
+                remedy = "give the variables of the component that runs the machine"
+                raise BadRequest(f"transition '{transition.id}'", rule, remedy, slug="undeclared-variable")
 
     if transition.guard is not None:
         use(transition.guard)
@@ -138,8 +135,7 @@ def uses(flow: Dataflow, limits: Limits | None = None) -> Iterator[Goal]:
 def du_paths(flow: Dataflow, limits: Limits | None = None) -> Iterator[Goal]:
     """Yield, for all-du-paths, each du-path.
 
-    Raises:
-        BadRequest: there are too many; the message tells how many had been found.
+    Raises BadRequest: there are too many; the message tells how many had been found.
     """
     tally = Tally(limits or Limits(), f"du-paths of '{flow.graph.name}'")
     yield from _within(flow, tally, confirmed=True)
@@ -206,12 +202,3 @@ def _within(flow: Dataflow, tally: Tally, *, confirmed: bool) -> Iterator[Goal]:
 def _du_path(flow: Dataflow, walk: tuple[int, ...], variable: str) -> Goal:
     steps = tuple(flow.graph.edges[edge] for edge in walk)
     return Goal(Requirement(flow.label, "du-path", steps, variable), walk)
-
-
-def _undeclared(transition: Transition, name: str) -> BadRequest:
-    return BadRequest(
-        f"transition '{transition.id}'",
-        f"data criteria need the declaration of each variable, but {name!r} has none",
-        "give the variables of the component that runs the machine",
-        slug="undeclared-variable",
-    )

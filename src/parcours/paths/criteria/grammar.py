@@ -79,8 +79,7 @@ def parse_criterion(text: str) -> Criterion:
         text: one of `CRITERIA`, with a number for N, or walks for WALKS. Transitions whose ids hold blanks or commas
             cannot be written so: give `Criterion("specified", walks=...)` instead.
 
-    Raises:
-        BadRequest: no criterion is written like that.
+    Raises BadRequest: no criterion is written like that.
 
     >>> parse_criterion("2-switch")
     Criterion(name='switch', number=2, walks=())
@@ -132,12 +131,7 @@ subsume all-uses: definitions and uses stand on transitions here, and a loop tha
 def subsumes(stronger: str | Criterion, weaker: str | Criterion) -> bool:
     """Return whether tests that satisfy the one criterion satisfy the other, whatever the graph.
 
-    Args:
-        stronger: one of `parcours.paths.CRITERIA`.
-        weaker: another.
-
-    Raises:
-        BadRequest: one of them is not written like that.
+    Raises BadRequest: one of them is not written like that.
     """
     above, below = _as_switch(stronger), _as_switch(weaker)
     if above.name == below.name:

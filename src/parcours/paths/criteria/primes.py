@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 
-from parcours.paths.criteria.limits import Limits, Tally
+from parcours.paths.criteria.requirement import Limits, Tally
 from parcours.paths.graph import Came, Graph, breadth_first, components, way_to
 
 NEVER = -1
@@ -62,17 +62,12 @@ def shortest_round_trips(graph: Graph, limits: Limits | None = None) -> list[tup
 
 
 def simple_paths(
-    start: int,
-    targets: Sequence[int],
-    onward: tuple[Sequence[Sequence[int]], Sequence[Sequence[int]]],
-    goals: Mapping[int, Sequence[int]],
-    wanted: set[int] | None,
-    tally: Tally,
-) -> Iterator[tuple[int, ...]]:
+    start: int, targets: Sequence[int], onward: tuple[Sequence[Sequence[int]], Sequence[Sequence[int]]],
+    goals: Mapping[int, Sequence[int]], wanted: set[int] | None, tally: Tally,
+) -> Iterator[tuple[int, ...]]:  # fmt: skip
     """Yield paths from `start` on which no state comes twice, each completed in one of two ways.
 
     Args:
-        start: the first state.
         targets: the state each edge enters.
         onward: for each state the edges to go on by: before all wanted states are on the path, and after.
         goals: for some states the edges that complete a path there, wherever they lead.
@@ -165,13 +160,9 @@ def _inner_edges(graph: Graph) -> list[list[int]]:
 
 
 def _reaches(
-    state: int,
-    targets: Sequence[int],
-    onward: Sequence[Sequence[int]],
-    goals: Mapping[int, Sequence[int]],
-    visited: set[int],
-    tally: Tally,
-) -> bool:
+    state: int, targets: Sequence[int], onward: Sequence[Sequence[int]], goals: Mapping[int, Sequence[int]],
+    visited: set[int], tally: Tally,
+) -> bool:  # fmt: skip
     """Return whether a state with a goal can be reached without those visited."""
     seen = {state}
     queue = [state]

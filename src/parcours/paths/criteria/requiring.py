@@ -17,9 +17,8 @@ from parcours.paths.criteria.bounded import complete_paths, switches
 from parcours.paths.criteria.communication import communications
 from parcours.paths.criteria.dataflow import DATA_ASKS, Dataflow, dataflow
 from parcours.paths.criteria.grammar import Criterion, parse_criterion
-from parcours.paths.criteria.limits import Limits
 from parcours.paths.criteria.primes import prime_paths, round_trips, shortest_round_trips
-from parcours.paths.criteria.requirement import Goal, Requirement
+from parcours.paths.criteria.requirement import Goal, Limits, Requirement
 from parcours.paths.graph import Graph, Walk, graph_of
 
 
@@ -54,23 +53,18 @@ class Demand:
 
 
 def requirements(
-    of: Machine | Graph | Cefsm,
-    criterion: str | Criterion = "edge",
-    *,
-    variables: Sequence[Variable] = (),
+    of: Machine | Graph | Cefsm, criterion: str | Criterion = "edge", *, variables: Sequence[Variable] = (),
     limits: Limits | None = None,
-) -> tuple[Requirement, ...]:
+) -> tuple[Requirement, ...]:  # fmt: skip
     """Return what a criterion requires, each once, in the order of the graph.
 
     Args:
         of: a machine, the graph of a composition, or a model with all its machines.
-        criterion: one of `parcours.paths.CRITERIA`.
         variables: for data criteria on a machine: those of the component that runs it.
         limits: how many requirements are too many.
 
-    Raises:
-        BadRequest: no criterion is written like that; there are too many requirements, and how many had been found; or
-            the criterion does not fit what it is asked of.
+    Raises BadRequest: no criterion is written like that; there are too many requirements, and how many had been found;
+    or the criterion does not fit what it is asked of.
     """
     chosen = parse_criterion(criterion) if isinstance(criterion, str) else criterion
     if chosen.family == "communication":

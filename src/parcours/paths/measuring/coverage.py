@@ -8,8 +8,7 @@ from dataclasses import dataclass
 from parcours.model.structure import Cefsm, Machine, Variable
 from parcours.paths.criteria.communication import delivered, wiring
 from parcours.paths.criteria.grammar import Criterion, parse_criterion
-from parcours.paths.criteria.limits import Limits
-from parcours.paths.criteria.requirement import Requirement
+from parcours.paths.criteria.requirement import Limits, Requirement
 from parcours.paths.criteria.requiring import demands, model_of, requirements
 from parcours.paths.graph import Graph
 from parcours.paths.measuring.answering import met_goals
@@ -33,13 +32,9 @@ class Coverage:
 
 
 def measure(
-    of: Machine | Cefsm | Graph,
-    criterion: str | Criterion,
-    *sequences: Sequence[str],
-    tours: Tours = "direct",
-    variables: Sequence[Variable] = (),
-    limits: Limits | None = None,
-) -> Coverage:
+    of: Machine | Cefsm | Graph, criterion: str | Criterion, *sequences: Sequence[str], tours: Tours = "direct",
+    variables: Sequence[Variable] = (), limits: Limits | None = None,
+) -> Coverage:  # fmt: skip
     """Return which requirements the sequences meet, seen machine by machine.
 
     A machine stands in its initial state before it moves, so that state counts as visited. Two transitions are a pair
@@ -48,15 +43,13 @@ def measure(
 
     Args:
         of: a machine, a model with all its machines, or the graph of a composition.
-        criterion: one of `parcours.paths.CRITERIA`.
         sequences: transition ids, or moves of two as `p24+p16`, in the order in which they were taken, one sequence for
             each run.
         tours: direct, sidetrips or detours.
         variables: for data criteria on a machine: those of the component that runs it.
         limits: how many requirements are too many.
 
-    Raises:
-        BadRequest: as for `requirements`; or a sequence names a transition that the model does not have.
+    Raises BadRequest: as for `requirements`; or a sequence names a transition that the model does not have.
     """
     checked(tours)
     chosen = parse_criterion(criterion) if isinstance(criterion, str) else criterion

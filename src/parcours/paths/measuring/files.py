@@ -21,8 +21,7 @@ def read_sequences(path: Path) -> list[list[str]]:
     Args:
         path: the file, UTF-8, of at most LARGEST bytes.
 
-    Raises:
-        BadResults: the file cannot be read, or a line is something else.
+    Raises BadResults: the file cannot be read, or a line is something else.
 
     >>> import tempfile
     >>> with tempfile.TemporaryDirectory() as folder:

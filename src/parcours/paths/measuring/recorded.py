@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TypeVar
 
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parcours.errors import BadRequest, one_of
-from parcours.model.structure import Cefsm, Machine, Transition
+from parcours.model.structure import Cefsm, Machine
 from parcours.paths.criteria.requiring import Subject, edge_names
 from parcours.paths.graph import Graph
 
@@ -41,8 +41,14 @@ def walks_of(of: Machine | Cefsm | Graph, asked: Sequence[Subject], sequences: S
         known: dict[str, list[tuple[int, int]]] = {}
         for at, subject in enumerate(asked):
             edge = {id: number for number, id in enumerate(subject.graph.edges)}
-            known |= {each.id: [(at, edge.get(each.id, UNREACHABLE))] for each in _transitions(subject)}
-        parts = [_parted(len(asked), looked_up(of.name, sequence, known)) for sequence in sequences]
+            taken = subject.machine.transitions if subject.machine is not None else ()
+            known |= {each.id: [(at, edge.get(each.id, UNREACHABLE))] for each in taken}
+        parts = []
+        for sequence in sequences:
+            own_edges: list[list[int]] = [[] for _ in asked]
+            for at, edge_taken in (step for steps in looked_up(of.name, sequence, known) for step in steps):
+                own_edges[at].append(edge_taken)
+            parts.append(own_edges)
     found = [Walks([], []) for _ in asked]
     for part in parts:
         for own, edges, subject in zip(found, part, asked, strict=True):
@@ -60,19 +66,10 @@ def looked_up(name: str, sequence: Sequence[str], known: dict[str, list[Known]])
             both = next(([*known[a], *known[b]] for a, b in halves if a in known and b in known), None)
             if both is None:
                 rule = f"must name transitions of '{name}', but {entry!r} is not one"
-                raise BadRequest(
-                    f"sequence, entry {place}", rule, one_of(entry, list(known)), slug="foreign-transition"
-                )
+                remedy = one_of(entry, list(known))
+                raise BadRequest(f"sequence, entry {place}", rule, remedy, slug="foreign-transition")
             found = known[entry] = both
         yield found
-
-
-def _parted(n_machines: int, taken: Iterable[list[tuple[int, int]]]) -> list[list[int]]:
-    parts: list[list[int]] = [[] for _ in range(n_machines)]
-    for steps in taken:
-        for machine, edge in steps:
-            parts[machine].append(edge)
-    return parts
 
 
 def _along(graph: Graph, sequence: Sequence[str]) -> list[int]:
@@ -98,6 +95,9 @@ def _along(graph: Graph, sequence: Sequence[str]) -> list[int]:
     return found
 
 
+# Where two edges do not meet, the machine was reset or moved unseen, and nothing is toured across that place:
+#
+#   a -0-> b -1-> c   |   a -0-> b   |   -1 (unreachable)   |   c -2-> a        three walks: 0 1, 0 and 2
 def _cut(own: Walks, edges: NDArray[np.int64], graph: Graph) -> None:
     """Add the straight pieces of what a machine did: it may have jumped, or been where its graph does not reach."""
     if not len(edges):
@@ -109,7 +109,3 @@ def _cut(own: Walks, edges: NDArray[np.int64], graph: Graph) -> None:
         if piece[0] != UNREACHABLE:
             own.walks.append(piece.tolist())
             own.begins.append(number == 0 and graph.sources[piece[0]] == 0)
-
-
-def _transitions(subject: Subject) -> tuple[Transition, ...]:
-    return subject.machine.transitions if subject.machine is not None else ()

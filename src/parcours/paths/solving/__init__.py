@@ -5,13 +5,6 @@ from parcours.paths.solving.sequences import solve_sequence, solved_schedule
 from parcours.paths.solving.verdicts import Covered, Executability, Infeasible, Path, Undecided, Verdict
 
 __all__ = [
-    "Covered",
-    "Executability",
-    "Infeasible",
-    "Path",
-    "Undecided",
-    "Verdict",
-    "solve",
-    "solve_sequence",
+    "Covered", "Executability", "Infeasible", "Path", "Undecided", "Verdict", "solve", "solve_sequence",
     "solved_schedule",
-]
+]  # fmt: skip

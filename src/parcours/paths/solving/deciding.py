@@ -15,19 +15,9 @@ from parcours.model.structure import Cefsm, Component, Machine
 from parcours.paths.criteria import requirements
 from parcours.paths.criteria.requirement import Requirement
 from parcours.paths.graph import graph_of
-from parcours.paths.solving.exploring import Exploration, Explored
-from parcours.paths.solving.targets import Node, Targets
-from parcours.paths.solving.verdicts import (
-    BUDGET,
-    Covered,
-    Executability,
-    Infeasible,
-    Path,
-    Spent,
-    Undecided,
-    Work,
-    has_solver,
-)
+from parcours.paths.solving import verdicts
+from parcours.paths.solving.exploring import Exploration, Explored, Node, Targets
+from parcours.paths.solving.verdicts import BUDGET, Executability, Path, Spent, Work, has_solver
 from parcours.paths.spaces import part_of
 from parcours.paths.timing.clockwork import is_timed
 from parcours.paths.timing.events import events_of
@@ -59,15 +49,9 @@ Report = Callable[[str, int, int], None]
 
 
 def solve(
-    cefsm: Cefsm,
-    component: str,
-    machine: str,
-    wanted: str | Sequence[Requirement],
-    budget: float = BUDGET,
-    seed: int = 0,
-    complete: bool = True,
-    report: Report | None = None,
-) -> Executability:
+    cefsm: Cefsm, component: str, machine: str, wanted: str | Sequence[Requirement], budget: float = BUDGET,
+    seed: int = 0, complete: bool = True, report: Report | None = None,
+) -> Executability:  # fmt: skip
     """Return which requirements of one machine can be met, by few paths that run, and which cannot.
 
     The tester stands in at both ends of every channel that leaves the component. Paths found in the state space
@@ -75,17 +59,12 @@ def solve(
     said to be infeasible is so whatever they do.
 
     Args:
-        cefsm: the model.
-        component: the component.
-        machine: its machine.
         wanted: a coverage criterion, or requirements: states, sequences of transitions, du-paths.
         budget: most units of work (`Work`, some 1 ms each); what is not decided by then is undecided.
-        seed: of the solver's random choices.
         complete: whether paths go on to where a test may end, where they can.
         report: called as the work goes on.
 
-    Raises:
-        BadRequest: the component, the machine, the criterion or something a requirement names is unknown.
+    Raises BadRequest: the component, the machine, the criterion or something a requirement names is unknown.
     """
     owner, found = _owner(cefsm, component, machine)
     needs = requirements(found, wanted, variables=owner.variables) if isinstance(wanted, str) else wanted
@@ -133,16 +112,19 @@ class _Verifier:
         return Path(tuple(timely))
 
 
+# Each step may spend a share of what is left of the budget when it starts; what it does not need goes to the next.
+#
+#   state space   bounds of    conflicts,    longer    conflicts,     longer paths
+#   (no solver) > variables >  short look >  paths  >  long look  >   with all that is left
+#      60 %         20 %          30 %        50 %        50 %
+#
+# The state space comes first because what it finds has run already; proofs come before long searches because a search
+# for what is impossible ends only with its budget.
 class _Solving:
     def __init__(
-        self,
-        cefsm: Cefsm,
-        owner: Component,
-        machine: Machine,
-        needs: Sequence[Requirement],
-        budget: float,
+        self, cefsm: Cefsm, owner: Component, machine: Machine, needs: Sequence[Requirement], budget: float,
         report: Report | None,
-    ) -> None:
+    ) -> None:  # fmt: skip
         self.owner, self.machine, self.needs = owner, machine, tuple(dict.fromkeys(needs))
         self.work, self.report = Work(budget), report
         self.model = part_of(cefsm, owner.name)
@@ -202,7 +184,7 @@ class _Solving:
 
     def _unreached(self, explored: Explored) -> list[Requirement]:
         """Return what no run meets, where all that can happen was seen."""
-        reached = {need for run in explored.runs for need in self.targets.met(_ids(run))}
+        reached = {need for run in explored.runs for need in self.targets.met(Path(run).ids)}
         return [need for need in self.open if need not in reached] if not explored.doubt else []
 
     def _exclude(self, needs: Sequence[Requirement], proof: Callable[[Requirement], tuple[str, ...] | None]) -> None:
@@ -226,7 +208,8 @@ class _Solving:
                     longer = self._extended(root.beginning(ids), self._meets)
                 if complete and not self.verifier.ends(ids):
                     found = self._extended(root.beginning(ids), lambda node: node[0] in self.finals) or found
-                self._take(self.verifier.path(_moves(*found), in_time=True))
+                moves = [Move(id, "", chosen) for id, chosen in zip(*found, strict=True)]
+                self._take(self.verifier.path(moves, in_time=True))
         except Spent:
             return f"the budget of {self.work.budget:g} units was spent, {prefixes.checks} questions to the solver"
         if prefixes.doubt:
@@ -260,24 +243,16 @@ class _Solving:
     def _verdicts(self, reason: str) -> Executability:
         spent = round(self.work.spent)
         return Executability(
-            tuple(Covered(need, self.covered[need]) for need in self.needs if need in self.covered),
-            tuple(Infeasible(need, self.infeasible[need]) for need in self.needs if need in self.infeasible),
+            tuple(verdicts.Covered(need, self.covered[need]) for need in self.needs if need in self.covered),
+            tuple(verdicts.Infeasible(need, self.infeasible[need]) for need in self.needs if need in self.infeasible),
             tuple(
-                Undecided(need, reason or "a path to it did not run in time", spent)
+                verdicts.Undecided(need, reason or "a path to it did not run in time", spent)
                 for need in self.needs
                 if need not in self.covered and need not in self.infeasible
             ),
             tuple(dict.fromkeys(self.covered[need] for need in self.needs if need in self.covered)),
             spent,
         )
-
-
-def _ids(moves: Sequence[Move]) -> list[str]:
-    return [id for move in moves for id in (move.transition, move.partner) if id]
-
-
-def _moves(ids: Sequence[str], inputs: Sequence[Inputs]) -> tuple[Move, ...]:
-    return tuple(Move(id, "", chosen) for id, chosen in zip(ids, inputs, strict=True))
 
 
 def _owner(cefsm: Cefsm, component: str, machine: str) -> tuple[Component, Machine]:

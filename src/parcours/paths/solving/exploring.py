@@ -8,19 +8,121 @@ from __future__ import annotations
 
 import sys
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
-from parcours.errors import BadModel
+from parcours.errors import BadModel, BadRequest, one_of
 from parcours.model.choice import inexact
 from parcours.model.configuration import Move, Site
 from parcours.model.solutions import Question
-from parcours.model.structure import Cefsm
-from parcours.paths.criteria.requirement import Requirement
-from parcours.paths.graph import Came, way_to
-from parcours.paths.solving.targets import Node, Targets
+from parcours.model.structure import Cefsm, Machine, Transition
+from parcours.paths.automaton import Trie
+from parcours.paths.criteria.requirement import START, Requirement
+from parcours.paths.graph import Came, breadth_first, way_to
 from parcours.paths.solving.verdicts import Spent, Work
 from parcours.paths.spaces import ModelSpace, Place
+
+SEQUENCES = ("transitions", "du-path")
+"""The kinds of requirement that name transitions, one straight after the other."""
+
+Node = tuple[str, int]
+"""A state of the machine, and a node of the automaton."""
+
+
+class Targets:
+    """What a machine's runs are to visit: an automaton that knows which requirements a run has met.
+
+    It is that of Aho and Corasick (`parcours.paths.automaton`): its node is the longest part of a required sequence
+    that the run has just done.
+    """
+
+    def __init__(self, machine: Machine, requirements: Sequence[Requirement]) -> None:
+        self.machine, self.requirements = machine, tuple(dict.fromkeys(requirements))
+        self.transitions = {transition.id: transition for transition in machine.transitions}
+        self.number = {START: 0, **{id: place for place, id in enumerate(self.transitions, start=1)}}
+        self.leaving: dict[str, list[Transition]] = {}
+        for transition in machine.transitions:
+            self.leaving.setdefault(transition.source, []).append(transition)
+        self._joined: tuple[frozenset[str], list[Node], dict[Node, list[Node]]] | None = None
+        self._check()
+        sequences = [need for need in self.requirements if need.kind in SEQUENCES]
+        self._trie = Trie(len(self.number), [[self.number[id] for id in need.steps] for need in sequences])
+        done: dict[int, list[Requirement]] = {}
+        for need, end in zip(sequences, self._trie.ends, strict=True):
+            done.setdefault(end, []).append(need)
+        self._at_state = {need.steps[0]: need for need in self.requirements if need.kind == "state"}
+        self._at_node = [
+            [need for end in self._trie.endings(node) for need in done.get(end, ())]
+            for node in range(len(self._trie.last))
+        ]
+
+    def start(self) -> Node:
+        """Return where every run begins."""
+        return self.machine.initial, self._trie.after(0, self.number[START])
+
+    def after(self, node: Node, id: str) -> Node:
+        """Return the node after a transition, from the state where it leaves."""
+        return self.transitions[id].target, self._trie.after(node[1], self.number[id])
+
+    def at(self, node: Node) -> list[Requirement]:
+        """Return the requirements that a run meets by coming to a node."""
+        state = self._at_state.get(node[0])
+        return self._at_node[node[1]] if state is None else [*self._at_node[node[1]], state]
+
+    def met(self, ids: Iterable[str]) -> list[Requirement]:
+        """Return the requirements that a run meets, in their own order; other machines' transitions do not count."""
+        node = self.start()
+        found = set(self.at(node))
+        for id in ids:
+            if id in self.transitions:
+                node = self.after(node, id)
+                found.update(self.at(node))
+        return [need for need in self.requirements if need in found]
+
+    def distances(self, wanted: Callable[[Node], bool], ids: frozenset[str]) -> dict[Node, int]:
+        """Return for each node the fewest transitions, among `ids`, that come to a wanted one; guards aside."""
+        if self._joined is None or self._joined[0] != ids:
+            before: dict[Node, list[Node]] = {}
+
+            def onward(node: Node) -> Iterator[tuple[str, Node]]:
+                for transition in self.leaving.get(node[0], ()):
+                    if transition.id in ids:
+                        then = self.after(node, transition.id)
+                        before.setdefault(then, []).append(node)
+                        yield transition.id, then
+
+            self._joined = ids, list(breadth_first([self.start()], onward)), before
+        _, reached, before = self._joined
+        # Coming to a node counts, standing on it does not: the last transition is one.
+        found: dict[Node, int] = {}
+        near = [(source, 1) for node in reached if wanted(node) for source in before.get(node, ())]
+        for node, far in near:
+            if node not in found:
+                found[node] = far
+                near.extend((source, far + 1) for source in before.get(node, ()))
+        return found
+
+    def _check(self) -> None:
+        states = set(self.machine.states)
+        for need in self.requirements:
+            where = f"requirement '{need}'"
+            if need.kind != "state" and need.kind not in SEQUENCES:
+                rule = f"must name a state or a sequence of transitions, but is of kind {need.kind!r}"
+                remedy = "ask for a criterion over nodes, edges or paths, or for du-paths"
+                raise BadRequest(where, rule, remedy, slug="requirement-kind")
+            known = states if need.kind == "state" else self.transitions.keys()
+            named = [step for place, step in enumerate(need.steps) if place or step != START or need.kind == "state"]
+            for step in named:
+                if step not in known:
+                    rule = f"must name what machine {self.machine.name!r} has, but {step!r} is not there"
+                    raise BadRequest(where, rule, one_of(step, sorted(known)[:100]), slug="foreign-transition")
+            for first, second in pairwise(named if need.kind != "state" else ()):
+                into, out_of = self.transitions[first].target, self.transitions[second].source
+                if into != out_of:
+                    rule = f"{second!r} starts in {out_of!r}, but {first!r} ends in {into!r}"
+                    raise BadRequest(where, rule, "name every transition on the way", slug="broken-sequence")
+
 
 LOOK = 1 / 64
 """What it costs to come to a state that was expanded before, in units of work."""
@@ -44,6 +146,8 @@ class Explored:
     n_states: int
 
 
+# The search runs on pairs of a place (a configuration of the component) and a node of the targets' automaton: two runs
+# to one place differ if one has just done more of a required sequence. Places are expanded once, whatever their nodes.
 class Exploration:
     """The state space of a component as far as it was asked for.
 

@@ -13,7 +13,7 @@ from collections.abc import Iterator, Sequence
 
 import z3
 
-from parcours.model.expression import Assignment, Expression, Literal, names
+from parcours.model.expression import Assignment, Literal, names
 from parcours.model.expression.syntax import walk
 from parcours.model.scope import is_local
 from parcours.model.structure import Component, Machine, Transition
@@ -169,7 +169,9 @@ def bounds_of(ground: Ground, component: Component, work: Work, until: float) ->
 
 def _guesses(component: Component) -> set[Bound]:
     numbers = {0}
-    for expression in _expressions(component):
+    said = [each.guard for each in component.transitions() if each.guard is not None]
+    actions = (action for each in component.transitions() for action in each.actions)
+    for expression in (*said, *(action.value for action in actions if isinstance(action, Assignment))):
         numbers |= {node.value for node in walk(expression) if isinstance(node, Literal) and type(node.value) is int}
     found = set()
     for variable in component.variables:
@@ -178,13 +180,6 @@ def _guesses(component: Component) -> set[Bound]:
                 found |= {Bound(variable.name, "<=", number)} if variable.initial <= number else set()
                 found |= {Bound(variable.name, ">=", number)} if variable.initial >= number else set()
     return found
-
-
-def _expressions(component: Component) -> list[Expression]:
-    found = [each.guard for each in component.transitions() if each.guard is not None]
-    return found + [
-        action.value for each in component.transitions() for action in each.actions if isinstance(action, Assignment)
-    ]
 
 
 def _kept(ground: Ground, event: Event, alive: set[Bound], work: Work) -> set[Bound]:

@@ -181,7 +181,10 @@ class Reading:
             if name == message or not isinstance(node, Name):
                 declared = None
             if declared is not None and is_local(declared) and name not in self.unsteady:
-                return self._value(event, declared, level)
+                slot = (event.instance, event.component, declared.name)
+                if slot not in level.values:
+                    level.values[slot] = self._first(event, declared)
+                return level.values[slot]
             return self._open(event, node, type_, declared, level)
 
         def types_of(node: Expression) -> Type:
@@ -201,12 +204,6 @@ class Reading:
             self.add(before >= 0)
             return time_of(now) + before
         return time_of(now) - time_of(since) + rational(value)
-
-    def _value(self, event: Event, declared: Variable, level: Level) -> Value:
-        slot = (event.instance, event.component, declared.name)
-        if slot not in level.values:
-            level.values[slot] = self._first(event, declared)
-        return level.values[slot]
 
     def _first(self, event: Event, declared: Variable) -> Value:
         start = self.ground.initial(declared, exact=self.exact)

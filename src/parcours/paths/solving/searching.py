@@ -14,8 +14,8 @@ from collections.abc import Callable, Iterator
 
 from parcours.model.configuration import Inputs
 from parcours.model.structure import Component, Machine
+from parcours.paths.solving.exploring import Node, Targets
 from parcours.paths.solving.reading import Ground
-from parcours.paths.solving.targets import Node, Targets
 from parcours.paths.solving.terms import NoTerm
 from parcours.paths.solving.verdicts import Spent, Work
 from parcours.paths.solving.walk import Walk
@@ -63,8 +63,7 @@ class Prefixes:
     def runs(self, ids: Ids) -> bool:
         """Return whether a path can run, all but its last transition being known to; `key`, `inputs` are then its.
 
-        Raises:
-            Spent: the work allowed is done.
+        Raises Spent: the work allowed is done.
         """
         self._go(ids[:-1])
         if not ids:

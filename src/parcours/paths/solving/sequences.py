@@ -13,30 +13,23 @@ from parcours.paths.timing.schedules import Contradiction, Schedule, Unscheduled
 
 
 def solve_sequence(
-    cefsm: Cefsm,
-    transition_ids: Sequence[str],
-    instances: Sequence[int] = (),
-    sends: Sequence[int | None] = (),
-    budget: float = BUDGET,
-    seed: int = 0,
-) -> Verdict:
+    cefsm: Cefsm, transition_ids: Sequence[str], instances: Sequence[int] = (), sends: Sequence[int | None] = (),
+    budget: float = BUDGET, seed: int = 0,
+) -> Verdict:  # fmt: skip
     """Return values under which a sequence runs from the initial state, or why there are none.
 
     A message that one of the transitions sends arrives with the values it was sent with; what no transition of the
     sequence sends, the tester supplies.
 
     Args:
-        cefsm: the model.
         transition_ids: what is taken, in order, each machine from its initial state on. A rendezvous is its send
             followed by its receive.
         instances: for each transition which copy of its component takes it; empty if there is one of each.
         sends: for each transition the position, from 0, of the one whose message it takes, or None if the
             tester supplies it; empty for first in, first out on every channel inside the model.
         budget: most units of work (`Work`) for one question to the solver.
-        seed: of the solver's random choices.
 
-    Raises:
-        BadRequest: an id is unknown, a machine would go on from where it does not stand, or z3 is not installed.
+    Raises BadRequest: an id is unknown, a machine would go on from where it does not stand, or z3 is not installed.
     """
     events = events_of(cefsm, transition_ids, instances, sends)
     require_solver()
@@ -88,12 +81,9 @@ def _decided(cefsm: Cefsm, events: Sequence[Event], work: Work, seed: int) -> Pa
 
 
 def solved_schedule(
-    cefsm: Cefsm,
-    transition_ids: Sequence[str],
-    instances: Sequence[int] = (),
-    sends: Sequence[int | None] = (),
+    cefsm: Cefsm, transition_ids: Sequence[str], instances: Sequence[int] = (), sends: Sequence[int | None] = (),
     budget: float = BUDGET,
-) -> Schedule | Contradiction | Unscheduled:
+) -> Schedule | Contradiction | Unscheduled:  # fmt: skip
     """Return when each transition of a sequence can be taken, under values that the solver finds where it needs some.
 
     Args and errors are those of `schedule` and `solve_sequence`.

@@ -119,15 +119,9 @@ class Translator:
     """
 
     def __init__(
-        self,
-        types_of: Callable[[Expression], Type],
-        lookup: Lookup,
-        symbols: Symbols,
-        clocks: Mapping[str, object],
-        fresh: Callable[[], str],
-        *,
-        exact: bool,
-    ) -> None:
+        self, types_of: Callable[[Expression], Type], lookup: Lookup, symbols: Symbols, clocks: Mapping[str, object],
+        fresh: Callable[[], str], *, exact: bool,
+    ) -> None:  # fmt: skip
         self._types_of, self._lookup, self._symbols, self._clocks = types_of, lookup, symbols, clocks
         self._fresh, self._exact = fresh, exact
         self.sides: list[Value] = []

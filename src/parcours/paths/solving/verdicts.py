@@ -129,12 +129,8 @@ class Executability:
 def require_solver() -> None:
     """Raise BadRequest unless the solver z3 can be imported."""
     if not has_solver():
-        raise BadRequest(
-            "solver",
-            "z3 must be installed to solve guards, but it is not",
-            "install the extra: pip install 'parcours[solver]'",
-            slug="solver-missing",
-        )
+        rule = "z3 must be installed to solve guards, but it is not"
+        raise BadRequest("solver", rule, "install the extra: pip install 'parcours[solver]'", slug="solver-missing")
 
 
 def has_solver() -> bool:

@@ -30,20 +30,10 @@ class Walk:
     """A sequence of events taken symbolically, one longer by `push` and one shorter by `pop`."""
 
     def __init__(
-        self,
-        ground: Ground,
-        places: Sequence[Place],
-        *,
-        exact: bool = True,
-        explain: bool = False,
-        begin: Begin = "initial",
-        unsteady: frozenset[str] = frozenset(),
-        bounds: frozenset[Bound] = frozenset(),
-        taken: frozenset[tuple[int, str]] = frozenset(),
-        timed: bool = True,
-        seed: int = 0,
-        work: Work | None = None,
-    ) -> None:
+        self, ground: Ground, places: Sequence[Place], *, exact: bool = True, explain: bool = False,
+        begin: Begin = "initial", unsteady: frozenset[str] = frozenset(), bounds: frozenset[Bound] = frozenset(),
+        taken: frozenset[tuple[int, str]] = frozenset(), timed: bool = True, seed: int = 0, work: Work | None = None,
+    ) -> None:  # fmt: skip
         self.work = work or Work(inf)
         self.ground, self._places, self._explain, self._taken = ground, tuple(places), explain, taken
         self._timed = timed and ground.timed
@@ -54,6 +44,7 @@ class Walk:
         self._reading = Reading(ground, begin, exact, unsteady, bounds, self._solver.add, self._demand)
         self._why: dict[str, str] = {}
         self._levels = [Level({}, {})]
+        self._limit = 0
 
     def __len__(self) -> int:
         return len(self._levels) - 1
@@ -107,7 +98,10 @@ class Walk:
         if self.work.mark is None:
             self.work.mark = self._count()
         # The limit counts the solver's own steps (0 would be no limit); a time limit would depend on the machine.
-        self._solver.set("rlimit", int(min(max(1, units * SOLVER_STEPS), 2**32 - 1)))
+        limit = int(min(max(1, units * SOLVER_STEPS), 2**32 - 1))
+        if limit != self._limit:  # to set it takes as long as a small question
+            self._solver.set("rlimit", limit)
+            self._limit = limit
         answer = self._solver.check(*also)
         count = self._count()
         self.work.spent += 1 + (count - self.work.mark) // SOLVER_STEPS
@@ -115,7 +109,9 @@ class Walk:
         return None if answer == z3.unknown else bool(answer == z3.sat)
 
     def _count(self) -> int:
-        return int(self._solver.statistics().get_key_value("rlimit count"))
+        # From the back, where the count stands: looking it up by name reads some twenty names before it.
+        found = self._solver.statistics()
+        return next(int(found[at][1]) for at in reversed(range(len(found))) if found[at][0] == "rlimit count")
 
     def core(self) -> tuple[str, ...]:
         """Return what cannot hold together, after `check` said no; needs `explain`."""

@@ -71,8 +71,7 @@ class Clockwork:
     def advance(self, event: Event) -> Facts:
         """Let an event happen, and return what it says about its time and earlier ones.
 
-        Raises:
-            NoBound: a clock is set to something else than a number, 0 or more.
+        Raises NoBound: a clock is set to something else than a number, 0 or more.
         """
         transition, now, place = event.transition, event.number, event.place
         before = self._entered[place]

@@ -50,15 +50,13 @@ def events_of(
     """Return the events of a sequence over one machine or several, each from its initial state on.
 
     Args:
-        cefsm: the model.
         transition_ids: what is taken, in order. A rendezvous is its send followed by its receive.
         instances: for each transition which copy of its component takes it; empty if there is one of each.
         sends: for each transition the position, from 0, of the one whose message it takes, or None if the
             tester supplies it; empty for first in, first out on every channel inside the model.
 
-    Raises:
-        BadRequest: an id is unknown, a machine would go on from a state where it does not stand, or a receive
-            is said to take a message that was not sent before.
+    Raises BadRequest: an id is unknown, a machine would go on from a state where it does not stand, or a receive is
+    said to take a message that was not sent before.
     """
     owners = _owners(cefsm)
     channels = {channel.name: channel for channel in cefsm.channels}

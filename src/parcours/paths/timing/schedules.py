@@ -65,12 +65,9 @@ class Unscheduled:
 
 
 def schedule(
-    cefsm: Cefsm,
-    transition_ids: Sequence[str],
-    instances: Sequence[int] = (),
-    sends: Sequence[int | None] = (),
+    cefsm: Cefsm, transition_ids: Sequence[str], instances: Sequence[int] = (), sends: Sequence[int | None] = (),
     inputs: Sequence[Inputs] | None = None,
-) -> Schedule | Contradiction | Unscheduled:
+) -> Schedule | Contradiction | Unscheduled:  # fmt: skip
     """Return when each transition of a sequence can be taken.
 
     Guards over data alone are taken to hold (`parcours.paths.solving` decides that). Where clocks are compared
@@ -78,15 +75,13 @@ def schedule(
     hold in several ways is met in the first way that fits.
 
     Args:
-        cefsm: the model.
         transition_ids: what is taken, in order, from the initial state of each machine on.
         instances: for each transition which copy of its component takes it; empty if there is one of each.
         sends: for each transition the position of the one whose message it takes; empty for first in, first out.
         inputs: for each transition the values of what is open there.
 
-    Raises:
-        BadRequest: an id is unknown, a machine would go on from where it does not stand, or the inputs do not
-            make the sequence run.
+    Raises BadRequest: an id is unknown, a machine would go on from where it does not stand, or the inputs do not make
+    the sequence run.
     """
     events = events_of(cefsm, transition_ids, instances, sends)
     if not events:
@@ -95,12 +90,8 @@ def schedule(
     if inputs is not None:
         replayed = Replay(cefsm).run(events, inputs)
         if replayed.why_not:
-            raise BadRequest(
-                "inputs",
-                f"must make the sequence run, but {replayed.why_not}",
-                "let solved_schedule find some",
-                slug="inputs-fail",
-            )
+            rule = f"must make the sequence run, but {replayed.why_not}"
+            raise BadRequest("inputs", rule, "let solved_schedule find some", slug="inputs-fail")
         known = replayed.known
     try:
         clockwork, facts = Clockwork(cefsm, list(dict.fromkeys(event.place for event in events))), []

@@ -7,16 +7,6 @@ from parcours.paths.walking.walk import Phase, Step, Walk, phase
 from parcours.paths.walking.walkers import WALKERS, Ending, Planned
 
 __all__ = [
-    "WALKERS",
-    "Ending",
-    "GraphSpace",
-    "ModelSpace",
-    "Phase",
-    "Planned",
-    "Step",
-    "Walk",
-    "parse_condition",
-    "parse_generators",
-    "part_of",
-    "phase",
-]
+    "WALKERS", "Ending", "GraphSpace", "ModelSpace", "Phase", "Planned", "Step", "Walk", "parse_condition",
+    "parse_generators", "part_of", "phase",
+]  # fmt: skip

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Literal
 
 from parcours.paths.walking.tokens import TokenReader, quoted
 
@@ -24,86 +25,39 @@ UNITS = {"ms": 1e-3, "s": 1.0, "min": 60.0, "h": 3600.0}
 
 
 @dataclass(frozen=True, slots=True)
-class Covered:
-    """At least this share [%] of the requirements of a criterion is met."""
+class Condition:
+    """One condition, or several joined.
 
-    criterion: str
-    percent: float
+    Attributes:
+        kind: what is asked. Coverage, steps and restarts count from the start of the walk or of its phase; `never`
+            leaves the end to the host that drives the walk.
+        name: of the criterion, of the state reached or of the transition taken.
+        amount: the least share of the criterion [%], number of moves or fresh starts, or time that passed [s].
+        parts: what `and` and `or` join.
+    """
 
-    def __str__(self) -> str:
-        return f"{quoted(self.criterion)}>={_shown(self.percent)}%"
-
-
-@dataclass(frozen=True, slots=True)
-class Reached:
-    """The walk stood in this state since the condition is asked."""
-
-    state: str
-
-    def __str__(self) -> str:
-        return f"reached({quoted(self.state)})"
-
-
-@dataclass(frozen=True, slots=True)
-class Passed:
-    """The walk took this transition since the condition is asked."""
-
-    transition: str
+    kind: Literal["covered", "reached", "taken", "steps", "restarts", "elapsed", "never", "and", "or"]
+    name: str = ""
+    amount: float = 0.0
+    parts: tuple[Condition, ...] = ()
 
     def __str__(self) -> str:
-        return f"taken({quoted(self.transition)})"
-
-
-@dataclass(frozen=True, slots=True)
-class Counted:
-    """That many moves were made (steps), or fresh starts (restarts)."""
-
-    what: str
-    least: float
-
-    def __str__(self) -> str:
-        return f"{self.what}>={_shown(self.least)}"
-
-
-@dataclass(frozen=True, slots=True)
-class Elapsed:
-    """This much time has passed [s]."""
-
-    seconds: float
-
-    def __str__(self) -> str:
-        return f"{_shown(self.seconds)} s"
-
-
-@dataclass(frozen=True, slots=True)
-class Never:
-    """No end; the host that drives the walk ends it."""
-
-    def __str__(self) -> str:
-        return "never"
-
-
-@dataclass(frozen=True, slots=True)
-class Every:
-    """All of the parts hold."""
-
-    parts: tuple[Condition, ...]
-
-    def __str__(self) -> str:
-        return " and ".join(f"({part})" if isinstance(part, Some) else str(part) for part in self.parts)
-
-
-@dataclass(frozen=True, slots=True)
-class Some:
-    """One of the parts holds."""
-
-    parts: tuple[Condition, ...]
-
-    def __str__(self) -> str:
-        return " or ".join(map(str, self.parts))
-
-
-Condition = Covered | Reached | Passed | Counted | Elapsed | Never | Every | Some
+        short = f"{self.amount:g}"
+        amount = short if float(short) == self.amount else repr(self.amount)
+        match self.kind:
+            case "covered":
+                return f"{quoted(self.name)}>={amount}%"
+            case "reached" | "taken":
+                return f"{self.kind}({quoted(self.name)})"
+            case "steps" | "restarts":
+                return f"{self.kind}>={amount}"
+            case "elapsed":
+                return f"{amount} s"
+            case "and":
+                return " and ".join(f"({part})" if part.kind == "or" else str(part) for part in self.parts)
+            case "or":
+                return " or ".join(map(str, self.parts))
+        return self.kind
 
 
 def is_bounded(condition: Condition) -> bool:
@@ -112,24 +66,17 @@ def is_bounded(condition: Condition) -> bool:
     >>> is_bounded(parse_condition("edge>=100% or 30 s")), is_bounded(parse_condition("edge>=100% and 30 s"))
     (True, False)
     """
-    match condition:
-        case Counted(what, _):
-            return what == "steps"
-        case Elapsed():
-            return True
-        case Some(parts):
-            return any(map(is_bounded, parts))
-        case Every(parts):
-            return all(map(is_bounded, parts))
-        case _:
-            return False
+    match condition.kind:
+        case "or":
+            return any(map(is_bounded, condition.parts))
+        case "and":
+            return all(map(is_bounded, condition.parts))
+    return condition.kind in ("steps", "elapsed")
 
 
 def leaves(condition: Condition) -> tuple[Condition, ...]:
     """Return the conditions that are joined, in order."""
-    if isinstance(condition, Every | Some):
-        return tuple(leaf for part in condition.parts for leaf in leaves(part))
-    return (condition,)
+    return tuple(leaf for part in condition.parts for leaf in leaves(part)) if condition.parts else (condition,)
 
 
 def parse_condition(text: str) -> Condition:
@@ -138,11 +85,8 @@ def parse_condition(text: str) -> Condition:
     Args:
         text: in the language above; its own words in any case.
 
-    Raises:
-        BadRequest: the text is not in that language, too long, or nested too deep.
+    Raises BadRequest: the text is not in that language, too long, or nested too deep.
 
-    >>> parse_condition("edge>=100% or 30 s")
-    Some(parts=(Covered(criterion='edge', percent=100.0), Elapsed(seconds=30.0)))
     >>> str(parse_condition("(node >= 80% AND steps>=1e3) || reached(Planner.idle)"))
     'node>=80% and steps>=1000 or reached(Planner.idle)'
     """
@@ -155,59 +99,44 @@ def parse_condition(text: str) -> Condition:
 
 def joined(reader: TokenReader, leaf: Callable[[TokenReader], Condition], depth: int = 0) -> Condition:
     """Return what 'or', 'and' and parentheses make of the conditions that `leaf` reads."""
-    parts = [_both(reader, leaf, depth)]
-    while reader.take("or", "||"):
-        parts.append(_both(reader, leaf, depth))
-    return parts[0] if len(parts) == 1 else Some(tuple(parts))
 
+    def one() -> Condition:
+        if not reader.take("("):
+            return leaf(reader)
+        if depth >= MAX_DEPTH:
+            reader.fail(f"parentheses must be nested at most {MAX_DEPTH} deep")
+        inner = joined(reader, leaf, depth + 1)
+        reader.need(")", "what a '(' opens")
+        return inner
 
-def _both(reader: TokenReader, leaf: Callable[[TokenReader], Condition], depth: int) -> Condition:
-    parts = [_one(reader, leaf, depth)]
-    while reader.take("and", "&&"):
-        parts.append(_one(reader, leaf, depth))
-    return parts[0] if len(parts) == 1 else Every(tuple(parts))
+    def chain(kind: Literal["and", "or"], sign: str, part: Callable[[], Condition]) -> Condition:
+        parts = [part()]
+        while reader.take(kind, sign):
+            parts.append(part())
+        return parts[0] if len(parts) == 1 else Condition(kind, parts=tuple(parts))
 
-
-def _one(reader: TokenReader, leaf: Callable[[TokenReader], Condition], depth: int) -> Condition:
-    if not reader.take("("):
-        return leaf(reader)
-    if depth >= MAX_DEPTH:
-        reader.fail(f"parentheses must be nested at most {MAX_DEPTH} deep")
-    inner = joined(reader, leaf, depth + 1)
-    reader.need(")", "what a '(' opens")
-    return inner
+    return chain("or", "||", lambda: chain("and", "&&", one))
 
 
 def _leaf(reader: TokenReader) -> Condition:
     token = reader.here
     if token is not None and token.kind == "number":
-        return Elapsed(_time(reader))
+        amount, unit = reader.number(), reader.take(*UNITS)
+        if not unit:
+            reader.fail(f"a time must have a unit, {', '.join(UNITS)}")
+        return Condition("elapsed", amount=amount * UNITS[unit])
     word = reader.kind("word", "quoted")
     match word.lower():
         case "":
             return reader.fail("a condition must stand here")
         case "never":
-            return Never()
-        case "reached":
-            return Reached(reader.argument(word))
-        case "taken":
-            return Passed(reader.argument(word))
+            return Condition("never")
+        case "reached" | "taken" as kind:
+            return Condition(kind, reader.argument(word))
+        case "steps" | "restarts" as kind:
+            reader.need(">=", f"'{word}'")
+            return Condition(kind, amount=reader.number())
     reader.need(">=", f"'{word}'")
-    amount = reader.number()
-    if word.lower() in ("steps", "restarts"):
-        return Counted(word.lower(), amount)
+    share = reader.number()
     reader.need("%", "the share of a criterion")
-    return Covered(word, reader.percent(amount))
-
-
-def _time(reader: TokenReader) -> float:
-    amount = reader.number()
-    unit = reader.take(*UNITS)
-    if not unit:
-        reader.fail(f"a time must have a unit, {', '.join(UNITS)}")
-    return amount * UNITS[unit]
-
-
-def _shown(number: float) -> str:
-    short = f"{number:g}"
-    return short if float(short) == number else repr(number)
+    return Condition("covered", word, reader.percent(share))

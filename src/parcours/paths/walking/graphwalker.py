@@ -8,21 +8,12 @@ lower case, underscores and an ending `path` make no difference. What its models
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Literal
 
 from parcours.errors import BadRequest, one_of
 from parcours.model.structure import Machine
 from parcours.paths.covering import cover
-from parcours.paths.walking.conditions import (
-    Condition,
-    Counted,
-    Covered,
-    Elapsed,
-    Never,
-    Passed,
-    Reached,
-    joined,
-    leaves,
-)
+from parcours.paths.walking.conditions import Condition, joined, leaves
 from parcours.paths.walking.tokens import TokenReader
 from parcours.paths.walking.walk import Phase
 from parcours.paths.walking.walkers import Guided, Planned, Random, Walker, Weighted
@@ -45,16 +36,17 @@ GENERATORS = {
 TOURS = ("shortestallpaths", "newshortestallpaths", "directedchinesepostman", "newyorkstreetsweeper")
 """Those that take every edge on the shortest tour; a condition may be left out."""
 
-CONDITIONS = (
-    "edge_coverage",
-    "vertex_coverage",
-    "reached_vertex",
-    "reached_edge",
-    "time_duration",
-    "length",
-    "never",
-    "predefined_path",
-)
+TARGETS: dict[str, tuple[str, Literal["reached", "taken"]]] = {
+    "reachedvertex": ("reached_vertex", "reached"),
+    "reachededge": ("reached_edge", "taken"),
+}
+AMOUNTS: dict[str, tuple[str, Literal["covered", "elapsed", "steps"], str]] = {
+    "edgecoverage": ("edge_coverage", "covered", "edge"),
+    "vertexcoverage": ("vertex_coverage", "covered", "node"),
+    "timeduration": ("time_duration", "elapsed", ""),
+    "length": ("length", "steps", ""),
+}
+"""The conditions on a name and on a number: as GraphWalker writes them, and the kind and the criterion of ours."""
 
 UNKNOWN_HERE = {
     "requirementcoverage": "requirement tags",
@@ -72,9 +64,8 @@ def parse_generators(text: str, machines: Machines, predefined: Sequence[str] = 
         machines: the machines that walk (`ModelSpace.machines`).
         predefined: the ids of the transitions that `predefined_path` takes.
 
-    Raises:
-        BadRequest: the text is not in that language, names an unknown generator or condition, or asks for a
-            predefined path where none is given.
+    Raises BadRequest: the text is not in that language, names an unknown generator or condition, or asks for a
+    predefined path where none is given.
     """
     reader = TokenReader(text, "generator", "random(edge_coverage(100))")
     phases: list[Phase] = []
@@ -91,12 +82,12 @@ def _phase(reader: TokenReader, machines: Machines, predefined: Sequence[str]) -
     if short not in GENERATORS:
         rule = f"must be one of GraphWalker's, but is {name!r}"
         raise BadRequest("generator", rule, one_of(name, list(GENERATORS.values())), slug="unknown-generator")
-    until: Condition = Never()
+    until = Condition("never")
     if short not in TOURS or (reader.here is not None and reader.here.text == "("):
         reader.need("(", f"'{name}'")
         until = joined(reader, _leaf)
         reader.need(")", f"the condition of '{name}'")
-    if short == "astar" and not all(isinstance(leaf, Reached | Passed) for leaf in leaves(until)):
+    if short == "astar" and not all(leaf.kind in ("reached", "taken") for leaf in leaves(until)):
         reader.fail("'a_star' needs reached_vertex or reached_edge")
     return Phase(_walker(short, machines, predefined), until)
 
@@ -119,38 +110,27 @@ def _walker(short: str, machines: Machines, predefined: Sequence[str]) -> Walker
 def _leaf(reader: TokenReader) -> Condition:
     word = reader.kind("word")
     short = _short(word)
-    match short:
-        case "":
-            return reader.fail("a stop condition must stand here")
-        case "never" | "predefined":
-            if reader.take("("):
-                reader.need(")", "a '('")
-            return Never()
-        case "reachedvertex":
-            return Reached(reader.argument(word))
-        case "reachededge":
-            return Passed(reader.argument(word))
-        case "edgecoverage" | "vertexcoverage":
-            criterion = "edge" if short == "edgecoverage" else "node"
-            return Covered(criterion, reader.percent(_amount(reader, word)))
-        case "timeduration":
-            return Elapsed(_amount(reader, word))
-        case "length":
-            return Counted("steps", _amount(reader, word))
+    if not short:
+        reader.fail("a stop condition must stand here")
+    if short in ("never", "predefined"):
+        if reader.take("("):
+            reader.need(")", "a '('")
+        return Condition("never")
+    if short in TARGETS:
+        return Condition(TARGETS[short][1], reader.argument(word))
+    if short in AMOUNTS:
+        _, kind, criterion = AMOUNTS[short]
+        reader.need("(", f"'{word}'")
+        amount = reader.number()
+        reader.need(")", "the number")
+        return Condition(kind, criterion, reader.percent(amount) if kind == "covered" else amount)
     if short in UNKNOWN_HERE:
         rule = f"models of Parcours have no {UNKNOWN_HERE[short]}, but {word!r} asks for them"
-        raise BadRequest(
-            "generator", rule, "use edge_coverage, reached_vertex or reached_edge", slug="foreign-condition"
-        )
+        remedy = "use edge_coverage, reached_vertex or reached_edge"
+        raise BadRequest("generator", rule, remedy, slug="foreign-condition")
+    names = [written for written, *_ in (*AMOUNTS.values(), *TARGETS.values())] + ["never", "predefined_path"]
     rule = f"a stop condition must be one of GraphWalker's, but {word!r} is not"
-    raise BadRequest("generator", rule, one_of(word, CONDITIONS), slug="foreign-condition")
-
-
-def _amount(reader: TokenReader, word: str) -> float:
-    reader.need("(", f"'{word}'")
-    amount = reader.number()
-    reader.need(")", "the number")
-    return amount
+    raise BadRequest("generator", rule, one_of(word, names), slug="foreign-condition")
 
 
 def _short(name: str) -> str:

@@ -17,7 +17,7 @@ from parcours.paths.automaton import Trie
 from parcours.paths.criteria import requirements
 from parcours.paths.criteria.requirement import Requirement
 from parcours.paths.spaces import Taken
-from parcours.paths.walking.tokens import quoted
+from parcours.paths.walking.conditions import Condition
 
 Nodes = tuple[int, ...]
 """For each machine the node of its trie: the longest part of a wanted sequence that it has just done."""
@@ -84,8 +84,9 @@ class Tallies:
         self._machines = machines
         sequences: list[list[tuple[tuple[str, ...], Entry]]] = [[] for _ in machines]
         for name in dict.fromkeys(criteria):
-            needs = [(slot, need) for slot, labelled in enumerate(machines) for need in _required(labelled, name)]
-            tally = self.of[name] = Tally(name, tuple(need for _, need in needs), size=0)
+            needs = [(slot, need) for slot, (_, each) in enumerate(machines) for need in requirements(each, name)]
+            named = (replace(need, machine=machines[slot][0]) for slot, need in needs)
+            tally = self.of[name] = Tally(name, tuple(named), size=0)
             for place, (slot, need) in enumerate(needs):
                 if need.kind == "state":
                     self._by_state.setdefault((slot, need.steps[0]), []).append((tally, place))
@@ -97,23 +98,29 @@ class Tallies:
         self._tries = [_Matcher(machine, mine) for (_, machine), mine in zip(machines, sequences, strict=True)]
         self.nodes: Nodes = (0,) * len(machines)
 
-    def aim(self, states: Iterable[str], transitions: Iterable[str]) -> None:
-        """Replace the targets: states, also as machine.state or component.machine.state, and transitions.
+    def aim(self, targets: Iterable[Condition]) -> None:
+        """Replace the targets: states reached, also as machine.state or component.machine.state, and transitions taken.
 
-        Raises:
-            BadRequest: no machine that walks has such a state or transition.
+        Raises BadRequest: no machine that walks has such a state or transition.
         """
         for entries in [*self._by_state.values(), *self._by_id.values()]:
             entries[:] = [entry for entry in entries if entry[0] not in self.targets]
         self.targets = []
-        for name in states:
-            found = [key for key in self._stands() if name in self._spelled(*key)]
-            self._target(
-                f"reached({quoted(name)})", "state", name, [self._by_state.setdefault(key, []) for key in found]
-            )
-        for name in transitions:
-            lists = [self._by_id.setdefault(name, [])] if name in self.counts else []
-            self._target(f"taken({quoted(name)})", "transition", name, lists)
+        for target in targets:
+            if target.kind == "reached":
+                stands = [(slot, state) for slot, (_, each) in enumerate(self._machines) for state in each.states]
+                found = [key for key in stands if target.name in self._spelled(*key)]
+                lists = [self._by_state.setdefault(key, []) for key in found]
+            else:
+                lists = [self._by_id.setdefault(target.name, [])] if target.name in self.counts else []
+            if not lists:
+                what = "state" if target.kind == "reached" else "transition"
+                rule = f"must name a {what} of a machine that walks, but {target.name!r} is not one"
+                raise BadRequest(f"stop condition {str(target)!r}", rule, slug="unknown-target")
+            tally = Tally(str(target))
+            self.targets.append(tally)
+            for entries in lists:
+                entries.append((tally, 0))
 
     @property
     def is_wanting(self) -> bool:
@@ -151,21 +158,9 @@ class Tallies:
             wanted = wanted or new or any(map(_is_wanted, entries))
         return tuple(after), wanted
 
-    def _stands(self) -> list[tuple[int, str]]:
-        return [(slot, state) for slot, (_, machine) in enumerate(self._machines) for state in machine.states]
-
     def _spelled(self, slot: int, state: str) -> tuple[str, ...]:
         label, machine = self._machines[slot]
         return state, f"{machine.name}.{state}", f"{label.partition('.')[0]}.{state}", f"{label}.{state}"
-
-    def _target(self, written: str, what: str, name: str, lists: list[list[Entry]]) -> None:
-        if not lists:
-            rule = f"must name a {what} of a machine that walks, but {name!r} is not one"
-            raise BadRequest(f"stop condition {written!r}", rule, slug="unknown-target")
-        tally = Tally(written)
-        self.targets.append(tally)
-        for entries in lists:
-            entries.append((tally, 0))
 
 
 class _Matcher:
@@ -214,8 +209,3 @@ def _settle(entries: Iterable[Entry]) -> None:
 def _is_wanted(entry: Entry) -> bool:
     tally, place = entry
     return tally.met < tally.goal and not tally.flags[place]
-
-
-def _required(labelled: tuple[str, Machine], criterion: str) -> Iterable[Requirement]:
-    label, machine = labelled
-    return (replace(need, machine=label) for need in requirements(machine, criterion))

@@ -12,19 +12,7 @@ import numpy as np
 from parcours.errors import require_known
 from parcours.model.configuration import Configuration, Move
 from parcours.paths.spaces import ModelSpace
-from parcours.paths.walking.conditions import (
-    Condition,
-    Counted,
-    Covered,
-    Elapsed,
-    Every,
-    Passed,
-    Reached,
-    Some,
-    is_bounded,
-    leaves,
-    parse_condition,
-)
+from parcours.paths.walking.conditions import Condition, is_bounded, leaves, parse_condition
 from parcours.paths.walking.tallies import Tallies
 from parcours.paths.walking.walkers import WALKERS, Chance, Ending, View, Walker
 
@@ -94,23 +82,16 @@ class Walk:
         restarts: how often the walk started again.
         ended: why the walk ended; None while it goes on.
 
-    Raises:
-        BadRequest: a condition names no criterion, state or transition of the space.
+    Raises BadRequest: a condition names no criterion, state or transition of the space.
     """
 
     def __init__(
-        self,
-        space: ModelSpace,
-        phases: Sequence[Phase],
-        generator: np.random.Generator,
-        *,
-        at_dead_end: AtDeadEnd = "restart",
-        budget: float = BUDGET,
-        clock: Clock = time.monotonic,
+        self, space: ModelSpace, phases: Sequence[Phase], generator: np.random.Generator, *,
+        at_dead_end: AtDeadEnd = "restart", budget: float = BUDGET, clock: Clock = time.monotonic,
         criteria: Sequence[str] = ("node", "edge"),
-    ) -> None:
+    ) -> None:  # fmt: skip
         require_known(at_dead_end, AT_DEAD_END, "dead end", slug="unknown-dead-end")
-        named = [leaf.criterion for each in phases for leaf in leaves(each.until) if isinstance(leaf, Covered)]
+        named = [leaf.name for each in phases for leaf in leaves(each.until) if leaf.kind == "covered"]
         self.tallies = Tallies(space.machines, [*criteria, *named])
         for each in phases:
             self._aim(each)
@@ -138,7 +119,7 @@ class Walk:
         self.tallies.stand(self._here.configuration.states)
         holds = _compiled(phase.until, self.tallies, spent, self._clock)
         deadline = None if is_bounded(phase.until) else spent.began + self._budget
-        is_asked = any(isinstance(leaf, Covered | Reached | Passed) for leaf in leaves(phase.until))
+        is_asked = any(leaf.kind in ("covered", "reached", "taken") for leaf in leaves(phase.until))
         tallies, view = self.tallies, replace(self._view, is_asked=is_asked)
         fresh = False
         while not holds():
@@ -170,14 +151,13 @@ class Walk:
     def _aim(self, phase: Phase) -> None:
         """Set the targets and goals of a phase: what its condition wants; all edges if it wants nothing."""
         asked = leaves(phase.until)
-        states = [leaf.state for leaf in asked if isinstance(leaf, Reached)]
-        self.tallies.aim(states, [leaf.transition for leaf in asked if isinstance(leaf, Passed)])
+        self.tallies.aim(leaf for leaf in asked if leaf.kind in ("reached", "taken"))
         for tally in self.tallies.of.values():
             tally.goal = 0
         for leaf in asked:
-            if isinstance(leaf, Covered):
-                tally = self.tallies.of[leaf.criterion]
-                tally.goal = max(tally.goal, tally.least(leaf.percent))
+            if leaf.kind == "covered":
+                tally = self.tallies.of[leaf.name]
+                tally.goal = max(tally.goal, tally.least(leaf.amount))
         for tally in self.tallies.targets:
             tally.goal = 1
         if not self.tallies.targets and not any(tally.goal for tally in self.tallies.of.values()):
@@ -192,8 +172,7 @@ def phase(walker: str, until: str) -> Phase:
         walker: a name in `parcours.paths.walking.walkers.WALKERS`.
         until: a stop condition (`parcours.paths.walking.conditions`).
 
-    Raises:
-        BadRequest: no walker has that name, or the condition is not in the language.
+    Raises BadRequest: no walker has that name, or the condition is not in the language.
     """
     require_known(walker, list(WALKERS), "walker", slug="unknown-walker")
     return Phase(WALKERS[walker](), parse_condition(until))
@@ -201,25 +180,24 @@ def phase(walker: str, until: str) -> Phase:
 
 def _compiled(condition: Condition, tallies: Tallies, spent: Odometer, clock: Clock) -> Question:
     """Return the question whether the condition holds now, answered from counters."""
-    match condition:
-        case Some(parts) | Every(parts):
-            join, asked = (
-                any if isinstance(condition, Some) else all,
-                [_compiled(p, tallies, spent, clock) for p in parts],
-            )
+    least = condition.amount
+    match condition.kind:
+        case "and" | "or" as kind:
+            join = any if kind == "or" else all
+            asked = [_compiled(part, tallies, spent, clock) for part in condition.parts]
             return lambda: join(each() for each in asked)
-        case Covered(criterion, percent):
-            tally = tallies.of[criterion]
-            enough = tally.least(percent)
+        case "covered":
+            tally = tallies.of[condition.name]
+            enough = tally.least(least)
             return lambda: tally.met >= enough
-        case Reached() | Passed():
+        case "reached" | "taken":
             target = next(each for each in tallies.targets if each.name == str(condition))
             return lambda: target.met >= 1
-        case Counted("steps", least):
+        case "steps":
             return lambda: spent.steps >= least
-        case Counted(_, least):
+        case "restarts":
             return lambda: spent.restarts >= least
-        case Elapsed(seconds):
-            return lambda: clock() - spent.began >= seconds
-        case _:
+        case "elapsed":
+            return lambda: clock() - spent.began >= least
+        case "never":
             return lambda: False
