@@ -177,8 +177,7 @@ class StudyReader(QuantityReader):
 
         The file is parsed, not run.
         """
-        from parcours.study.loading import file_of, is_target
-        from parcours.study.sources import absent_in
+        from parcours.study.loading import absent_in, file_of, is_target
 
         text = self.text(node, what)
         if not is_target(text):

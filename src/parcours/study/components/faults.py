@@ -24,9 +24,8 @@ from parcours.study.components.messages import Messages
 from parcours.study.components.running import functional_here
 from parcours.study.components.systems import System
 from parcours.study.components.tester import Wrapped
-from parcours.study.faults import FaultReport, FaultRequest
 from parcours.study.parameters import Settings
-from parcours.study.protocol import Progress
+from parcours.study.protocol import FaultReport, FaultRequest, Progress
 from parcours.suite import Case
 from parcours.verdict.judgement import Judgement, Verdict
 
