@@ -196,7 +196,7 @@ class CampaignStudy:
                     return f"its trace raised {words_of(error, caller.file)}"
 
         [(_, answer)] = run_apart([case.id], work, self.patience)
-        return answer.result if isinstance(answer, Done) else answer.why
+        return answer.result if isinstance(answer, Done) else answer
 
     def run(self, request: Request, progress: Progress) -> Run:
         """Simulate the cases that are missing in a folder."""

@@ -131,7 +131,7 @@ def _judged(
         return functional_here(faulty, by_id[id], settings).judgement, system.struck
 
     for _, answer in run_apart(list(by_id), work, study.patience):
-        yield answer.result if isinstance(answer, Done) else (Judgement(Verdict.FAIL, answer.why), True)
+        yield answer.result if isinstance(answer, Done) else (Judgement(Verdict.FAIL, answer), True)
 
 
 class _Striking:
