@@ -35,9 +35,9 @@ def command(
     from parcours.report.terminal import print_table
     from parcours.report.writing import write_text
     from parcours.run.atomic import require_writable
-    from parcours.study.faults import FaultRequest, Strikeable
     from parcours.study.finding import find
     from parcours.study.parameters import pairs_of, settings_of
+    from parcours.study.protocol import FaultRequest, Strikeable
 
     found = find(study)
     if not isinstance(found, Strikeable):

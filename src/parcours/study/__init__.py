@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from parcours.study.parameters import Parameter, Settings
     from parcours.study.protocol import Judged, Measure, Reported, Request, Results, Run, Study
 
-# Name -> the module that has it: a component that only says what it `took` loads none of them
 # Name -> the module that has it, loaded on demand: a component that only says what it `took` loads none of them.
 _ROOMS = {
     "CampaignStudy": "campaign.study", "ComponentStudy": "components.study", "Fact": "campaign.rules",

@@ -5,9 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal, TypeAlias, get_args
+from typing import TYPE_CHECKING, Literal, TypeAlias, get_args
 
 from parcours.errors import BadRequest, one_of
+
+if TYPE_CHECKING:
+    from parcours.data import Domain, InputModel
+    from parcours.suite import Case
 
 Scalar: TypeAlias = bool | int | float | str
 Settings: TypeAlias = Mapping[str, Scalar]  # A value for every parameter of a study, by name
@@ -138,3 +142,19 @@ def workers_parameter() -> Parameter:
     return Parameter(
         "workers", "int", cores, "processes; one a processor if not given", low=1, high=1024, decides=False
     )
+
+
+def natural(domain: Domain, value: float) -> Scalar:
+    """Return a drawn value as people write it: a whole number, a name of an enumeration, or a number."""
+    if domain.kind == "enumeration":
+        return domain.values[int(value)]
+    return int(value) if domain.kind == "integer" else float(value)
+
+
+def natural_values(inputs: InputModel, case: Case) -> dict[str, Scalar]:
+    """Return the test inputs of a case by name, each as its domain means it."""
+    domains = {domain.name: domain for domain in inputs.domains}
+    return {
+        name: natural(domains[name], value) if name in domains else value
+        for name, value in zip(case.names, case.values, strict=True)
+    }

@@ -11,7 +11,7 @@ import textwrap
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal, Protocol
+from typing import Literal, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -216,3 +216,34 @@ class Described:
     name: str
     package: str
     target: str = field(repr=False)
+
+
+@dataclass(frozen=True, slots=True)
+class FaultRequest:
+    """What `parcours faults STUDY` asks."""
+
+    settings: Settings  # a value for each parameter of the study
+    given: frozenset[str]  # names of the parameters that the user set
+    seed: int  # campaign seed
+    cases: int  # how many cases a fault
+    only: str  # faults whose line contains this
+    workers: int  # processes
+    listed: bool = False  # only list the catalogue
+
+
+@dataclass(frozen=True, slots=True)
+class FaultReport:
+    """What became of the faults: the catalogue as lines, tables, a page, JSON values."""
+
+    catalogue: Sequence[str]
+    tables: Sequence[Table] = ()
+    page: Page | None = None
+    document: Mapping[str, object] = field(default_factory=dict)
+
+
+@runtime_checkable
+class Strikeable(Protocol):
+    """A study that can be put under faults."""
+
+    def faults(self, request: FaultRequest, progress: Progress) -> FaultReport:
+        """Strike, one fault at a time, and say what became of the cases."""

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from importlib.metadata import entry_points
 from pathlib import Path
+from typing import Any, Literal
 
 from parcours.errors import BadRequest, ParcoursError
 from parcours.model.documents import MAX_BYTES, Node, Scalar, read_document
@@ -28,9 +30,15 @@ _OPTIONS = (
     "junit", "n_cases", "out", "record", "repeats", "seed", "set", "study", "workers",
 )  # fmt: skip
 
-_PARAMETER = ("type", "default", "unit", "range", "choices", "doc")
 
-Nodes = Mapping[str, Node]
+@dataclass(frozen=True, slots=True)
+class Key:
+    """A key of a study.yaml whose value stands alone: nothing else in the file decides whether it is right."""
+
+    field: str  # of the study that gets the value
+    kind: Literal["word", "time", "count"]
+    absent: Any = None  # the value where the key is missing
+    words: tuple[str, ...] = ()  # those allowed, of kind `word`
 
 
 def read_study(path: Path) -> Study:
@@ -104,7 +112,23 @@ class StudyReader(QuantityReader):
         """Return the values of the study's keys; those that all kinds share are among them."""
         return self.record(root, "a study", ("parcours", "name", *required), (*_COMMON, *optional))
 
-    def name(self, top: Nodes) -> str:
+    def described(
+        self, root: Node, required: tuple[str, ...], keys: Mapping[str, Key], optional: tuple[str, ...]
+    ) -> tuple[dict[str, Node], dict[str, Any]]:
+        """Return the nodes of a study's keys, and what its fields get: from what all kinds share and from `keys`."""
+        top = self.keys(root, required, (*keys, *optional))
+        own = tuple(self._parameter(name, node) for name, node, _ in self.entries(top.get("parameters"), "parameters"))
+        fields: dict[str, Any] = {"name": self.name(top), "own": own, "doc": self.text(top.get("doc"), "doc"),
+                                  "where": str(self.path), "digests": self.digests}  # fmt: skip
+        for name, key in keys.items():
+            node = top.get(name)
+            if key.kind == "word":
+                fields[key.field] = self.named(node, name, key.words, key.absent)
+            else:
+                fields[key.field] = (self.duration if key.kind == "time" else self.count)(node, name, key.absent)
+        return top, fields
+
+    def name(self, top: Mapping[str, Node]) -> str:
         """Return the study's name, which begins the ids of its cases."""
         from parcours.suite.cases import is_part
 
@@ -114,11 +138,7 @@ class StudyReader(QuantityReader):
             self.add(top["name"], "case-id", rule)
         return name
 
-    def parameters(self, top: Nodes) -> tuple[Parameter, ...]:
-        """Return the study's own parameters."""
-        return tuple(self._parameter(name, node) for name, node, _ in self.entries(top.get("parameters"), "parameters"))
-
-    def settings(self, top: Nodes, known: Mapping[str, Parameter]) -> dict[str, object]:
+    def settings(self, top: Mapping[str, Node], known: Mapping[str, Parameter]) -> dict[str, object]:
         """Return what stands under `settings`: other defaults of known parameters, by name."""
         found: dict[str, object] = {}
         for name, node, line in self.entries(top.get("settings"), "settings"):
@@ -126,12 +146,10 @@ class StudyReader(QuantityReader):
                 rule, remedy = f"settings: there is no parameter {name!r}", advice(name, list(known), self.findings)
                 self.findings.append(Finding(self.origin, line, "error", "parameter-unknown", rule, remedy))
                 continue
-            try:
+            with self.noting(node, f"settings, {name}"):
                 if not isinstance(node, Scalar):
                     raise BadRequest(name, f"must be a single value, but is {shown(node)}", slug="parameter-kind")
                 found[name] = known[name].read(node.text if known[name].kind == "text" else constant(node))
-            except BadRequest as error:
-                self.add(node, error.slug, f"settings, {name}: {error.rule}", error.remedy)
         return found
 
     def file(self, node: Node | None, what: str, absent: str = "") -> Path | None:
@@ -159,8 +177,7 @@ class StudyReader(QuantityReader):
 
         The file is parsed, not run.
         """
-        from parcours.study.loading import file_of, is_target
-        from parcours.study.sources import absent_in
+        from parcours.study.loading import absent_in, file_of, is_target
 
         text = self.text(node, what)
         if not is_target(text):
@@ -177,21 +194,12 @@ class StudyReader(QuantityReader):
         return text
 
     def formulas(
-        self, node: Node | None, what: str, fields: Callable[[str], tuple[str, ...] | None], known: tuple[str, ...],
-        owner: str,
-    ) -> dict[str, dict[str, Expression]]:  # fmt: skip
+        self, node: Node | None, what: str, fields: Mapping[str, tuple[str, ...]], known: tuple[str, ...], owner: str
+    ) -> dict[str, dict[str, Expression]]:
         """Return formulas by owner and field."""
         found: dict[str, dict[str, Expression]] = {}
-        for name, inner, line in self.entries(node, what, self.label):
-            allowed = fields(name)
-            if allowed is None:
-                rule = f"{what}: there is no {owner} {brief(name)}"
-                self.findings.append(Finding(self.origin, line, "error", "study-name", rule))
-                continue
-            for part, value, at in self.entries(inner, f"{what} of {name}", self.label):
-                if part not in allowed:
-                    self.unknown(at, part, f"{what} of {name}: it has no {brief(part)}", allowed)
-                    continue
+        for name, inner in self.known_entries(node, what, fields, f"there is no {owner} {{}}"):
+            for part, value in self.known_entries(inner, f"{what} of {name}", fields[name], "it has no {}"):
                 formula = self.formula(value, f"{what} of {name}, {part}", known)
                 if formula is not None:
                     found.setdefault(name, {})[part] = formula
@@ -199,15 +207,33 @@ class StudyReader(QuantityReader):
 
     def formula(self, node: Node, what: str, known: tuple[str, ...]) -> Expression | None:
         """Return a formula that reads known names only."""
-        from parcours.model.expression import Literal
-
-        nothing: Expression = Literal(False)
-        formula = self.parsed(node, what, parse_expression, nothing)
-        for name in sorted(names(formula) - set(known)):
+        formula = self.parsed(node, what, parse_expression, None)
+        for name in sorted(names(formula) - set(known)) if formula is not None else ():
             rule = f"{what}: a formula reads test inputs and parameters, but there is no {brief(name)}"
             self.unknown(node.line, name, rule, known)
             return None
         return formula
+
+    def known_entries(
+        self, node: Node | None, what: str, known: Collection[str], rule: str, name: bool = False
+    ) -> Iterator[tuple[str, Node]]:
+        """Yield each entry of a mapping whose name is known; `rule` says of another, {}, that it is not.
+
+        Names are labels, or identifiers if `name`.
+        """
+        for given, value, line in self.entries(node, what, None if name else self.label):
+            if given in known:
+                yield given, value
+            else:
+                self.unknown(line, given, f"{what}: {rule.format(brief(given))}", list(known))
+
+    @contextlib.contextmanager
+    def noting(self, node: Node | None, what: str, kind: type[ParcoursError] = BadRequest) -> Iterator[None]:
+        """Note an error of a kind that is raised meanwhile, at the node's line."""
+        try:
+            yield
+        except kind as error:
+            self.add(node, error.slug, f"{what}: {error.rule}", error.remedy)
 
     def unknown(self, line: int, name: str, rule: str, known: Sequence[str]) -> None:
         """Note that a name is not known."""
@@ -226,8 +252,7 @@ class StudyReader(QuantityReader):
         """Note what is wrong with another file, at the line that the error names."""
         where, _, line = error.where.rpartition(":")
         at = int(line) if line.isdecimal() else 0
-        found = Finding(where if at else error.where, at, "error", error.slug, error.rule, error.remedy)
-        self.findings.append(found)
+        self.findings.append(Finding(where if at else error.where, at, "error", error.slug, error.rule, error.remedy))
 
     def count(self, node: Node | None, what: str, absent: int | None) -> int | None:
         """Return a whole number of at least 1."""
@@ -237,16 +262,16 @@ class StudyReader(QuantityReader):
         what = f"parameter {name}"
         if name in _OPTIONS:
             self.add(node, "study-double", f"{what}: --{name.replace('_', '-')} is an option already", "rename it")
-        entries = self.record(node, what, ("default",), _PARAMETER[:1] + _PARAMETER[2:])
+        entries = self.record(node, what, ("default",), ("type", "unit", "range", "choices", "doc"))
         kind = self.one_of(entries.get("type"), f"type of {what}", KINDS, "real")
         limits = self.listed(entries.get("range"), f"range of {what}")
         ends = [self.signed(one, f"range of {what}") for one in limits]
         if limits and len(ends) != 2:
             self.add(entries["range"], "value", f"range of {what} must be [least, greatest], but has {len(ends)} items")
-        low, high = ends if len(ends) == 2 else (None, None)
-        if low is not None and high is not None and low > high:
-            self.add(entries["range"], "value", f"range of {what} must be [least, greatest], but {low:g} > {high:g}")
-            low = high = None
+        low, high = ends if len(ends) == 2 and ends[0] <= ends[1] else (None, None)
+        if len(ends) == 2 and low is None:
+            rule = f"range of {what} must be [least, greatest], but {ends[0]:g} > {ends[1]:g}"
+            self.add(entries["range"], "value", rule)
         parameter = Parameter(
             name, kind, False, self.text(entries.get("doc"), f"doc of {what}"),  # type: ignore[arg-type]
             self.text(entries.get("unit"), f"unit of {what}", "1"), low, high,

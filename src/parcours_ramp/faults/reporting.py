@@ -7,8 +7,7 @@ from collections.abc import Sequence
 from dataclasses import asdict
 
 from parcours.report.pieces import Cell, Column, Finding, Findings, Marked, Page, Section, Table, Tone
-from parcours.study.faults import FaultReport, FaultRequest
-from parcours.study.protocol import Progress
+from parcours.study.protocol import FaultReport, FaultRequest, Progress
 from parcours_navigation.facts import NEVER
 from parcours_ramp.faults.catalogue import chosen
 from parcours_ramp.faults.judging import Outcome

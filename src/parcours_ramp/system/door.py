@@ -8,8 +8,8 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 from parcours.errors import BadRequest
+from parcours.study import protocol
 from parcours.study.campaign.running import run_numbered
-from parcours.study.faults import FaultReport, FaultRequest
 from parcours.study.hosting import HOSTS
 from parcours.study.parameters import Parameter, Settings, workers_parameter
 from parcours.study.protocol import Finding, Judged, Progress, Rejudged, Reported, Request, Results, Run
@@ -133,7 +133,7 @@ class RampSystem:
 
         return rejudge(recording)
 
-    def faults(self, request: FaultRequest, progress: Progress) -> FaultReport:
+    def faults(self, request: protocol.FaultRequest, progress: Progress) -> protocol.FaultReport:
         """Strike RAMP's channels and components; under both schedules if none is named."""
         from parcours_ramp.faults.reporting import strike
 

@@ -11,7 +11,7 @@ import sys
 import threading
 import traceback
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, NoReturn, Self
+from typing import TYPE_CHECKING, Self
 
 import msgspec
 import numpy as np
@@ -21,7 +21,7 @@ from parcours.run import heartbeat as heartbeat
 from parcours.streams import starts
 from parcours.study.campaign.results import Trace
 from parcours.study.campaign.rules import Fact, Fault
-from parcours.study.components.process import Process, command_of, keep, quoted, take_kept
+from parcours.study.components.process import Process, begun, command_of, keep, quoted, take_kept
 from parcours.study.components.systems import ProgramPart
 from parcours.study.loading import file_of, load
 from parcours.study.parameters import Scalar, Settings
@@ -152,26 +152,18 @@ class ProgramCaller:
             "values": self._study.natural(case.values),
             "parameters": {one.name: self._settings.get(one.name, one.default) for one in self._study.own},
         }  # fmt: skip
-        kept = take_kept(self._key)
-        try:
-            return self._answer(kept or self._started(), content)
-        except HostFailure as error:
-            if kept is None or error.slug != "program-ended" or kept.status != 0:
-                self._blame(error)
-        try:
-            return self._answer(self._started(), content)
-        except HostFailure as error:
-            self._blame(error)
 
-    def _started(self) -> Process:
-        return Process(self._command, self._part, self._study.name, self._study.patience)
+        def started() -> Process:
+            return Process(self._command, self._part, self._study.name, self._study.patience)
 
-    def _blame(self, error: HostFailure) -> NoReturn:
-        if error.slug == "program-missing":
-            raise error
-        faults = {"program-silent": (Fault.HUNG, "hung"), "program-ended": (Fault.DIED, "died")}
-        fault, what = faults.get(error.slug, (Fault.BAD_FACTS, "bad facts"))
-        raise Faulty(fault, f"{what}: {error.rule}") from error
+        try:
+            return begun(take_kept(self._key), started, lambda process, is_new: self._answer(process, content))
+        except HostFailure as error:
+            if error.slug == "program-missing":
+                raise
+            faults = {"program-silent": (Fault.HUNG, "hung"), "program-ended": (Fault.DIED, "died")}
+            fault, what = faults.get(error.slug, (Fault.BAD_FACTS, "bad facts"))
+            raise Faulty(fault, f"{what}: {error.rule}") from error
 
     def _answer(self, process: Process, content: Mapping[str, object]) -> object:
         process.forget_words()

@@ -18,18 +18,23 @@ from parcours.model.expression import Type, evaluate, names
 from parcours.model.finding import Finding as Complaint
 from parcours.model.finding import advice
 from parcours.model.nodes import brief
-from parcours.study.campaign.rules import GIVEN, KINDS, Fact, Fault, Rows, Rule, Worse, clashes, types_of
+from parcours.study.campaign.rules import GIVEN, KINDS, Fact, Fault, Rows, Rule, clashes, types_of
 from parcours.study.campaign.study import PATIENCE, CampaignStudy
 from parcours.study.components.components_file import inputs_of, program_part
 from parcours.study.loading import file_of
 from parcours.study.parameters import Settings, settings_of
 from parcours.study.protocol import Finding, Progress, Study
+from parcours.study.study_file import Key, StudyReader
 
 if TYPE_CHECKING:
     from parcours.study.components.systems import ProgramPart
-    from parcours.study.study_file import StudyReader
 
-_OPTIONAL = ("data", "combine", "inconclusive", "measures", "trace", "cases", "patience", "constants")
+KEYS = {
+    "combine": Key("criterion", "word", "each_choice", tuple(CRITERIA)),
+    "cases": Key("n_cases", "count"),
+    "patience": Key("patience", "time", PATIENCE),
+}
+_OPTIONAL = ("data", "inconclusive", "measures", "trace", "constants")
 _TRIED = 20  # cases that the battery runs
 _SEED = 1
 _SLOW = 0.5  # A case that takes this share of the patience is close to being an error
@@ -37,51 +42,46 @@ _SLOW = 0.5  # A case that takes this share of the patience is close to being an
 
 def read_campaign(reader: StudyReader, root: Node) -> Study | None:
     """Return the campaign study of a document; findings are added to the reader. No code that it names is run."""
-    top = reader.keys(root, ("simulate", "facts", "fail"), _OPTIONAL)
-    name, own = reader.name(top), reader.parameters(top)
-    before = len(reader.findings)
+    top, fields = reader.described(root, ("simulate", "facts", "fail"), KEYS, _OPTIONAL)
+    own, before = fields["own"], len(reader.findings)
     inputs = inputs_of(reader, reader.file(top.get("data"), "data", "domains.yaml"), top)
     if not inputs.domains and len(reader.findings) == before:
         rule = "a campaign study needs test inputs, but there is no domains.yaml beside it"
         reader.add(top.get("data"), "study-file", rule, "write one, or name it: data: FILE")
-    lines: dict[str, int] = {}
-    facts = _facts(reader, top.get("facts"), lines)
-    for parameter, _, line in reader.entries(top.get("parameters"), "parameters") if "parameters" in top else ():
-        lines.setdefault(parameter, line)
+    facts = _facts(reader, top.get("facts"))
+    lines = {
+        key.text: key.line
+        for part in ("parameters", "facts") if isinstance(node := top.get(part), MappingNode)
+        for key, _ in node.items
+    }  # fmt: skip
     for taken, rule, remedy in clashes(facts, inputs, own):
         reader.findings.append(Complaint(reader.origin, lines.get(taken, 0), "error", "study-double", rule, remedy))
     types = types_of(facts, inputs, own) if inputs.domains else None
     known = (*GIVEN[:3], *inputs.names, *(one.name for one in own)) if inputs.domains else ()
-    simulate = _simulate(reader, top.get("simulate"), known)
-    study = {
+    directions = reader.known_entries(
+        top.get("measures"), "measures", [fact.name for fact in facts], "there is no fact {}", name=True
+    )
+    fields |= {
+        "simulate": _simulate(reader, top.get("simulate"), known),
         "fail": _rules(reader, top.get("fail"), "fail", types),
         "inconclusive": _rules(reader, top.get("inconclusive"), "inconclusive", types),
-        "worse": _measures(reader, top.get("measures"), facts),
+        "worse": {name: reader.one_of(node, f"measure {name}", ("more", "less", ""), "") for name, node in directions},
         "trace": _function(reader, top["trace"], "trace", known) if "trace" in top else None,
-        "doc": reader.text(top.get("doc"), "doc"),
-        "criterion": reader.named(top.get("combine"), "combine", tuple(CRITERIA), "each_choice"),
-        "n_cases": reader.count(top.get("cases"), "cases", None),
-        "patience": reader.duration(top.get("patience"), "patience", PATIENCE),
     }
     if any(finding.severity == "error" for finding in reader.findings):
         return None
-    return CampaignStudy(name, simulate, inputs, facts, where=str(reader.path), own=own, digests=reader.digests,
-                         folder=reader.folder, **study)  # type: ignore[arg-type]  # fmt: skip
+    return CampaignStudy(inputs=inputs, facts=facts, folder=reader.folder, **fields)
 
 
-def _facts(reader: StudyReader, node: Node | None, lines: dict[str, int]) -> tuple[Fact, ...]:
-    """Return the facts: `name: {type: real, unit: m, doc: ...}`, or `name: bool`; `lines` grows by their lines."""
+def _facts(reader: StudyReader, node: Node | None) -> tuple[Fact, ...]:
+    """Return the facts: `name: {type: real, unit: m, doc: ...}`, or `name: bool`."""
     found = []
-    for name, value, line in reader.entries(node, "facts"):
+    for name, value, _ in reader.entries(node, "facts"):
         is_brief = isinstance(value, Scalar)
         entries = {"type": value} if is_brief else reader.record(value, f"fact {name}", ("type",), ("unit", "doc"))
-        kind = "real"
-        if "type" in entries:
-            kind = reader.one_of(entries["type"], f"type of fact {name}", tuple(KINDS), "real")
+        kind = reader.one_of(entries.get("type"), f"type of fact {name}", tuple(KINDS), "real")
         unit = reader.text(entries.get("unit"), f"unit of {name}", "1")
-        doc = reader.text(entries.get("doc"), f"doc of {name}")
-        found.append(Fact(name, kind, unit, doc))
-        lines[name] = line
+        found.append(Fact(name, kind, unit, reader.text(entries.get("doc"), f"doc of {name}")))
     if isinstance(node, MappingNode) and not node.items:
         rule = "a simulation gives at least one fact, but none is named"
         reader.add(node, "study-facts", rule, "write name: {type: real}")
@@ -96,28 +96,15 @@ def _rules(reader: StudyReader, node: Node | None, what: str, types: Mapping[str
         rule = Rule(reader.text(entries.get("when"), what), reader.text(entries.get("why"), f"why of {what}"))
         if "when" not in entries or not isinstance(entries["when"], Scalar):
             continue
-        try:
+        with reader.noting(entries["when"], what, BadModel):
             unknown = sorted(names(rule.formula) - set(types)) if types is not None else []
             for name in unknown:
                 said = f"{what}: a formula reads facts, test inputs and parameters, but there is no {brief(name)}"
                 reader.unknown(entries["when"].line, name, said, sorted(types or ()))
             if types is not None and not unknown:
                 rule.require_sound(types)
-        except BadModel as error:
-            reader.add(entries["when"], error.slug, f"{what}: {error.rule}", error.remedy)
         rules.append(rule)
     return tuple(rules)
-
-
-def _measures(reader: StudyReader, node: Node | None, facts: Sequence[Fact]) -> dict[str, Worse]:
-    """Return which way of a fact is worse: `distance: more`."""
-    known, found = [fact.name for fact in facts], {}
-    for name, value, line in reader.entries(node, "measures"):
-        if name not in known:
-            reader.unknown(line, name, f"measures: there is no fact {brief(name)}", known)
-            continue
-        found[name] = reader.one_of(value, f"measure {name}", ("more", "less", ""), "")
-    return found  # type: ignore[return-value]
 
 
 def _simulate(reader: StudyReader, node: Node | None, known: Sequence[str]) -> str | ProgramPart:

@@ -23,7 +23,7 @@ from parcours.verdict.statistics import quantiles, wilson
 
 if TYPE_CHECKING:
     from parcours.study.campaign.study import CampaignStudy
-from parcours.study.campaign.rules import RATES, Fault, Outcome, Rows, directions, outcome_of
+from parcours.study.campaign.rules import RATES, Fault, Rows, Ruling, directions, outcome_of
 
 # At most so many: reasons in a table, rows of a trace in a table, panels of its chart
 _FEW, _SHOWN, _PANELS = 10, 200, 8
@@ -39,7 +39,7 @@ class CampaignResults:
         self.numbers: list[int] = facts["number"].tolist()
 
     @functools.cached_property
-    def outcomes(self) -> list[Outcome]:
+    def outcomes(self) -> list[Ruling]:
         """The verdicts, in the order of the facts."""
         return [
             outcome_of(self.study, row, self.study.known(values, self.settings))

@@ -153,7 +153,7 @@ def _signs(node: Expression, sign: int, found: dict[str, set[int]]) -> None:
 
 
 @dataclass(frozen=True, slots=True)
-class Outcome:
+class Ruling:
     """The verdict on a case; its reason, which cases may share; and the reason with what was seen in this case."""
 
     verdict: Verdict
@@ -161,21 +161,21 @@ class Outcome:
     why: str
 
 
-def outcome_of(study: CampaignStudy, row: np.void, known: Mapping[str, Scalar]) -> Outcome:
+def outcome_of(study: CampaignStudy, row: np.void, known: Mapping[str, Scalar]) -> Ruling:
     """Return the verdict on a case: an error, else that of the first rule that holds, `inconclusive` before `fail`."""
     if row["error"]:
         reason = row["reason"].decode("utf-8", "replace")
-        return Outcome(Verdict.ERROR, reason, reason)
+        return Ruling(Verdict.ERROR, reason, reason)
     values = {**known, **{fact.name: row[fact.name].item() for fact in study.facts}}
     for verdict, rules in ((Verdict.INCONCLUSIVE, study.inconclusive), (Verdict.FAIL, study.fail)):
         for rule in rules:
             try:
                 holds = evaluate(rule.formula, values, "formula")
             except BadModel as error:
-                return Outcome(Verdict.ERROR, f"formula {rule.when!r}: {error.slug}", f"{error.where}: {error.rule}")
+                return Ruling(Verdict.ERROR, f"formula {rule.when!r}: {error.slug}", f"{error.where}: {error.rule}")
             if holds:
                 reason = rule.why or rule.when
                 seen = study.shown({name: values[name] for name in values if name in names(rule.formula)})
-                return Outcome(verdict, reason, f"{reason} ({', '.join(seen)})" if seen else reason)
+                return Ruling(verdict, reason, f"{reason} ({', '.join(seen)})" if seen else reason)
     seen = study.shown({fact.name: values[fact.name] for fact in study.facts[:_SAID]})
-    return Outcome(Verdict.PASS, "", f"nothing that fails it: {', '.join(seen)}")
+    return Ruling(Verdict.PASS, "", f"nothing that fails it: {', '.join(seen)}")

@@ -28,10 +28,9 @@ from parcours.study.campaign.running import Chosen, run_numbered
 from parcours.study.campaign.simulating import Simulation
 from parcours.study.components.isolation import Done, run_apart
 from parcours.study.components.systems import ProgramPart
-from parcours.study.parameters import Parameter, Scalar, Settings, workers_parameter
+from parcours.study.parameters import Parameter, Scalar, Settings, natural, workers_parameter
 from parcours.study.protocol import Finding, Judged, Progress, Rejudged, Reported, Request, Results, Run
 from parcours.study.selection import chosen_cases
-from parcours.study.values import natural
 from parcours.suite import Case, Plan, combine
 
 PATIENCE = 10.0  # so long a case may take [s of wall clock] if the study says nothing else
@@ -197,7 +196,7 @@ class CampaignStudy:
                     return f"its trace raised {words_of(error, caller.file)}"
 
         [(_, answer)] = run_apart([case.id], work, self.patience)
-        return answer.result if isinstance(answer, Done) else answer.why
+        return answer.result if isinstance(answer, Done) else answer
 
     def run(self, request: Request, progress: Progress) -> Run:
         """Simulate the cases that are missing in a folder."""

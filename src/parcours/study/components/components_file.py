@@ -7,7 +7,6 @@ import shutil
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from parcours.abtc import POLICIES, interaction_paths
 from parcours.data import CRITERIA, InputModel, read_input_model
@@ -24,65 +23,51 @@ from parcours.study.components.systems import PATIENCE, FunctionsPart, Part, Par
 from parcours.study.loading import load
 from parcours.study.parameters import Settings
 from parcours.study.protocol import Study
+from parcours.study.study_file import Key, StudyReader
 from parcours.suite import Case
 from parcours.verdict.judgement import Judgement, Verdict
 from parcours.verdict.timing import Bound, parse_bound
 
-if TYPE_CHECKING:
-    from parcours.study.study_file import StudyReader
-
-_OPTIONAL = (
-    "model", "data", "constants", "combine", "paths", "serialisation", "cases", "time_budget", "supply", "inputs",
-    "oracles", "limits", "patience",
-)  # fmt: skip
+KEYS = {
+    "combine": Key("criterion", "word", "each_choice", tuple(CRITERIA)),
+    "serialisation": Key("policy", "word", "", tuple(POLICIES)),
+    "cases": Key("n_cases", "count"),
+    "time_budget": Key("time_budget", "time", 20.0),
+    "patience": Key("patience", "time", PATIENCE),
+}
+_OPTIONAL = ("model", "data", "constants", "paths", "supply", "inputs", "oracles", "limits")
 
 
 def read_components(reader: StudyReader, root: Node) -> Study | None:
     """Return the component study of a document; findings are added to the reader."""
-    top = reader.keys(root, ("system",), _OPTIONAL)
-    name, own = reader.name(top), reader.parameters(top)
+    top, fields = reader.described(root, ("system",), KEYS, _OPTIONAL)
     files = {"model": reader.file(top.get("model"), "model", "model.yaml"),
              "data": reader.file(top.get("data"), "data", "domains.yaml")}  # fmt: skip
     model = _model(reader, files["model"], top)
     inputs = inputs_of(reader, files["data"], top)
     if model is None:  # what does not depend on the model is looked at all the same
-        reader.duration(top.get("patience"), "patience", PATIENCE)
-        reader.duration(top.get("time_budget"), "time_budget", 20.0)
-        reader.count(top.get("cases"), "cases", None)
-        reader.named(top.get("combine"), "combine", tuple(CRITERIA), "each_choice")
         for limit, node, _ in reader.entries(top.get("limits"), "limits", reader.label):
             _bound(reader, node if isinstance(node, Scalar) else None, limit)
         return None
-    known = (*inputs.names, *(one.name for one in own))
-    patience = reader.duration(top.get("patience"), "patience", PATIENCE)
-    system = Parts(_parts(reader, top.get("system"), model), patience)
-    fields = {
-        channel.name: tuple(field.name for message in model.messages if message.name == channel.message
-                            for field in message.fields)
-        for channel in model.channels if channel.sender == ENVIRONMENT
-    }  # fmt: skip
+    known = (*inputs.names, *(one.name for one in fields["own"]))
+    classes = {message.name: tuple(field.name for field in message.fields) for message in model.messages}
+    supplied = {one.name: classes.get(one.message, ()) for one in model.channels if one.sender == ENVIRONMENT}
     variables = {
         transition.id: tuple(variable.name for variable in component.variables if variable.role == "input")
         for component in model.components for transition in component.transitions()
     }  # fmt: skip
     study = ComponentStudy(
-        name, model, system, inputs,
-        doc=reader.text(top.get("doc"), "doc"),
-        where=str(reader.path),
-        own=own,
-        criterion=reader.named(top.get("combine"), "combine", tuple(CRITERIA), "each_choice"),
+        model=model,
+        system=Parts(_parts(reader, top.get("system"), model), fields["patience"]),
+        inputs=inputs,
         paths=_paths(reader, top.get("paths"), model),
-        policy=reader.named(top.get("serialisation"), "serialisation", tuple(POLICIES), ""),
-        n_cases=reader.count(top.get("cases"), "cases", None),
-        time_budget=reader.duration(top.get("time_budget"), "time_budget", 20.0),
-        supply=reader.formulas(top.get("supply"), "supply", fields.get, known, "channel from the environment"),
-        set_before=reader.formulas(top.get("inputs"), "inputs", variables.get, known, "transition"),
+        supply=reader.formulas(top.get("supply"), "supply", supplied, known, "channel from the environment"),
+        set_before=reader.formulas(top.get("inputs"), "inputs", variables, known, "transition"),
         oracles=_oracles(reader, top.get("oracles"), model),
         limits=_limits(reader, top.get("limits"), model),
-        digests=reader.digests,
         files={kind: path for kind, path in files.items() if path is not None},
-        patience=patience,
-    )  # fmt: skip
+        **fields,
+    )
     if not reader.findings:
         _require_cases(reader, study, top)
     return study
@@ -103,9 +88,8 @@ def _model(reader: StudyReader, path: Path | None, top: Mapping[str, Node]) -> C
 
 def inputs_of(reader: StudyReader, path: Path | None, top: Mapping[str, Node]) -> InputModel:
     """Return the test inputs of a file, with the study's constants; none without a file."""
-    constants: dict[str, float] = {}
-    for name, node, _ in reader.entries(top.get("constants"), "constants"):
-        constants[name] = reader.signed(node, f"constant {name}")
+    entries = reader.entries(top.get("constants"), "constants")
+    constants = {name: reader.signed(node, f"constant {name}") for name, node, _ in entries}
     if path is None:
         return NO_INPUTS
     try:
@@ -119,11 +103,8 @@ def _paths(reader: StudyReader, node: Node | None, model: Cefsm) -> str:
     from parcours.paths import internal_paths
 
     text = reader.text(node, "paths", "edge")
-    try:
+    with reader.noting(node, "paths"):
         internal_paths(model, text)
-    except BadRequest as error:
-        reader.add(node, error.slug, f"paths: {error.rule}", error.remedy)
-        return "edge"
     return text
 
 
@@ -135,14 +116,9 @@ def _parts(reader: StudyReader, node: Node | None, model: Cefsm) -> dict[str, Pa
     if isinstance(node, Scalar):  # a file
         entry = {name: Scalar(f"{node.text}:{name}", True, node.line) for name in components}
         return {name: _class(reader, entry[name], model, component) for name, component in components.items()}
-    found: dict[str, Part] = {}
-    for name, value, line in reader.entries(node, "system"):
-        if name not in components:
-            reader.unknown(line, name, f"system: the model has no component {brief(name)}", list(components))
-            continue
-        part = _part(reader, value, model, components[name])
-        if part is not None:
-            found[name] = part
+    entries = reader.known_entries(node, "system", components, "the model has no component {}", name=True)
+    read = {name: _part(reader, value, model, components[name]) for name, value in entries}
+    found = {name: part for name, part in read.items() if part is not None}
     for name in components:
         if name not in found and isinstance(node, MappingNode) and name not in {key.text for key, _ in node.items}:
             rule = f"system: nothing stands for the component {name!r}"
@@ -169,13 +145,8 @@ def _part(reader: StudyReader, node: Node, model: Cefsm, component: Component) -
     if any(key.text == "command" for key, _ in node.items):
         return program_part(reader, node, what)
     events = {*incoming(component), *(transition.id for transition in component.transitions()), "poll", "wake"}
-    targets: dict[str, str] = {}
-    for event, value, line in reader.entries(node, what, reader.label):
-        if event not in events:
-            rule = f"{what}: {brief(event)} is no channel to it and none of its transitions"
-            reader.unknown(line, event, rule, sorted(events))
-            continue
-        targets[event] = reader.target(value, f"{what}, {event}")
+    entries = reader.known_entries(node, what, sorted(events), "{} is no channel to it and none of its transitions")
+    targets = {event: reader.target(value, f"{what}, {event}") for event, value in entries}
     lacking = [channel for channel in incoming(component) if channel not in targets]
     if lacking:
         rule = f"{what} lacks functions for {', '.join(lacking)}"
@@ -244,15 +215,12 @@ def _oracles(reader: StudyReader, node: Node | None, model: Cefsm) -> tuple[Orac
         return (order_is_kept,)
     if isinstance(node, Scalar):
         return order_is_kept, PythonOracle(reader.target(node, "oracles"), reader.folder)
-    found: list[Oracle] = [order_is_kept]
     if isinstance(node, MappingNode):
         known = [one.name for one in interaction_paths(model)]
-        for name, value, line in reader.entries(node, "oracles", reader.label):
-            if name not in known:
-                reader.unknown(line, name, f"oracles: there is no interaction path {brief(name)}", known)
-                continue
-            found.append(PythonOracle(reader.target(value, f"oracle of {name}"), reader.folder, name))
-        return tuple(found)
+        entries = reader.known_entries(node, "oracles", known, "there is no interaction path {}")
+        return order_is_kept, *(
+            PythonOracle(reader.target(value, f"oracle of {name}"), reader.folder, name) for name, value in entries
+        )
     listed = (reader.target(one, "an oracle") for one in reader.listed(node, "oracles"))
     return order_is_kept, *(PythonOracle(target, reader.folder) for target in listed)
 
@@ -263,38 +231,29 @@ def _limits(reader: StudyReader, node: Node | None, model: Cefsm) -> tuple[Limit
     ids = [transition.id for component in model.components for transition in component.transitions()]
     found = []
     for name, value, line in reader.entries(node, "limits", reader.label):
-        begin = end = ""
+        ends: dict[str, str] = {}
+        entries: Mapping[str, Node] = {"bound": value}
         if isinstance(value, MappingNode):
             entries = reader.record(value, f"limit {name}", ("from", "to", "bound"), ())
-            begin, end = (
-                _transition(reader, entries.get(one), f"{one} of limit {name}", ids) for one in ("from", "to")
-            )
-            bound = _bound(reader, entries.get("bound"), name)
-        else:
-            if name not in known:
-                reader.unknown(line, name, f"limits: there is no interaction path {brief(name)}", known)
-                continue
-            bound = _bound(reader, value, name)
+            for one in [end for end in ("from", "to") if end in entries]:
+                ends[one] = text = reader.text(entries[one], what := f"{one} of limit {name}")
+                if text not in ids:
+                    rule = f"{what} must be a transition of the model, but is {brief(text)}"
+                    reader.unknown(entries[one].line, text, rule, ids)
+        elif name not in known:
+            reader.unknown(line, name, f"limits: there is no interaction path {brief(name)}", known)
+            continue
+        bound = _bound(reader, entries.get("bound"), name)
         if bound is not None:
-            found.append(Limit(name, bound, begin, end))
+            found.append(Limit(name, bound, ends.get("from", ""), ends.get("to", "")))
     return tuple(found)
 
 
-def _transition(reader: StudyReader, node: Node | None, what: str, ids: list[str]) -> str:
-    text = reader.text(node, what)
-    if node is not None and text not in ids:
-        reader.unknown(node.line, text, f"{what} must be a transition of the model, but is {brief(text)}", ids)
-    return text
-
-
 def _bound(reader: StudyReader, node: Node | None, name: str) -> Bound | None:
-    if node is None:
-        return None
-    try:
-        return parse_bound(reader.text(node, f"limit {name}"))
-    except BadRequest as error:
-        reader.add(node, error.slug, f"limit {name}: {error.rule}", error.remedy)
-        return None
+    if node is not None:
+        with reader.noting(node, f"limit {name}"):
+            return parse_bound(reader.text(node, f"limit {name}"))
+    return None
 
 
 def _require_cases(reader: StudyReader, study: ComponentStudy, top: Mapping[str, Node]) -> None:

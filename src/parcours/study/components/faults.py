@@ -24,9 +24,8 @@ from parcours.study.components.messages import Messages
 from parcours.study.components.running import functional_here
 from parcours.study.components.systems import System
 from parcours.study.components.tester import Wrapped
-from parcours.study.faults import FaultReport, FaultRequest
 from parcours.study.parameters import Settings
-from parcours.study.protocol import Progress
+from parcours.study.protocol import FaultReport, FaultRequest, Progress
 from parcours.suite import Case
 from parcours.verdict.judgement import Judgement, Verdict
 
@@ -132,7 +131,7 @@ def _judged(
         return functional_here(faulty, by_id[id], settings).judgement, system.struck
 
     for _, answer in run_apart(list(by_id), work, study.patience):
-        yield answer.result if isinstance(answer, Done) else (Judgement(Verdict.FAIL, answer.why), True)
+        yield answer.result if isinstance(answer, Done) else (Judgement(Verdict.FAIL, answer), True)
 
 
 class _Striking:

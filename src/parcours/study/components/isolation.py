@@ -9,27 +9,18 @@ from __future__ import annotations
 import contextlib
 import signal
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from typing import TypeVar
 
 from parcours.abtc import Event
 from parcours.run.enforcement import instance_name
 from parcours.run.heartbeat import write_place
 from parcours.run.hosts.launching import ending
-from parcours.run.workers import Crew, Done, failure_of
-from parcours.run.workers import Lost as LostWorker
+from parcours.run.workers import Crew, Done, Lost, failure_of
 
-__all__ = ["Done", "Lost", "Overdue", "longest", "run_apart", "watched"]
+__all__ = ["Done", "Overdue", "longest", "run_apart", "watched"]
 
 T = TypeVar("T")
 _GRACE = 2.0  # so much longer than a turn may take, an item is waited for after its last sign of life [s]
-
-
-@dataclass(frozen=True, slots=True)
-class Lost:
-    """Why an item has no result: how its process ended, and during which event."""
-
-    why: str
 
 
 class Overdue(Exception):
@@ -62,21 +53,24 @@ def longest(patience: float) -> float:
     return 1.5 * patience + 0.5
 
 
-def run_apart(items: Sequence[str], work: Callable[[str], T], patience: float) -> Iterator[tuple[str, Done[T] | Lost]]:
-    """Yield each item with its result, or why it has none, in their order. Raises ParcoursError: an item raised."""
+def run_apart(items: Sequence[str], work: Callable[[str], T], patience: float) -> Iterator[tuple[str, Done[T] | str]]:
+    """Yield each item with its result, or why it has none: how its process ended, and during which event.
+
+    Raises ParcoursError: an item raised.
+    """
     crew = Crew(work, 1, forks=True, patience=longest(patience) + _GRACE, own_group=True)
     with contextlib.closing(crew):
         crew.pending.extend((number, (item,)) for number, item in enumerate(items))
         for number, answer in crew.answers():
             if isinstance(answer, Done):
                 yield items[number], answer
-            elif isinstance(answer, LostWorker):
-                yield items[number], Lost(_why(answer, patience))
+            elif isinstance(answer, Lost):
+                yield items[number], _why(answer, patience)
             else:
                 raise failure_of(items[number], answer, "component-raised")
 
 
-def _why(lost: LostWorker, patience: float) -> str:
+def _why(lost: Lost, patience: float) -> str:
     place = lost.place or "the making of its components"
     if lost.how == "hung":
         return f"no answer within {longest(patience):g} s, and deaf to being ended, in {place}"

@@ -17,8 +17,8 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING, TypeVar
 
 import msgspec
 
@@ -28,6 +28,7 @@ from parcours.run.hosts.launching import ending
 if TYPE_CHECKING:
     from parcours.study.components.systems import ProgramPart
 
+T = TypeVar("T")
 LONGEST = 1_000_000  # most bytes of a line
 _QUOTED = 80
 _TAIL = 4096  # kept of what a program writes to standard error [bytes]
@@ -295,6 +296,19 @@ def take_kept(key: object) -> Process | None:
             return process
         process.end()
     return None
+
+
+def begun(kept: Process | None, start: Callable[[], Process], first: Callable[[Process, bool], T]) -> T:
+    """Return what `first(program, is_new)` gives with a kept program, or with a new one.
+
+    A program may do one case only. It says so by ending in good order when it is asked for a second one.
+    """
+    try:
+        return first(kept or start(), kept is None)
+    except HostFailure as error:
+        if kept is None or error.slug != "program-ended" or kept.status != 0:
+            raise
+    return first(start(), True)
 
 
 def keep(key: object, process: Process) -> None:

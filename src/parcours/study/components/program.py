@@ -27,7 +27,7 @@ import msgspec
 from parcours.errors import HostFailure, one_of
 from parcours.model.structure import Component as Modelled
 from parcours.run.port import Send, Step
-from parcours.study.components.process import Process, command_of, failure, keep, quoted, take_kept
+from parcours.study.components.process import Process, begun, command_of, failure, keep, quoted, take_kept
 from parcours.study.components.simple import MOST_SENDS, Took
 
 if TYPE_CHECKING:
@@ -57,21 +57,12 @@ class Program:
         """Start the program, or return it to its start."""
         self._wake: int | None = None
         self._failure: HostFailure | None = None
-        used = self._process or take_kept(self._key)
-        self._process = used or self._started()
-        with contextlib.suppress(HostFailure):  # raised again when the first transition is asked for
-            if used is None:
-                self._greet()
-            else:
-                used.forget_words()
-            try:
-                self._restart()
-            except HostFailure as error:
-                if used is None or error.slug != "program-ended" or used.status != 0:
-                    raise
-                self._process = self._started()  # it does not do a second case, and said so by ending in good order
-                self._greet()
-                self._restart()
+        try:
+            begun(self._process or take_kept(self._key), self._started, self._begin)
+        except HostFailure:
+            if self._failure is None:  # it could not even be started
+                raise
+            # raised again when the first transition is asked for
 
     def handle(self, channel: str | None, message: object, now: int) -> Iterator[Step]:
         """Deliver a message; with channel None, ask for whatever the program can do with nothing present."""
@@ -106,14 +97,16 @@ class Program:
     def _started(self) -> Process:
         return Process(self._command, self._part, self.name, self._patience)
 
-    def _greet(self) -> None:
-        with self._exchange("hello", {"protocol": PROTOCOL, "component": self.name}) as process:
-            given, line = self._answer(process, "hello")
-            if given["hello"] != {"component": self.name}:
-                raise self._bad(f"must say that it is the component {self.name}", line)
-
-    def _restart(self) -> None:
-        with self._exchange("reset", self._case) as process:
+    def _begin(self, process: Process, is_new: bool) -> None:
+        self._process = process
+        if is_new:
+            with self._exchange("hello", {"protocol": PROTOCOL, "component": self.name}):
+                given, line = self._answer(process, "hello")
+                if given["hello"] != {"component": self.name}:
+                    raise self._bad(f"must say that it is the component {self.name}", line)
+        else:
+            process.forget_words()
+        with self._exchange("reset", self._case):
             given, line = self._answer(process, "reset")
             if given["reset"] is not True:
                 raise self._bad("must answer `reset` with true", line)

@@ -16,37 +16,10 @@ from parcours.run.clocks import WallClock
 from parcours.run.enforcement import Execution
 from parcours.run.noise import Noise
 from parcours.run.trace import Trace, TraceEvent
+from parcours.study.components import executing, results
 from parcours.study.components.archive import Archive
-from parcours.study.components.executing import (
-    Execute,
-    Exercise,
-    Functional,
-    Timing,
-    TimingGroup,
-    in_process,
-    on_transport,
-    run_functional,
-    run_timing,
-)
+from parcours.study.components.executing import Execute, Exercise, Functional, Timing, TimingGroup
 from parcours.study.components.isolation import Done, longest, run_apart, watched
-from parcours.study.components.results import (
-    FILE,
-    ComponentResult,
-    ComponentResults,
-    StudyResults,
-    component_table,
-    entry_of,
-    failure_table,
-    functional_result,
-    interaction_of,
-    page_of,
-    read_components,
-    results_of_journal,
-    timed,
-    timing_pieces,
-    timing_result,
-    write_components,
-)
 from parcours.study.hosting import Hosted, started
 from parcours.study.journal import Journal, read_journal, read_question, write_question
 from parcours.study.parameters import Settings
@@ -58,7 +31,7 @@ from parcours.verdict.judgement import Judgement, Verdict
 if TYPE_CHECKING:
     from parcours.study.components.study import ComponentStudy
 
-Kept = tuple[ComponentResult, "Noise | None"]  # A result, and the noise beside its repeats if it was timed
+Kept = tuple[results.ComponentResult, "Noise | None"]  # A result, and the noise beside its repeats if it was timed
 
 
 def run_study(study: ComponentStudy, request: Request, progress: Progress) -> Run:
@@ -81,8 +54,8 @@ def run_study(study: ComponentStudy, request: Request, progress: Progress) -> Ru
             _execute(study, request, journal, cases, groups, archive, progress)
         except KeyboardInterrupt:
             interrupted = True
-    found = results_of_journal(request.out, host, len(cases) + n_timed, read_journal(request.out))
-    write_components(request.out, found)
+    found = results.results_of_journal(request.out, host, len(cases) + n_timed, read_journal(request.out))
+    results.write_components(request.out, found)
     total = len(cases) + n_timed
     if interrupted:
         text = f"interrupted: {len(found.results)} of {total} cases are finished and kept in {request.out}"
@@ -110,13 +83,13 @@ def _execute(
         progress(f"timing cases, {host}", n, n_timed)
 
     apart = host == "simulated" and not study.trusted
-    results = (_apart if apart else _hosted)(study, settings, left, waiting, archive, timed)
-    with contextlib.closing(results):
-        for result, noise in results:
+    runs = (_apart if apart else _hosted)(study, settings, left, waiting, archive, timed)
+    with contextlib.closing(runs):
+        for result, noise in runs:
             if result.bound:
-                journal.add(f"timing/{result.id}/{result.interaction}", entry_of(result, noise))
+                journal.add(f"timing/{result.id}/{result.interaction}", results.entry_of(result, noise))
             else:
-                journal.add(f"functional/{result.id}", entry_of(result))
+                journal.add(f"functional/{result.id}", results.entry_of(result))
                 done += 1
                 progress(f"functional cases, {host}", done, total)
 
@@ -129,7 +102,7 @@ def _hosted(
     exercise = study.exercise(settings)
     with executors(study, settings) as (in_order, in_time):
         for case in left:
-            yield _kept(run_functional(exercise, case, in_order), archive)
+            yield _kept(executing.run_functional(exercise, case, in_order), archive)
         yield from _timings(exercise, waiting, in_time, settings, archive, timed)
 
 
@@ -145,7 +118,7 @@ def _apart(
         if item in cases:
             return [_kept(functional_here(study, cases[item], settings), archive)]
         exercise = study.exercise(settings)
-        execute = in_process(exercise, WallClock, watched(study.patience), study.messages.checked)
+        execute = executing.in_process(exercise, WallClock, watched(study.patience), study.messages.checked)
         return list(_timings(exercise, [groups[item]], execute, settings, archive))
 
     n_timed = 0
@@ -153,10 +126,11 @@ def _apart(
         if isinstance(answer, Done):
             yield from answer.result
         elif item in cases:
-            yield ComponentResult(cases[item].id, interaction_of(cases[item].abstract), "fail", answer.why), None
+            interaction = results.interaction_of(cases[item].abstract)
+            yield results.ComponentResult(cases[item].id, interaction, "fail", answer), None
         else:
             for case, bound in groups[item].cases:
-                yield ComponentResult(case.id, groups[item].name, "fail", answer.why, str(bound)), None
+                yield results.ComponentResult(case.id, groups[item].name, "fail", answer, str(bound)), None
         if item in groups:
             n_timed += len(groups[item].cases)
             timed(n_timed)
@@ -168,7 +142,7 @@ def _timings(
 ) -> Iterator[Kept]:  # fmt: skip
     listener = archive.repeat if archive is not None else lambda case, trace: None
     repeats = int(settings["repeats"])
-    for timing in run_timing(exercise, groups, execute, repeats=repeats, listener=listener, progress=timed):
+    for timing in executing.run_timing(exercise, groups, execute, repeats=repeats, listener=listener, progress=timed):
         yield _kept(timing, archive)
 
 
@@ -177,17 +151,17 @@ def _kept(run: Functional | Timing, archive: Archive | None) -> Kept:
     if isinstance(run, Functional):
         if archive is not None:
             archive.functional(run)
-        return functional_result(run), None
+        return results.functional_result(run), None
     if archive is not None:
         archive.timing(run)
-    return timing_result(run), run.noise
+    return results.timing_result(run), run.noise
 
 
 def functional_here(study: ComponentStudy, case: Case, settings: Settings) -> Functional:
     """Execute a case in this process, which is one apart, and judge it."""
     exercise = study.exercise(settings)
-    execute = in_process(exercise, watch=watched(study.patience), checked=study.messages.checked)
-    return run_functional(exercise, case, execute)
+    execute = executing.in_process(exercise, watch=watched(study.patience), checked=study.messages.checked)
+    return executing.run_functional(exercise, case, execute)
 
 
 def executed_apart(
@@ -204,14 +178,14 @@ def executed_apart(
         if isinstance(answer, Done):
             yield by_id[id], *answer.result
         else:
-            yield by_id[id], Judgement(Verdict.FAIL, answer.why), None
+            yield by_id[id], Judgement(Verdict.FAIL, answer), None
 
 
 def run_again(study: ComponentStudy, case: Case, settings: Settings) -> tuple[Judgement, Trace]:
     """Execute a case in simulated time and judge it, apart from this process unless the study ships with Parcours."""
     if study.trusted:
         exercise = study.exercise(settings)
-        run = run_functional(exercise, case, in_process(exercise))
+        run = executing.run_functional(exercise, case, executing.in_process(exercise))
         return run.judgement, run.execution.trace
     [(_, judgement, trace)] = executed_apart(study, [case], settings)
     note = TraceEvent(0, "deviation", text=judgement.why)
@@ -227,7 +201,7 @@ def executors(study: ComponentStudy, settings: Settings) -> Iterator[tuple[Execu
     exercise = study.exercise(settings)
     host, graph = str(settings["host"]), str(settings["graph"])
     if host == "simulated":
-        yield in_process(exercise), in_process(exercise, WallClock)
+        yield executing.in_process(exercise), executing.in_process(exercise, WallClock)
         return
     nodes, patience = study.nodes(), round(longest(study.patience) * 1e9)
     with contextlib.ExitStack() as running:
@@ -242,7 +216,7 @@ def executors(study: ComponentStudy, settings: Settings) -> Iterator[tuple[Execu
             nonlocal hosted
             why = ""
             for _ in range(2):  # if fresh nodes come to the same, the case is to blame
-                run = on_transport(exercise, hosted.transport, hosted.codec, strict=strict, patience=patience)
+                run = executing.on_transport(exercise, hosted.transport, hosted.codec, strict=strict, patience=patience)
                 try:
                     return run(case)
                 except HostFailure as failure:
@@ -257,15 +231,15 @@ def executors(study: ComponentStudy, settings: Settings) -> Iterator[tuple[Execu
 
 def read_results(study: ComponentStudy, folder: Path) -> Results:
     """Return the results in a folder. Raises BadResults if there are none, or of another study."""
-    if (folder / FILE).exists():
-        found = read_components(folder)
+    if (folder / results.FILE).exists():
+        found = results.read_components(folder)
     else:
-        found = results_of_journal(folder, "unfinished", 0, read_journal(folder))
+        found = results.results_of_journal(folder, "unfinished", 0, read_journal(folder))
     foreign = next((one.id for one in found.results if not one.id.startswith(f"{study.name}/")), None)
     if foreign is not None:
         rule = f"results of {study.name} are expected, but it holds {foreign}"
         raise BadResults(str(folder), rule, slug="results-study")
-    return StudyResults(study.name, found, lambda case: _page(study, folder, case))
+    return results.StudyResults(study.name, found, lambda case: _page(study, folder, case))
 
 
 def _page(study: ComponentStudy, folder: Path, id: str) -> Page:
@@ -277,26 +251,26 @@ def _page(study: ComponentStudy, folder: Path, id: str) -> Page:
     number = int(row) * len(study.abstracts) + list(study.abstracts).index(abstract)
     case = study.plan(int(document["seed"]), max(len(plan), number + 1)).case(number)
     settings = {**document["settings"], "graph": "", "record": ""}
-    return page_of(study.name, case, *run_again(study, case, settings))
+    return results.page_of(study.name, case, *run_again(study, case, settings))
 
 
-def report_results(results: Mapping[str, Results]) -> Reported:
+def report_results(folders: Mapping[str, Results]) -> Reported:
     """Return tables, pieces and documents on component results."""
     tables: list[Table] = []
     pieces: list[Piece] = []
     documents: dict[str, object] = {}
-    for folder, result in results.items():
-        assert isinstance(result, StudyResults)
-        found: ComponentResults = result.found
+    for folder, result in folders.items():
+        assert isinstance(result, results.StudyResults)
+        found: results.ComponentResults = result.found
         where = f"{result.study}, {found.host}"
-        tables.append(component_table(found.results, f"Component cases, {where}"))
+        tables.append(results.component_table(found.results, f"Component cases, {where}"))
         pieces.append(tables[-1])
-        failures = failure_table(found.results, f"Cases that did not pass, {where}")
+        failures = results.failure_table(found.results, f"Cases that did not pass, {where}")
         if failures is not None:
             tables.append(failures)
             pieces.append(failures)
-        if timed(found):
-            made = timing_pieces(found, where)
+        if results.timed(found):
+            made = results.timing_pieces(found, where)
             tables += [one for one in made if isinstance(one, Table)]
             pieces += made
         documents[folder] = [asdict(one) for one in found.results]

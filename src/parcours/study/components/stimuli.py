@@ -139,7 +139,7 @@ class Chooser:
             given[variable.name] = Name(symbol)
             if variable.name in formulas:
                 where = f"inputs of {event.transition}, {variable.name}"
-                value = _fitting(variable.type, _value(formulas[variable.name], values, where), where)
+                value = _given(variable.type, formulas[variable.name], values, where)
                 conditions.hard.append((_same(symbol, value), where))
             elif variable.name in values:
                 conditions.wanted[symbol] = _as(variable.type, values[variable.name])
@@ -163,7 +163,7 @@ class Chooser:
             where = f"supply of {channel}, {name}"
             kind = next((one.type for one in declared.fields if one.name == name), "")
             symbol = f"m{event.position}__{name}"
-            value = _fitting(kind, _value(formula, values, where), where)
+            value = _given(kind, formula, values, where)
             if isinstance(value, bool | int | float | str) and symbol in conditions.types:
                 conditions.hard.append((_same(symbol, value), where))
         return message
@@ -197,10 +197,8 @@ class Chooser:
             if rival.event is not None and rival.event.name and transition.event is not None:
                 bound[rival.event.name] = now.get(transition.event.name, {})
             if rival.guard is not None:
-                try:
+                with contextlib.suppress(_Unknown):
                     conditions.soft.append(Unary("!", _substituted(rival.guard, bound)))
-                except _Unknown:
-                    continue
 
     def _act(self, transition: Transition, scope: Record, now: Record) -> None:
         """Carry out the assignments; what cannot be followed is unknown from here on."""
@@ -218,19 +216,15 @@ class Chooser:
         if declared is None:
             return {}
         if len(send.payload) == 1:
-            try:
+            with contextlib.suppress(_Unknown):
                 whole = _resolved(send.payload[0], now)
                 if isinstance(whole, dict):
                     return dict(whole)
-            except _Unknown:
-                pass
         said: Record = {}
         if len(send.payload) == len(declared.fields):
             for one, value in zip(declared.fields, send.payload, strict=True):
-                try:
+                with contextlib.suppress(_Unknown):
                     said[one.name] = _resolved(value, now)
-                except _Unknown:
-                    continue
         return said
 
     def _stimulus(
@@ -309,26 +303,17 @@ def _literal(value: object) -> Expression:
     return Literal(cast("bool | int | float | str", value))
 
 
-def _value(formula: Expression, values: Mapping[str, object], where: str) -> object:
+def _given(kind: str, formula: Expression, values: Mapping[str, object], where: str) -> object:
+    """Return the value of a formula as a field or variable holds it. Raises BadRequest if it cannot."""
     try:
-        return evaluate(formula, values)
+        value = evaluate(formula, values)
     except (BadModel, KeyError) as error:
         rule = error.rule if isinstance(error, BadModel) else f"there is no {error}"
         raise BadRequest(where, f"the formula must have a value, but: {rule}", slug="study-formula") from error
-
-
-def _fitting(kind: str, value: object, where: str) -> object:
-    """Return the value of a formula as a field or variable holds it. Raises BadRequest if it cannot."""
     made = _as(kind, value)
-    is_number = isinstance(made, int | float) and not isinstance(made, bool)
-    fits = {
-        "bool": isinstance(made, bool),
-        "int": is_number and isinstance(made, int),
-        "real": is_number,
-        "enum": isinstance(made, str),
-        "text": isinstance(made, str),
-    }
-    if not fits.get(kind, True):
+    types: dict[str, tuple[type, ...]]
+    types = {"bool": (bool,), "int": (int,), "real": (int, float), "enum": (str,), "text": (str,)}
+    if not isinstance(made, types.get(kind, object)) or (isinstance(made, bool) and kind in ("int", "real")):
         raise BadRequest(where, f"the formula must give {kind}, but gives {value!r}", slug="study-formula")
     return made
 
@@ -355,9 +340,13 @@ def solved(conditions: Conditions) -> tuple[dict[str, object], str]:
         demands = [condition for condition, _ in hard]
         limits = [limit for limit in conditions.limits if names(limit) <= symbols]
         holds: bool | None = None
-        tries: tuple[tuple[list[Expression], dict[str, object]], ...]
-        tries = ((demands + soft, wanted), (demands + soft + limits, {}), (demands, wanted), (demands + limits, {}))
-        for guards, known in (*tries, (demands, {})):
+        # Given up one after the other, what matters least first: the test inputs' own values, that no rival's guard
+        # holds, both of these, and at last the bounds of the test inputs.
+        tries: list[tuple[list[Expression], dict[str, object]]] = [
+            (demands + soft, wanted), (demands + soft + limits, {}), (demands, wanted), (demands + limits, {}),
+            (demands, {}),
+        ]  # fmt: skip
+        for guards, known in tries:
             question = Question(conditions.types, {}, conditions.domains, known)
             try:
                 answer = question.witness(guards, Budget(_EFFORT))
@@ -375,7 +364,7 @@ def solved(conditions: Conditions) -> tuple[dict[str, object], str]:
 def _clusters(conditions: Conditions) -> Iterator[tuple[set[str], list[tuple[Expression, str]], list[Expression]]]:
     """Yield conditions that share symbols, together with these; those without any first."""
     groups: list[tuple[set[str], list[tuple[Expression, str]], list[Expression]]] = []
-    everything = [(one, where) for one, where in conditions.hard] + [(one, None) for one in conditions.soft]
+    everything = [*conditions.hard, *((one, None) for one in conditions.soft)]
     for condition, where in everything:
         symbols = set(names(condition))
         joined: tuple[set[str], list[tuple[Expression, str]], list[Expression]] = (symbols, [], [])

@@ -20,17 +20,16 @@ from parcours.run.in_process import View
 from parcours.run.port import links
 from parcours.run.recording import Codec as RecordingCodec
 from parcours.run.trace import Trace, durations
+from parcours.study import protocol
 from parcours.study.components.executing import Exercise, TimingGroup, whole_case
 from parcours.study.components.messages import Messages
 from parcours.study.components.selecting import Selection, select_cases
 from parcours.study.components.stimuli import Chooser, Formulas
 from parcours.study.components.systems import PATIENCE, System
 from parcours.study.components.tester import StudyTester, Tester
-from parcours.study.faults import FaultReport, FaultRequest
 from parcours.study.hosting import HOSTS, Nodes
-from parcours.study.parameters import Parameter, Scalar, Settings
+from parcours.study.parameters import Parameter, Scalar, Settings, natural_values
 from parcours.study.protocol import Finding, Judged, Progress, Rejudged, Reported, Request, Results, Run
-from parcours.study.values import natural_values
 from parcours.suite import Case, Plan, combine
 from parcours.verdict.judgement import Judgement, Verdict
 from parcours.verdict.timing import NEVER, Bound
@@ -276,7 +275,7 @@ class ComponentStudy:
 
         return rejudge(self, recording)
 
-    def faults(self, request: FaultRequest, progress: Progress) -> FaultReport:
+    def faults(self, request: protocol.FaultRequest, progress: Progress) -> protocol.FaultReport:
         """Execute cases under faults on purpose (`parcours.study.components.faults`)."""
         from parcours.study.components.faults import strike
 

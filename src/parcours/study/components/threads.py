@@ -34,8 +34,9 @@ from parcours.study.components.simple import Took, require_allowed, took
 # (None, None) if asked for whatever can be done
 Arrival = tuple[str | None, object]
 
-_GRACE = 1.0  # so long a thread may take to end [s] after the tester has let go of it
-_MOST_REFUSED = 100  # A thread that catches its end so often, and goes on, is put to sleep: it would use up a processor
+_GRACE = 1.0  # how long a thread may take to end after the tester has let go of it [s]
+# A thread that catches its end this often and goes on is put to sleep for good: it would use up a processor
+_MOST_REFUSED = 100
 _OURS = str(Path(__file__).parent)
 
 
@@ -121,7 +122,7 @@ class Port(_Port):
         self._desk.take(transition, sends, messages)
 
     def sleep(self, seconds: float) -> None:
-        """Return when so much of the tester's time has passed [s]. What arrives meanwhile waits; requests do not."""
+        """Return when this much of the tester's time has passed [s]. What arrives meanwhile waits; requests do not."""
         until = self._desk.now + round(seconds * 1e9)
         while self._desk.now < until:
             self._desk.hand_over(_Idle(until))
@@ -148,7 +149,7 @@ class AsyncPort(_Port):
         self._desk.take(transition, sends, messages)
 
     async def sleep(self, seconds: float) -> None:
-        """Return when so much of the tester's time has passed [s]."""
+        """Return when this much of the tester's time has passed [s]."""
         await asyncio.sleep(seconds)
 
     def _is_awaited(self) -> bool:
@@ -273,14 +274,12 @@ class Threaded:
             report = self._desk.reports.get(timeout=self._patience)
         except Empty:
             rule = f"its thread must come back to its port within {self._patience:g} s, but is at {self._where()}"
-            self._failure = HostFailure(f"component {self.name}", rule, "wait by port.sleep and port.receive only",
-                                        slug="thread-silent")  # fmt: skip
-            raise self._failure from None
+            raise self._failed(rule, "thread-silent", "wait by port.sleep and port.receive only") from None
         except BaseException as error:
             rule = f"its thread must come back to its port, but is at {self._where()} when {type(error).__name__} comes"
-            self._failure = HostFailure(f"component {self.name}", f"{rule}: {error}", slug="thread-silent")
+            failure = self._failed(f"{rule}: {error}", "thread-silent")
             if isinstance(error, Exception):  # an alarm, which does not know who is late
-                raise self._failure from error
+                raise failure from error
             raise
         self._wake = report.wake if isinstance(report, _Idle) else None
         self._over = isinstance(report, _Over)
@@ -288,9 +287,13 @@ class Threaded:
             raised = report.error
             place = _place(traceback.extract_tb(raised.__traceback__))
             rule = f"its run(port) must not raise, but raised {type(raised).__name__} at {place}: {raised}"
-            self._failure = HostFailure(f"component {self.name}", rule, slug="thread-raised")
-            raise self._failure from raised
+            raise self._failed(rule, "thread-raised") from raised
         return report if isinstance(report, Took) else None
+
+    def _failed(self, rule: str, slug: str, remedy: str = "") -> HostFailure:
+        """Keep a failure, which every later step raises again."""
+        self._failure = HostFailure(f"component {self.name}", rule, remedy, slug=slug)
+        return self._failure
 
     def _run(self, desk: _Desk) -> None:
         run = self._object.run  # type: ignore[attr-defined]
@@ -318,21 +321,13 @@ def _run_loop(run: Callable[[AsyncPort], object], desk: _Desk) -> None:
     try:
         loop.run_until_complete(run(port))  # type: ignore[arg-type]
     finally:
-        _end(loop)
-
-
-def _end(loop: _Loop) -> None:
-    """Cancel what the coroutine has left behind; what does not end by that is dropped."""
-    tasks = asyncio.all_tasks(loop)
-    for task in tasks:
-        task.cancel()
-    try:
-        if tasks:
-            loop.run_until_complete(asyncio.gather(*tasks, return_exceptions=True))
-    except _Closed:
-        pass
-    finally:
-        loop.close()
+        # Cancel what the coroutine has left behind; what does not end by that is dropped.
+        tasks = asyncio.all_tasks(loop)
+        for task in tasks:
+            task.cancel()
+        with contextlib.closing(loop), contextlib.suppress(_Closed):
+            if tasks:
+                loop.run_until_complete(asyncio.gather(*tasks, return_exceptions=True))
 
 
 def _place(frames: traceback.StackSummary) -> str:
