@@ -6,7 +6,6 @@ and corrupts. A sender never waits for room: what a receiver cannot keep up with
 
 from __future__ import annotations
 
-import heapq
 import signal
 import time
 from collections import Counter, deque
@@ -16,7 +15,7 @@ from typing import cast
 from parcours.errors import BadRequest, HostFailure, one_of
 from parcours.run.clocks import WallClock, uninterrupted
 from parcours.run.faults.corruption import corrupted_message
-from parcours.run.faults.effects import UNTOUCHED, Effect, Effects, Signal, signals
+from parcours.run.faults.effects import UNTOUCHED, Agenda, Effect, Effects, Signal, signals
 from parcours.run.faults.plan import FaultPlan
 from parcours.run.hosts.event_log import EventLog
 from parcours.run.hosts.frames import Broke, Died, Dropped, Idle, Ready, Received, Report, Rest, Run, Took, Wire
@@ -33,7 +32,7 @@ from parcours.run.trace import Trace, TraceEvent
 #   node A  ◄──────────────────── transport.poll ◄──────────────────── node B
 #                                     │ _hear
 #                                     ▼
-#      _due (heap by time) ◄─delayed─ _send ─► _hand_over ─► transport.deliver ─► node
+#      _agenda (by time)   ◄─delayed─ _send ─► _hand_over ─► transport.deliver ─► node
 #        injections, signals,           faults        └────► _inbox ─► local components, environment
 #        late messages                                                   │ their sends
 #                                       ▲────────────────────────────────┘
@@ -100,14 +99,12 @@ class RealTimeHost:
         self._record = self._event_log.record
         self._begun = False
         self._until = 0
-        self._sent = self._order = 0
+        self._sent = 0
         self._count: Counter[str] = Counter()
         self._delivered: Counter[str] = Counter()
         self._resting: dict[str, int] = {}
         self._wires: dict[int, Wire] = {}
-        self._last_arrival: dict[str, int] = {}
-        self._on_their_way: Counter[str] = Counter()
-        self._due: list[tuple[int, int, Callable[[], None]]] = []
+        self._agenda = Agenda(self._now)
         self._inbox: deque[tuple[Component, int, Wire]] = deque()
         self.deaths: dict[str, str] = {}
         """Component -> how it ended, if it has."""
@@ -153,7 +150,8 @@ class RealTimeHost:
             rule = f"time never runs backwards, but {at} ns was given at {self._now()} ns"
             raise BadRequest(f"inject on {channel!r}", rule, "inject before the run", slug="time-backwards")
         data = self._codec.encode(channel, message)
-        self._at(self._now() if at is None else at, lambda: self._send(ENVIRONMENT, Wire(channel, data), self._now()))
+        when = self._now() if at is None else at
+        self._agenda.at(when, lambda: self._send(ENVIRONMENT, Wire(channel, data), self._now()))
 
     def run(self, until: int) -> None:
         """Run until the time `until` [ns], or until nothing is left that could happen.
@@ -197,7 +195,7 @@ class RealTimeHost:
     def _next_signal(self, coming: Iterator[Signal]) -> None:
         one = next(coming, None)
         if one is not None:
-            self._at(one.time, lambda: self._signal(one, coming))
+            self._agenda.at(one.time, lambda: self._signal(one, coming))
 
     def _signal(self, one: Signal, coming: Iterator[Signal]) -> None:
         if one.component not in self.deaths:
@@ -205,14 +203,10 @@ class RealTimeHost:
             self._record("note", self._now(), component=one.component, text=f"fault: {one.act}")
         self._next_signal(coming)
 
-    def _at(self, when: int, act: Callable[[], None]) -> None:
-        self._order += 1
-        heapq.heappush(self._due, (when, self._order, act))
-
     def _next_wake(self) -> int | None:
         wakes = [wake for part in self._local.values() if (wake := part.next_wake()) is not None]
-        if self._due:
-            wakes.append(self._due[0][0])
+        if (due := self._agenda.next_due) is not None:
+            wakes.append(due)
         return min(wakes, default=None)
 
     def _is_at_rest(self) -> bool:
@@ -223,9 +217,7 @@ class RealTimeHost:
         )
 
     def _do_what_is_due(self) -> None:
-        while self._due and self._due[0][0] <= self._now():
-            heapq.heappop(self._due)[2]()
-            self._empty_inbox()
+        self._agenda.do_what_is_due(self._empty_inbox)
         for part in self._local.values():
             wake = part.next_wake()
             if wake is not None and wake <= self._now():
@@ -269,46 +261,24 @@ class RealTimeHost:
         self._count[wire.channel] += 1
         self._record("send", when, component=sender, wire=wire, number=number)
         effect = self._effects.effect(wire.channel, k, when)
-        if effect is UNTOUCHED:
-            self._pass_on(link, wire, number, self._now())
-        else:
-            self._affect(link, wire, number, effect)
-
-    def _affect(self, link: Link, wire: Wire, number: int, effect: Effect) -> None:
-        now = self._now()
         if not effect.copies:
-            self._record("drop", now, component=link.sender, wire=wire, number=number, text=f"fault: {effect.why}")
+            text = f"fault: {effect.why}"
+            self._record("drop", self._now(), component=link.sender, wire=wire, number=number, text=text)
             return
+        if effect is not UNTOUCHED:
+            wire = self._struck(link, wire, number, effect)
+        self._agenda.pass_on(wire.channel, effect, lambda: self._hand_over(link, wire, number))
+
+    def _struck(self, link: Link, wire: Wire, number: int, effect: Effect) -> Wire:
+        """Note what happens to a message, and return what is left of it."""
+        now = self._now()
         self._record("note", now, component=link.sender, wire=wire, number=number,
                      text=f"fault: {wire.channel} {effect.why}")  # fmt: skip
         if effect.corrupt is not None:
             data, said = corrupted_message(self._codec, wire.channel, wire.data, effect.corrupt, effect.how)
             wire = Wire(wire.channel, data)
             self._record("note", now, component=link.sender, text=f"fault: {wire.channel} {said}")
-        arrival = now + effect.copies[0]
-        for copy in effect.copies:
-            later = copy - effect.copies[0]
-            if effect.reorder or later:
-                self._at(arrival + later, lambda: self._hand_over(link, wire, number))
-            else:
-                arrival = self._pass_on(link, wire, number, arrival)
-
-    def _pass_on(self, link: Link, wire: Wire, number: int, when: int) -> int:
-        """Hand over a message at a time, but not before those that are on their way; return when that will be."""
-        channel = wire.channel
-        arrival = max(when, self._last_arrival.get(channel, 0))
-        if arrival <= self._now() and not self._on_their_way[channel]:
-            self._hand_over(link, wire, number)
-            return arrival
-
-        def arrive() -> None:
-            self._on_their_way[channel] -= 1
-            self._hand_over(link, wire, number)
-
-        self._last_arrival[channel] = arrival
-        self._on_their_way[channel] += 1
-        self._at(arrival, arrive)
-        return arrival
+        return wire
 
     def _hand_over(self, link: Link, wire: Wire, number: int) -> None:
         if link.receiver in self._transport.nodes:
