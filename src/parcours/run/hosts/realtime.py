@@ -7,9 +7,9 @@ and corrupts. A sender never waits for room: what a receiver cannot keep up with
 from __future__ import annotations
 
 import signal
-import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from typing import cast
 
 from parcours.errors import BadRequest, HostFailure, one_of
@@ -17,14 +17,13 @@ from parcours.run.clocks import WallClock, uninterrupted
 from parcours.run.faults.corruption import corrupted_message
 from parcours.run.faults.effects import UNTOUCHED, Agenda, Effect, Effects, Signal, signals
 from parcours.run.faults.plan import FaultPlan
-from parcours.run.hosts.event_log import EventLog
-from parcours.run.hosts.frames import Broke, Died, Dropped, Idle, Ready, Received, Report, Rest, Run, Took, Wire
-from parcours.run.hosts.launching import ending
+from parcours.run.hosts.frames import Broke, Died, Dropped, Idle, Received, Report, Run, Took, Wire
+from parcours.run.hosts.launching import bring_to_rest, ending
 from parcours.run.hosts.node_program import Codec, Transport
 from parcours.run.hosts.slots import Answer, Answering, silence
 from parcours.run.noise import Noise
 from parcours.run.port import ENVIRONMENT, Component, Link, Step
-from parcours.run.trace import Trace, TraceEvent
+from parcours.run.trace import Kind, Trace, TraceEvent
 
 # One thread of the tester does everything; nodes are processes of their own:
 #
@@ -45,6 +44,43 @@ _ANSWER = 5_000_000_000
 
 DIED = "died: "
 """How the note begins that says how a component ended."""
+
+
+class EventLog:
+    """The events of one live run, as nodes and tester report them; payloads are decoded when they are asked for."""
+
+    def __init__(self, codec: Codec, listener: Callable[[TraceEvent], None] | None) -> None:
+        self._codec, self._listener = codec, listener
+        self._events: list[TraceEvent] = []
+        self._payloads: dict[int, object] = {}
+
+    def record(self, kind: Kind, when: int, *, component: str = "", wire: Wire | None = None, number: int = -1,
+               transition: str = "", text: str = "") -> None:  # fmt: skip
+        """Write an event down; `when` is its time [ns], `number` that of the message in `wire`."""
+        channel = wire.channel if wire else ""
+        event = TraceEvent(when, kind, component, transition, channel, number, text, wire)
+        self._events.append(event)
+        if self._listener is not None:
+            self._listener(self._opened(event))
+
+    def events(self) -> tuple[TraceEvent, ...]:
+        """Return the events in order of time, payloads opened."""
+        return tuple(sorted(map(self._opened, self._events), key=lambda event: event.time))
+
+    def _opened(self, event: TraceEvent) -> TraceEvent:
+        if not isinstance(event.payload, Wire):
+            return event
+        return replace(event, payload=self._payload(event.payload))
+
+    def _payload(self, wire: Wire) -> object:
+        """Return what was sent; events of one message share it."""
+        if id(wire) not in self._payloads:
+            try:
+                payload = self._codec.decode(wire.channel, wire.data)
+            except BadRequest:
+                payload = None  # corrupted on purpose: no message any more
+            self._payloads[id(wire)] = payload
+        return self._payloads[id(wire)]
 
 
 class RealTimeHost:
@@ -317,17 +353,8 @@ class RealTimeHost:
 
         A node that does not come to rest hangs: it is killed, and counts as dead.
         """
-        waiting = set(self._transport.nodes) - set(self.deaths)
-        for node in waiting:
-            self._transport.signal(node, signal.SIGCONT)
-            self._transport.command(node, Rest())
-        until = time.perf_counter_ns() + _ANSWER
-        while waiting and time.perf_counter_ns() < until:
-            for node, said in self._transport.poll(until):
-                if isinstance(said, Ready | Died):
-                    waiting.discard(node)
-                if isinstance(said, Died):
-                    self._hear(node, said)
-        for node in waiting:
-            self._transport.signal(node, signal.SIGKILL)
+        died, hung = bring_to_rest(self._transport, set(self._transport.nodes) - set(self.deaths), _ANSWER)
+        for node, said in died.items():
+            self._hear(node, said)
+        for node in hung:
             self._bury(node, f"hung: it did not come to rest within {_ANSWER * 1e-9:g} s", self._now())
