@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import heapq
 import itertools
+import signal
 from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -158,6 +159,9 @@ class Agenda:
             self._on_their_way[channel] += 1
             self.at(arrival, arrive)
 
+
+ACTS = {"stop": signal.SIGSTOP, "continue": signal.SIGCONT, "kill": signal.SIGKILL}
+"""What a `Signal` sends to a process."""
 
 SLICE = 20_000_000
 """One turn of a slowed-down process: running, then stopped [ns]."""

@@ -6,7 +6,6 @@ and corrupts. A sender never waits for room: what a receiver cannot keep up with
 
 from __future__ import annotations
 
-import signal
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
@@ -15,7 +14,7 @@ from typing import cast
 from parcours.errors import BadRequest, HostFailure, one_of
 from parcours.run.clocks import WallClock, uninterrupted
 from parcours.run.faults.corruption import corrupted_message
-from parcours.run.faults.effects import UNTOUCHED, Agenda, Effect, Effects, Signal, signals
+from parcours.run.faults.effects import ACTS, UNTOUCHED, Agenda, Effect, Effects, Signal, signals
 from parcours.run.faults.plan import FaultPlan
 from parcours.run.hosts.frames import Broke, Died, Dropped, Idle, Received, Report, Run, Took, Wire
 from parcours.run.hosts.launching import bring_to_rest, ending
@@ -38,7 +37,6 @@ from parcours.run.trace import Kind, Trace, TraceEvent
 #
 # The run is over when every node is Idle after the last message that was delivered to it, and nothing is due.
 
-_SIGNALS = {"stop": signal.SIGSTOP, "continue": signal.SIGCONT, "kill": signal.SIGKILL}
 _ANSWER = 5_000_000_000
 """How long a node may take to come to rest [ns]."""
 
@@ -235,7 +233,7 @@ class RealTimeHost:
 
     def _signal(self, one: Signal, coming: Iterator[Signal]) -> None:
         if one.component not in self.deaths:
-            self._transport.signal(one.component, _SIGNALS[one.act])
+            self._transport.signal(one.component, ACTS[one.act])
             self._record("note", self._now(), component=one.component, text=f"fault: {one.act}")
         self._next_signal(coming)
 
