@@ -42,11 +42,11 @@ def node(master: str) -> Iterator[Join]:
 
 def test_messages_arrive_in_order(node: Join) -> None:
     speaker, listener = node("/speaker"), node("/listener")
-    loud, quiet = (speaker.publish(topic, TEXT, reader="/listener") for topic in ("/loud", "/quiet"))
+    loud, quiet = (speaker.publish(topic, TEXT, peer="/listener") for topic in ("/loud", "/quiet"))
     speaker.join()
     heard: dict[str, list[bytes]] = {"/loud": [], "/quiet": []}
     for topic in heard:
-        listener.subscribe(topic, TEXT, heard[topic].append, sender="/speaker")
+        listener.subscribe(topic, TEXT, heard[topic].append, peer="/speaker")
     _spin(listener, until=lambda: loud.is_matched and quiet.is_matched)
     for k in range(1000):
         loud.send(b"%d" % k)
@@ -60,10 +60,10 @@ def test_only_the_publisher_that_is_named_is_heard(node: Join, master: str) -> N
     refused: list[str] = []
     listener = Client("/listener", master, refused.append)
     heard: list[bytes] = []
-    said = {name: node(name).publish("/loud", TEXT, reader="/listener") for name in ("/speaker", "/other")}
+    said = {name: node(name).publish("/loud", TEXT, peer="/listener") for name in ("/speaker", "/other")}
     for publisher in said.values():
         publisher._owner.join()
-    listener.subscribe("/loud", TEXT, heard.append, sender="/speaker")
+    listener.subscribe("/loud", TEXT, heard.append, peer="/speaker")
     _spin(listener, until=lambda: said["/speaker"].is_matched and refused)
     said["/speaker"].send(b"mine")
     said["/other"].send(b"theirs")
@@ -76,12 +76,12 @@ def test_only_the_publisher_that_is_named_is_heard(node: Join, master: str) -> N
 
 def test_a_slow_reader_misses_messages_and_the_reader_that_counts_none(node: Join) -> None:
     speaker, listener, gaper = node("/speaker"), node("/listener"), node("/gaper")
-    said = speaker.publish("/loud", TEXT, reader="/listener")
+    said = speaker.publish("/loud", TEXT, peer="/listener")
     speaker.join()
     heard: list[int] = []
     gaped: list[int] = []
-    listener.subscribe("/loud", TEXT, lambda data: heard.append(int(data[:3])), sender="/speaker")
-    gaper.subscribe("/loud", TEXT, lambda data: gaped.append(int(data[:3])), sender="/speaker")
+    listener.subscribe("/loud", TEXT, lambda data: heard.append(int(data[:3])), peer="/speaker")
+    gaper.subscribe("/loud", TEXT, lambda data: gaped.append(int(data[:3])), peer="/speaker")
     _spin(listener, gaper, until=lambda: len(said.peers) == 2)
     lost = 0
     for k in range(300):
@@ -113,7 +113,7 @@ def test_a_server_that_comes_again_is_called_again_and_answers_keep_their_order(
     for life in range(2):
         server = node("/server")
         asked: list[tuple[bytes, Reply]] = []
-        server.serve("/s", ASK, lambda data, reply, asked=asked: asked.append((data, reply)), client="/client")  # type: ignore[misc]
+        server.serve("/s", ASK, lambda data, reply, asked=asked: asked.append((data, reply)), peer="/client")  # type: ignore[misc]
         server.join()
         for data in (b"first", b"second", b"third"):
             caller.ask(data, answered)
@@ -160,7 +160,7 @@ def test_calls_that_are_open_at_once_have_connections_of_their_own(node: Join) -
 
 def test_another_type_is_declined_and_a_call_that_the_master_refuses_is_told(node: Join, master: str) -> None:
     server, client = node("/server"), node("/client")
-    server.serve("/t", ASK, lambda data, reply: None, client="/client")
+    server.serve("/t", ASK, lambda data, reply: None, peer="/client")
     server.join()
     with pytest.raises(HostFailure, match=r"declines: /t: is toys/Ask, but /client calls toys/Ask \(md5 1+\)"):
         client.call("/t", Kind("toys/Ask", "1" * 32)).connect()

@@ -105,7 +105,7 @@ def test_a_call_that_nobody_answers_is_ended_when_the_node_rests(desk: Desk) -> 
     host.run(20 * SECOND)
     caller = Participant("stranger")
     ended: list[bytes | None] = []
-    oracle = caller.caller("/oracle")
+    oracle = caller.call("/oracle")
     assert soon(lambda: oracle.is_matched)
     question = node_program("").encode("question", "nobody answers this")
     oracle.ask(question, lambda answer, why: ended.append(answer))

@@ -95,6 +95,7 @@ def test_people_may_write_a_fault_in_more_ways_than_one(line: str, said: str) ->
         ("obstacles: drop 200 ms", "fault-range", "left out"),
         ("obstacles: drop nan", "fault-range", "only a corruption"),
         ("obstacles: delay 0.5 ns", "fault-line", "whole nanoseconds"),
+        ("work: 1.5 ns", "fault-line", "whole nanoseconds"),
         ("obstacles: drop from 5 s to 2 s", "fault-range", "end after it begins"),
         ("obstacles: drop messages 5 to 2", "fault-range", "before the last"),
         ("Planner: crash at 5 s for 1 s", "fault-range", "write freeze"),

@@ -122,7 +122,7 @@ def test_a_call_without_an_answer_fails_for_its_client(binding: Binding, faults:
     if faults:
         graph.asked[0][2](b"answer", "")
     graph.time = late + 1
-    relay.do_what_is_due()
+    relay.agenda.do_what_is_due()
     assert answers == [None]
     assert "drop" in {event.kind for event in relay.events}
 
@@ -133,7 +133,7 @@ def test_a_delayed_message_keeps_its_place(binding: Binding) -> None:
         relay.heard(_out(slot_plan, "obstacles"), data)
     assert [data for address, data in graph.said if "Planner" in address] == []
     graph.time = 20 * MS
-    relay.do_what_is_due()
+    relay.agenda.do_what_is_due()
     assert [data for address, data in graph.said if "Planner" in address] == [b"first", b"second"]
 
 

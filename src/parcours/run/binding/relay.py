@@ -8,7 +8,6 @@ message goes on as it came, and what reads its fields learns of it afterwards.
 
 from __future__ import annotations
 
-import heapq
 import itertools
 from collections import Counter
 from collections.abc import Callable, Mapping
@@ -19,7 +18,7 @@ from parcours.run.binding.slots import Slot, SlotPlan, Spoke
 from parcours.run.binding.structure import Binding
 from parcours.run.faults import FaultPlan
 from parcours.run.faults.corruption import corrupted_bytes
-from parcours.run.faults.effects import UNTOUCHED, Effect, Effects
+from parcours.run.faults.effects import UNTOUCHED, Agenda, Effects
 from parcours.run.recording import Raw
 from parcours.run.trace import Kind, TraceEvent
 
@@ -60,9 +59,8 @@ class Relay:
         """Calls of nodes that wait for their response."""
         self._numbers = itertools.count()
         self._count: Counter[str] = Counter()
-        self._last_arrival: dict[str, int] = {}
-        self._due: list[tuple[int, int, Callable[[], None]]] = []
-        self._order = itertools.count()
+        self.agenda = Agenda(now)
+        """What is to be done later, by the time since the run began."""
         self._ends_of = {one.name: (one.sender, one.receiver) for one in binding.model.channels}
         self._slots: Mapping[str, Slot] = {slot.name: slot for slot in slot_plan.slots}
         self._into = {one.name: slot_plan.speaking(one.name) for one in binding.channels}
@@ -108,22 +106,10 @@ class Relay:
             return
         if effect.why:
             self.note(f"fault: {message.channel} {effect.why}", message.sender)
-        self._pass_on(message, slot, effect)
-
-    def _pass_on(self, message: Message, slot: str | None, effect: Effect) -> None:
         data = message.data
         if effect.corrupt is not None:
             data = corrupted_bytes(data, effect.corrupt, effect.how)
-        now = self._now()
-        for later in effect.copies:
-            arrival = now + later
-            if not effect.reorder:
-                arrival = max(arrival, self._last_arrival.get(message.channel, 0))
-                self._last_arrival[message.channel] = arrival
-            if arrival > now:
-                self.at(arrival, lambda: self._deliver(message, slot, data))
-            else:
-                self._deliver(message, slot, data)
+        self.agenda.pass_on(message.channel, effect, lambda: self._deliver(message, slot, data))
 
     def _deliver(self, message: Message, slot: str | None, data: bytes) -> None:
         part = self.binding.channel(message.channel).part
@@ -173,7 +159,7 @@ class Relay:
                 self.fail(message, f"no answer within {self._timeouts[channel] * 1e-9:g} s")
 
         self._ends.ask(spoke, message.data if data is None else data, answered)
-        self.at(self._now() + self._timeouts[channel], expire)
+        self.agenda.at(self._now() + self._timeouts[channel], expire)
 
     def _reply(self, message: Message, data: bytes) -> None:
         call = message.call
@@ -223,21 +209,7 @@ class Relay:
         self.release(message, slot)
         return message
 
-    # Time, and the trace.
-
-    def at(self, when: int, act: Callable[[], None]) -> None:
-        """Do something at a time [ns since the run began]."""
-        heapq.heappush(self._due, (when, next(self._order), act))
-
-    @property
-    def next_due(self) -> int | None:
-        """When there is something to do next [ns since the run began]."""
-        return self._due[0][0] if self._due else None
-
-    def do_what_is_due(self) -> None:
-        """Do what is to be done by now."""
-        while self._due and self._due[0][0] <= self._now():
-            heapq.heappop(self._due)[2]()
+    # The trace.
 
     def note(self, text: str, component: str = "", time: int | None = None) -> None:
         """Write a remark into the trace."""
@@ -265,7 +237,7 @@ class Relay:
         self._closed = True
         for call in list(self.calls):
             self.finish(call, None)
-        self._due.clear()
+        self.agenda.clear()
 
     def _message(self, channel: str, slot: str, data: bytes, call: Call | None = None) -> Message:
         message = Message(next(self._numbers), channel, slot, self._name(channel, slot, 0), data, self._now(), call)

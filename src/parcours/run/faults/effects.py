@@ -6,7 +6,11 @@ channels, nor other faults of the plan change what one fault does to one message
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import heapq
+import itertools
+import signal
+from collections import Counter
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Literal
 
@@ -99,6 +103,65 @@ class Effects:
         one, other, word = hashed(self._seed + k.to_bytes(8, "little") + f"{kind} {channel}".encode(), 3)
         return (one >> 11) * 2.0**-53, (other >> 11) * 2.0**-53, word >> 1
 
+
+class Agenda:
+    """What a live host has yet to do, by time, messages on their way among it; `now` is the time of the host [ns]."""
+
+    def __init__(self, now: Callable[[], int]) -> None:
+        self._now = now
+        self._due: list[tuple[int, int, Callable[[], None]]] = []
+        self._order = itertools.count()
+        self._last_arrival: dict[str, int] = {}
+        self._on_their_way: Counter[str] = Counter()
+
+    def at(self, when: int, act: Callable[[], None]) -> None:
+        """Do something at a time [ns]."""
+        heapq.heappush(self._due, (when, next(self._order), act))
+
+    @property
+    def next_due(self) -> int | None:
+        """When there is something to do next [ns]."""
+        return self._due[0][0] if self._due else None
+
+    def do_what_is_due(self, after: Callable[[], None] = lambda: None) -> None:
+        """Do what is due by now, and `after` each of it something else."""
+        while self._due and self._due[0][0] <= self._now():
+            heapq.heappop(self._due)[2]()
+            after()
+
+    def clear(self) -> None:
+        """Forget what is yet to be done."""
+        self._due.clear()
+
+    # A delayed message holds up those behind it, so that a channel keeps its order; a further copy, and a message
+    # that is held back on purpose, hold up nothing:
+    #
+    #   sent      1 (delayed)   2   3 (doubled)
+    #   arrives                 1 2 3      3'
+    def pass_on(self, channel: str, effect: Effect, hand_over: Callable[[], None]) -> None:
+        """Hand over each copy of a message when its effect says: at once, if nothing keeps it."""
+        first = effect.copies[0]
+        arrival = self._now() + first
+        for copy in effect.copies:
+            if effect.reorder or copy != first:
+                self.at(arrival + copy - first, hand_over)
+                continue
+            arrival = max(arrival, self._last_arrival.get(channel, 0))
+            if arrival <= self._now() and not self._on_their_way[channel]:
+                hand_over()
+                continue
+
+            def arrive() -> None:
+                self._on_their_way[channel] -= 1
+                hand_over()
+
+            self._last_arrival[channel] = arrival
+            self._on_their_way[channel] += 1
+            self.at(arrival, arrive)
+
+
+ACTS = {"stop": signal.SIGSTOP, "continue": signal.SIGCONT, "kill": signal.SIGKILL}
+"""What a `Signal` sends to a process."""
 
 SLICE = 20_000_000
 """One turn of a slowed-down process: running, then stopped [ns]."""

@@ -78,13 +78,7 @@ def parse_fault(line: str, where: str = "fault") -> Fault:
 
 def _fault(name: str, kind: Any, found: dict[str, re.Match[str]], line: str, where: str) -> Fault:
     def time(key: str) -> int | None:
-        match = found.get(key)
-        if match is None:
-            return None
-        value = Decimal(match[match.re.groups - 1]) * NANOSECONDS[match[match.re.groups]]
-        if value != int(value):
-            raise _unreadable(where, f"times are whole nanoseconds, but {match[0]!r} is not in {line[:80]!r}", "")
-        return int(value)
+        return _nanoseconds(found[key], line, where) if key in found else None
 
     of_channel = kind in plan.CHANNEL_KINDS
     allowed = {"from", "to", "for"} | ({"amount", "share", "how", "messages"} if of_channel else {"factor"})
@@ -104,6 +98,14 @@ def _fault(name: str, kind: Any, found: dict[str, re.Match[str]], line: str, whe
         return ChannelFault(name, kind, share, time("amount") or 0, how, start, until, numbers)
     except BadRequest as error:
         raise BadRequest(f"{where}, {error.where}", error.rule, error.remedy, slug=error.slug) from error
+
+
+def _nanoseconds(match: re.Match[str], line: str, where: str) -> int:
+    """Return the time [ns] whose number and unit are the last two groups of the match."""
+    value = Decimal(match[match.re.groups - 1]) * NANOSECONDS[match[match.re.groups]]
+    if value != int(value):  # to cut it silently would test another plan than the one that was written
+        raise _unreadable(where, f"times are whole nanoseconds, but {match[0]!r} is not in {line[:80]!r}", "")
+    return int(value)
 
 
 def _unreadable(where: str, rule: str, remedy: str = _SHAPES) -> BadRequest:
@@ -126,10 +128,10 @@ def parse_plan(text: str, where: str = "faults") -> FaultPlan:
             here = f"{where}, line {number}"
             if not part.strip():
                 continue
-            if match := re.fullmatch(r"\s*seed:\s*(\d{1,19})\s*", part):
+            if match := re.fullmatch(r"seed:\s*(\d{1,19})", part.strip()):
                 seed = int(match[1])
-            elif match := re.fullmatch(r"\s*work:\s*" + _TIME.pattern + r"\s*", part):
-                work = int(Decimal(match[1]) * NANOSECONDS[match[2]])
+            elif match := re.fullmatch(r"work:\s*" + _TIME.pattern, part.strip()):
+                work = _nanoseconds(match, part, here)
             else:
                 faults.append(parse_fault(part, here))
             if len(faults) > _MOST:

@@ -14,20 +14,8 @@ from typing import Any, Protocol
 from msgspec import structs
 
 from parcours.errors import HostFailure
-from parcours.run.hosts.frames import (
-    Begin,
-    Command,
-    Deliver,
-    Quit,
-    Report,
-    Rest,
-    Run,
-    Took,
-    Turned,
-    Wire,
-    command,
-    packed,
-)
+from parcours.run.hosts.frames import Begin, Command, Deliver, Quit, Report, Rest, Run, Took, Turned, Wire, packed
+from parcours.run.hosts.frames import command as unpacked
 from parcours.run.hosts.interfaces import TESTER, Route, command_topic, report_topic
 
 INLINE = b"="
@@ -71,27 +59,31 @@ class Caller(End, Protocol):
 class Participant(Protocol):
     """A node of a ROS graph: the tester, or a node of its own. `peer` is the name of the node at the other end."""
 
+    frame_kind: Any
+    """The kind of the messages that frames travel in."""
+
     @property
     def is_ended(self) -> bool:
         """Whether a tool of the graph has ordered this node to end."""
 
-    def speaker(self, topic: str, kind: Any, peer: str) -> Sender:
+    def publish(self, topic: str, kind: Any, peer: str) -> Sender:
         """Publish a topic; `peer` misses nothing."""
 
-    def listener(self, topic: str, kind: Any, peer: str, heard: Callable[[bytes], None]) -> End:
-        """Hear a topic of that peer."""
+    def subscribe(self, topic: str, kind: Any, heard: Callable[[bytes], None], peer: str, *,
+                  lost: Callable[[], None] = lambda: None) -> End:  # fmt: skip
+        """Hear a topic of that peer; `lost` is called when the peer has gone, where the graph notices that."""
 
-    def server(self, service: str, kind: Any, peer: str, asked: Callable[[bytes, Reply], None]) -> None:
+    def serve(self, service: str, kind: Any, asked: Callable[[bytes, Reply], None], peer: str) -> None:
         """Serve a service to that peer."""
 
-    def caller(self, service: str, kind: Any) -> Caller:
+    def call(self, service: str, kind: Any) -> Caller:
         """Call a service; requests and responses keep their order."""
 
-    def frame_speaker(self, topic: str, peer: str) -> Sender:
-        """Publish frames."""
+    def wrap(self, frames: Sequence[bytes]) -> Sequence[bytes]:
+        """Return the messages that carry these frames."""
 
-    def frame_listener(self, topic: str, peer: str, heard: Callable[[bytes], None], lost: Callable[[], None]) -> End:
-        """Hear frames; `lost` is called when the peer has gone, where the graph notices that."""
+    def unwrap(self, message: bytes) -> Sequence[bytes]:
+        """Return the frames that a message carries. Raises HostFailure or BadRequest for other bytes."""
 
     def spin(self, until: int | None) -> bool:
         """Hear what arrives before the monotonic clock shows `until` [ns]; return whether anything happened."""
@@ -115,10 +107,10 @@ class GraphLine:
         self._calls_for: dict[str, str] = {}
         self._unanswered: dict[str, deque[Reply]] = defaultdict(deque)
         self._is_gone = False
-        self._reports = participant.frame_speaker(report_topic(component), TESTER)
-        self._ends: list[End] = [
-            self._reports, participant.frame_listener(command_topic(component), TESTER, self._hear, self._lose),
-        ]  # fmt: skip
+        kind = participant.frame_kind
+        self._reports = participant.publish(report_topic(component), kind, TESTER)
+        commands = participant.subscribe(command_topic(component), kind, self._hear, TESTER, lost=self._lose)
+        self._ends: list[End] = [self._reports, commands]
         for route in routes:
             if route.interface.receiver == component:
                 self._listen(route)
@@ -126,11 +118,11 @@ class GraphLine:
                 self._speak(route)
         self._await_tester(component)
 
-    def _hear(self, data: bytes) -> None:
-        said = command(data)
-        if isinstance(said, Quit):
-            self._commands.clear()  # a message that was announced before may never come
-        self._commands.append(said)
+    def _hear(self, message: bytes) -> None:
+        for said in map(unpacked, self._participant.unwrap(message)):
+            if isinstance(said, Quit):
+                self._commands.clear()  # a message that was announced before may never come
+            self._commands.append(said)
 
     def _lose(self) -> None:
         self._is_gone = True
@@ -139,7 +131,7 @@ class GraphLine:
         one = route.interface
         messages = self._messages[one.channel]
         if one.role == "topic":
-            self._ends.append(self._participant.listener(one.topic, route.kind, TESTER, messages.append))
+            self._ends.append(self._participant.subscribe(one.topic, route.kind, messages.append, TESTER))
         elif one.role == "request":
             unanswered = self._unanswered[route.other]
 
@@ -147,15 +139,15 @@ class GraphLine:
                 unanswered.append(reply)
                 messages.append(data)
 
-            self._participant.server(one.topic, route.kind, TESTER, asked)
+            self._participant.serve(one.topic, route.kind, asked, TESTER)
 
     def _speak(self, route: Route) -> None:
         channel = route.interface.channel
         if route.interface.role == "topic":
-            self._senders[channel] = self._participant.speaker(route.out, route.kind, TESTER)
+            self._senders[channel] = self._participant.publish(route.out, route.kind, TESTER)
             self._ends.append(self._senders[channel])
         elif route.interface.role == "request":
-            self._callers[channel] = self._participant.caller(route.out, route.kind)
+            self._callers[channel] = self._participant.call(route.out, route.kind)
             self._calls_for[channel], self._calls_for[route.other] = route.other, channel
             self._ends.append(self._callers[channel])
 
@@ -206,7 +198,7 @@ class GraphLine:
 
     def report(self, report: Report) -> None:
         """Report to the tester; messages leave first, on their own ways. Return when everything has left."""
-        self._reports.send(packed(with_wires(report, self._sent)))
+        self._reports.send(*self._participant.wrap([packed(with_wires(report, self._sent))]))
         self._participant.flush(TESTER)
 
     def _sent(self, wire: Wire) -> Wire:

@@ -55,9 +55,9 @@ class GraphTransport(NodeProcesses):
         self._closing.callback(participant.close)
         self._routes = {route.interface.channel: route for route in routes}
         for name in self.nodes:
-            self._commands[name] = participant.frame_speaker(command_topic(name), node_name(name))
-            heard = partial(self._hear, name)
-            reports = participant.frame_listener(report_topic(name), node_name(name), heard, lambda: None)
+            peer, kind = node_name(name), participant.frame_kind
+            self._commands[name] = participant.publish(command_topic(name), kind, peer)
+            reports = participant.subscribe(report_topic(name), kind, partial(self._hear, name), peer)
             self._reports.append(reports)
             self._ends += [self._commands[name], reports]
         for route in routes:
@@ -77,7 +77,7 @@ class GraphTransport(NodeProcesses):
         sender = node_name(one.sender)
         if one.role == "topic":
             arrive = partial(self._arrive, one.channel)
-            self._ends.append(self._participant.listener(route.out, route.kind, sender, arrive))
+            self._ends.append(self._participant.subscribe(route.out, route.kind, arrive, sender))
         elif one.role == "request":
 
             def asked(data: bytes, reply: Reply) -> None:
@@ -88,16 +88,16 @@ class GraphTransport(NodeProcesses):
                 else:
                     self._calls[route.other].append(reply)
 
-            self._participant.server(route.out, route.kind, sender, asked)
+            self._participant.serve(route.out, route.kind, asked, sender)
 
     def _speak_to(self, route: Route) -> None:
         one = route.interface
         if one.role == "topic":
-            speaker = self._participant.speaker(one.topic, route.kind, node_name(one.receiver))
+            speaker = self._participant.publish(one.topic, route.kind, node_name(one.receiver))
             self._senders[one.channel] = speaker
             self._ends.append(speaker)
         elif one.role == "request":
-            self._callers[one.channel] = self._participant.caller(one.topic, route.kind)
+            self._callers[one.channel] = self._participant.call(one.topic, route.kind)
             self._ends.append(self._callers[one.channel])
 
     def command(self, node: str, command: Command) -> None:
@@ -139,7 +139,7 @@ class GraphTransport(NodeProcesses):
     def _flush(self) -> None:
         """Send the commands, those for one node together."""
         for node, frames in self._unsent.items():
-            self._commands[node].send(*frames)
+            self._commands[node].send(*self._participant.wrap(frames))
         self._unsent.clear()
 
     def _watch(self, now: int) -> None:
@@ -150,8 +150,8 @@ class GraphTransport(NodeProcesses):
                 self._dead[node] = status
                 self._said.append((node, Died(self._dying[node] - _LAST_WORDS, status)))
 
-    def _hear(self, node: str, data: bytes) -> None:
-        self._incomplete[node].append(report(data))
+    def _hear(self, node: str, message: bytes) -> None:
+        self._incomplete[node] += map(report, self._participant.unwrap(message))
         self._complete(node)
 
     def _arrive(self, channel: str, data: bytes) -> None:

@@ -14,15 +14,15 @@ import signal
 import sys
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from multiprocessing import forkserver, resource_tracker
 from multiprocessing.process import BaseProcess
 from signal import SIGKILL
 
 from parcours.errors import HostFailure
-from parcours.run.hosts.frames import Broke, Died, Report
+from parcours.run.hosts.frames import Broke, Died, Ready, Report, Rest
 from parcours.run.hosts.node import live
-from parcours.run.hosts.node_program import Line, Node, node_program_of
+from parcours.run.hosts.node_program import Line, Node, Transport, node_program_of
 from parcours.run.hosts.scheduling import NODE_PRIORITY, ordinary, prefer_real_time
 
 # The life of a node:
@@ -169,6 +169,27 @@ class NodeProcesses(ABC):
             self._dead = dict.fromkeys(self._nodes, 0)
             self.close()
             raise
+
+
+def bring_to_rest(transport: Transport, nodes: Collection[str], within: int) -> tuple[dict[str, Died], set[str]]:
+    """Let nodes forget what they were doing; return those that died, and those that hang [ns], which are killed.
+
+    A node that hangs could not be told from one that goes on later, in the middle of another case.
+    """
+    waiting, died = set(nodes), {}
+    for node in waiting:
+        transport.signal(node, signal.SIGCONT)  # a fault may have frozen it
+        transport.command(node, Rest())
+    until = time.perf_counter_ns() + within
+    while waiting and time.perf_counter_ns() < until:
+        for node, said in transport.poll(until):
+            if isinstance(said, Ready | Died):
+                waiting.discard(node)
+            if isinstance(said, Died):
+                died[node] = said
+    for node in waiting:
+        transport.signal(node, SIGKILL)
+    return died, waiting
 
 
 def ending(status: int) -> str:

@@ -6,7 +6,6 @@ holds it in its gate.
 
 from __future__ import annotations
 
-import signal
 import time
 from collections.abc import Collection, Sequence
 from typing import Protocol, cast
@@ -17,16 +16,16 @@ from parcours.abtc import Event
 from parcours.errors import HostFailure
 from parcours.run.clocks import ClockName, WallClock
 from parcours.run.enforcement import Turn as Due
-from parcours.run.hosts.frames import Begin, Died, Grant, Look, Ready, Report, Rest, Shown, Turn, Turned, Wire
-from parcours.run.hosts.launching import ending
+from parcours.run.hosts.frames import Begin, Died, Grant, Look, Ready, Report, Shown, Turn, Turned, Wire
+from parcours.run.hosts.launching import bring_to_rest, ending
 from parcours.run.hosts.node_program import Codec, Transport
 from parcours.run.instance import Outcome
 
 _ANSWER = 10_000_000_000
 """How long a node may take to make instances, or to show them [ns]."""
 
-_REST = 1_000_000_000
-"""How long a node may take to forget a case [ns]; then it is continued, in case it is frozen, and then killed."""
+_REST = 2_000_000_000
+"""How long a node may take to forget a case [ns]; then it is killed."""
 
 
 class Stimuli(Protocol):
@@ -146,22 +145,8 @@ class DrivenInstances:
         return shown
 
     def end(self) -> None:
-        """Let the nodes forget the case: what is still under way of it is not heard any more.
-
-        A node that hangs is killed: it could not be told from one that goes on later, in the middle of another case.
-        """
-        waiting = set(self._nodes.values()) - self._gone
-        for name in waiting:
-            self._transport.command(name, Rest())
-        for act in (signal.SIGCONT, signal.SIGKILL, None):
-            until = time.perf_counter_ns() + _REST
-            while waiting and time.perf_counter_ns() < until:
-                for node, said in self._transport.poll(until):
-                    if isinstance(said, Ready | Died):
-                        waiting.discard(node)
-            for name in waiting:
-                if act is not None:
-                    self._transport.signal(name, act)
+        """Let the nodes forget the case: what is still under way of it is not heard any more."""
+        bring_to_rest(self._transport, set(self._nodes.values()) - self._gone, _REST)
         self._nodes = {}
 
     def _next(self, waiting: Collection[str]) -> tuple[str, Report]:

@@ -6,26 +6,23 @@ and corrupts. A sender never waits for room: what a receiver cannot keep up with
 
 from __future__ import annotations
 
-import heapq
-import signal
-import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from typing import cast
 
 from parcours.errors import BadRequest, HostFailure, one_of
 from parcours.run.clocks import WallClock, uninterrupted
 from parcours.run.faults.corruption import corrupted_message
-from parcours.run.faults.effects import UNTOUCHED, Effect, Effects, Signal, signals
+from parcours.run.faults.effects import ACTS, UNTOUCHED, Agenda, Effect, Effects, Signal, signals
 from parcours.run.faults.plan import FaultPlan
-from parcours.run.hosts.event_log import EventLog
-from parcours.run.hosts.frames import Broke, Died, Dropped, Idle, Ready, Received, Report, Rest, Run, Took, Wire
-from parcours.run.hosts.launching import ending
+from parcours.run.hosts.frames import Broke, Died, Dropped, Idle, Received, Report, Run, Took, Wire
+from parcours.run.hosts.launching import bring_to_rest, ending
 from parcours.run.hosts.node_program import Codec, Transport
 from parcours.run.hosts.slots import Answer, Answering, silence
 from parcours.run.noise import Noise
 from parcours.run.port import ENVIRONMENT, Component, Link, Step
-from parcours.run.trace import Trace, TraceEvent
+from parcours.run.trace import Kind, Trace, TraceEvent
 
 # One thread of the tester does everything; nodes are processes of their own:
 #
@@ -33,19 +30,55 @@ from parcours.run.trace import Trace, TraceEvent
 #   node A  ◄──────────────────── transport.poll ◄──────────────────── node B
 #                                     │ _hear
 #                                     ▼
-#      _due (heap by time) ◄─delayed─ _send ─► _hand_over ─► transport.deliver ─► node
+#      _agenda (by time)   ◄─delayed─ _send ─► _hand_over ─► transport.deliver ─► node
 #        injections, signals,           faults        └────► _inbox ─► local components, environment
 #        late messages                                                   │ their sends
 #                                       ▲────────────────────────────────┘
 #
 # The run is over when every node is Idle after the last message that was delivered to it, and nothing is due.
 
-_SIGNALS = {"stop": signal.SIGSTOP, "continue": signal.SIGCONT, "kill": signal.SIGKILL}
 _ANSWER = 5_000_000_000
 """How long a node may take to come to rest [ns]."""
 
 DIED = "died: "
 """How the note begins that says how a component ended."""
+
+
+class EventLog:
+    """The events of one live run, as nodes and tester report them; payloads are decoded when they are asked for."""
+
+    def __init__(self, codec: Codec, listener: Callable[[TraceEvent], None] | None) -> None:
+        self._codec, self._listener = codec, listener
+        self._events: list[TraceEvent] = []
+        self._payloads: dict[int, object] = {}
+
+    def record(self, kind: Kind, when: int, *, component: str = "", wire: Wire | None = None, number: int = -1,
+               transition: str = "", text: str = "") -> None:  # fmt: skip
+        """Write an event down; `when` is its time [ns], `number` that of the message in `wire`."""
+        channel = wire.channel if wire else ""
+        event = TraceEvent(when, kind, component, transition, channel, number, text, wire)
+        self._events.append(event)
+        if self._listener is not None:
+            self._listener(self._opened(event))
+
+    def events(self) -> tuple[TraceEvent, ...]:
+        """Return the events in order of time, payloads opened."""
+        return tuple(sorted(map(self._opened, self._events), key=lambda event: event.time))
+
+    def _opened(self, event: TraceEvent) -> TraceEvent:
+        if not isinstance(event.payload, Wire):
+            return event
+        return replace(event, payload=self._payload(event.payload))
+
+    def _payload(self, wire: Wire) -> object:
+        """Return what was sent; events of one message share it."""
+        if id(wire) not in self._payloads:
+            try:
+                payload = self._codec.decode(wire.channel, wire.data)
+            except BadRequest:
+                payload = None  # corrupted on purpose: no message any more
+            self._payloads[id(wire)] = payload
+        return self._payloads[id(wire)]
 
 
 class RealTimeHost:
@@ -100,14 +133,12 @@ class RealTimeHost:
         self._record = self._event_log.record
         self._begun = False
         self._until = 0
-        self._sent = self._order = 0
+        self._sent = 0
         self._count: Counter[str] = Counter()
         self._delivered: Counter[str] = Counter()
         self._resting: dict[str, int] = {}
         self._wires: dict[int, Wire] = {}
-        self._last_arrival: dict[str, int] = {}
-        self._on_their_way: Counter[str] = Counter()
-        self._due: list[tuple[int, int, Callable[[], None]]] = []
+        self._agenda = Agenda(self._now)
         self._inbox: deque[tuple[Component, int, Wire]] = deque()
         self.deaths: dict[str, str] = {}
         """Component -> how it ended, if it has."""
@@ -153,7 +184,8 @@ class RealTimeHost:
             rule = f"time never runs backwards, but {at} ns was given at {self._now()} ns"
             raise BadRequest(f"inject on {channel!r}", rule, "inject before the run", slug="time-backwards")
         data = self._codec.encode(channel, message)
-        self._at(self._now() if at is None else at, lambda: self._send(ENVIRONMENT, Wire(channel, data), self._now()))
+        when = self._now() if at is None else at
+        self._agenda.at(when, lambda: self._send(ENVIRONMENT, Wire(channel, data), self._now()))
 
     def run(self, until: int) -> None:
         """Run until the time `until` [ns], or until nothing is left that could happen.
@@ -197,22 +229,18 @@ class RealTimeHost:
     def _next_signal(self, coming: Iterator[Signal]) -> None:
         one = next(coming, None)
         if one is not None:
-            self._at(one.time, lambda: self._signal(one, coming))
+            self._agenda.at(one.time, lambda: self._signal(one, coming))
 
     def _signal(self, one: Signal, coming: Iterator[Signal]) -> None:
         if one.component not in self.deaths:
-            self._transport.signal(one.component, _SIGNALS[one.act])
+            self._transport.signal(one.component, ACTS[one.act])
             self._record("note", self._now(), component=one.component, text=f"fault: {one.act}")
         self._next_signal(coming)
 
-    def _at(self, when: int, act: Callable[[], None]) -> None:
-        self._order += 1
-        heapq.heappush(self._due, (when, self._order, act))
-
     def _next_wake(self) -> int | None:
         wakes = [wake for part in self._local.values() if (wake := part.next_wake()) is not None]
-        if self._due:
-            wakes.append(self._due[0][0])
+        if (due := self._agenda.next_due) is not None:
+            wakes.append(due)
         return min(wakes, default=None)
 
     def _is_at_rest(self) -> bool:
@@ -223,9 +251,7 @@ class RealTimeHost:
         )
 
     def _do_what_is_due(self) -> None:
-        while self._due and self._due[0][0] <= self._now():
-            heapq.heappop(self._due)[2]()
-            self._empty_inbox()
+        self._agenda.do_what_is_due(self._empty_inbox)
         for part in self._local.values():
             wake = part.next_wake()
             if wake is not None and wake <= self._now():
@@ -269,46 +295,24 @@ class RealTimeHost:
         self._count[wire.channel] += 1
         self._record("send", when, component=sender, wire=wire, number=number)
         effect = self._effects.effect(wire.channel, k, when)
-        if effect is UNTOUCHED:
-            self._pass_on(link, wire, number, self._now())
-        else:
-            self._affect(link, wire, number, effect)
-
-    def _affect(self, link: Link, wire: Wire, number: int, effect: Effect) -> None:
-        now = self._now()
         if not effect.copies:
-            self._record("drop", now, component=link.sender, wire=wire, number=number, text=f"fault: {effect.why}")
+            text = f"fault: {effect.why}"
+            self._record("drop", self._now(), component=link.sender, wire=wire, number=number, text=text)
             return
+        if effect is not UNTOUCHED:
+            wire = self._struck(link, wire, number, effect)
+        self._agenda.pass_on(wire.channel, effect, lambda: self._hand_over(link, wire, number))
+
+    def _struck(self, link: Link, wire: Wire, number: int, effect: Effect) -> Wire:
+        """Note what happens to a message, and return what is left of it."""
+        now = self._now()
         self._record("note", now, component=link.sender, wire=wire, number=number,
                      text=f"fault: {wire.channel} {effect.why}")  # fmt: skip
         if effect.corrupt is not None:
             data, said = corrupted_message(self._codec, wire.channel, wire.data, effect.corrupt, effect.how)
             wire = Wire(wire.channel, data)
             self._record("note", now, component=link.sender, text=f"fault: {wire.channel} {said}")
-        arrival = now + effect.copies[0]
-        for copy in effect.copies:
-            later = copy - effect.copies[0]
-            if effect.reorder or later:
-                self._at(arrival + later, lambda: self._hand_over(link, wire, number))
-            else:
-                arrival = self._pass_on(link, wire, number, arrival)
-
-    def _pass_on(self, link: Link, wire: Wire, number: int, when: int) -> int:
-        """Hand over a message at a time, but not before those that are on their way; return when that will be."""
-        channel = wire.channel
-        arrival = max(when, self._last_arrival.get(channel, 0))
-        if arrival <= self._now() and not self._on_their_way[channel]:
-            self._hand_over(link, wire, number)
-            return arrival
-
-        def arrive() -> None:
-            self._on_their_way[channel] -= 1
-            self._hand_over(link, wire, number)
-
-        self._last_arrival[channel] = arrival
-        self._on_their_way[channel] += 1
-        self._at(arrival, arrive)
-        return arrival
+        return wire
 
     def _hand_over(self, link: Link, wire: Wire, number: int) -> None:
         if link.receiver in self._transport.nodes:
@@ -347,17 +351,8 @@ class RealTimeHost:
 
         A node that does not come to rest hangs: it is killed, and counts as dead.
         """
-        waiting = set(self._transport.nodes) - set(self.deaths)
-        for node in waiting:
-            self._transport.signal(node, signal.SIGCONT)
-            self._transport.command(node, Rest())
-        until = time.perf_counter_ns() + _ANSWER
-        while waiting and time.perf_counter_ns() < until:
-            for node, said in self._transport.poll(until):
-                if isinstance(said, Ready | Died):
-                    waiting.discard(node)
-                if isinstance(said, Died):
-                    self._hear(node, said)
-        for node in waiting:
-            self._transport.signal(node, signal.SIGKILL)
+        died, hung = bring_to_rest(self._transport, set(self._transport.nodes) - set(self.deaths), _ANSWER)
+        for node, said in died.items():
+            self._hear(node, said)
+        for node in hung:
             self._bury(node, f"hung: it did not come to rest within {_ANSWER * 1e-9:g} s", self._now())

@@ -20,15 +20,15 @@ from collections.abc import Callable, Mapping, Sequence
 
 from parcours.errors import HostFailure
 from parcours.run.hosts.graph_line import Reply
-from parcours.run.hosts.ros1.doorway import Doorway
 from parcours.run.hosts.ros1.ends import ANY, WITHIN, Caller, Kind, Publisher, Server, Subscriber, opened
 from parcours.run.hosts.ros1.graph import LOOPBACK, Slave, ask, ask_all
-from parcours.run.hosts.ros1.streams import ANSWERED, REFUSED, Stream, write_header
+from parcours.run.hosts.ros1.streams import ANSWERED, REFUSED, Doorway, Stream, write_header
 
 _TRIES, _PAUSE = 10, 0.5
 """How often a publisher is asked for a connection, and how long after the last time [s]."""
 
-_MOST_CALLS = 64
+_LAYOUT = 8
+"""Length of the empty layout before the bytes of a frame: no dimensions, no offset."""
 
 Heard = Callable[[bytes, bytes], None]
 
@@ -36,8 +36,9 @@ Heard = Callable[[bytes, bytes], None]
 class Client:
     """A name on the graph, on loopback."""
 
-    def __init__(self, name: str, master: str, refused: Callable[[str], None] = lambda text: None) -> None:
-        self.name, self.master, self._refused = name, master, refused
+    def __init__(self, name: str, master: str, refused: Callable[[str], None] = lambda text: None,
+                 frame_kind: Kind | None = None) -> None:  # fmt: skip
+        self.name, self.master, self._refused, self.frame_kind = name, master, refused, frame_kind
         self.is_ended = False
         """Whether a tool of the graph has ordered it to shut down (rosnode kill)."""
         self.publishers: dict[str, Publisher] = {}
@@ -63,28 +64,42 @@ class Client:
 
     # What it offers and wants, registered at the master by `join`, or by the next `spin`.
 
-    def publish(self, topic: str, kind: Kind, *, queue: int = 16, latch: bool = False, reader: str = "") -> Publisher:
+    def publish(self, topic: str, kind: Kind, peer: str = "", *, queue: int = 16, latch: bool = False) -> Publisher:
         """Offer a topic; see `Publisher`."""
-        publisher = self.publishers[topic] = Publisher(self, topic, kind, queue, latch, reader)
+        publisher = self.publishers[topic] = Publisher(self, topic, kind, queue, latch, peer)
         self._unregistered.append(("registerPublisher", (self.name, topic, kind.type, self.uri)))
         return publisher
 
-    def subscribe(self, topic: str, kind: Kind, heard: Callable[[bytes], None], *, sender: str = "",
+    def subscribe(self, topic: str, kind: Kind, heard: Callable[[bytes], None], peer: str = "", *,
                   joined: Callable[[Kind], None] = lambda kind: None,
                   lost: Callable[[], None] = lambda: None) -> Subscriber:  # fmt: skip
         """Hear a topic; see `Subscriber`."""
-        subscriber = self.subscribers[topic] = Subscriber(topic, kind, sender, heard, joined, lost)
+        subscriber = self.subscribers[topic] = Subscriber(topic, kind, peer, heard, joined, lost)
         self._unregistered.append(("registerSubscriber", (self.name, topic, kind.type, self.uri)))
         return subscriber
 
-    def serve(self, service: str, kind: Kind, asked: Callable[[bytes, Reply], None], *, client: str = "") -> None:
+    def serve(self, service: str, kind: Kind, asked: Callable[[bytes, Reply], None], peer: str = "") -> None:
         """Serve a service; see `Server`."""
-        self.servers[service] = Server(service, kind, asked, client)
+        self.servers[service] = Server(service, kind, asked, peer)
         self._unregistered.insert(0, ("registerService", (self.name, service, self._at, self.uri)))
 
-    def call(self, service: str, kind: Kind, lanes: int = _MOST_CALLS) -> Caller:
+    def call(self, service: str, kind: Kind, lanes: int = 1) -> Caller:
         """Return what calls a service; nothing is connected yet."""
         return Caller(self, service, kind, lanes)
+
+    # One frame a message, also where several are sent together: the Google Test export's C++ reads the same.
+
+    def wrap(self, frames: Sequence[bytes]) -> list[bytes]:
+        """Return each frame as a std_msgs/UInt8MultiArray."""
+        return [bytes(_LAYOUT) + len(frame).to_bytes(4, "little") + frame for frame in frames]
+
+    def unwrap(self, message: bytes) -> tuple[bytes]:
+        """Return the bytes of a UInt8MultiArray with an empty layout. Raises HostFailure for other bytes."""
+        size = int.from_bytes(message[_LAYOUT : _LAYOUT + 4], "little")
+        if message[:_LAYOUT] != bytes(_LAYOUT) or size != len(message) - _LAYOUT - 4:
+            rule = f"must be an array of bytes, but {len(message)} other bytes came"
+            raise HostFailure("ROS 1 frame", rule, slug="frame-foreign")
+        return (message[_LAYOUT + 4 :],)
 
     def join(self) -> None:
         """Register what is not registered yet. Raises HostFailure if the master does not answer, or refuses."""

@@ -29,6 +29,9 @@ from parcours.run.hosts.ros1.process import KeptProcess
 _MASTER = 3.0
 """How long a master that runs already may take to answer [s]."""
 
+_LANES = 64
+"""How many calls of a foreign service may be open at once."""
+
 Owner = tuple[Callable[[Spoke, bytes], None], Callable[[Spoke, bytes, Reply], None], Spoke]
 """What is called with messages and requests that come on a spoke."""
 
@@ -180,7 +183,7 @@ class ForeignHost:
             where = f"{self.binding.source}:{channel.line}: channel {channel.name!r}"
             raise BadRequest(where, rule, remedy, slug="unknown-message-type")
         if spoke.side == "into":
-            self._callers.setdefault(spoke.address, self.middle.call(spoke.address, kind))
+            self._callers.setdefault(spoke.address, self.middle.call(spoke.address, kind, _LANES))
         elif spoke.address not in self.middle.servers:
             self.middle.serve(spoke.address, kind, functools.partial(self._asked, spoke.address))
 

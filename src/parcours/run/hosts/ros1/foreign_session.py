@@ -141,14 +141,14 @@ class Session:
 
     def poll(self, until: int) -> None:
         """Relay what comes until the time [ns since the run began], or until something has come."""
-        self.relay.do_what_is_due()
-        due = self.relay.next_due
+        self.relay.agenda.do_what_is_due()
+        due = self.relay.agenda.next_due
         looked = self.now()
         if not self.host.middle.spin(0):
             self.drained = looked
             self.host.middle.spin(self.zero + (until if due is None else min(until, due)))
         self.horizon = min(self.drained, self._beat)
-        self.relay.do_what_is_due()
+        self.relay.agenda.do_what_is_due()
         self._see_deaths()
 
     def _processes(self) -> Iterator[tuple[Slot, KeptProcess]]:
@@ -205,7 +205,7 @@ class Session:
     def _next_signal(self, slot: Slot, component: str, coming: Iterator[Signal]) -> None:
         one = next(coming, None)
         if one is not None:
-            self.relay.at(self.case_began + one.time, lambda: self._strike(slot, component, one, coming))
+            self.relay.agenda.at(self.case_began + one.time, lambda: self._strike(slot, component, one, coming))
 
     def _strike(self, slot: Slot, component: str, one: Signal, coming: Iterator[Signal]) -> None:
         name = slot.component(component)

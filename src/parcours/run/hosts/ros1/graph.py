@@ -86,13 +86,13 @@ class _Server(ThreadingMixIn, SimpleXMLRPCServer):
 
     def __init__(self, ended: Callable[[], None]) -> None:
         super().__init__((LOOPBACK, 0), allow_none=True, logRequests=False)
-        self.is_told_to_end = False
+        self.is_to_end = False
         self._ended = ended
 
     def shutdown_request(self, request: Any) -> None:
         """Close a connection; by now its answer has left."""
         super().shutdown_request(request)
-        if self.is_told_to_end:
+        if self.is_to_end:
             self._ended()
 
 
@@ -119,7 +119,7 @@ class Slave:
         self._thread.start()
 
     def _end(self, reason: str = "") -> int:
-        self._server.is_told_to_end = True
+        self._server.is_to_end = True
         return 0
 
     def close(self) -> None:

@@ -13,13 +13,13 @@ from pathlib import Path
 from typing import Literal
 
 from parcours.errors import HostFailure
+from parcours.run.faults.effects import ACTS
 from parcours.run.hosts.launching import ending
 
 _KEEPER = str(Path(__file__).with_name("process_keeper.py"))
 _TAIL = 5
 _LONGEST_TAIL = 4096
 _ANSWER = 5.0
-_ACTS = {"stop": signal.SIGSTOP, "continue": signal.SIGCONT, "kill": signal.SIGKILL}
 
 
 class KeptProcess:
@@ -73,32 +73,30 @@ class KeptProcess:
         return self.status is None
 
     def look(self) -> bool:
-        """Take in what its keeper says, without waiting; return whether it is known to have ended."""
+        """Take in what its keeper reports, without waiting; return whether it is known to have ended."""
         with contextlib.suppress(BlockingIOError):
             chunk = os.read(self.descriptor, 4096)
-            self._heard += chunk
-            *lines, self._heard = self._heard.split(b"\n")
+            *lines, self._heard = (self._heard + chunk).split(b"\n")
             for line in lines:
-                self._hear(line.decode(errors="replace"))
+                match line.decode(errors="replace").split(" ", 1):
+                    case "pid", pid:
+                        self.pid = int(pid)
+                    case "failed", why:
+                        self._failed = why
+                    case "ended", how:
+                        self.status, self.ended = map(int, how.split())
             if not chunk and self.status is None:  # the keeper was killed, and the command with it
                 self.status, self.ended = -signal.SIGKILL, time.perf_counter_ns()
         return self.status is not None
 
-    def _hear(self, line: str) -> None:
-        word, _, rest = line.partition(" ")
-        if word == "pid":
-            self.pid = int(rest)
-        elif word == "failed":
-            self._failed = rest
-        elif word == "ended":
-            status, _, when = rest.partition(" ")
-            self.status, self.ended = int(status), int(when)
-
     def act(self, what: Literal["stop", "continue", "kill"]) -> None:
         """Stop, continue or kill the process and those of its group; nothing if it has ended."""
+        self._signal(ACTS[what])
+
+    def _signal(self, number: int) -> None:
         if self.pid and self.is_alive:
             with contextlib.suppress(OSError):
-                os.killpg(self.pid, _ACTS[what])
+                os.killpg(self.pid, number)
 
     def await_stop(self, within: float = 0.2) -> bool:
         """Return whether all its threads stand, after waiting for that [s]: a signal takes its time to reach them."""
@@ -127,8 +125,7 @@ class KeptProcess:
         if self.status is None:
             return "lives"
         said = self.tail()
-        told = ending(self.status)
-        return f"{told}; its last lines: {' | '.join(said)}" if said else f"{told}; it said nothing"
+        return f"{ending(self.status)}; " + (f"its last lines: {' | '.join(said)}" if said else "it said nothing")
 
     def tail(self) -> list[str]:
         """Return the last lines of its output since it was started."""
@@ -141,10 +138,8 @@ class KeptProcess:
 
     def ask_to_end(self) -> None:
         """Interrupt it, as Ctrl-C does."""
-        self.act("continue")
-        if self.pid and self.is_alive:
-            with contextlib.suppress(OSError):
-                os.killpg(self.pid, signal.SIGINT)
+        self._signal(signal.SIGCONT)
+        self._signal(signal.SIGINT)
 
     def end(self, patience: float) -> None:
         """Wait for its end [s], then force it. Again: do nothing."""

@@ -55,6 +55,11 @@ def _end_all() -> None:
             return
 
 
+# A process tree as the keeper sees it; whatever loses its parent below becomes the keeper's own child:
+#
+#   tester --starts--> keeper (subreaper) --fork--> command (group of its own) --> what it starts
+#      ^ pidfd            |  pipe: pid, failed, ended
+#      '-- watched by ----'
 def main(arguments: list[str]) -> None:
     """Keep the command for as long as PARENT lives."""
     parent, say, folder, *command = arguments

@@ -1,16 +1,22 @@
-"""Reads and writes the headers with which TCPROS connections start: fields key=value, each after its length."""
+"""Accepts TCPROS connections, and exchanges the headers with which they start: fields key=value after their length."""
 
 from __future__ import annotations
 
+import contextlib
 import socket
 import struct
-from collections.abc import Mapping
+import threading
+from collections.abc import Callable, Mapping
 
 from parcours.errors import HostFailure
+from parcours.run.hosts.ros1.graph import LOOPBACK
 from parcours.run.hosts.sockets import FrameSocket
 
 _LENGTH = struct.Struct("<I")
 _LONGEST_HEADER = 1 << 20
+_PATIENCE = 10.0
+"""How long the other end of a connection may take to send its header [s]."""
+
 REFUSED, ANSWERED = b"\0", b"\1"
 """What stands before a server's answer."""
 
@@ -63,3 +69,43 @@ def _exactly(connection: socket.socket, n: int) -> bytes:
             raise EOFError
         data += chunk
     return data
+
+
+class Doorway:
+    """Where other nodes connect, on loopback; each is let in, or not, in a thread of its own."""
+
+    def __init__(self, admit: Callable[[socket.socket, Mapping[str, str]], str],
+                 refused: Callable[[str], None]) -> None:  # fmt: skip
+        self._admit, self._refused = admit, refused
+        self._socket = socket.create_server((LOOPBACK, 0))
+        self.port: int = self._socket.getsockname()[1]
+        self._doorman = threading.Thread(target=self._receive, daemon=True, name="ros1-door")
+        self._doorman.start()
+
+    def close(self) -> None:
+        """Accept no more."""
+        with contextlib.suppress(OSError):
+            self._socket.shutdown(socket.SHUT_RDWR)
+        self._doorman.join()
+        self._socket.close()
+
+    def _receive(self) -> None:
+        while True:
+            try:
+                connection, _ = self._socket.accept()
+            except OSError:
+                return
+            threading.Thread(target=self._welcome, args=(connection,), daemon=True, name="ros1-welcome").start()
+
+    def _welcome(self, connection: socket.socket) -> None:
+        connection.settimeout(_PATIENCE)
+        with contextlib.suppress(OSError):
+            try:
+                complaint = self._admit(connection, read_header(connection))
+            except HostFailure as failure:
+                complaint = str(failure)
+            if complaint:
+                self._refused(complaint)
+                with contextlib.suppress(OSError):
+                    write_header(connection, {"error": complaint})
+                connection.close()

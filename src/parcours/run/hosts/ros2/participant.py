@@ -11,7 +11,7 @@ import binascii
 import contextlib
 import os
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -75,30 +75,30 @@ class Participant:
     is_ended = False
     """No tool of a ROS 2 graph orders nodes to end."""
 
-    def speaker(self, topic: str, kind: str, peer: str = "") -> Sender:
+    frame_kind = "frames"
+
+    def publish(self, topic: str, kind: str, peer: str = "") -> Sender:
         """Publish a topic whose messages are called `kind`."""
         from std_msgs.msg import UInt8MultiArray
 
         return Sender(self.node.create_publisher(UInt8MultiArray, topic, _quality()), writer(kind))
 
-    def listener(self, topic: str, kind: str, peer: str, heard: Heard) -> Subscription:
-        """Call `heard` with the bytes of each message."""
+    def subscribe(self, topic: str, kind: str, heard: Heard, peer: str = "", *,
+                  lost: Callable[[], None] = lambda: None) -> Subscription:  # fmt: skip
+        """Call `heard` with the bytes of each message. A graph does not report ends: `lost` is never called."""
         from std_msgs.msg import UInt8MultiArray
 
         return self.overhear(UInt8MultiArray, topic, lambda message: heard(read(message)), _quality())
 
-    def frame_speaker(self, topic: str, peer: str) -> FrameSender:
-        """Publish frames."""
-        return FrameSender(self.speaker(topic, "frames"))
+    # Frames that are sent together travel in one message: a message costs as much as its content.
 
-    def frame_listener(self, topic: str, peer: str, heard: Heard, lost: Callable[[], None]) -> Subscription:
-        """Call `heard` with each frame. A graph does not report ends: `lost` is never called."""
+    def wrap(self, frames: Sequence[bytes]) -> list[bytes]:
+        """Return one message with all these frames."""
+        return [msgspec.msgpack.encode([msgspec.Raw(frame) for frame in frames])]
 
-        def taken(message: bytes) -> None:
-            for frame in msgspec.msgpack.decode(message, type=list[msgspec.Raw]):
-                heard(bytes(frame))
-
-        return self.listener(topic, "", peer, taken)
+    def unwrap(self, message: bytes) -> list[bytes]:
+        """Return the frames of a message."""
+        return [bytes(frame) for frame in msgspec.msgpack.decode(message, type=list[msgspec.Raw])]
 
     def overhear(self, kind: Any, topic: str, heard: Heard, quality: Any) -> Subscription:
         """Call `heard` with each message of any type, serialised."""
@@ -114,7 +114,7 @@ class Participant:
         self._add("subscription", subscription, take)
         return Subscription(subscription)
 
-    def server(self, service: str, kind: str, peer: str, asked: Callable[[bytes, Reply], None]) -> None:
+    def serve(self, service: str, kind: str, asked: Callable[[bytes, Reply], None], peer: str = "") -> None:
         """Call `asked` with the bytes of each request, and with what answers it, now or later, at most once."""
         from diagnostic_msgs.srv import AddDiagnostics
 
@@ -138,7 +138,7 @@ class Participant:
 
         self._add("service", server, take)
 
-    def caller(self, service: str, kind: str = "") -> Caller:
+    def call(self, service: str, kind: str = "") -> Caller:
         """Return what calls a service."""
         from diagnostic_msgs.srv import AddDiagnostics
 
@@ -238,22 +238,6 @@ class Sender:
     def is_matched(self) -> bool:
         """Whether somebody listens."""
         return bool(self._publisher.get_subscription_count())
-
-
-class FrameSender:
-    """A publisher of frames; those that are sent together travel in one message, which costs as much as its content."""
-
-    def __init__(self, sender: Sender) -> None:
-        self._sender = sender
-
-    def send(self, *frames: bytes) -> None:
-        """Publish."""
-        self._sender.send(msgspec.msgpack.encode([msgspec.Raw(frame) for frame in frames]))
-
-    @property
-    def is_matched(self) -> bool:
-        """Whether somebody listens."""
-        return self._sender.is_matched
 
 
 class Subscription:
