@@ -18,6 +18,7 @@ from parcours.data.domains import Domain
 from parcours.data.inputs import Group, InputModel, constraint_of
 from parcours.data.naming import SCOPES, Scope, copies, instances, numbered_name
 from parcours.errors import BadDomain, BadRequest, ParcoursError, one_of
+from parcours.model.conversion import text_of
 from parcours.model.documents import MAX_BYTES, Node, read_document
 from parcours.model.expression import parse_expression
 from parcours.model.finding import Finding, complaint
@@ -52,14 +53,7 @@ def read_input_model(path: Path | str, constants: Mapping[str, float] | None = N
         BadRequest: a constant to be replaced is not in the file, or its new value is not finite.
 
     """
-    try:
-        with Path(path).open("rb") as file:
-            text = file.read(MAX_BYTES + 1).decode()
-    except (OSError, ValueError) as error:
-        said = error.strerror if isinstance(error, OSError) else "its bytes are no UTF-8 text"
-        raise BadDomain(
-            str(path), f"an input model must be a readable file, but: {said}", "check the path", slug="unreadable-file"
-        ) from None
+    text = text_of(Path(path), MAX_BYTES, "an input model", BadDomain)
     return parse_input_model(text, str(path), constants)
 
 
