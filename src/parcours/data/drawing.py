@@ -46,15 +46,6 @@ def draw(
         BadRequest: the shapes do not fit together, or a block index, a case number or the seed is out of
             range; a row breaks a rule over blocks.
         BadDomain: the constraints were not met within the blocks of some case in `tries` draws.
-
-    >>> from parcours.data.domains import split
-    >>> speed, number = split("v", "m/s", [0.0, 0.25, 0.5]), split("n", "1", [1, 6], kind="integer")
-    >>> model = InputModel("m", (speed, number))
-    >>> values = draw(model, np.array([[1, 0], [0, 0]]), np.array([4, 5]), seed=7)
-    >>> [value in model.domains[0].blocks[block] for value, block in zip(values[:, 0], [1, 0])]
-    [True, True]
-    >>> float(values[0, 1]).is_integer()
-    True
     """
     _check(model, rows, cases)
     limits = _limits(model, rows)

@@ -63,13 +63,6 @@ class Rules:
     Raises:
         BadDomain: no row at all is allowed, and lists and what is struck out at once show it; `require_row` decides
             the rest.
-
-    >>> unlike = RuleTable("unlike", (0, 1), ~np.eye(2, dtype=bool))
-    >>> rules = Rules((2, 2, 3), [unlike])
-    >>> rules.hold(np.array([[0, 0, 1], [0, 1, 2]])).tolist(), rules.possible((0, 1), (2, 2)).tolist()
-    ([False, True], [[False, True], [True, False]])
-    >>> rules.complete(np.array([OPEN, 0, 2])).tolist()
-    [1, 0, 2]
     """
 
     def __init__(self, sizes: Sequence[int], tables: Sequence[RuleTable] = (), source: str = "rules") -> None:

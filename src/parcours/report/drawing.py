@@ -139,11 +139,7 @@ def _variable(match: re.Match[str]) -> str:
 
 
 def label_ink(colour: str) -> str:
-    """Return black or white, whichever reads better on a colour (relative luminance, WCAG 2.1).
-
-    >>> label_ink("#0072b2"), label_ink("#e8b13a")
-    ('#ffffff', '#000000')
-    """
+    """Return black or white, whichever reads better on a colour (relative luminance, WCAG 2.1)."""
     channels = (int(colour[k : k + 2], 16) / 255.0 for k in (1, 3, 5))
     linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in channels]
     luminance = 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]

@@ -24,13 +24,7 @@ _TRIALS = 30_000
 def constructions(
     sizes: Sequence[int], strength: int, seed: int = 0, most: int = _MOST_ROWS
 ) -> Iterator[tuple[str, Ints]]:
-    """Yield name and rows of each construction that fits; blocks are those of `sizes`.
-
-    >>> [(name, len(rows)) for name, rows in constructions([3, 3, 3, 3], 2)]
-    [('orthogonal', 9)]
-    >>> [(name, len(rows)) for name, rows in constructions([2] * 100, 2)]
-    [('halves', 10)]
-    """
+    """Yield name and rows of each construction that fits; blocks are those of `sizes`."""
     active = [column for column, size in enumerate(sizes) if size > 1]
     k, v = len(active), max(sizes)
     if not 2 <= strength <= k:

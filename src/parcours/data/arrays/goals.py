@@ -142,12 +142,6 @@ def goals_of(
 
     Raises:
         BadRequest: there are more than MAX_TUPLES tuples.
-
-    >>> goals = goals_of((3, 3, 2), 2)
-    >>> goals.n_tuples, goals.sets
-    (21, ((0, 1), (0, 2), (1, 2)))
-    >>> [len(columns) for columns in goals_of((2, 2, 2, 2), 2, [((0, 1, 2), 3)]).sets]
-    [3, 2, 2, 2]
     """
     wanted = [(range(len(sizes)), strength), *groups]
     n = sum(math.comb(len(columns), min(t, len(columns))) for columns, t in wanted)
