@@ -92,6 +92,12 @@ def _combined(operator: str, left: Bounds, right: Bounds) -> Bounds:
         return _known(left[0] + right[0], left[1] + right[1])
     if operator == "-":
         return _known(left[0] - right[1], left[1] - right[0])
+    # A product or quotient is least and greatest at corners of the rectangle left x right:
+    #
+    #     right[1]  x---------x
+    #               |         |      where right holds 0, a quotient has no bound at all
+    #     right[0]  x---------x
+    #            left[0]   left[1]
     work = np.multiply if operator == "*" else np.divide
     corners = np.stack(np.broadcast_arrays(*(work(a, b) for a, b in itertools.product(left, right))))
     low, high = _known(corners.min(axis=0), corners.max(axis=0))

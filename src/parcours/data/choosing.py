@@ -182,6 +182,7 @@ def _negative(model: InputModel, must: Rows) -> tuple[Rows, tuple[str, ...], tup
     """Return a row for each invalid block that no must-have row tests alone, all else valid and at its base.
 
     With them come the blocks that the rules forbid, and those for which the search took too long, in words."""
+    # One invalid value a row: a system that refuses the row says which value it refused only if there is one.
     rules, sizes = rules_of(model), np.array(model.sizes)
     invalid = must >= sizes
     tested = {(int(np.argmax(row)), int(blocks[np.argmax(row)])) for row, blocks in zip(invalid, must, strict=True)

@@ -150,6 +150,7 @@ def measure(
     # Without listed rules the goals hold some combinations that no allowed row can hold: each is looked at here.
     if not rules.are_listed:
         missing = np.array([number for number in missing if _can_be_held(goals, int(number))], dtype=np.int64)
+    # Rows are counted from 1 for people, as an editor counts the lines of a table.
     uncounted = np.flatnonzero(~counts)[:most_shown]
     return TupleCoverage(
         strength, len(table), int(counts.sum()), goals.n_needed, goals.n_needed - len(missing),

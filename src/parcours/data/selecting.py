@@ -139,6 +139,7 @@ def _combined(strength: int) -> Criterion:
         ends = np.cumsum([0, *sizes])
         table = np.empty((len(numbers), len(sizes)), dtype=np.int64)
         for column in range(len(sizes)):
+            # Renaming the blocks of a column keeps every tuple covered: each repetition is another array.
             exchanged = np.argsort(words[:, ends[column] : ends[column + 1]], axis=1, kind="stable")
             table[:, column] = exchanged[where, array[numbers % len(array), column]]
         return table

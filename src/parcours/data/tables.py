@@ -78,6 +78,7 @@ def _unmarked(cell: str, words: Mapping[str, str]) -> str:
 
 def _csv(path: Path, text: str, names: Sequence[str], titles: Sequence[str]) -> Iterator[list[object]]:
     lines = text.splitlines()
+    # PICT separates by tabs and some spreadsheets by semicolons; a header of names holds neither otherwise.
     delimiter = next((sign for sign in "\t;" if lines and sign in lines[0]), ",")
     reader = csv.reader(lines, delimiter=delimiter, skipinitialspace=True)
     try:

@@ -40,6 +40,7 @@ def write_input_model(model: InputModel) -> str:
 
 def _parameters(domains: Sequence[Domain]) -> Iterator[tuple[str, Domain, tuple[str, ...]]]:
     """Yield name, domain and components of each parameter; the components of a vector stand side by side."""
+    # position.x, position.y, v  ->  "position" with components [x, y], then "v"
     heads = [domain.name.partition(".")[0] for domain in domains]
     index = 0
     while index < len(domains):

@@ -16,13 +16,9 @@ if TYPE_CHECKING:
     from rich.table import Table as RichTable
 
 _STYLE: dict[Tone, str] = {
-    "good": "bold green",
-    "fair": "green",
-    "neutral": "bold",
-    "poor": "yellow",
-    "bad": "bold red",
+    "good": "bold green", "fair": "green", "neutral": "bold", "poor": "yellow", "bad": "bold red",
     "worst": "bold magenta",
-}
+}  # fmt: skip
 
 _PAD = {"left": "<", "right": ">", "center": "^"}
 

@@ -143,6 +143,9 @@ class _Search:
     def seconds(self) -> float:
         return time.perf_counter() - self.begun
 
+    #     grown row by row ──┬──> fewest rows so far ──> one row less ──> repaired? ──> ... until time or effort ends
+    #     constructions ─────┤                            ^                │ no, long
+    #     covertable ────────┘                            └── another greedy array
     def array(self) -> CoveringArray:
         needed = self.goals.layout.needed
         self.compile()
@@ -154,6 +157,7 @@ class _Search:
                     if len(left):
                         self.best, left = rows, left[:0]
                     self.keep(name, rows)
+        # What growing did not come to is given up here, so that later stages do not fail for lack of it.
         needed[left] = False
         self.undecided += left.tolist()
         if self.goals.rules.tables:  # less is needed than it seemed

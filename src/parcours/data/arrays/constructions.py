@@ -180,6 +180,9 @@ def turned(starter: Sequence[int], v: int) -> Ints:
     """Return all rotations of a starter vector, shifted by each element of the group, and the row of the fixed one."""
     group, k = v - 1, len(starter)
     cells = np.array(starter)
+    # Pairs at distance d in the vector meet all differences, so their shifts are all pairs of the group:
+    #
+    #     (v-1  a  b  c)  ->  (c  v-1  a  b)  ->  ...        k rotations, each shifted v - 1 times
     rotations = np.stack([np.roll(cells, shift) for shift in range(k)])
     rows = [np.where(rotations == group, group, (rotations + shift) % group) for shift in range(group)]
     return np.concatenate([*rows, np.full((1, k), group)])
