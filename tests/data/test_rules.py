@@ -16,7 +16,7 @@ from parcours.data.arrays.goals import goals_of
 from parcours.data.bounds import may_hold
 from parcours.data.constraints import Constraint, meets
 from parcours.data.rules import OPEN, Rules, RuleTable
-from parcours.errors import BadDomain, BadRequest
+from parcours.errors import BadDomain
 from parcours.model.expression import Expression, parse_expression
 
 TABLES = st.lists(
@@ -88,13 +88,6 @@ def test_arrays_hold_every_combination_that_rules_leave_and_no_row_that_they_for
         assert {tuple(row) for row in array.rows[:, columns].tolist()} == slow
     n = sum(len({tuple(row[c] for c in columns) for row in rows}) for columns in goals.sets)
     assert len(array.infeasible) == goals.n_tuples - n and not array.undecided
-
-
-def test_a_must_have_row_that_breaks_a_rule_is_refused_by_name() -> None:
-    unlike = RuleTable("unlike", (0, 1), ~np.eye(2, dtype=bool))
-    goals = goals_of((2, 2), 2, rules=Rules((2, 2), [unlike]))
-    with pytest.raises(BadRequest, match=r"must-have row 1.*'unlike'"):
-        covering_array(goals, np.array([[1, 1]]))
 
 
 def test_a_search_that_takes_too_long_ends_and_says_so(monkeypatch: pytest.MonkeyPatch) -> None:

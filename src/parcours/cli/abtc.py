@@ -23,11 +23,8 @@ if TYPE_CHECKING:
 @click.option("--count", "counted", is_flag=True, help="Print how many cases there are, without making them.")
 @click.option("--case", "wanted", help="Print one case: its notation and its serialised sequence.")
 @click.option("--dropped", is_flag=True, help="Print the combinations that have no rendezvous, and why.")
-@click.option(
-    "--sequences",
-    type=click.Choice(["count", "sample", "all"]),
-    help="Serialised execution sequences (APSESCC) of each combination, or of --case.",
-)
+@click.option("--sequences", type=click.Choice(["count", "sample", "all"]),
+              help="Serialised execution sequences (APSESCC) of each combination, or of --case.")  # fmt: skip
 @count("--number", default=10, help="How many sequences to sample.")
 @count("--seed", default=1, least=0, most=2**63 - 1, help="Of the sample.")
 @as_json

@@ -20,9 +20,7 @@ if TYPE_CHECKING:
 @click.option("--component", "components", multiple=True, help="Follow this component only; repeatable. [default: all]")
 @choice("--observes", "transitions", "messages", help="Whether the trace names transitions, or only messages count.")
 @click.option("--quiet", "quiet", multiple=True, metavar="CHANNEL=MS", help="A message owed there may take so long.")
-@click.option(
-    "--until", type=click.FloatRange(0.0), help="How long the system was watched [ms].  [default: last event]"
-)
+@click.option("--until", type=click.FloatRange(0.0), help="How long the system was watched [ms]. [default: last event]")
 @click.option("--unmodelled", multiple=True, metavar="CHANNEL", help="Sends there need no transition; repeatable.")
 @click.option("--conversations", is_flag=True, help="An answer counts for the latest question only.")
 @count("--hidden", default=2000, help="Most states followed through steps nobody sees.")
@@ -96,24 +94,18 @@ def _reason(found: Conformance) -> str:
 
 def _record(found: Conformance) -> dict[str, object]:
     record: dict[str, object] = {
-        "verdict": str(found.judgement.verdict),
-        "why": _reason(found),
-        "events": found.n_events,
-        "outside": found.n_outside,
-    }
+        "verdict": str(found.judgement.verdict), "why": _reason(found),
+        "events": found.n_events, "outside": found.n_outside,
+    }  # fmt: skip
     if found.deviation is not None:
         at = found.deviation
         record["deviation"] = {
-            "position": at.position,
-            "time": at.time,
-            "component": at.component,
-            "kind": at.event.kind if at.event else "silence",
-            "name": (at.event.transition or at.event.channel) if at.event else "",
-            "rule": at.rule,
+            "position": at.position, "time": at.time, "component": at.component,
+            "kind": at.event.kind if at.event else "silence",  # an owed message did not come, so there is no event
+            "name": (at.event.transition or at.event.channel) if at.event else "", "rule": at.rule,
             "expected": [{"what": e.what, "name": e.name, "values": _values(e)} for e in at.expected],
-            "path": list(at.path),
-            "doubt": at.doubt,
-        }
+            "path": list(at.path), "doubt": at.doubt,
+        }  # fmt: skip
     return record
 
 

@@ -20,9 +20,8 @@ _SHOWN = 3
 @click.command("explore")
 @model_file
 @count("--max-states", default=1_000_000, most=1 << 30, help="Most states to keep.")
-@click.option(
-    "--max-seconds", type=click.FloatRange(0.0, 1e9), default=120.0, help="Longest search [s].  [default: 120]"
-)
+@click.option("--max-seconds", type=click.FloatRange(0.0, 1e9), default=120.0,
+              help="Longest search [s].  [default: 120]")  # fmt: skip
 @count("--witness", "witnesses", default=3, least=0, help="How many findings to show with a shortest run to them.")
 @as_json
 def command(file: Path, max_states: int, max_seconds: float, witnesses: int, as_json: bool) -> None:
@@ -88,30 +87,21 @@ def _spelled(move: Move) -> str:
 def _as_data(space: Space, witnesses: int) -> dict[str, object]:
     shown = [each for each in space.findings if each.state is not None][:witnesses]
     return {
-        "model": space.cefsm.name,
-        "states": space.n_states,
-        "transitions": space.n_transitions,
-        "complete": space.complete,
-        "exact": space.exact,
-        "doubts": space.doubts,
-        "stopped": space.stopped,
-        "expanded": space.n_expanded,
-        "seconds": round(space.seconds, 3),
+        "model": space.cefsm.name, "states": space.n_states, "transitions": space.n_transitions,
+        "complete": space.complete, "exact": space.exact, "doubts": space.doubts, "stopped": space.stopped,
+        "expanded": space.n_expanded, "seconds": round(space.seconds, 3),
         "findings": [_finding(space, each, each in shown) for each in space.findings],
-    }
+    }  # fmt: skip
 
 
 def _finding(space: Space, each: Discovery, is_shown: bool) -> dict[str, object]:
     path = None if each.state is None else space.path_to(each.state)
     return {
-        "kind": each.kind,
-        "severity": each.severity,
-        "message": each.message,
-        "states": each.count,
+        "kind": each.kind, "severity": each.severity, "message": each.message, "states": each.count,
         "steps": None if path is None else len(path),
         "witness": None if path is None or not is_shown else list(map(_move, path)),
         "move": None if each.move is None else _move(each.move),
-    }
+    }  # fmt: skip
 
 
 def _move(move: Move) -> dict[str, object]:

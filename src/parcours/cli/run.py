@@ -37,9 +37,7 @@ class _Studies(click.Group):
     """A group whose subcommands are studies, found when they are named."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        from parcours.study.finding import registered
-
-        return [one.name for one in registered()]
+        return [one.name for one in _registered()]
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         from parcours.study.finding import find
@@ -85,11 +83,8 @@ def study_command(study: Study, given: str) -> click.Command:
         settings = {name: options.pop(name) for name in names}
         _run(study, settings, **options)
 
-    made = click.Command(
-        given,
-        callback=callback,
-        help=f"{study.doc or study.name}\n\nExample: parcours run {given} --out out/{study.name}",
-    )
+    help = f"{study.doc or study.name}\n\nExample: parcours run {given} --out out/{study.name}"
+    made = click.Command(given, callback=callback, help=help)
     for option in _COMMON:
         made = option(made)
     made.params += parameter_options(study.parameters)
@@ -115,9 +110,8 @@ def _run(
     conditions = [parse_condition(text) for text in fail_if]
     ids = ids_of(chosen, cases_from)
     if ids and n_cases is not None:
-        raise BadRequest(
-            "--cases", "it counts the first cases, but some were chosen", "leave it out", slug="option-study"
-        )
+        rule = "it counts the first cases, but some were chosen"
+        raise BadRequest("--cases", rule, "leave it out", slug="option-study")
     if fresh:
         discard(out, _FRESH)
     isolate(str(settings.get("host", "")), str(settings.get("graph", "")))  # before the progress bar starts a thread

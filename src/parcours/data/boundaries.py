@@ -35,11 +35,6 @@ def at_boundaries(model: InputModel) -> InputModel:
     Enumerations and listed values stay as they are. Just outside, one step below and above the range, lie invalid
     blocks; an invalid block that holds such a value already shrinks to it. Rules stay: those over blocks mean all
     values of the block.
-
-    >>> from parcours.data.domains import split
-    >>> model = at_boundaries(InputModel("m", (split("v", "m/s", [0.0, 0.5]),)))
-    >>> [f"{block.name} {block.low:g}" for block in model.domains[0].choices]
-    ['min 0', 'min+ 0.0005', 'nominal 0.25', 'max- 0.4995', 'max 0.5', 'below -0.0005', 'above 0.5005']
     """
     changed = [_boundaries(domain) for domain in model.domains]
     pieces = {domain.name: ranges for domain, ranges in changed}

@@ -25,13 +25,7 @@ Chance: TypeAlias = tuple[NDArray[np.bool_], NDArray[np.bool_]]
 
 
 def may_hold(condition: Expression, bounds: Mapping[str, Bounds]) -> NDArray[np.bool_]:
-    """Return where the condition can hold for values within the bounds.
-
-    >>> from parcours.model.expression import parse_expression
-    >>> low, high = np.array([0.0, 2.0]), np.array([1.0, 3.0])
-    >>> may_hold(parse_expression("abs(x - 4) <= 2"), {"x": (low, high)}).tolist()
-    [False, True]
-    """
+    """Return where the condition can hold for values within the bounds."""
     with np.errstate(all="ignore"):
         return _chance(condition, bounds)[0]
 
@@ -98,6 +92,12 @@ def _combined(operator: str, left: Bounds, right: Bounds) -> Bounds:
         return _known(left[0] + right[0], left[1] + right[1])
     if operator == "-":
         return _known(left[0] - right[1], left[1] - right[0])
+    # A product or quotient is least and greatest at corners of the rectangle left x right:
+    #
+    #     right[1]  x---------x
+    #               |         |      where right holds 0, a quotient has no bound at all
+    #     right[0]  x---------x
+    #            left[0]   left[1]
     work = np.multiply if operator == "*" else np.divide
     corners = np.stack(np.broadcast_arrays(*(work(a, b) for a, b in itertools.product(left, right))))
     low, high = _known(corners.min(axis=0), corners.max(axis=0))

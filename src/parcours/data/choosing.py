@@ -148,8 +148,7 @@ def _positive(
     is_free = not rules.tables and not len(must)
     nothing = np.zeros((0, len(model.domains)))
     if criterion in STRENGTHS and not (criterion == "each_choice" and is_free and not model.groups):
-        groups = [([model.column(name) for name in group.inputs], group.strength) for group in model.groups]
-        goals = goals_of(model.sizes, STRENGTHS[criterion], groups, rules)
+        goals = goals_of(model.sizes, STRENGTHS[criterion], model.column_groups, rules)
         from parcours.data.arrays.building import covering_array  # compiled code is loaded only where it runs
 
         array = covering_array(goals, must, budget=budget, seed=seed, progress=progress)
@@ -183,6 +182,7 @@ def _negative(model: InputModel, must: Rows) -> tuple[Rows, tuple[str, ...], tup
     """Return a row for each invalid block that no must-have row tests alone, all else valid and at its base.
 
     With them come the blocks that the rules forbid, and those for which the search took too long, in words."""
+    # One invalid value a row: a system that refuses the row says which value it refused only if there is one.
     rules, sizes = rules_of(model), np.array(model.sizes)
     invalid = must >= sizes
     tested = {(int(np.argmax(row)), int(blocks[np.argmax(row)])) for row, blocks in zip(invalid, must, strict=True)
@@ -257,22 +257,21 @@ def _allowed(base: Rows, change: tuple[int, int], rules: Rules) -> Rows | None:
 
 
 def _must_blocks(model: InputModel, values: NDArray[np.float64]) -> Rows:
-    blocks = np.stack([domain.blocks_of(values[:, c]) for c, domain in enumerate(model.domains)], axis=1)
+    blocks = model.blocks_of(values)
     for row, column in np.argwhere(blocks == OUTSIDE)[:1]:
         domain = model.domains[column]
         rule = f"each value must lie in a block, but {domain.name} = {domain.shown(values[row, column])} lies in none"
         raise BadRequest(f"must-have row {row + 1}", rule, slug="must-row")
     columns = {name: values[:, column] for column, name in enumerate(model.names)}
-    for constraint in model.constraints:
-        if constraint.over == "values" and len(values):
-            for row in np.flatnonzero(~meets(constraint, columns))[:1]:
-                rule = f"it must break no rule, but breaks {constraint.name!r}"
-                raise BadRequest(f"must-have row {row + 1}", rule, slug="must-row")
-    for row in np.flatnonzero(~rules_of(model).hold(blocks))[:1]:
-        table = rules_of(model).tables[int(np.argmax(rules_of(model).broken(blocks[row : row + 1])[0]))]
-        raise BadRequest(
-            f"must-have row {row + 1}", f"it must break no rule, but breaks {table.name!r}", slug="must-row"
-        )
+    rules = rules_of(model)
+    over_values = [c for c in model.constraints if c.over == "values" and len(values)]
+    # Rules over blocks come last: a rule over values, which they enclose, says more about the row.
+    broken = [(c.name, ~meets(c, columns)) for c in over_values]
+    broken += [(table.name, rules.broken(blocks)[:, i]) for i, table in enumerate(rules.tables)]
+    for name, rows in broken:
+        for row in np.flatnonzero(rows)[:1]:
+            rule = f"it must break no rule, but breaks {name!r}"
+            raise BadRequest(f"must-have row {row + 1}", rule, slug="must-row")
     return blocks
 
 
@@ -280,11 +279,6 @@ def set_size(model: InputModel, criterion: str) -> tuple[int, int]:
     """Return how many rows a criterion takes, without those of negative tests, and the fewest it could take.
 
     Combinations that are too many to list are counted as if there were no rules. Raises as `choose`.
-
-    >>> from parcours.data import split
-    >>> model = InputModel("m", tuple(split(name, "1", [0, 1, 2, 3]) for name in "abcd"))
-    >>> [set_size(model, criterion) for criterion in ("each_choice", "base_choice", "pairwise", "all_combinations")]
-    [(3, 3), (9, 9), (9, 9), (81, 81)]
     """
     if criterion == "all_combinations" and math.prod(model.sizes) > LARGEST_LISTING:
         return count(criterion, model.sizes), count(criterion, model.sizes)

@@ -20,10 +20,8 @@ _ARITHMETIC: dict[str, Callable[..., NDArray[np.float64]]] = {
     "+": np.add, "-": np.subtract, "*": np.multiply, "/": np.divide, "%": np.mod,
 }  # fmt: skip
 _COMPARISON: dict[str, Callable[..., NDArray[np.bool_]]] = {
-    "<": np.less, "<=": np.less_equal, ">": np.greater, ">=": np.greater_equal, "==": np.equal, "!=":
-    np.not_equal,
+    "<": np.less, "<=": np.less_equal, ">": np.greater, ">=": np.greater_equal, "==": np.equal, "!=": np.not_equal,
 }  # fmt: skip
-
 
 Over: TypeAlias = TypingLiteral["values", "blocks"]
 """What the numbers of a rule are: values of the inputs, or indices of their blocks."""
@@ -61,23 +59,15 @@ def meets(constraint: Constraint, columns: Columns) -> NDArray[np.bool_]:
 
     The answer is that of `evaluate` row by row, except that hypot is the root of the sum of squares here,
     whose bits IEEE 754 fixes on every machine: on rows within rounding of the limit the two may differ.
-
-    >>> from parcours.model.expression import parse_expression
-    >>> apart = Constraint("apart", parse_expression("x != 0 && 1 / x < 2"))
-    >>> meets(apart, {"x": np.array([0.0, 0.25, 1.0])}).tolist()
-    [False, False, True]
     """
     n_rows = len(next(iter(columns.values())))
     try:
         with np.errstate(divide="raise", invalid="raise", over="raise"):
             return np.broadcast_to(_truth(constraint.expression, columns), (n_rows,))
     except FloatingPointError as error:
-        raise BadDomain(
-            f"constraint {constraint.name!r}",
-            f"a condition must have a value on every row, but {constraint.expression} meets a {error}",
-            "guard it: `x != 0 && 1 / x < 2` reads its right side only where the left holds",
-            slug="constraint-undefined",
-        ) from None
+        rule = f"a condition must have a value on every row, but {constraint.expression} meets a {error}"
+        remedy = "guard it: `x != 0 && 1 / x < 2` reads its right side only where the left holds"
+        raise BadDomain(f"constraint {constraint.name!r}", rule, remedy, slug="constraint-undefined") from None
 
 
 def _truth(node: Expression, columns: Columns) -> NDArray[np.bool_]:

@@ -46,15 +46,6 @@ def draw(
         BadRequest: the shapes do not fit together, or a block index, a case number or the seed is out of
             range; a row breaks a rule over blocks.
         BadDomain: the constraints were not met within the blocks of some case in `tries` draws.
-
-    >>> from parcours.data.domains import split
-    >>> speed, number = split("v", "m/s", [0.0, 0.25, 0.5]), split("n", "1", [1, 6], kind="integer")
-    >>> model = InputModel("m", (speed, number))
-    >>> values = draw(model, np.array([[1, 0], [0, 0]]), np.array([4, 5]), seed=7)
-    >>> [value in model.domains[0].blocks[block] for value, block in zip(values[:, 0], [1, 0])]
-    [True, True]
-    >>> float(values[0, 1]).is_integer()
-    True
     """
     _check(model, rows, cases)
     limits = _limits(model, rows)
@@ -64,6 +55,14 @@ def draw(
     met = np.zeros((len(cases), len(constraints)), dtype=np.int64)
     left = np.arange(len(cases))  # which rows still break a constraint
     done = 0
+    # Values of a row are drawn in passes, which grow: most rows need one draw, a few need thousands.
+    #
+    #     pass    draws of each row that is left       rows left
+    #       1     0                                    all
+    #       2     1 .. 16                              those whose first draw broke a rule
+    #       3     17 .. 33                             ...
+    #
+    # Draw k of a row uses words k * n_inputs .. (k + 1) * n_inputs - 1 of its own stream, whatever is drawn with it.
     while left.size and done < tries:
         # How many draws a pass looks at depends on the pass alone: so a row never depends on its company.
         n = min(max(done, _SECOND) if done else 1, tries - done, _MOST_DRAWS)
@@ -127,34 +126,25 @@ def _ends(domain: Domain, index: int) -> tuple[float, float, float, float]:
 
 
 def _check(model: InputModel, rows: Rows, cases: NDArray[np.int64]) -> None:
-    if rows.shape != (len(cases), len(model.domains)):
-        raise BadRequest(
-            f"input model {model.name!r}",
-            f"rows must have the shape {(len(cases), len(model.domains))}, but have {rows.shape}",
-            slug="rows-shape",
-        )
+    where, shape = f"input model {model.name!r}", (len(cases), len(model.domains))
+    if rows.shape != shape:
+        raise BadRequest(where, f"rows must have the shape {shape}, but have {rows.shape}", slug="rows-shape")
     sizes = [len(domain.choices) for domain in model.domains]
     if rows.size and (rows.min() < 0 or (rows >= np.array(sizes)).any()):
-        raise BadRequest(
-            f"input model {model.name!r}",
-            f"a block index must be at least 0 and below the number of blocks of its parameter, {sizes}",
-            slug="block-index",
-        )
+        rule = f"a block index must be at least 0 and below the number of blocks of its parameter, {sizes}"
+        raise BadRequest(where, rule, slug="block-index")
+    # Rules over values are met by drawing again; no draw can mend a rule over blocks.
     ruled = {constraint.name for constraint in model.constraints if constraint.over == "blocks"}
     if not ruled:
         return
     rules = rules_of(model)
     broken = rules.broken(rows) & np.array([table.name in ruled for table in rules.tables], dtype=bool)
-    if broken.any():
-        row, rule = (int(found) for found in np.argwhere(broken)[0])
-        table = rules.tables[rule]
-        raise BadRequest(
-            f"input model {model.name!r}, case {cases[row]}",
-            f"a row must break no rule over blocks, but {model.in_words([(c, rows[row, c]) for c in table.columns])}"
-            f" breaks {table.name!r}",
-            "choose rows that the rules allow, as `choose` does",
-            slug="block-rule",
-        )
+    for row, index in np.argwhere(broken)[:1]:
+        table = rules.tables[index]
+        words = model.in_words([(c, rows[row, c]) for c in table.columns])
+        rule = f"a row must break no rule over blocks, but {words} breaks {table.name!r}"
+        remedy = "choose rows that the rules allow, as `choose` does"
+        raise BadRequest(f"{where}, case {cases[row]}", rule, remedy, slug="block-rule")
 
 
 def _unmeetable(
@@ -165,10 +155,9 @@ def _unmeetable(
         for domain, block in zip(model.domains, row, strict=True)
         if domain.name in worst.inputs
     )
-    return BadDomain(
-        f"input model {model.name!r}, case {case}",
+    rule = (
         f"all constraints must hold together within {tries} draws, but none of these met all of them, and"
-        f" {worst.name!r} ({worst.text or worst.expression}) held in {met} within {blocks}",
-        "loosen the constraint or widen the blocks",
-        slug="constraint-unmet",
+        f" {worst.name!r} ({worst.text or worst.expression}) held in {met} within {blocks}"
     )
+    where, remedy = f"input model {model.name!r}, case {case}", "loosen the constraint or widen the blocks"
+    return BadDomain(where, rule, remedy, slug="constraint-unmet")

@@ -8,6 +8,7 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from parcours.data.blocks import Block
 from parcours.data.bounds import Bounds, may_hold
@@ -15,7 +16,7 @@ from parcours.data.constraints import Constraint, Over, meets
 from parcours.data.domains import Domain
 from parcours.data.naming import flat, numbered_words
 from parcours.data.rules import MAX_CELLS, Rules, RuleTable
-from parcours.errors import BadDomain, BadModel
+from parcours.errors import BadDomain, BadModel, BadRequest
 from parcours.model.expression import BOOL, INT, REAL, Expression, Type, names, type_of
 
 
@@ -53,9 +54,21 @@ class InputModel:
         """The number of valid blocks of each input, in column order."""
         return tuple(len(domain.blocks) for domain in self.domains)
 
-    def column(self, name: str) -> int:
-        """Return the column of an input."""
-        return self.names.index(name)
+    @property
+    def column_groups(self) -> list[tuple[list[int], int]]:
+        """The columns of each group with its strength."""
+        return [([self.names.index(name) for name in group.inputs], group.strength) for group in self.groups]
+
+    def blocks_of(self, table: NDArray[np.float64]) -> NDArray[np.int64]:
+        """Return the index of the block of each value, OUTSIDE where it lies in none, shape (n_rows, n_inputs).
+
+        Raises:
+            BadRequest: the table has another number of columns than the model has inputs.
+        """
+        if table.ndim != 2 or table.shape[1] != len(self.domains):
+            rule = f"a table must have {len(self.domains)} columns, but its shape is {table.shape}"
+            raise BadRequest(f"input model {self.name!r}", rule, slug="table-shape")
+        return np.stack([domain.blocks_of(table[:, c]) for c, domain in enumerate(self.domains)], axis=1)
 
     def in_words(self, blocks: Sequence[tuple[int, int]]) -> str:
         """Return (column, block) pairs in words: `x1 = [0.5, 1], mode = auto`."""
@@ -74,14 +87,9 @@ def constraint_of(
 
     Raises:
         BadModel: a name is unknown, or something is compared with what it cannot be.
-
-    >>> from parcours.data.domains import enumeration
-    >>> from parcours.model.expression import parse_expression
-    >>> made = constraint_of("c", parse_expression("gear != 'fast'"), [enumeration("gear", ["slow", "fast"])])
-    >>> print(made, "|", made.expression)
-    c: gear != 'fast' | !(gear == 1)
     """
     rule, where = flat(rule, {d.name for d in domains}), f"constraint {name!r}"
+    # Only inputs that the rule names are typed: a model of 1000 columns has as many rules.
     spoken = names(rule)
     known = [d for d in domains if d.name in spoken]
     if len(known) < len(spoken):
@@ -110,13 +118,6 @@ def rules_of(model: InputModel) -> Rules:
 
     Raises:
         BadDomain: the constraints leave no row, or a rule over blocks speaks of more than MAX_CELLS combinations.
-
-    >>> from parcours.data.domains import split
-    >>> from parcours.model.expression import parse_expression
-    >>> parts = split("a", "1", [0, 1, 2]), split("b", "1", [0, 1, 2])
-    >>> model = InputModel("m", parts, (Constraint("c", parse_expression("a >= b + 0.5")),))
-    >>> rules_of(model).tables[0].allowed.tolist()
-    [[True, False], [True, True]]
     """
     found = [table for constraint in model.constraints if (table := _table(model, constraint))]
     return Rules(model.sizes, found, f"input model {model.name!r}")

@@ -28,29 +28,13 @@ class BlockCoverage:
     """How often each block of each parameter was hit, and how many values lay in no block.
 
     `model` says which parameters and blocks are meant; `counts` has one entry a block, the invalid ones last;
-    `outside` one entry a parameter. Coverages of parts of a campaign add up: `whole = first + second`.
+    `outside` one entry a parameter.
     """
 
     model: InputModel
     counts: tuple[tuple[int, ...], ...]
     outside: tuple[int, ...]
     n_rows: int
-
-    def __add__(self, other: BlockCoverage) -> BlockCoverage:
-        """Return the coverage of both tables together. Raises BadRequest if their input models differ."""
-        if self.model != other.model:
-            raise BadRequest(
-                "block coverage",
-                f"only coverages of one input model add up, but these are of"
-                f" {self.model.name!r} and {other.model.name!r}, or of different versions of it",
-                slug="coverage-model",
-            )
-        counts = tuple(
-            tuple(a + b for a, b in zip(mine, theirs, strict=True))
-            for mine, theirs in zip(self.counts, other.counts, strict=True)
-        )
-        outside = tuple(a + b for a, b in zip(self.outside, other.outside, strict=True))
-        return BlockCoverage(self.model, counts, outside, self.n_rows + other.n_rows)
 
     @property
     def n_blocks(self) -> int:
@@ -87,21 +71,10 @@ def cover(model: InputModel, table: NDArray[np.float64]) -> BlockCoverage:
 
     Raises:
         BadRequest: the table has another number of columns than the model has parameters.
-
-    >>> from parcours.data.domains import split
-    >>> model = InputModel("m", (split("v", "m/s", [0.0, 0.25, 0.5]),))
-    >>> coverage = cover(model, np.array([[0.1], [0.25], [0.9]]))
-    >>> coverage.counts, coverage.outside, coverage.uncovered
-    (((2, 0),), (1,), ('v in (0.25, 0.5] m/s',))
     """
-    if table.ndim != 2 or table.shape[1] != len(model.domains):
-        rule = f"a table must have {len(model.domains)} columns, but its shape is {table.shape}"
-        raise BadRequest("block coverage", rule, slug="table-shape")
     counts, outside = [], []
-    for column, domain in enumerate(model.domains):
-        index = domain.blocks_of(table[:, column])
-        hits = np.bincount(index[index != OUTSIDE], minlength=len(domain.choices))
-        counts.append(tuple(int(hit) for hit in hits))
+    for domain, index in zip(model.domains, model.blocks_of(table).T, strict=True):
+        counts.append(tuple(np.bincount(index[index != OUTSIDE], minlength=len(domain.choices)).tolist()))
         outside.append(int(np.sum(index == OUTSIDE)))
     return BlockCoverage(model, tuple(counts), tuple(outside), len(table))
 
@@ -161,22 +134,12 @@ def measure(
         BadRequest: the table has another number of columns than the model has inputs, the strength is below 1, or
             there are too many combinations to count.
         BadDomain: the rules leave no row.
-
-    >>> from parcours.data.domains import split
-    >>> model = InputModel("m", (split("v", "m/s", [0.0, 0.25, 0.5]), split("x", "m", [0.0, 1.0, 2.0])))
-    >>> found = measure(np.array([[0.1, 0.5], [0.3, 1.5], [0.1, 1.7], [0.9, 0.5]]), model)
-    >>> found.n_held, found.n_wanted, found.missing, found.uncounted
-    (3, 4, ('v = (0.25, 0.5], x = [0, 1]',), ((4, 'v = 0.9 lies in no block'),))
     """
-    if table.ndim != 2 or table.shape[1] != len(model.domains):
-        rule = f"a table must have {len(model.domains)} columns, but its shape is {table.shape}"
-        raise BadRequest("coverage of a table", rule, slug="table-shape")
     if strength < 1:
         raise BadRequest("coverage of a table", f"the strength must be at least 1, but is {strength}", slug="strength")
+    blocks = model.blocks_of(table)
     rules = rules_of(model)
-    groups = [([model.column(name) for name in group.inputs], group.strength) for group in model.groups]
-    goals = goals_of(model.sizes, strength, groups, rules)
-    blocks = np.stack([domain.blocks_of(table[:, c]) for c, domain in enumerate(model.domains)], axis=1)
+    goals = goals_of(model.sizes, strength, model.column_groups, rules)
     counts = ((blocks != OUTSIDE) & (blocks < np.array(model.sizes))).all(axis=1)
     counts[counts] = rules.hold(blocks[counts])
     for constraint in model.constraints:
@@ -187,6 +150,7 @@ def measure(
     # Without listed rules the goals hold some combinations that no allowed row can hold: each is looked at here.
     if not rules.are_listed:
         missing = np.array([number for number in missing if _can_be_held(goals, int(number))], dtype=np.int64)
+    # Rows are counted from 1 for people, as an editor counts the lines of a table.
     uncounted = np.flatnonzero(~counts)[:most_shown]
     return TupleCoverage(
         strength, len(table), int(counts.sum()), goals.n_needed, goals.n_needed - len(missing),

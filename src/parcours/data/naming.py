@@ -96,6 +96,7 @@ def numbered_words(rule: Expression, words: Mapping[str, tuple[str, ...]]) -> Ex
         if left is None or right is None:
             return None
         shared = [(left.index(word), right.index(word)) for word in left if word in right]
+        # Words stand for places, and two inputs may have the same word at different places.
         if left == right and len(left) > 1:
             return None  # two inputs with the same words: equal words, equal numbers
         pairs = [

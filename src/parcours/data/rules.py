@@ -34,6 +34,8 @@ MAX_CHECKS = 20_000
 OPEN = -1
 """Stands in a row where no block is chosen yet."""
 
+_SOME_ROW = "some row of blocks must be allowed"
+
 Ints = NDArray[np.int64]
 _Masks = list[NDArray[np.bool_]]
 """Which blocks each column may still take; the arrays are replaced, never changed."""
@@ -63,13 +65,6 @@ class Rules:
     Raises:
         BadDomain: no row at all is allowed, and lists and what is struck out at once show it; `require_row` decides
             the rest.
-
-    >>> unlike = RuleTable("unlike", (0, 1), ~np.eye(2, dtype=bool))
-    >>> rules = Rules((2, 2, 3), [unlike])
-    >>> rules.hold(np.array([[0, 0, 1], [0, 1, 2]])).tolist(), rules.possible((0, 1), (2, 2)).tolist()
-    ([False, True], [[False, True], [True, False]])
-    >>> rules.complete(np.array([OPEN, 0, 2])).tolist()
-    [1, 0, 2]
     """
 
     def __init__(self, sizes: Sequence[int], tables: Sequence[RuleTable] = (), source: str = "rules") -> None:
@@ -101,20 +96,13 @@ class Rules:
             if self.complete(np.full(len(self.sizes), OPEN)) is None:
                 self._refuse()
         except UndecidedError:
-            raise BadDomain(
-                self.source,
-                f"some row of blocks must be allowed, but {MAX_STEPS} choices did not find one, nor that there is none",
-                "make the rules simpler, or give a row that they allow as a must-have row",
-                slug="rules-undecided",
-            ) from None
+            rule = f"{_SOME_ROW}, but {MAX_STEPS} choices did not find one, nor that there is none"
+            remedy = "make the rules simpler, or give a row that they allow as a must-have row"
+            raise BadDomain(self.source, rule, remedy, slug="rules-undecided") from None
 
     def _refuse(self) -> NoReturn:
-        raise BadDomain(
-            self.source,
-            "some row of blocks must be allowed, but the rules leave none",
-            "loosen one of " + ", ".join(repr(table.name) for table in self.tables[:8]),
-            slug="no-valid-row",
-        )
+        remedy = "loosen one of " + ", ".join(repr(table.name) for table in self.tables[:8])
+        raise BadDomain(self.source, f"{_SOME_ROW}, but the rules leave none", remedy, slug="no-valid-row")
 
     @property
     def are_listed(self) -> bool:
@@ -242,6 +230,12 @@ class Rules:
                 if self._narrow(masks, (column,)):
                     break
 
+    # Arc consistency, for a rule over columns a and b after b lost block 1 (o allowed, . forbidden, x gone):
+    #
+    #              b0 b1 b2            block 1 of a stood on b1 alone, so it goes too, and the
+    #         a0    o  x  .            other rules on a are looked at again
+    #         a1    .  x  .   <- gone
+    #         a2    .  x  o
     def _narrow(self, masks: _Masks, changed: Iterable[int]) -> bool:
         """Strike out every block that some rule leaves without partners; return False if a column has none left."""
         left = {table: None for c in changed for table in self._on[c]}

@@ -49,9 +49,6 @@ def count(criterion: str, sizes: Sequence[int]) -> int:
 
     Raises:
         BadRequest: the criterion is unknown, or there is no parameter, or one without a block.
-
-    >>> [count(name, [3, 3, 2, 2, 1, 1] * 3) for name in ("each_choice", "base_choice", "all_combinations")]
-    [3, 19, 46656]
     """
     return _found(criterion, sizes).n_rows(sizes)
 
@@ -68,11 +65,6 @@ def select(criterion: str, sizes: Sequence[int], numbers: NDArray[np.int64] | No
     Raises:
         BadRequest: the criterion is unknown, a number is negative, or one repetition is too long to be
             listed.
-
-    >>> select("base_choice", [3, 2]).tolist()
-    [[0, 0], [1, 0], [2, 0], [0, 1]]
-    >>> select("all_combinations", [3, 2], np.array([1, 5, 7])).tolist()
-    [[0, 1], [2, 1], [0, 1]]
     """
     found = _found(criterion, sizes)
     if numbers is None:
@@ -147,6 +139,7 @@ def _combined(strength: int) -> Criterion:
         ends = np.cumsum([0, *sizes])
         table = np.empty((len(numbers), len(sizes)), dtype=np.int64)
         for column in range(len(sizes)):
+            # Renaming the blocks of a column keeps every tuple covered: each repetition is another array.
             exchanged = np.argsort(words[:, ends[column] : ends[column + 1]], axis=1, kind="stable")
             table[:, column] = exchanged[where, array[numbers % len(array), column]]
         return table

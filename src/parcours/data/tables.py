@@ -9,7 +9,6 @@ from __future__ import annotations
 import csv
 import json
 import math
-import stat
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import NoReturn
@@ -20,8 +19,9 @@ from numpy.typing import NDArray
 from parcours.data.domains import Domain
 from parcours.data.inputs import InputModel
 from parcours.errors import BadRequest
+from parcours.model.conversion import text_of
 
-MAX_BYTES = 200_000_000
+MAX_TABLE_BYTES = 200_000_000
 """Largest file [bytes]."""
 
 MAX_CELL = 400
@@ -43,19 +43,10 @@ def read_table(path: Path | str, model: InputModel, titles: Sequence[str] = ()) 
         BadRequest: the file cannot be read, is not of its kind, or lacks an input.
     """
     path = Path(path)
-    try:
-        if not stat.S_ISREG(path.stat().st_mode):  # a device or a pipe may never end
-            rule = "a table must be a readable file, but this is no regular file"
-            raise BadRequest(str(path), rule, "check the path", slug="unreadable-file")
-        with path.open("rb") as file:
-            raw = file.read(MAX_BYTES + 1)
-        if len(raw) > MAX_BYTES:
-            _bad(path, 0, f"a table has at most {MAX_BYTES} bytes, but this one has more")
-        text = raw.decode("utf-8-sig")
-    except (OSError, ValueError) as error:
-        said = error.strerror if isinstance(error, OSError) else "its bytes are no UTF-8 text"
-        rule = f"a table must be a readable file, but: {said}"
-        raise BadRequest(str(path), rule, "check the path", slug="unreadable-file") from None
+    if path.exists() and not path.is_file():  # a device or a pipe may never end
+        rule = "a table must be a readable file, but this is no regular file"
+        raise BadRequest(str(path), rule, "check the path", slug="unreadable-file")
+    text = text_of(path, MAX_TABLE_BYTES, "a table", BadRequest)
     readers = {".json": _json, ".jsonl": _lines}
     reader = readers.get(path.suffix.lower())
     rows = list(reader(path, text, model.names) if reader else _csv(path, text, model.names, titles))
@@ -87,6 +78,7 @@ def _unmarked(cell: str, words: Mapping[str, str]) -> str:
 
 def _csv(path: Path, text: str, names: Sequence[str], titles: Sequence[str]) -> Iterator[list[object]]:
     lines = text.splitlines()
+    # PICT separates by tabs and some spreadsheets by semicolons; a header of names holds neither otherwise.
     delimiter = next((sign for sign in "\t;" if lines and sign in lines[0]), ",")
     reader = csv.reader(lines, delimiter=delimiter, skipinitialspace=True)
     try:

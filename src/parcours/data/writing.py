@@ -18,17 +18,7 @@ _NO_NAME = re.compile(r"[^A-Za-z0-9_]+", re.ASCII)
 
 
 def write_input_model(model: InputModel) -> str:
-    """Return the text of a model: replicas and constants written out, names of constraints without brackets.
-
-    >>> from parcours.data.domains import split
-    >>> print(write_input_model(InputModel("m", (split("v", "m/s", [0.0, 0.5]),))), end="")
-    parcours: data/1
-    name: "m"
-    parameters:
-      v:
-        unit: "m/s"
-        blocks: ["[0.0, 0.5]"]
-    """
+    """Return the text of a model: replicas and constants written out, names of constraints without brackets."""
     lines = [f"parcours: {FORMAT}", f"name: {_text(model.name)}"]
     if model.doc:
         lines.append(f"doc: {_text(model.doc)}")
@@ -50,6 +40,7 @@ def write_input_model(model: InputModel) -> str:
 
 def _parameters(domains: Sequence[Domain]) -> Iterator[tuple[str, Domain, tuple[str, ...]]]:
     """Yield name, domain and components of each parameter; the components of a vector stand side by side."""
+    # position.x, position.y, v  ->  "position" with components [x, y], then "v"
     heads = [domain.name.partition(".")[0] for domain in domains]
     index = 0
     while index < len(domains):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Set
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from parcours.errors import BadModel, BadRequest, one_of
 from parcours.model.expression import Assignment, Expression, Field, names, type_of
@@ -107,19 +107,11 @@ class Layout:
         pairs = [(component, machine) for component in cefsm.components for machine in component.machines]
         self.machines = tuple((component.name, machine.name) for component, machine in pairs)
         self.initial_states = tuple(machine.initial for _, machine in pairs)
-        local = [
-            (component.name, variable)
-            for component in cefsm.components
-            for variable in component.variables
-            if is_local(variable)
-        ]
-        self.variables = tuple(local)
-        self._index = {(owner, variable.name): at for at, (owner, variable) in enumerate(local)}
+        self.variables = tuple((each.name, one) for each in cefsm.components for one in each.variables if is_local(one))
+        self._index = {(owner, variable.name): at for at, (owner, variable) in enumerate(self.variables)}
         read = {each.event.channel for component in cefsm.components for each in component.transitions() if each.event}
         inner = [
-            channel
-            for channel in cefsm.channels
-            if channel.name in read and ENVIRONMENT not in (channel.sender, channel.receiver)
+            each for each in cefsm.channels if each.name in read and ENVIRONMENT not in (each.sender, each.receiver)
         ]
         self.channels = tuple(channel.name for channel in inner if channel.capacity)
         self.queue = {name: at for at, name in enumerate(self.channels) if name not in opened}
@@ -154,9 +146,7 @@ class Layout:
             used |= names(transition.guard) if transition.guard is not None else set()
             index = {name: self._index.get((component.name, name)) for name in sorted(used)}
             reads = tuple((name, at) for name, at in index.items() if at is not None)
-            leaving.setdefault(transition.source, []).append(
-                Site(component.name, slot, transition, contents, assigned, reads)
-            )
+            leaving.setdefault(transition.source, []).append(replace(site, reads=reads))
         return leaving
 
     def _content(self, component: Component, transition: Transition, send: Send) -> Content:
@@ -180,12 +170,11 @@ def stored(variable: Variable, value: object, owner: str) -> object:
     """Return the value as the variable keeps it: an integer becomes a real where one is declared."""
     if variable.type == "real" and isinstance(value, int | float):
         value = float(value)
-    outside = bool(variable.domain) and value not in variable.domain
-    if isinstance(value, float) and not math.isfinite(value):
-        outside = True
-    if isinstance(value, int) and abs(value) > INTEGER_LIMIT:
-        outside = True
-    if outside:
+    if (
+        (bool(variable.domain) and value not in variable.domain)
+        or (isinstance(value, float) and not math.isfinite(value))
+        or (isinstance(value, int) and abs(value) > INTEGER_LIMIT)
+    ):
         domain = variable.domain
         allowed = f"{domain[0]} .. {domain[-1]}" if isinstance(domain, range) else f"{list(domain)}"
         rule = f"'{owner}.{variable.name}' must stay in its domain {allowed}, but would become {value!r}"

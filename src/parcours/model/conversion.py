@@ -8,12 +8,12 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-from parcours.errors import BadModel
+from parcours.errors import BadModel, ParcoursError
 from parcours.model.checking import errors
 from parcours.model.finding import complaint
 from parcours.model.structure import Cefsm
 
-MAX_BYTES = 10_000_000
+MAX_FOREIGN_BYTES = 10_000_000
 """Largest file of a foreign format [bytes], unless the format allows more."""
 
 _MARKS = ((codecs.BOM_UTF8, "utf-8-sig"), (codecs.BOM_UTF16_LE, "utf-16"), (codecs.BOM_UTF16_BE, "utf-16"))
@@ -70,35 +70,35 @@ def accepted(cefsm: Cefsm, losses: Iterable[Loss] = ()) -> Reading:
     return Reading(cefsm, tuple(sorted(set(losses), key=lambda loss: (loss.line, loss.where, loss.what))))
 
 
-def text_of(path: Path, most: int = MAX_BYTES) -> str:
+def text_of(
+    path: Path, most: int = MAX_FOREIGN_BYTES, what: str = "a model file", refusal: type[ParcoursError] = BadModel
+) -> str:
     """Return the text of a file: UTF-8, or what its byte order mark or XML declaration says.
 
     Args:
         path: the file.
-        most: its largest size [bytes]; a larger one is refused before it is read.
+        most: its largest size [bytes].
+        what: what messages call the file.
+        refusal: the class of the error.
 
     Raises:
-        BadModel: the file cannot be read, is too large, or is no text.
+        ParcoursError: the file cannot be read, is too large, or is no text.
     """
     try:
-        size = path.stat().st_size
-        if size > most:
-            rule = f"a file of this format has at most {most} bytes, but this one has {size}"
-            raise BadModel(str(path), rule, "split the model", slug="file-size")
         with path.open("rb") as file:
             data = file.read(most + 1)  # a pipe or a file that grows has no size to trust
     except (OSError, ValueError) as error:
         said = getattr(error, "strerror", None) or str(error)
-        rule = f"a model file must be readable, but this is not: {said.lower()}"
-        raise BadModel(str(path), rule, slug="unreadable-file") from None
+        rule = f"{what} must be readable, but this is not: {said}"
+        raise refusal(str(path), rule, "check the path", slug="unreadable-file") from None
     if len(data) > most:
-        rule = f"a file of this format has at most {most} bytes, but this one has more"
-        raise BadModel(str(path), rule, "split the model", slug="file-size")
+        rule = f"{what} has at most {most} bytes, but this one has more"
+        raise refusal(str(path), rule, "split it", slug="file-size")
     try:
         return data.decode(_encoding(data))
     except UnicodeDecodeError as error:
-        rule = f"a model file must be {error.encoding} text, but byte {error.start} is not"
-        raise BadModel(str(path), rule, "save it as UTF-8", slug="encoding") from None
+        rule = f"{what} must be {error.encoding.upper()} text, but byte {error.start} is not"
+        raise refusal(str(path), rule, "save it as UTF-8", slug="encoding") from None
 
 
 def _encoding(data: bytes) -> str:

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from parcours.errors import BadModel, BadRequest, require_known
-from parcours.model.conversion import MAX_BYTES, Loss, Reading, Writing, text_of
+from parcours.model.conversion import MAX_FOREIGN_BYTES, Loss, Reading, Writing, text_of
 from parcours.model.structure import Cefsm
 
 __all__ = ["GROUP", "NATIVE", "Format", "Loss", "Reading", "Writing", "format_of", "formats", "read_any", "write_as"]
@@ -38,7 +38,7 @@ class Format:
     mark: str | None = None
     reads: bool = True
     writes: bool = True
-    largest: int = MAX_BYTES
+    largest: int = MAX_FOREIGN_BYTES
 
 
 NATIVE = Format("Parcours model/1", (".yaml", ".yml"), "parcours.model.model_file")

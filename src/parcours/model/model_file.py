@@ -9,9 +9,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from parcours.errors import BadModel
 from parcours.model.checking import findings as findings_of
-from parcours.model.conversion import Reading, Writing, accepted
-from parcours.model.documents import read_document
+from parcours.model.conversion import Reading, Writing, accepted, text_of
+from parcours.model.documents import MAX_BYTES, read_document
 from parcours.model.finding import Finding, complaint, errors_among
 from parcours.model.schema import read_schema
 from parcours.model.structure import Cefsm
@@ -48,14 +49,9 @@ def check_file(path: str | Path) -> Checked:
     """Return the model of a file, None if it has errors, and every finding; never raise for a bad model."""
     origin = str(path)
     try:
-        text = Path(path).read_bytes().decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        rule = f"a model file must be UTF-8 text, but byte {error.start} is not"
-        return Checked(None, (Finding(origin, 0, "error", "encoding", rule, "save it as UTF-8"),))
-    except (OSError, ValueError) as error:
-        said = getattr(error, "strerror", None) or str(error)
-        rule = f"a model file must be readable, but this is not: {said.lower()}"
-        return Checked(None, (Finding(origin, 0, "error", "unreadable-file", rule),))
+        text = text_of(Path(path), MAX_BYTES)
+    except BadModel as error:
+        return Checked(None, (Finding(origin, 0, "error", error.slug, error.rule, error.remedy),))
     return check_text(text, origin)
 
 

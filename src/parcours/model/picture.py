@@ -30,28 +30,28 @@ _Box = tuple[float, float, float, float]
 
 def to_svg(machine: Machine, title: str = "") -> str:
     """Return a picture of a machine with its transitions, under a title, by default the machine's name."""
-    names = list(dict.fromkeys([machine.initial, *machine.states]))
-    picture = _Picture(names, max((len(_cut(each.id)) for each in machine.transitions), default=0))
+    picture = _Picture(machine)
     picture.draw(machine)
     picture.write_legend([(each.id, predicate(each)) for each in machine.transitions])
     return picture.finished(title or machine.name)
 
 
 class _Picture:
-    """Collects shapes and grows its bounds with them."""
+    """Collects shapes, and the corners of what is drawn, from which the size of the picture follows."""
 
-    def __init__(self, names: list[str], longest: int) -> None:
+    def __init__(self, machine: Machine) -> None:
+        names = list(dict.fromkeys([machine.initial, *machine.states]))
+        longest = max((len(_cut(each.id)) for each in machine.transitions), default=0)
         self.radius_x = {name: max(34.0, _CHARACTER * len(_cut(name)) / 2 + 14) for name in names}
         self.radius_y = 21.0
         self.place = self._circle(names, _CHARACTER * longest)
         self.under: list[str] = []
         self.over: list[str] = []
         self.taken: list[_Box] = []
-        self.left = self.top = math.inf
-        self.right = self.bottom = -math.inf
+        self.corners: list[Point] = [(0.0, 0.0)]
 
     def _circle(self, names: list[str], label: float) -> dict[str, Point]:
-        count, widest = len(names), max(self.radius_x.values(), default=0.0)
+        count, widest = len(names), max(self.radius_x.values())
         if count == 1:
             return {names[0]: (0.0, 0.0)}
         if count == 2:
@@ -70,9 +70,7 @@ class _Picture:
                 f'stroke="{_ACCENT}" stroke-width="1.5"/>'
             )
             self.text(name, (x, y), weight="600")
-            self.taken.append((x - rx, y - ry, x + rx, y + ry))
-            self.cover(x - rx, y - ry)
-            self.cover(x + rx, y + ry)
+            self.take((x - rx, y - ry, x + rx, y + ry))
         between: Counter[tuple[str, str]] = Counter()
         both_ways = {(each.source, each.target) for each in machine.transitions}
         outward: dict[str, list[Transition | None]] = {name: [] for name in self.place}
@@ -87,7 +85,13 @@ class _Picture:
             between[pair] += 1
         for name, stubs in outward.items():
             for at, stub in enumerate(stubs):
-                self.stub(name, stub, at - (len(stubs) - 1) / 2)
+                x, y = self.place[name]
+                angle = math.atan2(y, x) if (x, y) != (0.0, 0.0) else -math.pi / 2
+                angle += (at - (len(stubs) - 1) / 2) * math.radians(52)
+                if stub is None:
+                    self.start(name, angle)
+                else:
+                    self.loop(stub, angle)
 
     def curve(self, arrow: Transition, bend: float) -> None:
         start, end = self.place[arrow.source], self.place[arrow.target]
@@ -95,41 +99,30 @@ class _Picture:
         length = math.hypot(dx, dy)
         # The control point lies left of the way, seen along it, so that the way back bows to the other side.
         control = ((start[0] + end[0]) / 2 + dy / length * 2 * bend, (start[1] + end[1]) / 2 - dx / length * 2 * bend)
-        first = self.rim(arrow.source, control)
-        last = self.rim(arrow.target, control, gap=2.0)
-        self.line(f"M{_at(first)} Q{_at(control)} {_at(last)}")
-        self.head(control, last)
-        spots = [_quadratic(first, control, last, part) for part in _TRIED]
-        self.label(arrow, spots)
+        first, last = self.rim(arrow.source, control), self.rim(arrow.target, control, gap=2.0)
+        self.line(f"M{_at(first)} Q{_at(control)} {_at(last)}", control, last)
+        self.label(arrow, [_quadratic(first, control, last, part) for part in _TRIED])
 
-    def stub(self, name: str, arrow: Transition | None, offset: float) -> None:
-        x, y = self.place[name]
-        outwards = math.atan2(y, x) if (x, y) != (0.0, 0.0) else -math.pi / 2
-        angle = outwards + offset * math.radians(52)
-        far = self.rim(name, (x + math.cos(angle), y + math.sin(angle)), gap=30.0)
-        if arrow is None:
-            tip = self.rim(name, far, gap=2.0)
-            self.under.append(f'<circle cx="{far[0]:.1f}" cy="{far[1]:.1f}" r="4" fill="{_INK}"/>')
-            self.cover(far[0] - 5, far[1] - 5)
-            self.cover(far[0] + 5, far[1] + 5)
-            self.line(f"M{_at(far)} L{_at(tip)}")
-            self.head(far, tip)
-            return
-        sides = []
-        for side in (-1, 1):
-            turned = angle + side * math.radians(17)
-            sides.append(self.rim(name, (x + math.cos(turned), y + math.sin(turned)), gap=1.5))
+    def start(self, name: str, angle: float) -> None:
+        far = self.ray(name, angle, 30.0)
+        tip = self.rim(name, far, gap=2.0)
+        self.under.append(f'<circle cx="{far[0]:.1f}" cy="{far[1]:.1f}" r="4" fill="{_INK}"/>')
+        self.corners += [(far[0] - 5, far[1] - 5), (far[0] + 5, far[1] + 5)]
+        self.line(f"M{_at(far)} L{_at(tip)}", far, tip)
+
+    def loop(self, arrow: Transition, angle: float) -> None:
+        name = arrow.source
+        out, back = (self.ray(name, angle + side * math.radians(17), 1.5) for side in (-1, 1))
+        reach = self.ray(name, angle, 48.0)
         across = (-math.sin(angle), math.cos(angle))
-        reach = self.rim(name, (x + math.cos(angle), y + math.sin(angle)), gap=48.0)
         pulls = [(reach[0] + side * 24 * across[0], reach[1] + side * 24 * across[1]) for side in (-1, 1)]
-        self.line(f"M{_at(sides[0])} C{_at(pulls[0])} {_at(pulls[1])} {_at(sides[1])}")
-        self.head(pulls[1], sides[1])
+        self.line(f"M{_at(out)} C{_at(pulls[0])} {_at(pulls[1])} {_at(back)}", pulls[1], back)
         half = _CHARACTER * len(_cut(arrow.id)) / 2
-        spots = []
-        for gap in (44.0, 58.0, 72.0):
-            away = gap + half * abs(math.cos(angle))
-            spots.append(self.rim(name, (x + math.cos(angle), y + math.sin(angle)), gap=away))
-        self.label(arrow, spots)
+        self.label(arrow, [self.ray(name, angle, gap + half * abs(math.cos(angle))) for gap in (44.0, 58.0, 72.0)])
+
+    def ray(self, name: str, angle: float, gap: float) -> Point:
+        x, y = self.place[name]
+        return self.rim(name, (x + math.cos(angle), y + math.sin(angle)), gap)
 
     def rim(self, name: str, toward: Point, gap: float = 0.0) -> Point:
         # The point of a node's rim on the ray to another point, a gap further out.
@@ -139,29 +132,29 @@ class _Picture:
         length = math.hypot(dx, dy)
         return x + dx * scale + dx / length * gap, y + dy * scale + dy / length * gap
 
-    def line(self, path: str) -> None:
+    def line(self, path: str, before: Point, tip: Point) -> None:
+        # An arrow along a path whose end comes from the point before.
         self.under.append(f'<path d="{path}" fill="none" stroke="{_INK}" stroke-width="1.4"/>')
-
-    def head(self, before: Point, tip: Point) -> None:
         angle = math.atan2(tip[1] - before[1], tip[0] - before[0])
         wings = [(tip[0] - 9 * math.cos(angle + side), tip[1] - 9 * math.sin(angle + side)) for side in (-0.4, 0.4)]
-        points = " ".join(map(_at, [tip, *wings]))
-        self.under.append(f'<polygon points="{points}" fill="{_INK}"/>')
+        self.under.append(f'<polygon points="{" ".join(map(_at, [tip, *wings]))}" fill="{_INK}"/>')
 
     def label(self, arrow: Transition, spots: list[Point]) -> None:
         half = _CHARACTER * len(_cut(arrow.id)) / 2 + 2
         boxes = [(x - half, y - 9, x + half, y + 9) for x, y in spots]
-        free = [at for at, box in enumerate(boxes) if not any(_overlap(box, other) for other in self.taken)]
-        at = free[0] if free else 0
-        self.taken.append(boxes[at])
-        self.cover(*boxes[at][:2])
-        self.cover(*boxes[at][2:])
+        free = (at for at, box in enumerate(boxes) if not any(_overlap(box, other) for other in self.taken))
+        at = next(free, 0)
         left, top, right, bottom = boxes[at]
+        self.take(boxes[at])
         self.over.append(
             f'<rect x="{left:.1f}" y="{top:.1f}" width="{right - left:.1f}" height="{bottom - top:.1f}" '
             f'fill="{_PAPER}" fill-opacity="0.85"/>'
         )
         self.text(arrow.id, spots[at])
+
+    def take(self, box: _Box) -> None:
+        self.taken.append(box)
+        self.corners += [box[:2], box[2:]]
 
     def text(self, text: str, place: Point, weight: str = "400") -> None:
         full = f"<title>{_safe(text)}</title>" if _cut(text) != text else ""
@@ -171,32 +164,31 @@ class _Picture:
         )
 
     def write_legend(self, legend: list[tuple[str, str]]) -> None:
-        self.left, self.right = min(self.left, 0.0), max(self.right, 0.0)
-        self.top, self.bottom = min(self.top, 0.0), max(self.bottom, 0.0)
+        left, _, _, bottom = self.bounds()
         column = max((len(_cut(name)) for name, _ in legend), default=0) * _CHARACTER + 18
-        y, x = self.bottom + 34, self.left
+        y = bottom + 34
         for name, said in legend:
             for at, part in enumerate(textwrap.wrap(said, _LEGEND_WIDTH) or [""]):
                 if at == 0:
-                    self.line_of_legend(_cut(name), (x, y), "600")
-                self.line_of_legend(part, (x + column, y), "400")
+                    self.line_of_legend(_cut(name), left, y, "600")
+                self.line_of_legend(part, left + column, y, "400")
                 y += 18
 
-    def line_of_legend(self, text: str, place: Point, weight: str) -> None:
+    def line_of_legend(self, text: str, x: float, y: float, weight: str) -> None:
         self.over.append(
-            f'<text x="{place[0]:.1f}" y="{place[1]:.1f}" fill="{_INK}" font-weight="{weight}" '
+            f'<text x="{x:.1f}" y="{y:.1f}" fill="{_INK}" font-weight="{weight}" '
             f'font-family="ui-monospace, Menlo, Consolas, monospace" font-size="12">{_safe(text)}</text>'
         )
-        self.cover(place[0] + len(text) * 7.3, place[1] + 4)
+        self.corners.append((x + len(text) * 7.3, y + 4))
 
-    def cover(self, x: float, y: float) -> None:
-        self.left, self.right = min(self.left, x), max(self.right, x)
-        self.top, self.bottom = min(self.top, y), max(self.bottom, y)
+    def bounds(self) -> _Box:
+        xs, ys = zip(*self.corners, strict=True)
+        return min(xs), min(ys), max(xs), max(ys)
 
     def finished(self, title: str) -> str:
-        left, top = self.left - 20, self.top - 52
-        wide = max(self.right + 20 - left, _CHARACTER * len(title) + 60)
-        high = self.bottom + 16 - top
+        left, top, right, bottom = self.bounds()
+        left, top = left - 20, top - 52
+        wide, high = max(right + 20 - left, _CHARACTER * len(title) + 60), bottom + 16 - top
         heading = (
             f'<text x="{left + 20:.1f}" y="{top + 26:.1f}" font-size="15" font-weight="600" '
             f'fill="{_INK}">{_safe(title)}</text>'

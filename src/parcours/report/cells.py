@@ -17,12 +17,7 @@ def value_of(cell: Cell) -> str | int | float | None:
 
 
 def shown(cell: Cell, column: Column) -> str:
-    """Return the text of a cell.
-
-    >>> stuck = Column("stuck", format=".1%")
-    >>> [shown(cell, stuck) for cell in (0.0773, Marked(0.5), "none", None, float("nan"))]
-    ['7.7%', '50.0%', 'none', '–', '–']
-    """
+    """Return the text of a cell."""
     value = value_of(cell)
     if value is None or (isinstance(value, float) and math.isnan(value)):
         return UNKNOWN
@@ -40,11 +35,7 @@ def shown(cell: Cell, column: Column) -> str:
 
 
 def sides(table: Table) -> tuple[Side, ...]:
-    """Return the side each column's cells keep to: left, right or center.
-
-    >>> sides(Table("", (Column("path"), Column("length")), (("tp11", 3), ("tp12", None))))
-    ('left', 'right')
-    """
+    """Return the side each column's cells keep to: left, right or center."""
     return tuple(
         column.align if column.align != "auto" else ("right" if _numeric(table, at) else "left")
         for at, column in enumerate(table.columns)
@@ -65,11 +56,7 @@ def text_rows(table: Table) -> tuple[tuple[str, ...], ...]:
 
 
 def group_spans(table: Table) -> tuple[tuple[str, int], ...]:
-    """Return the shared headings from left to right, and how many columns each spans; empty without any.
-
-    >>> group_spans(Table("", (Column("v"), Column("n", group="ours"), Column("p", group="ours")), ()))
-    (('', 1), ('ours', 2))
-    """
+    """Return the shared headings from left to right, and how many columns each spans; empty without any."""
     spans: list[tuple[str, int]] = []
     for column in table.columns:
         if spans and column.group and spans[-1][0] == column.group:

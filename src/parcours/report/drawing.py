@@ -32,59 +32,25 @@ SERIES = ("#d55e00", "#0072b2", "#79808c", "#00805c", "#a8548a", "#b08900")
 MARKERS = ("o", "s", "D", "^", "v", "P")
 
 TONES = {
-    "good": "#0071b1",
-    "fair": "#62b1e2",
-    "neutral": "#b4bac4",
-    "poor": "#e8b13a",
-    "bad": "#d45d00",
-    "worst": "#7a2259",
-}
+    "good": "#0071b1", "fair": "#62b1e2", "neutral": "#b4bac4", "poor": "#e8b13a", "bad": "#d45d00", "worst": "#7a2259",
+}  # fmt: skip
 """Colours of tones, from blue by way of yellow to purple: apart in hue and in lightness.
 
 None is the colour of a series: those follow the page into the dark; these stay, since labels stand on them.
 """
 
-_NAMES = {
-    INK: "ink",
-    MUTED: "muted",
-    RULE: "rule",
-    PAPER: "panel",
-    **{colour: f"c{k}" for k, colour in enumerate(SERIES)},
-}
+_NAMES = {INK: "ink", MUTED: "muted", RULE: "rule", PAPER: "panel"} | {one: f"c{k}" for k, one in enumerate(SERIES)}
 
 _STYLE: Any = {
-    "svg.fonttype": "none",
-    "svg.hashsalt": "parcours",
-    "font.family": "sans-serif",
-    "font.sans-serif": ["DejaVu Sans"],
-    "font.size": 9.0,
-    "axes.titlesize": 9.0,
-    "axes.labelsize": 9.0,
-    "xtick.labelsize": 8.5,
-    "ytick.labelsize": 9.0,
-    "legend.fontsize": 9.0,
-    "legend.frameon": False,
-    "text.color": INK,
-    "axes.labelcolor": MUTED,
-    "xtick.color": MUTED,
-    "ytick.color": MUTED,
-    "ytick.labelcolor": INK,
-    "axes.edgecolor": RULE,
-    "axes.facecolor": "none",
-    "axes.grid": True,
-    "axes.axisbelow": True,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "grid.color": RULE,
-    "grid.linewidth": 0.7,
-    "xtick.major.size": 0.0,
-    "ytick.major.size": 0.0,
-    "ytick.major.pad": 7.0,
-    "figure.facecolor": "none",
-    "text.usetex": False,
-    "text.parse_math": False,
-    "axes.unicode_minus": True,
-}
+    "svg.fonttype": "none", "svg.hashsalt": "parcours",  # text stays text, and ids are the same each time
+    "font.family": "sans-serif", "font.sans-serif": ["DejaVu Sans"], "font.size": 9.0, "axes.titlesize": 9.0,
+    "axes.labelsize": 9.0, "xtick.labelsize": 8.5, "ytick.labelsize": 9.0, "legend.fontsize": 9.0,
+    "legend.frameon": False, "text.usetex": False, "text.parse_math": False, "axes.unicode_minus": True,
+    "text.color": INK, "axes.labelcolor": MUTED, "xtick.color": MUTED, "ytick.color": MUTED, "ytick.labelcolor": INK,
+    "axes.edgecolor": RULE, "axes.facecolor": "none", "figure.facecolor": "none", "axes.spines.top": False,
+    "axes.spines.right": False, "axes.grid": True, "axes.axisbelow": True, "grid.color": RULE, "grid.linewidth": 0.7,
+    "xtick.major.size": 0.0, "ytick.major.size": 0.0, "ytick.major.pad": 7.0,
+}  # fmt: skip
 
 
 @contextmanager
@@ -139,11 +105,7 @@ def _variable(match: re.Match[str]) -> str:
 
 
 def label_ink(colour: str) -> str:
-    """Return black or white, whichever reads better on a colour (relative luminance, WCAG 2.1).
-
-    >>> label_ink("#0072b2"), label_ink("#e8b13a")
-    ('#ffffff', '#000000')
-    """
+    """Return black or white, whichever reads better on a colour (relative luminance, WCAG 2.1)."""
     channels = (int(colour[k : k + 2], 16) / 255.0 for k in (1, 3, 5))
     linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in channels]
     luminance = 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]

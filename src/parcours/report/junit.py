@@ -47,18 +47,6 @@ def to_junit(suite: str, results: Iterable[CaseResult]) -> str:
 
     Raises:
         BadRequest: a duration is negative or not finite.
-
-    >>> print(to_junit("lift", [CaseResult("lift/abtc1/0", Verdict.PASS, 20.0),
-    ...                         CaseResult("lift/abtc1/1", Verdict.FAIL, 0.5, "stuck at 3 s")]), end="")
-    <?xml version="1.0" encoding="UTF-8"?>
-    <testsuites name="lift" tests="2" failures="1" errors="0" time="20.500">
-      <testsuite name="lift" tests="2" failures="1" errors="0" skipped="0" time="20.500">
-        <testcase classname="lift" name="abtc1/0" time="20.000"/>
-        <testcase classname="lift" name="abtc1/1" time="0.500">
-          <failure message="stuck at 3 s" type="fail">stuck at 3 s</failure>
-        </testcase>
-      </testsuite>
-    </testsuites>
     """
     listed = list(results)
     for result in listed:

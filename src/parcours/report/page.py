@@ -30,11 +30,6 @@ def to_html(page: Page) -> str:
 
     Raises:
         BadRequest: a column's format does not fit its numbers.
-
-    >>> from parcours.report.pieces import Section
-    >>> html = to_html(Page("A <b> page", "", (), (Section("Why", "Because.", ()),)))
-    >>> "A &lt;b&gt; page" in html, '<section id="why"' in html
-    (True, True)
     """
     # All scripts are one, so that one hash in the Content-Security-Policy admits ours and nothing else.
     animations = (p for section in page.sections for p in section.pieces if isinstance(p, Animation))
@@ -52,12 +47,7 @@ def to_html(page: Page) -> str:
 
 
 def blocks(pieces: tuple[Piece, ...]) -> Iterator[tuple[str, list[Piece]]]:
-    """Return runs of pieces as the template lays them out: animations that follow each other share a grid.
-
-    >>> from parcours.report.pieces import Code, Text
-    >>> [(kind, len(run)) for kind, run in blocks((Text("a"), Text("b"), Code("c")))]
-    [('Text', 1), ('Text', 1), ('Code', 1)]
-    """
+    """Return runs of pieces as the template lays them out: animations that follow each other share a grid."""
     for kind, run in itertools.groupby(pieces, lambda piece: type(piece).__name__):
         if kind == "Animation":
             yield kind, list(run)

@@ -186,12 +186,7 @@ class Page:
 
 
 def anchors(page: Page) -> tuple[str, ...]:
-    """Return one anchor a section: what it asked for or its title in plain letters, made unique by a number.
-
-    >>> sections = (Section("Who is stuck?", "", ()), Section("Who is stuck?", "", ()), Section("…", "", ()))
-    >>> anchors(Page("Report", "", (), sections))
-    ('who-is-stuck', 'who-is-stuck-2', 'section')
-    """
+    """Return one anchor a section: what it asked for or its title in plain letters, made unique by a number."""
     taken: list[str] = []
     for section in page.sections:
         plain = re.sub(r"[^a-z0-9]+", "-", (section.anchor or section.title).lower()).strip("-") or "section"

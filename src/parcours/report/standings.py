@@ -99,11 +99,7 @@ def dominance(title: str, names: Sequence[str], beats: ArrayLike, note: str = ""
 
 
 def _tint(share: float) -> str:
-    """Return the colour of a share of the largest: from nearly white to the tone of what is welcome.
-
-    >>> _tint(0.0), _tint(1.0)
-    ('#e6f0f7', '#0071b1')
-    """
+    """Return the colour of a share of the largest: from nearly white to the tone of what is welcome."""
     low = (0xE6, 0xF0, 0xF7)
     high = tuple(int(TONES["good"][k : k + 2], 16) for k in (1, 3, 5))
     part = 0.0 if math.isnan(share) else min(max(share, 0.0), 1.0)

@@ -16,13 +16,9 @@ if TYPE_CHECKING:
     from rich.table import Table as RichTable
 
 _STYLE: dict[Tone, str] = {
-    "good": "bold green",
-    "fair": "green",
-    "neutral": "bold",
-    "poor": "yellow",
-    "bad": "bold red",
+    "good": "bold green", "fair": "green", "neutral": "bold", "poor": "yellow", "bad": "bold red",
     "worst": "bold magenta",
-}
+}  # fmt: skip
 
 _PAD = {"left": "<", "right": ">", "center": "^"}
 
@@ -58,16 +54,7 @@ def print_page(page: Page, to: TextIO | None = None) -> None:
 
 
 def to_text(table: Table) -> str:
-    """Return a table as plain lines, columns two spaces apart.
-
-    >>> from parcours.report.pieces import Column
-    >>> print(to_text(Table("Paths", (Column("path"), Column("length")), (("tp11", 3), ("tp12", 16)))))
-    Paths
-    path  length
-    ----  ------
-    tp11       3
-    tp12      16
-    """
+    """Return a table as plain lines, columns two spaces apart."""
     body = [tuple(_one_line(text) for text in row) for row in text_rows(table)]
     heads = tuple(_one_line(_full_heading(table, at)) for at in range(len(table.columns)))
     widths = [max(map(len, column)) for column in zip(heads, *body, strict=True)]
@@ -82,14 +69,7 @@ def to_text(table: Table) -> str:
 
 
 def to_markdown(table: Table) -> str:
-    """Return a table in GitHub's Markdown.
-
-    >>> from parcours.report.pieces import Column
-    >>> print(to_markdown(Table("", (Column("a|b"), Column("n")), (("x", 3),))))
-    | a\\|b | n |
-    | :--- | ---: |
-    | x | 3 |
-    """
+    """Return a table in GitHub's Markdown."""
     rule = {"left": ":---", "right": "---:", "center": ":---:"}
     heads = [_full_heading(table, at) for at in range(len(table.columns))]
     lines = [heads, [rule[side] for side in sides(table)], *text_rows(table)]

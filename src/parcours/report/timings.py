@@ -21,11 +21,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure as Canvas
 
 _TONE: dict[Verdict, Tone] = {
-    Verdict.PASS: "good",
-    Verdict.FAIL: "bad",
-    Verdict.INCONCLUSIVE: "poor",
-    Verdict.ERROR: "worst",
-}
+    Verdict.PASS: "good", Verdict.FAIL: "bad", Verdict.INCONCLUSIVE: "poor", Verdict.ERROR: "worst",
+}  # fmt: skip
 _MARK = {Verdict.PASS: "o", Verdict.FAIL: "X", Verdict.INCONCLUSIVE: "D", Verdict.ERROR: "s"}
 _QUANTILES = ("p50", "p95", "p99", "max")
 _LOW, _HIGH = 0.16, 0.7

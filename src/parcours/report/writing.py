@@ -16,12 +16,6 @@ def write_text(path: Path, text: str) -> None:
 
     Raises:
         BadRequest: the folder cannot be made or written to, or `path` is a folder.
-
-    >>> import tempfile
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     write_text(Path(folder, "new", "a.html"), "α")
-    ...     Path(folder, "new", "a.html").read_bytes()
-    b'\\xce\\xb1'
     """
     try:
         path.parent.mkdir(parents=True, exist_ok=True)

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 
 from parcours.errors import BadModel
-from parcours.model.conversion import MAX_BYTES
+from parcours.model.conversion import MAX_FOREIGN_BYTES
 from parcours_formats.token_stream import TokenStream
 
 MAX_DEPTH = 50
@@ -70,8 +70,8 @@ def parse_dot(text: str, origin: str) -> list[Graph]:
     Traceback (most recent call last):
     parcours.errors.BadModel: here:1: a graph must be directed, but this one is not; write digraph and -> [dot-graph]
     """
-    if len(text) > MAX_BYTES:
-        rule = f"a file of this format has at most {MAX_BYTES} characters, but this one has {len(text)}"
+    if len(text) > MAX_FOREIGN_BYTES:
+        rule = f"a file of this format has at most {MAX_FOREIGN_BYTES} characters, but this one has {len(text)}"
         raise BadModel(origin, rule, "split the model", slug="file-size")
     parser = _Parser(text, origin)
     graphs = [parser.graph()]

@@ -12,7 +12,7 @@ import re
 from collections.abc import Iterator
 
 from parcours.errors import BadModel
-from parcours.model.conversion import MAX_BYTES, Reading, Writing
+from parcours.model.conversion import MAX_FOREIGN_BYTES, Reading, Writing
 from parcours.model.documents import Mapping, Node, Scalar, Sequence
 from parcours.model.nodes import shown
 from parcours.model.structure import Cefsm
@@ -39,8 +39,8 @@ def parse_json(text: str, origin: str) -> Node:
     Traceback (most recent call last):
     parcours.errors.BadModel: here:1: a value must stand in JSON, but here is 'NaN}' [json-syntax]
     """
-    if len(text) > MAX_BYTES:
-        rule = f"a file of this format has at most {MAX_BYTES} characters, but this one has {len(text)}"
+    if len(text) > MAX_FOREIGN_BYTES:
+        rule = f"a file of this format has at most {MAX_FOREIGN_BYTES} characters, but this one has {len(text)}"
         raise BadModel(origin, rule, "split the model", slug="file-size")
     parser = _Parser(text, origin)
     found = parser.value(1)

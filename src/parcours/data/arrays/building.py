@@ -19,7 +19,6 @@ from parcours.data.arrays.growing import grow
 from parcours.data.arrays.other_engine import MAX_MUST, MAX_TUPLES, covertable_rows
 from parcours.data.arrays.shrinking import repair, table_of
 from parcours.data.rules import UndecidedError
-from parcours.errors import BadRequest
 from parcours.kernels import require_numba
 from parcours.streams import ROWS, starts
 
@@ -90,41 +89,25 @@ def covering_array(
 
     Args:
         goals: what must be held, and which rows are allowed; a tuple that cannot be decided is no longer needed there.
-        must: rows that stay, and come first, shape (n_must, n_columns).
+        must: rows that the rules allow, which stay and come first, shape (n_must, n_columns).
         budget: how long to search [s], compiling not counted, though growing may take LEAST_GROWTH; None for a fixed
             effort. What growing did not come to is undecided.
         progress: gets every smaller array.
 
     Raises:
-        BadRequest: a row of `must` is not allowed, or there is no numba: the search would take hours, and a shorter
-            one would find other rows.
+        BadRequest: there is no numba: the search would take hours, and a shorter one would find other rows.
         BadDomain: the rules leave no row, or the search for a first one took too long.
-
-    >>> from parcours.data.arrays.goals import goals_of
-    >>> array = covering_array(goals_of([3, 3, 3, 3], 2))
-    >>> array.rows.shape, array.fewest
-    ((9, 4), 9)
     """
     require_numba("covering arrays")
     if must is None:
         must = np.zeros((0, len(goals.sizes)), dtype=np.int64)
-    for index in np.flatnonzero(~goals.rules.hold(must)):
-        rule = goals.rules.tables[int(np.argmax(goals.rules.broken(must[index : index + 1])[0]))]
-        raise BadRequest(
-            f"must-have row {index + 1}", f"it must break no rule, but breaks {rule.name!r}", slug="must-row"
-        )
     if not len(must):
         goals.rules.require_row()
     return _Search(goals, must, budget, seed, progress).array()
 
 
 def fewest_rows(goals: Goals) -> int:
-    """Return a lower bound: each row holds one tuple of every set, and more where theory knows more.
-
-    >>> from parcours.data.arrays.goals import goals_of
-    >>> [fewest_rows(goals_of(sizes, 2)) for sizes in ([3] * 4, [3] * 5, [2] * 100, [9, 3, 3, 2])]
-    [9, 10, 10, 27]
-    """
+    """Return a lower bound: each row holds one tuple of every set, and more where theory knows more."""
     needed, start = goals.layout.needed, goals.layout.start
     fewest = max((int(needed[start[i] : start[i + 1]].sum()) for i in range(len(goals.sets))), default=1)
     strengths = {len(each) for each in goals.sets}
@@ -160,6 +143,9 @@ class _Search:
     def seconds(self) -> float:
         return time.perf_counter() - self.begun
 
+    #     grown row by row ──┬──> fewest rows so far ──> one row less ──> repaired? ──> ... until time or effort ends
+    #     constructions ─────┤                            ^                │ no, long
+    #     covertable ────────┘                            └── another greedy array
     def array(self) -> CoveringArray:
         needed = self.goals.layout.needed
         self.compile()
@@ -171,6 +157,7 @@ class _Search:
                     if len(left):
                         self.best, left = rows, left[:0]
                     self.keep(name, rows)
+        # What growing did not come to is given up here, so that later stages do not fail for lack of it.
         needed[left] = False
         self.undecided += left.tolist()
         if self.goals.rules.tables:  # less is needed than it seemed

@@ -24,13 +24,7 @@ _TRIALS = 30_000
 def constructions(
     sizes: Sequence[int], strength: int, seed: int = 0, most: int = _MOST_ROWS
 ) -> Iterator[tuple[str, Ints]]:
-    """Yield name and rows of each construction that fits; blocks are those of `sizes`.
-
-    >>> [(name, len(rows)) for name, rows in constructions([3, 3, 3, 3], 2)]
-    [('orthogonal', 9)]
-    >>> [(name, len(rows)) for name, rows in constructions([2] * 100, 2)]
-    [('halves', 10)]
-    """
+    """Yield name and rows of each construction that fits; blocks are those of `sizes`."""
     active = [column for column, size in enumerate(sizes) if size > 1]
     k, v = len(active), max(sizes)
     if not 2 <= strength <= k:
@@ -186,6 +180,9 @@ def turned(starter: Sequence[int], v: int) -> Ints:
     """Return all rotations of a starter vector, shifted by each element of the group, and the row of the fixed one."""
     group, k = v - 1, len(starter)
     cells = np.array(starter)
+    # Pairs at distance d in the vector meet all differences, so their shifts are all pairs of the group:
+    #
+    #     (v-1  a  b  c)  ->  (c  v-1  a  b)  ->  ...        k rotations, each shifted v - 1 times
     rotations = np.stack([np.roll(cells, shift) for shift in range(k)])
     rows = [np.where(rotations == group, group, (rotations + shift) % group) for shift in range(group)]
     return np.concatenate([*rows, np.full((1, k), group)])

@@ -26,6 +26,16 @@ _AT_ONCE = 4_000_000
 
 Ints = NDArray[np.int64]
 
+# A pair-wise covering array of three columns with 2, 2 and 3 blocks, and the numbers of its tuples:
+#
+#     row   c0 c1 c2     set s   columns   start[s]   number of a tuple (its blocks as digits)
+#      0     0  0  0       0      c0 c1       0       0 + 2 * b0 + b1       0 ..  3
+#      1     0  1  1       1      c0 c2       4       4 + 3 * b0 + b2       4 ..  9
+#      2     1  0  2       2      c1 c2      10      10 + 3 * b1 + b2      10 .. 15
+#      3     1  1  0
+#      4     0  0  1      `strides` are 2, 1 and 3, 1 and 3, 1. Row 1 holds 0 + 1 = 1, 4 + 1 = 5, 10 + 4 = 14.
+#      5     ...          When b2 of a row changes by d, its tuples in sets 1 and 2 move by d, that in set 0 stays.
+
 
 class Layout(NamedTuple):
     """What compiled code knows of goals and rules; every array is int64 but `needed` and `allowed`, which are bool.
@@ -142,12 +152,6 @@ def goals_of(
 
     Raises:
         BadRequest: there are more than MAX_TUPLES tuples.
-
-    >>> goals = goals_of((3, 3, 2), 2)
-    >>> goals.n_tuples, goals.sets
-    (21, ((0, 1), (0, 2), (1, 2)))
-    >>> [len(columns) for columns in goals_of((2, 2, 2, 2), 2, [((0, 1, 2), 3)]).sets]
-    [3, 2, 2, 2]
     """
     wanted = [(range(len(sizes)), strength), *groups]
     n = sum(math.comb(len(columns), min(t, len(columns))) for columns, t in wanted)
@@ -156,12 +160,10 @@ def goals_of(
         kept = _without_parts(set(chosen))
         n = sum(math.prod(sizes[c] for c in columns) for columns in kept)
     if n > MAX_TUPLES:
-        raise BadRequest(
-            f"{strength}-wise coverage of {len(sizes)} parameters",
-            f"at most {MAX_TUPLES} combinations are counted, but there are {n} or more",
-            "lower the strength, or give it to a group of parameters only",
-            slug="tuples-many",
-        )
+        rule = f"at most {MAX_TUPLES} combinations are counted, but there are {n} or more"
+        where = f"{strength}-wise coverage of {len(sizes)} parameters"
+        remedy = "lower the strength, or give it to a group of parameters only"
+        raise BadRequest(where, rule, remedy, slug="tuples-many")
     rules = rules or Rules(sizes)
     return Goals(tuple(sizes), kept, rules, _layout(sizes, kept, rules))
 

@@ -28,13 +28,11 @@ def covertable_rows(goals: Goals, must: Ints, *, seed: int, deadline: float) -> 
 
     factors = [list(range(size)) for size in goals.sizes]
     strength = min((len(each) for each in goals.sets), default=1)
-    whole = [(tuple(range(len(factors))), strength)]
-    groups = [(each, len(each)) for each in goals.sets if len(each) > strength]
     controller = Controller(
         factors,
         strength=strength,
         salt=str(seed),
-        sub_models=[{"fields": list(columns), "strength": t} for columns, t in groups],
+        sub_models=[{"fields": list(each), "strength": len(each)} for each in goals.sets if len(each) > strength],
         presets=[dict(enumerate(row)) for row in must.tolist()],
         constraints=[_condition(table) for table in goals.rules.tables],
     )
@@ -43,7 +41,7 @@ def covertable_rows(goals: Goals, must: Ints, *, seed: int, deadline: float) -> 
         rows.append(row)
         if time.perf_counter() > deadline:
             return None
-    return np.array(rows, dtype=np.int64).reshape(len(rows), len(whole[0][0]))
+    return np.array(rows, dtype=np.int64).reshape(len(rows), len(factors))
 
 
 def _condition(table: RuleTable) -> dict[str, Any]:

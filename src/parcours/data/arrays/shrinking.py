@@ -147,6 +147,7 @@ def repair(layout: Layout, table: Table, fixed: int, work: int, stream: Stream) 
         number = table.missing[below(stream, table.state[0])]
         set_ = np.searchsorted(layout.start, number, side="right") - 1
         whole = number - layout.start[set_]
+        # A row that lacks the tuple in one column only gets it by one change; the one that costs least is made.
         best_row, best_column, best_block, least, oldest = -1, -1, -1, 1 << 40, 0
         if below(stream, WALK) > 0:
             for row in range(fixed, n):

@@ -21,7 +21,7 @@ Flags = NDArray[np.bool_]
 def discoveries(space: Space, local: LocalMoves, record: Record, band: Sequence[Actor]) -> tuple[Discovery, ...]:
     """Return what is wrong in a space, gravest kinds first, nearest to the initial configuration first."""
     faulty = _faulty(space, band) if record.faults else np.zeros(space.n_states, dtype=bool)
-    ends = _ends(space, faulty)
+    ends = np.flatnonzero((np.diff(space.offsets) == 0) & ~faulty[: space.n_expanded]).tolist()
     rests = {*space.rests()} if ends else set()
     found = [*_deadlocks(space, [state for state in ends if state not in rests])]
     found += _lost(space, local, faulty)
@@ -58,11 +58,6 @@ def _faulty(space: Space, band: Sequence[Actor]) -> Flags:
     for state, packed in enumerate(space.packed):
         found[state] = any(packed & mask in views for mask, views in suspects)
     return found
-
-
-def _ends(space: Space, faulty: Flags) -> list[int]:
-    degrees = np.diff(space.offsets)
-    return np.flatnonzero((degrees == 0) & ~faulty[: space.n_expanded]).tolist()
 
 
 def _deadlocks(space: Space, stuck: list[int]) -> Iterator[Discovery]:

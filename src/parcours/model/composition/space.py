@@ -16,23 +16,11 @@ from parcours.model.structure import Cefsm
 
 Numbers = NDArray[np.int32]
 
-Kind = Literal[
-    "deadlock", "unspecified-reception", "blocked-reception", "model-fault", "full-queue", "dead-transition",
-    "unreachable-state", "rest",
-]  # fmt: skip
-"""What can be discovered; docs/composition.md defines each."""
-
-SEVERITY: dict[Kind, Literal["error", "warning", "note"]] = {
-    "deadlock": "error",
-    "unspecified-reception": "error",
-    "blocked-reception": "error",
-    "model-fault": "error",
-    "full-queue": "warning",
-    "dead-transition": "warning",
-    "unreachable-state": "warning",
-    "rest": "note",
-}
-"""How grave each kind is: an error is a fault of the model, a warning may be meant, a note is no fault."""
+SEVERITY: dict[str, Literal["error", "warning", "note"]] = {
+    **dict.fromkeys(("deadlock", "unspecified-reception", "blocked-reception", "model-fault"), "error"),
+    **dict.fromkeys(("full-queue", "dead-transition", "unreachable-state"), "warning"), "rest": "note",
+}  # fmt: skip
+"""What can be discovered (docs/composition.md) and how grave it is: a warning may be meant, a note is no fault."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +28,7 @@ class Discovery:
     """One thing that the exploration came upon.
 
     Args:
-        kind: what it is.
+        kind: what it is, a key of SEVERITY.
         message: a sentence that names the elements of the model.
         state: the number of the nearest configuration that shows it, for `Space.path_to`; None where the
             whole space is the evidence.
@@ -48,7 +36,7 @@ class Discovery:
         move: the move that the step relation refuses there; None otherwise.
     """
 
-    kind: Kind
+    kind: str
     message: str
     state: int | None = None
     count: int = 0

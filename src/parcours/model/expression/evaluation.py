@@ -7,6 +7,7 @@ reals; `%` has the sign of its divisor; `&&` and `||` read their right side only
 from __future__ import annotations
 
 import math
+import operator
 from collections.abc import Callable, Mapping, Sized
 from typing import NoReturn, TypeAlias
 
@@ -38,18 +39,11 @@ FUNCTIONS: dict[str, tuple[Callable[..., object], int, int]] = {
 """Built-in functions: what computes them, and the fewest and most arguments."""
 
 _ARITHMETIC: dict[str, Callable[[float, float], float]] = {
-    "+": lambda a, b: a + b,
-    "-": lambda a, b: a - b,
-    "*": lambda a, b: a * b,
-    "/": lambda a, b: a / b,
-    "%": lambda a, b: a % b,
-}
+    "+": operator.add, "-": operator.sub, "*": operator.mul, "/": operator.truediv, "%": operator.mod,
+}  # fmt: skip
 _ORDER: dict[str, Callable[[float, float], bool]] = {
-    "<": lambda a, b: a < b,
-    "<=": lambda a, b: a <= b,
-    ">": lambda a, b: a > b,
-    ">=": lambda a, b: a >= b,
-}
+    "<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge,
+}  # fmt: skip
 
 
 def evaluate(expression: Expression, valuation: Mapping[str, Value], where: str = "expression") -> Value:
@@ -97,10 +91,10 @@ class _Evaluation:
                 return self.equal(node, self.of(left), self.of(right))
             case Binary("!=", left, right):
                 return not self.equal(node, self.of(left), self.of(right))
-            case Binary(operator, left, right) if operator in _ORDER:
-                return _ORDER[operator](self.number(left), self.number(right))
-            case Binary(operator, left, right):
-                return self.bounded(node, lambda: _ARITHMETIC[operator](self.number(left), self.number(right)))
+            case Binary(sign, left, right) if sign in _ORDER:
+                return _ORDER[sign](self.number(left), self.number(right))
+            case Binary(sign, left, right):
+                return self.bounded(node, lambda: _ARITHMETIC[sign](self.number(left), self.number(right)))
             case Apply("size", (argument,)):
                 value = self.of(argument)
                 return self.bounded(node, lambda: _size(value))

@@ -103,12 +103,8 @@ def parse_calls(text: str, where: str = "message") -> tuple[Call, ...]:
 
 def _whole(text: str, where: str, rule: Callable[[_Parser], _Result]) -> _Result:
     if len(text) > MAX_LENGTH:
-        raise BadModel(
-            where,
-            f"an expression has at most {MAX_LENGTH} characters, but this one has {len(text)}",
-            "split it over several transitions",
-            slug="expression-size",
-        )
+        rule = f"an expression has at most {MAX_LENGTH} characters, but this one has {len(text)}"
+        raise BadModel(where, rule, "split it over several transitions", slug="expression-size")
     parser = _Parser(text, where)
     result = rule(parser)
     if parser.token.kind != "end":
@@ -258,9 +254,8 @@ class _Parser:
                 bad = self.text[at]
                 hints = {"=": "compare with ==, assign with :=", "&": "write &&", "|": "write ||"}
                 hints |= dict.fromkeys("'\"", "close the text with the same quote")
-                self._fail_at(
-                    at, f"a sign of the language must stand at the caret, but found {bad!r}", hints.get(bad, "")
-                )
+                rule = f"a sign of the language must stand at the caret, but found {bad!r}"
+                self._fail_at(at, rule, hints.get(bad, ""))
             if match.lastgroup != "blank":
                 tokens.append(_Token(str(match.lastgroup), match.group(), at))
             at = match.end()
