@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import signal
+import tempfile
 from typing import TYPE_CHECKING
 
 import pytest
@@ -171,6 +172,23 @@ def test_a_program_that_cannot_be_started_is_refused_at_once(
     (workshop.folder / "script").chmod(0o755)
     with pytest.raises(HostFailure, match=rf"component Bolt: its program must .*{why}.*\[program-missing\]"):
         Program(workshop.lock.component("Bolt"), ProgramPart(command, workshop.folder), {}, "", 0, 60.0)
+
+
+@pytest.mark.parametrize(
+    ("source", "patience", "why"),
+    [
+        ("time.sleep(1000)", 0.5, "`hello` within 0.5 s, but did not connect to the socket PARCOURS_SOCKET"),
+        ("print('no'); sys.exit(2)", 60.0, r"`hello`, but ended \(exit status 2\); its last words: 'no'"),
+    ],
+)
+def test_a_program_that_does_not_come_to_its_socket_is_given_up(
+    workshop: Workshop, monkeypatch: pytest.MonkeyPatch, source: str, patience: float, why: str
+) -> None:
+    sockets = workshop.folder / "sockets"
+    sockets.mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(sockets))
+    assert re.search(why, workshop.reason(workshop.bolt(source, patience, socket=True)))
+    assert not list(sockets.iterdir())
 
 
 @pytest.mark.parametrize(("kind", "raised"), [(TimeoutError, HostFailure), (KeyboardInterrupt, KeyboardInterrupt)])

@@ -115,6 +115,30 @@ def test_a_program_that_closes_its_input_may_still_answer(workshop: Workshop) ->
     assert next(component.handle("push", "", 0)).transition == "b1"
 
 
+def test_a_program_may_speak_on_a_socket_and_print_what_it_likes(workshop: Workshop) -> None:
+    component = workshop.bolt(
+        """
+        print("what is this?", flush=True)
+        line = socket.socket(socket.AF_UNIX)
+        line.connect(os.environ["PARCOURS_SOCKET"])
+        os.dup2(line.fileno(), 0)
+        print("still talking", os.environ["MINE"], flush=True)
+        say = lambda **words: line.sendall(json.dumps(words).encode() + b"\\n")
+        greet()
+        hear("permit")
+        say(took="b1")
+        hear("permit")
+        os._exit(6)
+        """,
+        socket=True,
+        environment={"MINE": "too"},
+    )
+    work = component.handle("push", "", 0)
+    assert next(work).transition == "b1"
+    with pytest.raises(HostFailure, match=r"ended \(exit status 6\); its last words: 'still talking too'"):
+        next(work)
+
+
 # Whole cases
 
 KEY = """

@@ -142,7 +142,7 @@ class ProgramCaller:
 
     def __init__(self, study: CampaignStudy, part: ProgramPart, settings: Settings) -> None:
         self._study, self._part, self._settings = study, part, settings
-        self._key = ("simulate", part.command, part.folder, tuple(sorted(part.environment.items())))
+        self._key = ("simulate", part.command, part.folder, tuple(sorted(part.environment.items())), part.socket)
         self._command = command_of(part, study.name)
 
     def __call__(self, case: Case) -> object:

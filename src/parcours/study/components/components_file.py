@@ -156,7 +156,7 @@ def _part(reader: StudyReader, node: Node, model: Cefsm, component: Component) -
 
 def program_part(reader: StudyReader, node: Node, what: str) -> ProgramPart | None:
     """Return a program that is there and can be executed; its files count for the study's digest."""
-    entries = reader.record(node, what, ("command",), ("environment",))
+    entries = reader.record(node, what, ("command",), ("environment", "socket"))
     command = reader.words(entries.get("command"), f"command of {what}")
     if not command:
         rule = f"command of {what} must be a list of words, but is empty"
@@ -174,7 +174,7 @@ def program_part(reader: StudyReader, node: Node, what: str) -> ProgramPart | No
             reader.digest(word)
     environment = {name: reader.text(value, f"environment {name}") for name, value, _ in
                    reader.entries(entries.get("environment"), "environment")}  # fmt: skip
-    return ProgramPart(command, reader.folder, environment)
+    return ProgramPart(command, reader.folder, environment, reader.boolean(entries.get("socket"), "socket", False))
 
 
 def incoming(component: Component) -> tuple[str, ...]:

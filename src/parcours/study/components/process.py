@@ -14,28 +14,29 @@ import os
 import select
 import shutil
 import signal
+import socket
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
-from typing import TYPE_CHECKING, TypeVar
+from collections.abc import Callable, Iterator, Mapping
+from typing import IO, TYPE_CHECKING, TypeVar
 
 import msgspec
 
 from parcours.errors import HostFailure
 from parcours.run.hosts.launching import ending
+from parcours.study.components.socket_door import SocketDoor
 
 if TYPE_CHECKING:
     from parcours.study.components.systems import ProgramPart
 
 T = TypeVar("T")
+SOCKET = "PARCOURS_SOCKET"  # environment variable: the path of the socket of a program that has `socket: true`
 LONGEST = 1_000_000  # most bytes of a line
 _QUOTED = 80
 _TAIL = 4096  # kept of what a program writes to standard error [bytes]
 _CHUNK = 1 << 16
-_LOOK = (
-    0.05  # how often a silent program is asked whether it lives [s]: helpers may hold its streams open after it died
-)
+_LOOK = 0.05  # how often a silent program is asked whether it lives [s]: helpers may hold its streams open
 _GRACE = 1.0  # how long a program may take to end after the end of its input [s] before it is killed
 _MOST_KEPT = 16
 _PARENT_DEATH = 1  # PR_SET_PDEATHSIG
@@ -54,6 +55,9 @@ _guarded: set[int] = set()  # processes whose exit ends the programs that they h
 #     line()        <- _incoming <--_read--- stdout |         |
 #                         |
 #          whole line: the answer    no line: has_ended? -> program-ended    patience over? -> program-silent
+#
+# Of a program with `socket: true`, the socket takes the place of stdin and stdout once the program has connected; its
+# standard output and error are then one stream, of words for people.
 class Process:
     """A running program of a component; an answer may take `patience` [s]. HostFailure if it cannot be started."""
 
@@ -62,10 +66,18 @@ class Process:
         self._component, self._patience, self._owner = component, patience, os.getpid()
         self._asked, self._until = "", 0.0
         self._incoming, self._outgoing, self._words = bytearray(), bytearray(), bytearray()
-        self._popen = _started(command, part, component)
-        self._files = [file for file in (self._popen.stdin, self._popen.stdout, self._popen.stderr) if file is not None]
-        self._to, self._from, self._errors = [file.fileno() for file in self._files]
-        for number in (self._to, self._from, self._errors):
+        self._door = SocketDoor() if part.socket else None
+        environment = {**os.environ, **part.environment, **({SOCKET: self._door.path} if self._door else {})}
+        try:
+            self._popen = _started(command, part, component, environment)
+        except BaseException:
+            self._close_door()
+            raise
+        streams = (self._popen.stdin, self._popen.stdout, self._popen.stderr)
+        self._files: list[IO[bytes] | socket.socket] = [file for file in streams if file is not None]
+        numbers = [file.fileno() for file in self._files]
+        self._to, self._from, self._errors = (-1, -1, *numbers) if part.socket else numbers
+        for number in numbers:
             os.set_blocking(number, False)
         _alive.add(self)
 
@@ -147,7 +159,10 @@ class Process:
         """Let it see the end of its input."""
         self._to = -1
         with contextlib.suppress(OSError):
-            self._files[0].close()
+            if isinstance(self._files[-1], socket.socket):
+                self._files[-1].shutdown(socket.SHUT_WR)
+            elif self._popen.stdin is not None:
+                self._popen.stdin.close()
 
     def end(self, until: float = 0.0) -> None:
         """End it and its helpers; by force, unless it has ended before `until` [s, monotonic] by itself."""
@@ -159,6 +174,7 @@ class Process:
                 os.killpg(self._popen.pid, signal.SIGKILL)
             with contextlib.suppress(subprocess.TimeoutExpired):
                 self._popen.wait(_GRACE)
+        self._close_door()
         self.let_go()
         _alive.discard(self)
 
@@ -175,6 +191,7 @@ class Process:
             ended = self.has_ended()  # asked first: what it wrote before its end is read below
             self._flush()
             self._hear_words()
+            self._let_in()
             if self._read():
                 return
             left = self._until - time.monotonic()
@@ -182,17 +199,36 @@ class Process:
                 raise self._silence()
             poll = select.poll()
             out = self._to if self._outgoing else -1
-            for number, event in ((self._from, select.POLLIN), (self._errors, select.POLLIN), (out, select.POLLOUT)):
+            door = self._door.listener.fileno() if self._door is not None else -1
+            wanted = {self._from: select.POLLIN, self._errors: select.POLLIN, door: select.POLLIN}
+            wanted[out] = wanted.get(out, 0) | select.POLLOUT  # a socket is read and written by one number
+            for number, event in wanted.items():
                 if number >= 0:
                     poll.register(number, event)
             # A closed output means that its end follows at once, and no stream reports that.
-            poll.poll(1000 * min(left, 0.005 if self._from < 0 else _LOOK))
+            poll.poll(1000 * min(left, 0.005 if self._has_closed() else _LOOK))
 
     def _silence(self) -> HostFailure:
         if self.status is not None:
             return self.unanswered(f", but ended ({ending(self.status)})", "program-ended")
-        what = " and has closed its output" if self._from < 0 else ""
+        what = f" connect to the socket {SOCKET}" if self._door is not None else ""
+        what += " and has closed its output" if self._has_closed() else ""
         return self.unanswered(f" within {self._patience:g} s, but did not{what}", "program-silent")
+
+    def _has_closed(self) -> bool:
+        return self._from < 0 and self._door is None
+
+    def _let_in(self) -> None:
+        """Speak over the socket from now on, if the program has connected to it."""
+        if self._door is not None and (connection := self._door.accepted()) is not None:
+            self._files.append(connection)
+            self._to = self._from = connection.fileno()
+            self._close_door()
+
+    def _close_door(self) -> None:
+        if self._door is not None:
+            self._door.close()
+            self._door = None
 
     def _flush(self) -> None:
         if self._outgoing and self._to >= 0:
@@ -261,7 +297,9 @@ def command_of(part: ProgramPart, component: str) -> list[str]:
     return [found, *part.command[1:]]
 
 
-def _started(command: list[str], part: ProgramPart, component: str) -> subprocess.Popen[bytes]:
+def _started(
+    command: list[str], part: ProgramPart, component: str, environment: Mapping[str, str]
+) -> subprocess.Popen[bytes]:
     if os.getpid() not in _guarded:  # a worker of multiprocessing runs finalizers, but no handlers of atexit
         _guarded.add(os.getpid())
         multiprocessing.util.Finalize(None, end_programs, exitpriority=10)
@@ -274,10 +312,11 @@ def _started(command: list[str], part: ProgramPart, component: str) -> subproces
             if os.getppid() != parent:
                 os._exit(1)  # the parent ended before this was asked for
 
-    pipe, environment = subprocess.PIPE, {**os.environ, **part.environment}
+    pipe = subprocess.PIPE
+    stdin, stderr = (subprocess.DEVNULL, subprocess.STDOUT) if part.socket else (pipe, pipe)
     try:
         return subprocess.Popen(command, cwd=part.folder, env=environment, bufsize=0, process_group=0, preexec_fn=bind,
-                                stdin=pipe, stdout=pipe, stderr=pipe)  # fmt: skip
+                                stdin=stdin, stdout=pipe, stderr=stderr)  # fmt: skip
     except (OSError, subprocess.SubprocessError) as error:
         rule = f"must start, but {command[0]} cannot be executed in {part.folder}: {error}"
         raise failure(component, rule, "program-missing") from error

@@ -1,6 +1,6 @@
 """Components that are programs in any language, which speak the component protocol (docs/programs.md).
 
-One JSON object a line, on the program's standard streams. It speaks only when asked:
+One JSON object a line, on the program's standard streams or on a Unix socket. It speaks only when asked:
 
     tester                              program
       | hello -------------------------->|
@@ -48,7 +48,7 @@ class Program:
         self._transitions = sorted(transition.id for transition in modelled.transitions())
         self._part, self._patience = part, patience
         self._case = {"case": case_id, "seed": seed, "values": dict(values)}
-        self._key = (part.command, part.folder, tuple(sorted(part.environment.items())), self.name)
+        self._key = (part.command, part.folder, tuple(sorted(part.environment.items())), part.socket, self.name)
         self._command = command_of(part, self.name)
         self._process: Process | None = None
         self.reset()

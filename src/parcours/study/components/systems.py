@@ -74,11 +74,12 @@ class FunctionsPart:
 
 @dataclass(frozen=True, slots=True)
 class ProgramPart:
-    """A program in any language that speaks the component protocol (docs/programs.md) on its standard streams."""
+    """A program in any language that speaks the component protocol (docs/programs.md), on standard streams or a socket."""
 
     command: tuple[str, ...]
     folder: Path = field(default_factory=Path.cwd)
     environment: Mapping[str, str] = field(default_factory=dict)
+    socket: bool = False
 
     def component(self, modelled: Modelled, case: Case, settings: Settings, patience: float) -> Component:
         """Return the component that the program is; the process is started, or one that is idle is used again."""
