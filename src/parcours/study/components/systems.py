@@ -74,7 +74,7 @@ class FunctionsPart:
 
 @dataclass(frozen=True, slots=True)
 class ProgramPart:
-    """A program in any language that speaks the component protocol (docs/programs.md), on standard streams or a socket."""
+    """A program, in any language, that speaks our protocol (docs/programs.md) on standard streams or a socket."""
 
     command: tuple[str, ...]
     folder: Path = field(default_factory=Path.cwd)
