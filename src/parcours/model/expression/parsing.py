@@ -101,12 +101,12 @@ def parse_calls(text: str, where: str = "message") -> tuple[Call, ...]:
     return _whole(text, where, lambda parser: parser.several(parser.call))
 
 
-def _whole(text: str, where: str, rule: Callable[[_Parser], _Result]) -> _Result:
+def _whole(text: str, where: str, parse: Callable[[_Parser], _Result]) -> _Result:
     if len(text) > MAX_LENGTH:
         rule = f"an expression has at most {MAX_LENGTH} characters, but this one has {len(text)}"
         raise BadModel(where, rule, "split it over several transitions", slug="expression-size")
     parser = _Parser(text, where)
-    result = rule(parser)
+    result = parse(parser)
     if parser.token.kind != "end":
         parser.fail("an operator or the end")
     return result
