@@ -256,8 +256,9 @@ def test_durations_are_judged_as_here(tmp_path: Path) -> None:
     limit = next(iter(timing_limits([CASES[0]], repeats).values()))
     bound = Bound(limit.limit, limit.percent, strict=False)
     # The program takes repeats to be independent; so these are, as far as their order shows.
-    rows = [(stream.sample(times, len(times)), noise) for times, noise in (_durations(stream, limit) for _ in range(400))]
-    rows = [(times, noise) for times, noise in rows if not dependence(np.array(times), bound.last).is_seen]
+    drawn = [_durations(stream, limit) for _ in range(400)]
+    mixed = [(stream.sample(times, len(times)), noise) for times, noise in drawn]
+    rows = [(times, noise) for times, noise in mixed if not dependence(np.array(times), bound.last).is_seen]
     lines = ["#include <iostream>", '#include "parcours_timing.hpp"', "using namespace parcours;", "int main() {"]
     lines += [f'  const Limit limit{{"", {limit.limit}, {limit.percent}, 0, 0, {limit.ranks[0]}, {limit.ranks[1]},']
     lines += [f"                    {limit.ranks[2]}, 0, {limit.noise_ranks[0]}, {limit.noise_ranks[1]}, 0}};"]
@@ -268,7 +269,9 @@ def test_durations_are_judged_as_here(tmp_path: Path) -> None:
     (tmp_path / "judge.cpp").write_text("\n".join(lines))
     build = ["g++", "-std=c++17", f"-I{HEADERS}", "judge.cpp", "-o", "judge"]
     subprocess.run(build, cwd=tmp_path, check=True)
-    text = "\n".join(f"{len(times)} {len(noise)} {' '.join(map(str, [*times, *noise]))}" for times, noise in rows)
+    text = "\n".join(
+        f"{len(times)} {len(noise)} {' '.join(map(str, [*sorted(times), *noise]))}" for times, noise in rows
+    )
     told = subprocess.run([tmp_path / "judge"], input=text, capture_output=True, text=True, check=True).stdout
     ours = [judge(times, bound, Noise(tuple(noise))).verdict for times, noise in rows]
     assert [(Verdict.PASS, Verdict.FAIL, Verdict.INCONCLUSIVE)[int(one)] for one in told] == ours
