@@ -2,24 +2,18 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from typing import Any
 
 from parcours_ramp.planner.messages import Obstacles, Step
 
 
-class Service:
-    """A component that answers requests one at a time, keeps nothing in between and has no timer.
-
-    Its transitions are p`machine`1, idle, to p`machine`5, returned (Table II).
-    """
-
-    machine = 0
-    takes: type = object
-    gives = ""
+class Timeless:
+    """A component that keeps nothing between messages and has no timer."""
 
     def reset(self) -> None:
-        """Nothing is kept between requests."""
+        """Nothing is kept between messages."""
 
     def next_wake(self) -> int | None:
         """Time alone demands nothing."""
@@ -28,6 +22,17 @@ class Service:
     def wake(self, now: int) -> Iterator[Step]:
         """Time alone demands nothing."""
         yield from ()
+
+
+class Service(Timeless, ABC):
+    """A component that answers requests one at a time.
+
+    Its transitions are p`machine`1, idle, to p`machine`5, returned (Table II).
+    """
+
+    machine = 0
+    takes: type = object
+    gives = ""
 
     def handle(self, channel: str | None, message: object, now: int) -> Iterator[Step]:
         """Answer a request; anything else is a poll that finds nothing."""
@@ -41,12 +46,12 @@ class Service:
         yield Step(p + "4", ((self.gives, response),))
         yield Step(p + "5")
 
+    @abstractmethod
     def answer(self, request: Any) -> object:
         """Return the response to a request."""
-        raise NotImplementedError
 
 
-class Sensing(Service):
+class Sensing(Timeless):
     """The component: passes every odometry message on as an obstacle list, in world coordinates."""
 
     name = "Sensing"
