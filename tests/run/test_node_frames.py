@@ -15,7 +15,20 @@ from hypothesis import strategies as st
 
 from parcours.errors import HostFailure
 from parcours.run.hosts import frames
-from parcours.run.hosts.frames import Command, Deliver, Died, Look, Quit, Ready, Report, Took, Turn, Turned, Wire
+from parcours.run.hosts.frames import (
+    Command,
+    Deliver,
+    Died,
+    Look,
+    Quit,
+    Ready,
+    Report,
+    Scalar,
+    Took,
+    Turn,
+    Turned,
+    Wire,
+)
 from parcours.run.hosts.sockets import FrameSocket
 from parcours.run.instance import Manner
 
@@ -33,6 +46,9 @@ FIELDS = {
     tuple[Wire, ...]: st.lists(WIRES, max_size=3).map(tuple),
     tuple[tuple[int, Wire], ...]: st.lists(st.tuples(NUMBERS, WIRES), max_size=3).map(tuple),
     Wire | None: st.none() | WIRES,
+    tuple[str, ...] | None: st.none() | st.lists(st.text(), max_size=3).map(tuple),
+    dict[str, Scalar] | None: st.none()
+    | st.dictionaries(st.text(), st.booleans() | NUMBERS | st.floats(allow_nan=False) | st.text(), max_size=3),
 }
 
 

@@ -9,7 +9,8 @@ from parcours.errors import BadModel
 from parcours.model.declarations import temporal_findings, variable_findings
 from parcours.model.expression import BOOL, Assignment, Expression, Type, type_of
 from parcours.model.expression.typing import accepts
-from parcours.model.finding import Finding, advice
+from parcours.model.finding import Finding, advice, errors_among
+from parcours.model.formulas import clauses
 from parcours.model.nodes import is_identifier, is_label
 from parcours.model.scope import Scopes, variable_type
 from parcours.model.structure import BASE_TYPES, ENVIRONMENT, Cefsm, Component, Machine, Transition, Variable
@@ -71,6 +72,7 @@ class _Check:
         self.messages()
         self.links()
         self.interactions()
+        self.formulas()
         for component in self.cefsm.components:
             for variable in component.variables:
                 self.findings += variable_findings(component.name, variable, list(self.classes), self.origin)
@@ -175,6 +177,20 @@ class _Check:
                 if {here, there} <= set(self.components) and (here, there) not in linked:
                     rule = f"{name!r} must follow channels, but none leads from {here!r} to {there!r}"
                     self.error(line, "interaction", rule, "add the channel or leave out the step")
+
+    def formulas(self) -> None:
+        # What refers to something unknown is reported where it is said; its formulas are not looked at before.
+        if errors_among(self.findings):
+            return
+        for clause in clauses(self.cefsm):
+            where, line = f"{clause.formula.name!r} of {clause.owner!r}", clause.formula.line
+            try:
+                given = type_of(clause.formula.condition, clause.types, clause.classes, where)
+            except BadModel as error:
+                self.error(line, error.slug, f"{where}: {error.rule}", error.remedy)
+                continue
+            if given != BOOL:
+                self.error(line, "type", f'{where}: it must be bool, but "{clause.formula.condition}" is {given}')
 
     def machine(self, machine: Machine) -> None:
         known = set(machine.states)

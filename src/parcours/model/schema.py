@@ -6,8 +6,20 @@ from typing import Literal, cast
 
 from parcours.errors import BadModel
 from parcours.model.documents import Mapping, Node, Scalar
-from parcours.model.expression import Expression, Name, parse_actions, parse_calls, parse_expression
-from parcours.model.expression.evaluation import INTEGER_LIMIT
+from parcours.model.expression import (
+    Expression,
+    Name,
+    Unary,
+    parse_actions,
+    parse_calls,
+    parse_expression,
+    parse_formula,
+)
+from parcours.model.expression import (
+    Literal as Constant,
+)
+from parcours.model.expression.evaluation import INTEGER_LIMIT, evaluate
+from parcours.model.expression.syntax import Assignment, Call, substitute
 from parcours.model.finding import Finding
 from parcours.model.nodes import NodeReader, shown
 from parcours.model.structure import (
@@ -15,6 +27,7 @@ from parcours.model.structure import (
     Channel,
     Component,
     Field,
+    Formula,
     Machine,
     MessageClass,
     Receive,
@@ -39,21 +52,30 @@ def read_schema(document: Node, origin: str) -> tuple[Cefsm, list[Finding]]:
     return reader.model(document), reader.findings
 
 
+_ZERO: Expression = Constant(0.0)
+
+
 class _SchemaReader(NodeReader):
     # Each method takes a name and its node and returns the element, with stand-ins where findings were made, so
     # that one pass finds them all.
+
+    def __init__(self, origin: str) -> None:
+        super().__init__(origin)
+        self.constants: dict[str, Expression] = {}
 
     def model(self, node: Node) -> Cefsm:
         if (chart := _sismic(node)) is not None:
             rule = "a model has the key 'parcours', but 'statechart' makes this a sismic statechart, which is not read"
             self.add(chart, "sismic-statechart", rule, "write it as SCXML, or in the format of docs/model-format.md")
             return Cefsm("", ())
-        optional = ("doc", "messages", "channels", "interactions", "serialisation")
+        optional = ("doc", "constants", "messages", "channels", "interactions", "serialisation")
         items = self.record(node, "a model", ("parcours", "name", "components"), optional)
         version = self.text(items.get("parcours"), "'parcours'", FORMAT)
         if version != FORMAT:
             rule = f"'parcours' must be {FORMAT!r}, but is {version[:40]!r}"
             self.add(items["parcours"], "format", rule, f"this version reads {FORMAT} only")
+        for name, value, _ in self.entries(items.get("constants"), "constants"):
+            self.constants[name] = self.parsed(value, f"constant {name!r}", _constant, _ZERO)
         components = self.entries(items.get("components"), "components")
         channels = self.entries(items.get("channels"), "channels")
         messages = self.entries(items.get("messages"), "messages")
@@ -102,7 +124,7 @@ class _SchemaReader(NodeReader):
 
     def channel(self, name: str, node: Node, line: int) -> Channel:
         what = f"channel {name!r}"
-        items = self.record(node, what, ("from", "to", "message"), ("topic", "capacity"))
+        items = self.record(node, what, ("from", "to", "message"), ("topic", "capacity", "ensures"))
         sender, receiver, message = (
             self.identifier(items.get(key), f"{key!r} of {what}") for key in ("from", "to", "message")
         )
@@ -110,11 +132,25 @@ class _SchemaReader(NodeReader):
         if "capacity" in items:
             capacity = self.integer(items["capacity"], f"'capacity' of {what}", 0, MAX_CAPACITY)
         topic = self.text(items.get("topic"), f"'topic' of {what}")
-        return Channel(name, sender, receiver, message, topic, capacity, line)
+        return Channel(name, sender, receiver, message, topic, capacity, self.formulas(items, "ensures", what), line)
+
+    def formulas(self, items: dict[str, Node], key: str, what: str) -> tuple[Formula, ...]:
+        found = []
+        for name, node, line in self.entries(items.get(key), f"{key!r} of {what}", self.label):
+            condition = self.parsed(node, f"{name!r} of {what}", parse_formula, None)
+            if condition is not None and isinstance(node, Scalar):
+                found.append(Formula(name, self.known(condition), " ".join(node.text.split()), line))
+        return tuple(found)
+
+    def known(self, expression: Expression) -> Expression:
+        """Return an expression with the values of constants in it."""
+        if not self.constants:
+            return expression
+        return substitute(expression, lambda node: self.constants.get(node.id) if isinstance(node, Name) else None)
 
     def component(self, name: str, node: Node, line: int) -> Component:
         what = f"component {name!r}"
-        items = self.record(node, what, ("machines",), ("title", "variables"))
+        items = self.record(node, what, ("machines",), ("title", "variables", "invariants"))
         variables = self.entries(items.get("variables"), f"variables of {name!r}")
         machines = self.entries(items.get("machines"), f"machines of {name!r}", self.label)
         return Component(
@@ -122,6 +158,7 @@ class _SchemaReader(NodeReader):
             tuple(self.machine(*entry) for entry in machines),
             tuple(self.variable(name, *entry) for entry in variables),
             self.text(items.get("title"), f"'title' of {what}"),
+            self.formulas(items, "invariants", what),
             line,
         )
 
@@ -187,22 +224,36 @@ class _SchemaReader(NodeReader):
         )
 
     def condition(self, node: Node, state: str) -> Expression | None:
-        return self.parsed(node, f"invariant of {state!r}", parse_expression, None)
+        return self.parsed(node, f"invariant of {state!r}", self.expression, None)
+
+    def expression(self, text: str, where: str) -> Expression:
+        return self.known(parse_expression(text, where))
+
+    def actions(self, text: str, where: str) -> tuple[Assignment | Call, ...]:
+        return tuple(
+            Assignment(each.target, self.known(each.value)) if isinstance(each, Assignment)
+            else Call(each.name, tuple(map(self.known, each.arguments)))
+            for each in parse_actions(text, where)
+        )  # fmt: skip
+
+    def sends(self, text: str, where: str) -> tuple[Send, ...]:
+        return tuple(Send(call.name, tuple(map(self.known, call.arguments))) for call in parse_calls(text, where))
 
     def transition(self, id: str, node: Node, line: int) -> Transition:
         what = f"transition {id!r}"
-        optional = ("event", "guard", "action", "message", "duration", "weight")
+        optional = ("event", "guard", "action", "message", "duration", "weight", "ensures")
         items = self.record(node, what, ("from", "to"), optional)
         return Transition(
             id,
             self.label(items.get("from"), f"'from' of {what}"),
             self.label(items.get("to"), f"'to' of {what}"),
             self.parsed(items.get("event"), f"event of {id!r}", _event, None),
-            self.parsed(items.get("guard"), f"guard of {id!r}", parse_expression, None),
-            self.parsed(items.get("action"), f"action of {id!r}", parse_actions, ()),
-            self.parsed(items.get("message"), f"message of {id!r}", _sends, ()),
+            self.parsed(items.get("guard"), f"guard of {id!r}", self.expression, None),
+            self.parsed(items.get("action"), f"action of {id!r}", self.actions, ()),
+            self.parsed(items.get("message"), f"message of {id!r}", self.sends, ()),
             self.duration(items.get("duration"), what),
             self.number(items["weight"], f"'weight' of {what}") if "weight" in items else 1.0,
+            self.formulas(items, "ensures", what),
             line,
         )
 
@@ -233,5 +284,8 @@ def _event(text: str, where: str) -> Receive:
     return Receive(calls[0].name, binders[0] if binders else "")
 
 
-def _sends(text: str, where: str) -> tuple[Send, ...]:
-    return tuple(Send(call.name, call.arguments) for call in parse_calls(text, where))
+def _constant(text: str, where: str) -> Expression:
+    value = evaluate(parse_expression(text, where), {}, where)
+    if isinstance(value, int | float) and not isinstance(value, bool) and value < 0:
+        return Unary("-", Constant(-value))
+    return Constant(value)  # type: ignore[arg-type]  # the language has no other values

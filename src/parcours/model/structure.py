@@ -46,6 +46,17 @@ class MessageClass:
 
 
 @dataclass(frozen=True, slots=True)
+class Formula:
+    """What must hold: of a message on a channel, of a transition, of the variables of a component (`ensures:`)."""
+
+    name: str
+    condition: Expression
+    text: str = field(default="", compare=False)
+    """As it was written: `condition` has the values of constants in it."""
+    line: int = field(default=0, compare=False)
+
+
+@dataclass(frozen=True, slots=True)
 class Channel:
     """A directed link between two components (one row of Table I).
 
@@ -58,6 +69,8 @@ class Channel:
     message: str
     topic: str = ""
     capacity: int = 1
+    ensures: tuple[Formula, ...] = ()
+    """Of every message on it: `it`, the `request` that it answers, the `last` one before, the sender's variables."""
     line: int = field(default=0, compare=False)
 
 
@@ -111,6 +124,8 @@ class Transition:
     sends: tuple[Send, ...] = ()
     duration: tuple[float, float] | None = None
     weight: float = 1.0
+    ensures: tuple[Formula, ...] = ()
+    """Of the variables after it and `old` before it, what it received, and by channel what it sent and sent `last`."""
     line: int = field(default=0, compare=False)
 
     @property
@@ -144,6 +159,8 @@ class Component:
     machines: tuple[Machine, ...]
     variables: tuple[Variable, ...] = ()
     title: str = ""
+    invariants: tuple[Formula, ...] = ()
+    """Of its variables, after every transition."""
     line: int = field(default=0, compare=False)
 
     def transitions(self) -> Iterator[Transition]:

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 
 from parcours.model.nodes import is_identifier
 from parcours.model.schema import FORMAT
-from parcours.model.structure import Cefsm, Channel, Field, Machine, Transition, Variable
+from parcours.model.structure import Cefsm, Channel, Field, Formula, Machine, Transition, Variable
 
 _PLAIN = re.compile(r"[A-Za-z_/][A-Za-z0-9_/.-]*", re.ASCII)
 _WORDS = {"true", "false", "null", "yes", "no", "on", "off", "y", "n"}
@@ -31,6 +31,8 @@ def write_model(cefsm: Cefsm) -> str:
         if component.variables:
             lines.append("    variables:")
         lines += [f"      {variable.name}: {_variable(variable)}" for variable in component.variables]
+        if component.invariants:
+            lines.append(f"    invariants: {_formulas(component.invariants)}")
         lines.append("    machines:")
         for machine in component.machines:
             lines += _machine(machine)
@@ -68,7 +70,8 @@ def _field(field: Field) -> str:
 def _channel(channel: Channel) -> str:
     capacity = str(channel.capacity) if channel.capacity != 1 else ""
     ends = ("from", channel.sender), ("to", channel.receiver), ("message", channel.message)
-    return _flow(*ends, ("topic", channel.topic and _text(channel.topic)), ("capacity", capacity))
+    return _flow(*ends, ("topic", channel.topic and _text(channel.topic)), ("capacity", capacity),
+                 ("ensures", _formulas(channel.ensures)))  # fmt: skip
 
 
 def _variable(variable: Variable) -> str:
@@ -97,7 +100,12 @@ def _transition(transition: Transition) -> str:
         ("message", sends and _text("; ".join(sends))),
         ("duration", transition.duration and _listed(map(repr, transition.duration))),
         ("weight", repr(transition.weight) if transition.weight != 1 else ""),
+        ("ensures", _formulas(transition.ensures)),
     )
+
+
+def _formulas(formulas: Iterable[Formula]) -> str:
+    return _flow(*((_text(each.name), _text(str(each.condition))) for each in formulas)) if formulas else ""
 
 
 def _said(indent: int, *pairs: tuple[str, str]) -> list[str]:

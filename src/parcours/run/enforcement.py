@@ -321,7 +321,7 @@ class _Enforcement:
             raise _DeviationError(event, event.transition, outcome.text or "no transition", silent=is_silent)
         if outcome.transition != event.transition:
             raise _DeviationError(event, event.transition, outcome.transition)
-        self._record("take", event, outcome.time, transition=outcome.transition)
+        self._record("take", event, outcome.time, transition=outcome.transition, payload=outcome.reported)
         self._emit(event, outcome)
         self._paths[event.reference].append(outcome.transition)
         self._done.add(event.position)

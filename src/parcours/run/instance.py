@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from parcours.run.clocks import Clock
-from parcours.run.port import Component, Send, Step
+from parcours.run.port import Component, Reported, Send, Step, reported
 
 Begin = Callable[[int], Iterator[Step]]
 """Starts work at a time [ns]: hands a message over, or prompts."""
@@ -35,6 +35,7 @@ class Outcome:
         received: when the awaited message was taken up [ns]; -1 if none was.
         asides: what steps that the model does not name have sent before it, each with its time [ns].
         text: the error, if the component raised.
+        reported: what the component says of its variables; None if nothing.
     """
 
     manner: Manner
@@ -44,6 +45,7 @@ class Outcome:
     received: int = -1
     asides: tuple[tuple[int, Send], ...] = ()
     text: str = ""
+    reported: Reported | None = None
 
 
 class Instance:
@@ -97,7 +99,8 @@ class Instance:
             close()
 
     def _outcome(self, manner: Manner, clock: Clock, step: Step, received: int = -1) -> Outcome:
-        return Outcome(manner, clock.now(), step.transition, tuple(step.sends), received, tuple(self._asides))
+        return Outcome(manner, clock.now(), step.transition, tuple(step.sends), received, tuple(self._asides),
+                       reported=reported(step))  # fmt: skip
 
     def _prompted(self, prompt: Begin, clock: Clock) -> Step | None:
         self._work = iter(prompt(clock.now()))

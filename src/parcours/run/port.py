@@ -6,22 +6,42 @@ transitions of the model that it really takes, one at a time; the host decides w
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from enum import Enum
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 from parcours.errors import BadRequest
 from parcours.model.structure import ENVIRONMENT, Cefsm, Channel
 
-__all__ = ["ENVIRONMENT", "Component", "Link", "LinkKind", "Send", "Step", "links"]
+__all__ = ["ENVIRONMENT", "Component", "Link", "LinkKind", "Reported", "Send", "Step", "links", "reported"]
 
 Send = tuple[str, object]
 """What leaves a component: (channel, payload)."""
 
 
+class Reported(NamedTuple):
+    """What a component says of itself with a transition that it took, so that guards and actions can be judged.
+
+    `variables` are the model's: of inputs the value that the guard read, of others the value after the transition.
+    `operations` are the names of the model's abstract operations that it performed, in order; None if it does not say.
+    """
+
+    variables: Mapping[str, object]
+    operations: tuple[str, ...] | None = None
+
+
+def reported(step: object) -> Reported | None:
+    """Return what a step reports: its attribute of that name; None if it has none."""
+    found = getattr(step, "reported", None)
+    return found if isinstance(found, Reported) else None
+
+
 class Step(Protocol):
-    """One transition really taken, by its name in the model (p22), with what it sent, in order."""
+    """One transition really taken, by its name in the model (p22), with what it sent, in order.
+
+    It may have an attribute `reported`, too.
+    """
 
     @property
     def transition(self) -> str:

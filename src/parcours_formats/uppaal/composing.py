@@ -147,7 +147,7 @@ class Composing:
             actions = tuple(Assignment(values[each.target].id, replaced(each.value, meaning)) for each in step.actions)
             for id, event, sends in self._ends(part, step):
                 ends = (id, step.source, step.target, event)
-                transitions.append(Transition(*ends, holds, actions, sends, duration, step.weight, step.line))
+                transitions.append(Transition(*ends, holds, actions, sends, duration, step.weight, line=step.line))
         locations = template.locations
         return Machine(
             self.machine_names[part.process.name],

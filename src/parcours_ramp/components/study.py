@@ -29,6 +29,7 @@ from parcours_ramp.components.model import component_files, component_inputs, co
 from parcours_ramp.components.node_program import RampCodec
 from parcours_ramp.components.oracles import ORACLES
 from parcours_ramp.components.tester import ComponentTester
+from parcours_ramp.planner.viewing import message_of
 
 CASES_OF_PAPER = {"ITP1": 8, "ITP2": 8, "ITP3": 8, "ITP4": 12, "ITP5": 9, "ITP6": 15}
 """Executable cases per interaction test path (Table VIII), for function and for time each."""
@@ -78,6 +79,10 @@ class RampComponents(ComponentStudy):
     def view(self) -> View:
         """Return what shows the trajectory that a Control follows."""
         return view
+
+    def fields(self, channel: str, payload: object) -> Mapping[str, object] | None:
+        """Return a payload of RAMP as the model's message."""
+        return message_of(channel, payload)
 
     def oracle(self, case: Case, trace: Trace, settings: Settings) -> Judgement:
         """Judge by Table VIII."""
@@ -167,7 +172,7 @@ def run_functional(case: Case, execute: Execute | None = None) -> Functional:
 
 def judge_trace(case: Case, trace: Trace) -> Judgement:
     """Judge a case by its trace alone: did it deviate, was its order kept, does Table VIII's expectation hold."""
-    return executing.judge_trace(_exercise(), case, trace)
+    return executing.judge_trace(_exercise(), case, trace)[0]
 
 
 def limits(itp: str) -> np.ndarray:

@@ -13,7 +13,7 @@ import numpy as np
 
 from parcours.elementary import sin_cos, wrap
 from parcours.kernels import Record, kernel
-from parcours_ramp.planner.messages import POSE, SAMPLE, TRAJECTORY, Report, Step, one
+from parcours_ramp.planner.messages import POSE, SAMPLE, TRAJECTORY, Report, Step, one, reporting
 from parcours_ramp.planner.parameters import GUARDED, ORIGINAL, Parameters
 from parcours_ramp.planner.trajectory import copy_trajectory, pose_at
 
@@ -161,10 +161,10 @@ class Control:
         """Take a trajectory from `best_trajectory`, the flag from `imminent_collision`, the pose from `pose`."""
         if channel == "best_trajectory":
             if self._executing:
-                yield Step("p46")
+                yield reporting("p46", execute_all=True)  # superseded is done with, too
             follow(self._state, message, now, self._parameters)
             self._executing = True
-            yield Step("p42")
+            yield reporting("p42", operation="compute", tcp_socket=True)
         elif channel == "imminent_collision":
             signal(self._state, bool(message), now, self._parameters)
             if self._state.paused:
@@ -175,7 +175,7 @@ class Control:
             self._state.limit = message
             yield Step("")
         else:
-            yield Step("p41")
+            yield reporting("p41", tcp_socket=False)
 
     def wake(self, now: int) -> Iterator[Step]:
         """Report the state and command the robot, whichever is due."""
@@ -186,11 +186,12 @@ class Control:
     def tick(self, now: int) -> Iterator[Step]:
         """Report the robot's state if the interval is over at `now` [ns]."""
         if self._next_report > now:
-            yield Step("p47")
+            yield reporting("p47", interval_done=False)
             return
         self._next_report += REPORT_PERIOD
-        yield Step("p48", (("update", Report(now, self._pose.copy(), int(self._state.lag))),))
-        yield Step("p49")
+        update = Report(now, self._pose.copy(), int(self._state.lag))
+        yield reporting("p48", ("update", update), interval_done=True)
+        yield reporting("p49", operation="reset_timer")
 
     def execute(self, now: int) -> Iterator[Step]:
         """Command the robot for the next command period from `now` [ns]."""
@@ -201,16 +202,16 @@ class Control:
         yield Step("", (("cmd_vel", (float(state.command_v), float(state.command_w))),))
         if state.paused and self._executing:
             self._executing = False
-            yield Step("p43")
+            yield reporting("p43", operation="pause", imminent_collision=bool(state.halt))
         elif was_paused and not state.paused and not self._executing:
             self._executing = True
-            yield Step("p44")
-            yield Step("p45")
+            yield reporting("p44", operation="move", imminent_collision=bool(state.halt))
+            yield reporting("p45", execute_all=False)
         elif self._executing and (now - state.begins) * 1e-9 >= state.trajectory.duration:
             self._executing = False
-            yield Step("p46")
+            yield reporting("p46", execute_all=True)
         elif not self._executing:
-            yield Step("p41")
+            yield reporting("p41", tcp_socket=False)
 
     @property
     def trajectory(self) -> Record:

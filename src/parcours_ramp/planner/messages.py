@@ -10,6 +10,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from parcours.kernels import Record, kernel
+from parcours.run.port import Reported
 
 SAMPLE = 0.1  # Time between two samples of a trajectory [s]
 MAX_SAMPLES = 501  # A trajectory is cut off after 50 s
@@ -116,11 +117,18 @@ MODIFICATION = np.dtype([("operator", "i8"), ("first", PATH), ("second", PATH), 
 class Step(NamedTuple):
     """One transition of the model that a component has really taken, with the messages it sent.
 
-    An empty transition is an action of the component that the model does not name.
+    An empty transition is an action of the component that the model does not name. `reported` are the variables and
+    operations of the model that go with it.
     """
 
     transition: str
     sends: tuple[tuple[str, object], ...] = ()
+    reported: Reported | None = None
+
+
+def reporting(transition: str, *sends: tuple[str, object], operation: str = "", **variables: object) -> Step:
+    """Return a step with what its component reports."""
+    return Step(transition, sends, Reported(variables, (operation,) if operation else ()))
 
 
 class Tag(NamedTuple):

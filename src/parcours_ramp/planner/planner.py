@@ -117,7 +117,7 @@ class Planner:
     def handle(self, channel: str | None, message: object, now: int) -> Iterator[messages.Step]:
         """Take up an obstacle list, a report, or the answer of a service."""
         if channel is None:
-            yield messages.Step("p14")
+            yield messages.reporting("p14", tcp_socket=False)
         elif isinstance(
             message, messages.TrajectoryResponse | messages.EvaluationResponse | messages.ModificationResponse
         ):
@@ -200,7 +200,7 @@ class Planner:
         self._to_predict = list(range(len(obstacles.states)))
         self._predictions = messages.many(messages.PREDICTION, len(obstacles.states))
         tag = self._open("sensing")
-        yield messages.Step("p15", self._prediction_request(tag))
+        yield messages.reporting("p15", *self._prediction_request(tag), tcp_socket=True)
 
     def _guard(self, obstacles: messages.Obstacles, now: int) -> Iterator[messages.Step]:
         """Run the guard as the task of its own that it is, before anything else: limit the speed, and perhaps halt."""
@@ -241,14 +241,14 @@ class Planner:
         if isinstance(message, messages.TrajectoryResponse):
             self._predictions[self._to_predict.pop(0)] = message.trajectories[0]
             if self._to_predict:
-                yield messages.Step("p16", self._prediction_request(message.tag))
+                yield messages.reporting("p16", *self._prediction_request(message.tag), is_empty=False)
                 return
             note_nearest(planner, self._obstacles.states)
             self._asked_population = evaluates_population(planner, now)
             asked = (
                 self._evaluation(self._population()) if self._asked_population else self._evaluation_of_moving_on(now)
             )
-            yield messages.Step("p17", (asked,))
+            yield messages.reporting("p17", asked)
         elif isinstance(message, messages.EvaluationResponse):
             if not self._asked_population:
                 note_moving_on(planner, float(message.t_collision[0]))
@@ -256,10 +256,10 @@ class Planner:
                 self._note_population(message)
                 self._asked_population = False
                 if self._moving_on.n > 0:
-                    yield messages.Step("p18", (self._evaluation_of_moving_on(now),))
+                    yield messages.reporting("p18", self._evaluation_of_moving_on(now), is_empty=False)
                     return
             self._conversation = None
-            yield messages.Step("p19")
+            yield messages.reporting("p19", is_empty=True)
 
     # Planning cycle: p11, then answers that the model does not name.
 
@@ -269,7 +269,7 @@ class Planner:
         compensate(self._planner, self._parameters)
         choose_modification(self._planner)
         request = messages.ModificationRequest(self._open("planning"), self._request.copy())
-        yield messages.Step("p11", (("modification_request", request),))
+        yield messages.reporting("p11", ("modification_request", request))
 
     def _plan_on(self, message: Message) -> Iterator[messages.Step]:
         planner = self._planner
@@ -311,8 +311,8 @@ class Planner:
         copy_trajectory(best, self._moving_on, 0)
         self._open("control")
         self._asked_members = []
-        yield messages.Step("p12", (("best_trajectory", best),))
-        yield messages.Step("p13")
+        yield messages.reporting("p12", ("best_trajectory", best), operation="update")
+        yield messages.reporting("p13")
         yield messages.Step("", (self._evaluation_of_moving_on(now),))
 
     def _control_on(self, message: Message, now: int) -> Iterator[messages.Step]:

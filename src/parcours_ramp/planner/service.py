@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from typing import Any
 
-from parcours_ramp.planner.messages import Obstacles, Step
+from parcours_ramp.planner.messages import Obstacles, Step, reporting
 
 
 class Timeless:
@@ -38,13 +38,13 @@ class Service(Timeless, ABC):
         """Answer a request; anything else is a poll that finds nothing."""
         p = f"p{self.machine}"
         if not isinstance(message, self.takes):
-            yield Step(p + "1")
+            yield reporting(p + "1", tcp_socket=False)
             return
-        yield Step(p + "2")
+        yield reporting(p + "2", tcp_socket=True)
+        yield reporting(p + "3", computation_done=False)
         response = self.answer(message)
-        yield Step(p + "3")
-        yield Step(p + "4", ((self.gives, response),))
-        yield Step(p + "5")
+        yield reporting(p + "4", (self.gives, response), computation_done=response is not None)
+        yield reporting(p + "5")
 
     @abstractmethod
     def answer(self, request: Any) -> object:
@@ -59,8 +59,8 @@ class Sensing(Timeless):
     def handle(self, channel: str | None, message: object, now: int) -> Iterator[Step]:
         """Turn Obstacles from `odometry` into Obstacles on `obstacles`."""
         if not isinstance(message, Obstacles):
-            yield Step("p61")
+            yield reporting("p61", tcp_socket=False)
             return
-        yield Step("p62")
-        yield Step("p63", (("obstacles", message),))
-        yield Step("p64")
+        yield reporting("p62", tcp_socket=True)
+        yield reporting("p63", ("obstacles", message))
+        yield reporting("p64")

@@ -2,8 +2,14 @@
 
     expression := unary (operator unary)*        precedence in syntax.LEVELS; comparisons do not chain
     unary      := ('!' | 'not' | '-') unary | atom
-    atom       := literal | name | function '(' expression, ... ')' | '(' expression ')', then '.' field, ...
+    atom       := literal [unit] | name | function '(' expression, ... ')' | '(' expression ')', then '.' field, ...
     actions    := action (';' action)*           action := name ':=' expression | name '(' expression, ... ')'
+
+Formulas over messages have more:
+
+    formula    := expression ['=>' formula]
+    atom       += '[' expression ']' after an atom; ('all' | 'some' | 'sum') name 'in' range ':' formula
+    range      := expression ['..' expression]
 
 Nothing is ever evaluated here, and text from a hostile file costs at most MAX_LENGTH characters and MAX_DEPTH
 levels.
@@ -11,14 +17,15 @@ levels.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import isfinite
-from typing import NoReturn, TypeVar
+from typing import Any, NoReturn, TypeVar
 
 from parcours.errors import BadModel, one_of
-from parcours.model.expression.evaluation import FUNCTIONS, INTEGER_LIMIT
+from parcours.model.expression.evaluation import FORMULA_FUNCTIONS, FUNCTIONS, INTEGER_LIMIT
 from parcours.model.expression.syntax import (
     COMPARISONS,
     LEVELS,
@@ -26,8 +33,10 @@ from parcours.model.expression.syntax import (
     Assignment,
     Binary,
     Call,
+    Each,
     Expression,
     Field,
+    Item,
     Literal,
     Name,
     Unary,
@@ -45,13 +54,22 @@ RESERVED = {"true", "false", "and", "or", "not"}
 _WORDS = {"and": "&&", "or": "||", "not": "!"}
 _TOKEN = re.compile(
     r"""(?P<blank>[ \t\r\n]+)
-      | (?P<real>(?:[0-9]+\.[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?|[0-9]+[eE][+-]?[0-9]+)
+      | (?P<real>(?:[0-9]+\.(?!\.)[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?|[0-9]+[eE][+-]?[0-9]+)
       | (?P<int>[0-9]+)
       | (?P<name>[A-Za-z_][A-Za-z0-9_]*)
       | (?P<text>'(?:[^'\\]|\\.)*'|"(?:[^"\\]|\\.)*")
-      | (?P<sign>:=|==|!=|<=|>=|&&|\|\||[-+*/%<>!().,;])""",
+      | (?P<sign>:=|==|=>|!=|<=|>=|&&|\|\||\.\.|[-+*/%<>!().,;:\[\]])""",
     re.VERBOSE | re.DOTALL,
 )
+UNITS = {
+    "s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0, "m": 1.0, "cm": 1e-2, "mm": 1e-3, "km": 1e3, "rad": 1.0,
+    "deg": math.pi / 180,
+}  # fmt: skip
+"""What may follow a number, and what it is multiplied by: values are in SI units."""
+
+EACH = ("all", "some", "sum")
+"""What a quantifier makes of its bodies: all hold, one holds, their sum."""
+
 _ESCAPE = re.compile(r"\\(?:u\{(?P<code>[0-9a-fA-F]{1,6})\}|(?P<other>.))", re.DOTALL)
 _Result = TypeVar("_Result")
 
@@ -84,6 +102,18 @@ def parse_expression(text: str, where: str = "expression") -> Expression:
     return _whole(text, where, _Parser.expression)
 
 
+def parse_formula(text: str, where: str = "formula") -> Expression:
+    """Return the syntax tree of a formula: an expression that may also have `=>`, `[...]` and quantifiers.
+
+    Raises:
+        BadModel: as for parse_expression.
+
+    >>> str(parse_formula("feasible => all k in 1..size(it): abs(it[k].v) <= 5 cm"))
+    '!feasible || (all k in 1..size(it): abs(it[k].v) <= 0.05)'
+    """
+    return _whole(text, where, _Formula.formula, _Formula)
+
+
 def parse_actions(text: str, where: str = "action") -> tuple[Assignment | Call, ...]:
     """Return the actions of a text such as `"a := b + 1; pause()"`, in order.
 
@@ -101,11 +131,11 @@ def parse_calls(text: str, where: str = "message") -> tuple[Call, ...]:
     return _whole(text, where, lambda parser: parser.several(parser.call))
 
 
-def _whole(text: str, where: str, parse: Callable[[_Parser], _Result]) -> _Result:
+def _whole(text: str, where: str, parse: Callable[[Any], _Result], make: type[_Parser] | None = None) -> _Result:
     if len(text) > MAX_LENGTH:
         rule = f"an expression has at most {MAX_LENGTH} characters, but this one has {len(text)}"
         raise BadModel(where, rule, "split it over several transitions", slug="expression-size")
-    parser = _Parser(text, where)
+    parser = (make or _Parser)(text, where)
     result = parse(parser)
     if parser.token.kind != "end":
         parser.fail("an operator or the end")
@@ -114,6 +144,8 @@ def _whole(text: str, where: str, parse: Callable[[_Parser], _Result]) -> _Resul
 
 class _Parser:
     """Recursive descent over one text; `token` is the next one."""
+
+    functions = FUNCTIONS
 
     def __init__(self, text: str, where: str) -> None:
         self.text, self.where = text, where
@@ -153,30 +185,39 @@ class _Parser:
             return Unary(operator, operand)
         result = self.atom()
         fields = 0
-        while self.accept("."):
-            result = Field(result, self.name("a field name"))
+        while (longer := self.part_of(result)) is not None:
+            result = longer
             fields += 1
             if self.nesting + fields > MAX_DEPTH:
                 self._too_deep()
         return result
 
+    def part_of(self, whole: Expression) -> Expression | None:
+        return Field(whole, self.name("a field name")) if self.accept(".") else None
+
+    def inner(self) -> Expression:
+        return self.expression()
+
     def atom(self) -> Expression:
         token = self.token
         if self.accept("("):
-            inner = self.expression()
+            inner = self.inner()
             self.expect(")")
             return inner
-        if token.kind in ("int", "real", "text"):
+        if token.kind == "text":
             self.position += 1
-            return Literal(self._number(token) if token.kind != "text" else self._unquoted(token))
+            return Literal(self._unquoted(token))
+        if token.kind in ("int", "real"):
+            self.position += 1
+            return Literal(self._in_unit(self._number(token)))
         if token.kind == "name" and token.text in ("true", "false"):
             self.position += 1
             return Literal(token.text == "true")
         name = self.name("a value")
         if self.token.kind == "sign" and self.token.text == "(":
-            if name not in FUNCTIONS:
+            if name not in self.functions:
                 self.position -= 1
-                self.fail("a known function", one_of(name, sorted(FUNCTIONS)), slug="unknown-function")
+                self.fail("a known function", one_of(name, sorted(self.functions)), slug="unknown-function")
             return Apply(name, self.arguments())
         return Name(name)
 
@@ -262,6 +303,15 @@ class _Parser:
         tokens.append(_Token("end", "", len(self.text)))
         return tokens
 
+    def _in_unit(self, number: int | float) -> int | float:
+        if self.token.kind != "name" or self.token.text in _WORDS:
+            return number
+        unit = self.token.text
+        if unit not in UNITS:
+            self.fail("an operator or a unit", one_of(unit, list(UNITS)), slug="unknown-unit")
+        self.position += 1
+        return number * UNITS[unit]
+
     def _number(self, token: _Token) -> int | float:
         # Digits are counted first: converting a very long one costs quadratic time.
         if token.kind == "int" and len(token.text.lstrip("0")) <= 19 and int(token.text) <= INTEGER_LIMIT:
@@ -282,3 +332,39 @@ class _Parser:
             return simple[other]
 
         return _ESCAPE.sub(plain, token.text[1:-1])
+
+
+class _Formula(_Parser):
+    """A parser that knows quantifiers, items of lists and `=>`, too."""
+
+    functions = FORMULA_FUNCTIONS
+
+    def formula(self) -> Expression:
+        self._enter()
+        left = self.expression()
+        if self.accept("=>"):
+            left = Binary("||", Unary("!", left), self.formula())
+        self.nesting -= 1
+        return left
+
+    inner = formula
+
+    def part_of(self, whole: Expression) -> Expression | None:
+        if not self.accept("["):
+            return super().part_of(whole)
+        index = self.expression()
+        self.expect("]")
+        return Item(whole, index)
+
+    def atom(self) -> Expression:
+        # `all` and its like are words only where `name in` follows, so that fields and variables may be called so.
+        kind, name, word = (self.tokens[min(self.position + k, len(self.tokens) - 1)] for k in range(3))
+        if kind.text not in EACH or name.kind != "name" or word.text != "in":
+            return super().atom()
+        self.position += 1
+        bound = self.name("a name")
+        self.position += 1
+        first = self.expression()
+        last = self.expression() if self.accept("..") else None
+        self.expect(":")
+        return Each(kind.text, bound, first, last, self.formula())

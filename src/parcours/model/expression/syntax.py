@@ -1,7 +1,7 @@
 """The syntax tree of the guard and action language, and its canonical text.
 
-`str` of a tree parses back to an equal tree. Six kinds of node are all there is, so that another tool (a
-solver, an exporter) translates the language in one page.
+`str` of a tree parses back to an equal tree. Guards and actions have six kinds of node, so that another tool (a
+solver, an exporter) translates the language in one page. Formulas over messages have two more: `Item` and `Each`.
 """
 
 from __future__ import annotations
@@ -89,7 +89,28 @@ class Apply(_Node):
     arguments: tuple[Expression, ...]
 
 
-Expression: TypeAlias = Literal | Name | Field | Unary | Binary | Apply
+@dataclass(frozen=True, slots=True)
+class Item(_Node):
+    """The item of a list at an index, counted from 0: `points[k]`."""
+
+    of: Expression
+    index: Expression
+
+
+@dataclass(frozen=True, slots=True)
+class Each(_Node):
+    """`all s in points: s.v <= 1`, or of whole numbers `all k in 0..n: ...`, both ends among them; or `some`, `sum`."""
+
+    kind: str
+    name: str
+    first: Expression
+    """The list, or the least number."""
+    last: Expression | None
+    """The greatest number; None for a list."""
+    body: Expression
+
+
+Expression: TypeAlias = Literal | Name | Field | Unary | Binary | Apply | Item | Each
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,6 +152,11 @@ def _render(node: Expression, marked: Expression | None, level: int) -> str:
         case Apply(function, arguments):
             inner = ", ".join(_render(argument, marked, 0) for argument in arguments)
             text, own = f"{function}({inner})", _ATOM_LEVEL
+        case Item(of, index):
+            text, own = f"{_render(of, marked, _ATOM_LEVEL)}[{_render(index, marked, 0)}]", _ATOM_LEVEL
+        case Each(kind, bound, least, greatest, body):
+            end = f"..{_render(greatest, marked, 0)}" if greatest is not None else ""
+            text, own = f"{kind} {bound} in {_render(least, marked, 0)}{end}: {_render(body, marked, 0)}", 0
         case Unary(operator, operand):
             text, own = operator + _render(operand, marked, _UNARY_LEVEL), _UNARY_LEVEL
         case Binary(operator, left, right):
@@ -168,6 +194,10 @@ def parts(node: Expression) -> tuple[Expression, ...]:
             return left, right
         case Apply(_, arguments):
             return arguments
+        case Item(of, index):
+            return of, index
+        case Each(_, _, first, last, body):
+            return (first, body) if last is None else (first, last, body)
         case _:
             return ()
 
@@ -192,10 +222,20 @@ def substitute(node: Expression, replace: Callable[[Expression], Expression | No
             return Binary(operator, substitute(left, replace), substitute(right, replace))
         case Apply(function, arguments):
             return Apply(function, tuple(substitute(argument, replace) for argument in arguments))
+        case Item(of, index):
+            return Item(substitute(of, replace), substitute(index, replace))
+        case Each(kind, name, first, last, body):
+            ends = substitute(first, replace), None if last is None else substitute(last, replace)
+            return Each(kind, name, *ends, substitute(body, replace))
         case _:
             return node
 
 
 def names(node: Expression) -> frozenset[str]:
-    """Return the names that an expression reads."""
-    return frozenset(part.id for part in walk(node) if isinstance(part, Name))
+    """Return the names that an expression reads; those that a quantifier binds are not among them."""
+    if isinstance(node, Name):
+        return frozenset((node.id,))
+    below = [names(part) for part in parts(node)]
+    if isinstance(node, Each):
+        below[-1] -= {node.name}
+    return frozenset().union(*below)

@@ -7,13 +7,24 @@ may stand where a real is expected; nothing else converts.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import NoReturn
 
 from parcours.errors import BadModel, one_of
-from parcours.model.expression.evaluation import FUNCTIONS
-from parcours.model.expression.syntax import Apply, Binary, Expression, Field, Literal, Name, Unary, render
+from parcours.model.expression.evaluation import FORMULA_FUNCTIONS
+from parcours.model.expression.syntax import (
+    Apply,
+    Binary,
+    Each,
+    Expression,
+    Field,
+    Item,
+    Literal,
+    Name,
+    Unary,
+    render,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,8 +105,34 @@ class _Typing:
                 if operator in ("<", "<=", ">", ">="):
                     return BOOL
                 return REAL if operator == "/" or REAL in kinds else INT
+            case Item(of, index):
+                listed = self.of(of)
+                if not listed.rank:
+                    self.fail(of, f"only a list has items, but got {listed} at the caret", "", "type")
+                self.whole(index)
+                return replace(listed, rank=listed.rank - 1)
+            case Each():
+                return self.each(node)
             case Apply(function, arguments):
                 return self.function(node, function, arguments)
+
+    def each(self, node: Each) -> Type:
+        over = self.of(node.first)
+        if node.last is not None:
+            self.whole(node.first)
+            self.whole(node.last)
+            bound = INT
+        elif over.rank:
+            bound = replace(over, rank=over.rank - 1)
+        else:
+            rule = f"{node.kind} goes through a list or from one integer to another, but got {over} at the caret"
+            self.fail(node.first, rule, "", "type")
+        inner = _Typing(self.root, {**self.types, node.name: bound}, self.classes, self.where)
+        return inner.only(node.body, node.kind, "number" if node.kind == "sum" else "bool")
+
+    def whole(self, node: Expression) -> None:
+        if (given := self.of(node)) != INT:
+            self.fail(node, f"an index is an integer, but got {given} at the caret", "", "type")
 
     def field(self, node: Expression, record: Type, name: str) -> Type:
         fields = self.classes.get(record.name)
@@ -107,7 +144,7 @@ class _Typing:
         return fields[name]
 
     def function(self, node: Expression, function: str, arguments: tuple[Expression, ...]) -> Type:
-        _, fewest, most = FUNCTIONS[function]
+        _, fewest, most = FORMULA_FUNCTIONS[function]
         if not fewest <= len(arguments) <= most:
             wanted = str(fewest) if fewest == most else f"{fewest} to {most}"
             self.fail(node, f"{function} takes {wanted} arguments, but got {len(arguments)}", "", "arity")
@@ -117,6 +154,8 @@ class _Typing:
                 self.fail(arguments[0], f"size works on a list, but got {given} at the caret", "", "type")
             return INT
         kinds = [self.only(argument, function, "number") for argument in arguments]
+        if function == "near":
+            return BOOL
         if function in ("abs", "min", "max"):
             return REAL if REAL in kinds else INT
         return INT if function == "floor" else REAL

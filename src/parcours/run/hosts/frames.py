@@ -13,6 +13,8 @@ import msgspec
 from parcours.errors import HostFailure
 from parcours.run.instance import Manner
 
+Scalar = bool | int | float | str
+
 
 class Frame(msgspec.Struct, frozen=True, array_like=True, tag=True):
     """Anything said; an array that begins with its name."""
@@ -106,6 +108,8 @@ class Turned(Frame, frozen=True):
     received: int = -1
     asides: tuple[tuple[int, Wire], ...] = ()
     text: str = ""
+    variables: dict[str, Scalar] | None = None
+    operations: tuple[str, ...] | None = None
 
 
 class Shown(Frame, frozen=True):

@@ -20,6 +20,7 @@ from parcours.run.hosts.frames import Begin, Died, Grant, Look, Ready, Report, S
 from parcours.run.hosts.launching import bring_to_rest, ending
 from parcours.run.hosts.node_program import Codec, Transport
 from parcours.run.instance import Outcome
+from parcours.run.port import Reported
 
 _ANSWER = 10_000_000_000
 """How long a node may take to make instances, or to show them [ns]."""
@@ -167,4 +168,5 @@ class DrivenInstances:
 def _outcome(said: Turned) -> Outcome:
     sends = tuple((wire.channel, wire.data) for wire in said.sends)
     asides = tuple((time, (wire.channel, wire.data)) for time, wire in said.asides)
-    return Outcome(said.manner, said.time, said.transition, sends, said.received, asides, said.text)
+    told = None if said.variables is None else Reported(said.variables, said.operations)
+    return Outcome(said.manner, said.time, said.transition, sends, said.received, asides, said.text, told)

@@ -27,6 +27,7 @@ from parcours.run.hosts.frames import (
     Report,
     Rest,
     Run,
+    Scalar,
     Shown,
     Took,
     Turn,
@@ -163,8 +164,10 @@ class _Life:
         outcome = self._turn(self._instances[reference], turn)
         asides = tuple((time, self._wire(send)) for time, send in outcome.asides)
         sends = tuple(map(self._wire, outcome.sends))
+        told = outcome.reported
+        variables = None if told is None else {k: v for k, v in told.variables.items() if isinstance(v, Scalar)}
         return Turned(reference, outcome.manner, outcome.time, outcome.transition, sends, outcome.received, asides,
-                      outcome.text)  # fmt: skip
+                      outcome.text, variables, told and told.operations)  # fmt: skip
 
     def _turn(self, instance: Instance, turn: Turn) -> Outcome:
         component, clock = instance.component, self._clock

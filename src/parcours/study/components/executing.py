@@ -16,6 +16,8 @@ from parcours.run.noise import Noise, NoiseMeter
 from parcours.run.trace import Trace, transitions
 from parcours.study.components.tester import Tester
 from parcours.suite import Case
+from parcours.verdict.contracts import Contracts, Tally, plain
+from parcours.verdict.contracts import View as Fields
 from parcours.verdict.judgement import Judgement, Verdict
 from parcours.verdict.timing import NEVER, Bound, duration, judge
 
@@ -33,6 +35,8 @@ class Exercise:
     oracle: Oracle  # judges a case whose order was kept and whose transitions were taken
     contradiction: Callable[[Case], str]  # why no choice of the tester's can make a case run; empty if one can
     view: View  # what an instance shows of itself at the end
+    contracts: Contracts  # what the model says of data
+    fields: Fields = plain  # reads the model's fields from a payload
 
 
 def in_process(
@@ -74,19 +78,30 @@ class Functional:
     case: Case
     execution: Execution
     judgement: Judgement
+    tally: Tally  # of the data judged
 
 
 def run_functional(exercise: Exercise, case: Case, execute: Execute) -> Functional:
     """Execute one case in its serialised order and judge it; one that contradicts itself is not executed."""
     execution = execute(case) if not exercise.contradiction(case) else Execution(Trace("simulated", ()), None)
-    return Functional(case, execution, judge_trace(exercise, case, execution.trace))
+    judgement, tally = judge_trace(exercise, case, execution.trace)
+    return Functional(case, execution, judgement, tally)
 
 
-def judge_trace(exercise: Exercise, case: Case, trace: Trace) -> Judgement:
-    """Judge a case by its trace alone: did it deviate, was its order kept, and what does the oracle say.
+def judge_trace(exercise: Exercise, case: Case, trace: Trace) -> tuple[Judgement, Tally]:
+    """Judge a case by its trace alone: its data, did it deviate, was its order kept, and what does the oracle say.
 
-    A case whose order could not be enforced is inconclusive, whatever came of it.
+    A case whose order could not be enforced is inconclusive unless its data break what the model says of them.
     """
+    violation, tally = exercise.contracts.judge(trace, exercise.fields)
+    judgement = _judgement(exercise, case, trace)
+    if violation is not None:
+        after = f"; then: {judgement.why}" if any(event.kind == "deviation" for event in trace.events) else ""
+        judgement = Judgement(Verdict.FAIL, f"{violation}{after}")
+    return judgement, tally
+
+
+def _judgement(exercise: Exercise, case: Case, trace: Trace) -> Judgement:
     if why := exercise.contradiction(case):
         return Judgement(Verdict.INCONCLUSIVE, f"its data and the formulas of `supply` and `inputs` forbid it: {why}")
     deviation = next((event.text for event in trace.events if event.kind == "deviation"), "")

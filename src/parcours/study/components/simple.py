@@ -7,17 +7,20 @@
         def d2(self):                       # called when it is the turn of d2, which no message starts
             return took("d2")
 
-A method may also yield several steps, one at a time: the tester decides when it goes on after each.
+A method may also yield several steps, one at a time: the tester decides when it goes on after each. Attributes that are
+called as variables of the model are reported with each step, so that guards and actions are judged.
 """
 
 from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from parcours.errors import HostFailure, one_of
+from parcours.model.structure import BASE_TYPES
+from parcours.run.port import Reported
 
 if TYPE_CHECKING:
     from parcours.model.structure import Component as Modelled
@@ -32,6 +35,7 @@ class Took:
 
     transition: str
     sends: tuple[Send, ...] = ()
+    reported: Reported | None = field(default=None, compare=False, repr=False)
 
 
 def took(transition: str, *sends: Send, **messages: object) -> Took:
@@ -58,7 +62,7 @@ class Simple:
         self._modelled, self._make = modelled, make
         self.name = modelled.name
         self._transitions = {transition.id for transition in modelled.transitions()}
-        self._inputs = {variable.name for variable in modelled.variables if variable.role == "input"}
+        self._variables = [each.name for each in modelled.variables if each.type in BASE_TYPES]
         self.reset()
 
     def reset(self) -> None:
@@ -111,7 +115,12 @@ class Simple:
             if not isinstance(step, Took):
                 raise TypeError(f"a step is made by took(...), but {type(step).__name__} was given")
             require_allowed(step, self.name, self._transitions if step.transition else {step.transition})
-            yield step
+            yield replace(step, reported=self._reported()) if step.reported is None else step
+
+    def _reported(self) -> Reported:
+        """Return the model's variables that the object has as attributes of the same names."""
+        found = {name: getattr(self._object, name, None) for name in self._variables}
+        return Reported({name: value for name, value in found.items() if isinstance(value, bool | int | float | str)})
 
 
 def require_allowed(step: Took, component: str, transitions: Collection[str]) -> None:

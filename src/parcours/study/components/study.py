@@ -31,6 +31,7 @@ from parcours.study.hosting import HOSTS, Nodes
 from parcours.study.parameters import Parameter, Scalar, Settings, natural_values
 from parcours.study.protocol import Finding, Judged, Progress, Rejudged, Reported, Request, Results, Run
 from parcours.suite import Case, Plan, combine
+from parcours.verdict.contracts import contracts_of, plain
 from parcours.verdict.judgement import Judgement, Verdict
 from parcours.verdict.timing import NEVER, Bound
 
@@ -168,7 +169,13 @@ class ComponentStudy:
             functools.partial(self.oracle, settings=settings),
             functools.partial(self.contradiction, settings=settings),
             self.view(),
+            contracts_of(self.model),
+            self.fields,
         )
+
+    def fields(self, channel: str, payload: object) -> Mapping[str, object] | None:
+        """Return a payload as the model's message. Raises BadRequest if it is none."""
+        return plain(channel, payload)
 
     def known(self, case: Case, settings: Settings) -> dict[str, Scalar]:
         """Return what formulas, constructors and programs may read: parameters and test inputs by name."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from typing import get_args
 
@@ -16,8 +16,9 @@ from parcours.verdict.conformance.channels import Channels
 from parcours.verdict.conformance.findings import Deviation, Expectation
 from parcours.verdict.conformance.silence import Debts
 from parcours.verdict.conformance.tracking import Edge, Node, Observes, Tracker, trackers
+from parcours.verdict.contracts import Monitor, Tally, View, Violation, contracts_of
 
-Fields = Callable[[str, object], Mapping[str, object] | None]
+Fields = View
 """Reads the model's fields from a payload: (channel, payload) -> field -> value; None if they cannot be seen."""
 
 NOTHING = Allowance()
@@ -90,6 +91,7 @@ class Checker:
         self._followed = named or self.components
         self._instances: dict[str, _Instance | None] = {}
         self._channels = Channels(cefsm)
+        self._monitor = Monitor(contracts_of(cefsm), fields)
         self._time, self._position = 0, -1
         self.deviation: Deviation | None = None
         self.n_outside = 0
@@ -124,7 +126,14 @@ class Checker:
             self._channels.note(kind, event.channel, event.message)
         elif kind == "deviation" and event.transition:
             self._silent(event, before)
+        if self.deviation is None and (violation := self._monitor.observe(event)) is not None:
+            self._violated(violation)
         return self.deviation
+
+    @property
+    def tally(self) -> Tally:
+        """What was judged of data, and what could not be."""
+        return self._monitor.tally
 
     def expected(self) -> tuple[Expectation, ...]:
         """Return what the components that appeared may do next; after a deviation, what was expected there."""
@@ -180,7 +189,13 @@ class Checker:
             if self.deviation is None and instance is not None and not instance.tracker.is_settled(instance.node):
                 self._position += 1
                 self._deviates(instance, None, "the trace ends before it has sent what it must")
+        if self.deviation is None and (violation := self._monitor.finish()) is not None:
+            self._violated(violation)
         return self.deviation
+
+    def _violated(self, violation: Violation) -> None:
+        event = violation.event
+        self._deviates(self._instance(event.component), event, f"{violation.clause}: {violation.why}")
 
     def _instance(self, name: str) -> _Instance | None:
         # None for the environment, and for components that are not followed.
