@@ -20,11 +20,8 @@ from parcours.model.expression import Type
 from parcours.model.scope import Classes, Scopes
 from parcours.model.structure import Cefsm, Channel, Formula
 
-_OLD, _LAST, _RECEIVED = (
-    "old values",
-    "last messages",
-    "messages received by ",
-)  # classes of messages: no class of a model has a blank in its name
+_OLD, _LAST, _RECEIVED = "old values", "last messages", "messages received by "
+"""Classes that stand for `old`, `last` and `received`: no class of a model has a blank in its name."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,12 +11,12 @@ from __future__ import annotations
 
 import functools
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from parcours.errors import BadModel, BadRequest
 from parcours.model.configuration import Layout
-from parcours.model.expression import Assignment, Call, Expression, evaluate
+from parcours.model.expression import Assignment, Call, Expression, evaluate, names
 from parcours.model.expression.evaluation import Code, compiled
 from parcours.model.expression.explaining import explain
 from parcours.model.formulas import Clause, clauses, reverse
@@ -117,10 +117,11 @@ class Contracts:
         self.asked = {
             channel.name: asked.name for channel in cefsm.channels if (asked := reverse(cefsm, channel)) is not None
         }
-        layout = Layout(cefsm)
+        # What a model says a message holds, where that can be known: variables that are messages have no value in it.
+        carried = {each.name for one in cefsm.components for each in one.variables if each.type not in BASE_TYPES}
         self.contents = {
-            (id, send.channel): content.fields
-            for id, site in layout.sites.items()
+            (id, send.channel): tuple(each for each in content.fields if not names(each[1]) & carried)
+            for id, site in Layout(cefsm).sites.items()
             for send, content in zip(site.transition.sends, site.contents, strict=True)
         }
         self.sites: dict[tuple[str, str], tuple[Component, Machine, Transition]] = {
@@ -129,6 +130,24 @@ class Contracts:
             for machine in component.machines
             for each in machine.transitions
         }
+
+        self.checks = (*self._checks(),)
+        """Everything that can be judged, by name: formulas, guards, actions and messages, in the order of the model."""
+
+    def _checks(self) -> Iterator[str]:
+        yield from (clause.id for clause in self.clauses)
+        for _, _, transition in self.sites.values():
+            if transition.guard is not None:
+                yield f"guard of {transition.id}"
+            if any(isinstance(each, Assignment) for each in transition.actions):
+                yield f"actions of {transition.id}"
+            if any(isinstance(each, Call) for each in transition.actions):
+                yield f"operations of {transition.id}"
+        yield from (f"message {channel} of {id}" for (id, channel), fields in self.contents.items() if fields)
+
+    def mask(self, tally: Tally) -> str:
+        """Return which checks were made at least once, as a bit for each in hexadecimal."""
+        return f"{sum(1 << k for k, check in enumerate(self.checks) if tally.judged[check]):x}"
 
     def of(self, kind: str, owner: str) -> list[tuple[Clause, Code]]:
         """Return the clauses of a channel, transition or component, each with what evaluates it."""
@@ -351,13 +370,13 @@ def _sets(transition: Transition, name: str) -> bool:
     return any(isinstance(each, Assignment) and each.target == name for each in transition.actions)
 
 
-def uncovered(contracts: Contracts, tally: Tally) -> dict[str, list[str]]:
-    """Return which formulas, guards and actions of a model were not judged, by kind."""
-    guards = [each.id for _, _, each in contracts.sites.values() if each.guard is not None]
-    acting = [each.id for _, _, each in contracts.sites.values() if each.actions]
-    done = tally.judged
-    return {
-        "formulas": [each.id for each in contracts.clauses if not done[each.id]],
-        "guards": [id for id in guards if not done[f"guard of {id}"]],
-        "actions": [id for id in acting if not (done[f"actions of {id}"] or done[f"operations of {id}"])],
-    }
+def judged(checks: Sequence[str], masks: Iterable[str]) -> dict[str, bool]:
+    """Return of each check whether any of the masks has it.
+
+    >>> judged(("a", "b", "c"), ("1", "4"))
+    {'a': True, 'b': False, 'c': True}
+    """
+    whole = 0
+    for mask in masks:
+        whole |= int(mask or "0", 16)
+    return {check: bool(whole >> k & 1) for k, check in enumerate(checks)}

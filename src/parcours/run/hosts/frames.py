@@ -140,6 +140,8 @@ class Took(Frame, frozen=True):
     time: int
     transition: str
     sends: tuple[Wire, ...] = ()
+    variables: dict[str, Scalar] | None = None
+    operations: tuple[str, ...] | None = None
 
 
 class Broke(Frame, frozen=True):

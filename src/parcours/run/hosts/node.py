@@ -36,7 +36,7 @@ from parcours.run.hosts.frames import (
 )
 from parcours.run.hosts.node_program import Line, Node, NodeProgram
 from parcours.run.instance import Begin, Instance, Outcome
-from parcours.run.port import Component, LinkKind, Send, Step
+from parcours.run.port import Component, LinkKind, Reported, Send, Step, reported
 
 _AT_ONCE = 1000
 """After this number of commands a component gets to work, even if more are there."""
@@ -164,10 +164,8 @@ class _Life:
         outcome = self._turn(self._instances[reference], turn)
         asides = tuple((time, self._wire(send)) for time, send in outcome.asides)
         sends = tuple(map(self._wire, outcome.sends))
-        told = outcome.reported
-        variables = None if told is None else {k: v for k, v in told.variables.items() if isinstance(v, Scalar)}
         return Turned(reference, outcome.manner, outcome.time, outcome.transition, sends, outcome.received, asides,
-                      outcome.text, variables, told and told.operations)  # fmt: skip
+                      outcome.text, *_told(outcome.reported))  # fmt: skip
 
     def _turn(self, instance: Instance, turn: Turn) -> Outcome:
         component, clock = instance.component, self._clock
@@ -254,5 +252,11 @@ class _Life:
         for step in steps:
             sends = tuple(map(self._wire, step.sends))
             if step.transition or sends:
-                self._report(Took(self._clock.now(), step.transition, sends))
+                self._report(Took(self._clock.now(), step.transition, sends, *_told(reported(step))))
         self._is_idle = False
+
+
+def _told(said: Reported | None) -> tuple[dict[str, Scalar] | None, tuple[str, ...] | None]:
+    if said is None:
+        return None, None
+    return {name: value for name, value in said.variables.items() if isinstance(value, Scalar)}, said.operations

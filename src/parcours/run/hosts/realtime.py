@@ -21,7 +21,7 @@ from parcours.run.hosts.launching import bring_to_rest, ending
 from parcours.run.hosts.node_program import Codec, Transport
 from parcours.run.hosts.slots import Answer, Answering, silence
 from parcours.run.noise import Noise
-from parcours.run.port import ENVIRONMENT, Component, Link, Step
+from parcours.run.port import ENVIRONMENT, Component, Link, Reported, Step, reported
 from parcours.run.trace import Kind, Trace, TraceEvent
 
 # One thread of the tester does everything; nodes are processes of their own:
@@ -53,10 +53,10 @@ class EventLog:
         self._payloads: dict[int, object] = {}
 
     def record(self, kind: Kind, when: int, *, component: str = "", wire: Wire | None = None, number: int = -1,
-               transition: str = "", text: str = "") -> None:  # fmt: skip
+               transition: str = "", text: str = "", told: Reported | None = None) -> None:  # fmt: skip
         """Write an event down; `when` is its time [ns], `number` that of the message in `wire`."""
         channel = wire.channel if wire else ""
-        event = TraceEvent(when, kind, component, transition, channel, number, text, wire)
+        event = TraceEvent(when, kind, component, transition, channel, number, text, wire or told)
         self._events.append(event)
         if self._listener is not None:
             self._listener(self._opened(event))
@@ -260,9 +260,10 @@ class RealTimeHost:
 
     def _hear(self, node: str, said: Report) -> None:
         match said:
-            case Took(when, transition, sends):
+            case Took(when, transition, sends, variables, operations):
                 if transition:
-                    self._record("take", when, component=node, transition=transition)
+                    told = None if variables is None else Reported(variables, operations)
+                    self._record("take", when, component=node, transition=transition, told=told)
                 for wire in sends:
                     self._send(node, wire, when)
             case Received(number, when):
@@ -342,7 +343,7 @@ class RealTimeHost:
         for step in steps:
             now = self._now()
             if step.transition:
-                self._record("take", now, component=part.name, transition=step.transition)
+                self._record("take", now, component=part.name, transition=step.transition, told=reported(step))
             for channel, payload in step.sends:
                 self._send(part.name, Wire(channel, self._codec.encode(channel, payload)), now)
 

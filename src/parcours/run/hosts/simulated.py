@@ -23,7 +23,7 @@ from parcours.run.hosts.component_faults import Death, Striker
 from parcours.run.hosts.slots import Answer, Answering, Queue, Slot, silence
 from parcours.run.hosts.traffic import ARRIVE, END, STRIKE, WAKE, Traffic
 from parcours.run.noise import Noise
-from parcours.run.port import ENVIRONMENT, Component, Link, Step
+from parcours.run.port import ENVIRONMENT, Component, Link, Step, reported
 from parcours.run.trace import Trace
 
 # The queue of events: a heap of (time, what, who, which), so that equal times have an order that no dict decides.
@@ -268,7 +268,7 @@ class SimulatedHost(Traffic):
         assert step is not None
         slot.acted = self._clock.now()
         if step.transition:
-            self._record("take", slot, transition=step.transition)
+            self._record("take", slot, transition=step.transition, payload=reported(step))
         if step.sends:
             slot.outbox.extend(step.sends)
             self._drain(slot)

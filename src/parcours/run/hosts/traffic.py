@@ -59,10 +59,11 @@ class Traffic(ABC):
         heapq.heappush(self._heap, (time, rank, order, self._caused, act))
 
     def _record(self, kind: Kind, slot: Slot | None = None, message: Message | None = None,
-                transition: str = "", text: str = "") -> None:  # fmt: skip
+                transition: str = "", text: str = "", payload: object = None) -> None:  # fmt: skip
         if not self._recording:
             return
-        channel, number, payload = (message.channel, message.number, message.payload) if message else ("", -1, None)
+        channel, number = (message.channel, message.number) if message else ("", -1)
+        payload = message.payload if message else payload
         name = slot.name if slot else ENVIRONMENT if message else ""
         self._events.append(TraceEvent(self._clock.now(), kind, name, transition, channel, number, text, payload))
 

@@ -78,14 +78,14 @@ class Functional:
     case: Case
     execution: Execution
     judgement: Judgement
-    tally: Tally  # of the data judged
+    judged: str = ""  # the checks of its data, see `Contracts.mask`
 
 
 def run_functional(exercise: Exercise, case: Case, execute: Execute) -> Functional:
     """Execute one case in its serialised order and judge it; one that contradicts itself is not executed."""
     execution = execute(case) if not exercise.contradiction(case) else Execution(Trace("simulated", ()), None)
     judgement, tally = judge_trace(exercise, case, execution.trace)
-    return Functional(case, execution, judgement, tally)
+    return Functional(case, execution, judgement, exercise.contracts.mask(tally))
 
 
 def judge_trace(exercise: Exercise, case: Case, trace: Trace) -> tuple[Judgement, Tally]:

@@ -23,6 +23,7 @@ from parcours.run.trace import SHOWN, Trace
 from parcours.study.components.executing import Functional, Timing
 from parcours.study.protocol import Measure
 from parcours.suite import Case
+from parcours.verdict.contracts import judged
 from parcours.verdict.judgement import Judgement, Verdict
 from parcours.verdict.timing import NEVER, parse_bound
 
@@ -42,6 +43,7 @@ class ComponentResult:
     why: str
     bound: str = ""
     durations: tuple[int, ...] = ()
+    judged: str = ""  # which checks of data were made, see `parcours.verdict.contracts`
 
     def junit(self) -> CaseResult:
         """Return it as JUnit knows it: a timing case lasts as long as its longest repeat that ended."""
@@ -73,7 +75,9 @@ def functional_result(run: Functional) -> ComponentResult:
     """Return the result of a functional case."""
     why = run.judgement.why.encode("utf-8", "backslashreplace").decode()  # a component may say anything, and much
     why = why if len(why) <= _LONGEST else f"{why[: _LONGEST - 3]}..."
-    return ComponentResult(run.case.id, interaction_of(run.case.abstract), str(run.judgement.verdict), why)
+    return ComponentResult(
+        run.case.id, interaction_of(run.case.abstract), str(run.judgement.verdict), why, judged=run.judged
+    )
 
 
 def timing_result(timed: Timing) -> ComponentResult:
@@ -171,6 +175,26 @@ def failure_table(results: Iterable[ComponentResult], title: str) -> Table | Non
     return Table(title, (Column("case", code=True), Column("verdict"), Column("why")), rows)
 
 
+def data_table(results: Sequence[ComponentResult], checks: Sequence[str], title: str) -> Table | None:
+    """Return how many of the model's formulas, guards, actions and messages were judged; None without any."""
+    if not checks or not any(not r.bound for r in results):
+        return None
+    made = judged(checks, (r.judged for r in results))
+    kinds: dict[str, list[str]] = {}
+    for check in checks:
+        kind = check.partition(" ")[0] if "/" not in check else ""
+        kinds.setdefault(_KINDS.get(kind, "formulas"), []).append(check)
+    rows = tuple(
+        (kind, f"{sum(made[one] for one in mine)} of {len(mine)}", ", ".join(one for one in mine if not made[one]))
+        for kind, mine in kinds.items()
+    )
+    columns = Column("what the model says"), Column("judged"), Column("never judged", code=True)
+    return Table(title, columns, rows)
+
+
+_KINDS = {"guard": "guards", "actions": "actions", "operations": "actions", "message": "messages"}
+
+
 def timed(given: ComponentResults) -> list[Timed]:
     """Return the timing cases as the report draws them."""
     return [
@@ -196,8 +220,10 @@ def timing_pieces(given: ComponentResults, where: str) -> tuple[Table | Figure, 
 class StudyResults:
     """The results of one run as every command wants them (`parcours.study.protocol.Results`)."""
 
-    def __init__(self, study: str, found: ComponentResults, replay: Callable[[str], Page]) -> None:
-        self.study, self.found, self._replay = study, found, replay
+    def __init__(
+        self, study: str, found: ComponentResults, replay: Callable[[str], Page], checks: Sequence[str] = ()
+    ) -> None:
+        self.study, self.found, self._replay, self.checks = study, found, replay, checks
         self.label = found.host
         self.planned = found.planned
 

@@ -26,6 +26,7 @@ from parcours.study.parameters import Settings
 from parcours.study.protocol import Progress, Reported, Request, Results, Run
 from parcours.study.selection import chosen_cases
 from parcours.suite import Case
+from parcours.verdict.contracts import contracts_of
 from parcours.verdict.judgement import Judgement, Verdict
 
 if TYPE_CHECKING:
@@ -239,7 +240,9 @@ def read_results(study: ComponentStudy, folder: Path) -> Results:
     if foreign is not None:
         rule = f"results of {study.name} are expected, but it holds {foreign}"
         raise BadResults(str(folder), rule, slug="results-study")
-    return results.StudyResults(study.name, found, lambda case: _page(study, folder, case))
+    return results.StudyResults(
+        study.name, found, lambda case: _page(study, folder, case), contracts_of(study.model).checks
+    )
 
 
 def _page(study: ComponentStudy, folder: Path, id: str) -> Page:
@@ -265,10 +268,12 @@ def report_results(folders: Mapping[str, Results]) -> Reported:
         where = f"{result.study}, {found.host}"
         tables.append(results.component_table(found.results, f"Component cases, {where}"))
         pieces.append(tables[-1])
+        data = results.data_table(found.results, result.checks, f"Data, {where}")
         failures = results.failure_table(found.results, f"Cases that did not pass, {where}")
-        if failures is not None:
-            tables.append(failures)
-            pieces.append(failures)
+        for table in (data, failures):
+            if table is not None:
+                tables.append(table)
+                pieces.append(table)
         if results.timed(found):
             made = results.timing_pieces(found, where)
             tables += [one for one in made if isinstance(one, Table)]

@@ -275,6 +275,8 @@ def _resolved(node: Expression, scope: Record) -> Symbolic:
             return Binary(operator, _substituted(left, scope), _substituted(right, scope))
         case Apply(function, arguments):
             return Apply(function, tuple(_substituted(one, scope) for one in arguments))
+        case _:
+            raise _Unknown
 
 
 def _fill(message: dict[str, Plain], record: Record, values: Mapping[str, object]) -> None:

@@ -126,7 +126,8 @@ class Checker:
             self._channels.note(kind, event.channel, event.message)
         elif kind == "deviation" and event.transition:
             self._silent(event, before)
-        if self.deviation is None and (violation := self._monitor.observe(event)) is not None:
+        violation = self._monitor.observe(event)
+        if violation is not None and self.deviation is None:
             self._violated(violation)
         return self.deviation
 
