@@ -36,7 +36,8 @@ components:
       m:
         initial: idle
         transitions:
-          c1: {from: idle, to: idle, event: ask(it), action: at := it.target, message: reply, ensures: {goes: old.at != at}}
+          c1:
+            {from: idle, to: idle, event: ask(it), action: at := it.target, message: reply, ensures: {go: old.at != at}}
 """
 
 

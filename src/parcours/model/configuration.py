@@ -153,17 +153,21 @@ class Layout:
         # A send on a channel where nobody of the model listens says nothing that matters later.
         if send.channel not in self.queue and send.channel not in self.meetings:
             return Content(())
-        message = self._messages[send.channel]
-        fields = self.scopes.classes[message]
-        types = self.scopes.types(component.name, transition)
-        given = [type_of(value, types, self.scopes.classes) for value in send.payload]
-        base = [name for name, type_ in fields.items() if type_.name in BASE_TYPES and not type_.rank]
-        if len(given) == 1 and given[0].name == message and not given[0].rank:
-            return Content(tuple((name, Field(send.payload[0], name)) for name in base), is_passed=True)
-        if len(given) != len(fields) or not all(map(accepts, fields.values(), given)):
-            return Content(())
-        said = dict(zip(fields, send.payload, strict=True))
-        return Content(tuple((name, said[name]) for name in base))
+        return content_of(self.scopes, self._messages[send.channel], component, transition, send)
+
+
+def content_of(scopes: Scopes, message: str, component: Component, transition: Transition, send: Send) -> Content:
+    """Return what a send says of its message, which is of the class `message`."""
+    fields = scopes.classes[message]
+    types = scopes.types(component.name, transition)
+    given = [type_of(value, types, scopes.classes) for value in send.payload]
+    base = [name for name, type_ in fields.items() if type_.name in BASE_TYPES and not type_.rank]
+    if len(given) == 1 and given[0].name == message and not given[0].rank:
+        return Content(tuple((name, Field(send.payload[0], name)) for name in base), is_passed=True)
+    if len(given) != len(fields) or not all(map(accepts, fields.values(), given)):
+        return Content(())
+    said = dict(zip(fields, send.payload, strict=True))
+    return Content(tuple((name, said[name]) for name in base))
 
 
 def stored(variable: Variable, value: object, owner: str) -> object:

@@ -15,12 +15,12 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from parcours.errors import BadModel, BadRequest
-from parcours.model.configuration import Layout
+from parcours.model.configuration import content_of
 from parcours.model.expression import Assignment, Call, Expression, evaluate, names
 from parcours.model.expression.evaluation import Code, compiled
 from parcours.model.expression.explaining import explain
 from parcours.model.formulas import Clause, clauses, reverse
-from parcours.model.scope import is_local
+from parcours.model.scope import Scopes, is_local
 from parcours.model.structure import BASE_TYPES, Cefsm, Component, Machine, Transition
 from parcours.run.port import Reported
 from parcours.run.trace import REPEAT, Trace, TraceEvent
@@ -119,11 +119,6 @@ class Contracts:
         }
         # What a model says a message holds, where that can be known: variables that are messages have no value in it.
         carried = {each.name for one in cefsm.components for each in one.variables if each.type not in BASE_TYPES}
-        self.contents = {
-            (id, send.channel): tuple(each for each in content.fields if not names(each[1]) & carried)
-            for id, site in Layout(cefsm).sites.items()
-            for send, content in zip(site.transition.sends, site.contents, strict=True)
-        }
         self.sites: dict[tuple[str, str], tuple[Component, Machine, Transition]] = {
             (component.name, each.id): (component, machine, each)
             for component in cefsm.components
@@ -131,6 +126,13 @@ class Contracts:
             for each in machine.transitions
         }
 
+        scopes = Scopes(cefsm)
+        self.contents = {
+            (transition.id, send.channel): tuple(each for each in content.fields if not names(each[1]) & carried)
+            for component, _, transition in self.sites.values()
+            for send in transition.sends
+            for content in [content_of(scopes, self.channels[send.channel].message, component, transition, send)]
+        }
         self.checks = (*self._checks(),)
         """Everything that can be judged, by name: formulas, guards, actions and messages, in the order of the model."""
 
