@@ -20,11 +20,9 @@ _SHOWN = 3
 @click.command("explore")
 @model_file
 @count("--max-states", default=1_000_000, most=1 << 30, help="Most states to keep.")
-@click.option("--max-seconds", type=click.FloatRange(0.0, 1e9), default=120.0,
-              help="Longest search [s].  [default: 120]")  # fmt: skip
 @count("--witness", "witnesses", default=3, least=0, help="How many findings to show with a shortest run to them.")
 @as_json
-def command(file: Path, max_states: int, max_seconds: float, witnesses: int, as_json: bool) -> None:
+def command(file: Path, max_states: int, witnesses: int, as_json: bool) -> None:
     """Explore the composition of a model's components: every state and move, deadlocks, lost messages, dead parts.
 
     Exit code 1 if there are findings that are errors, else 3 if a bound stopped the search, else 0.
@@ -36,7 +34,7 @@ def command(file: Path, max_states: int, max_seconds: float, witnesses: int, as_
 
     cefsm = read_model(file)
     with progress() as report:
-        space = explore(cefsm, max_states, max_seconds, report)
+        space = explore(cefsm, max_states, report)
     if as_json:
         print_json(_as_data(space, witnesses))
     else:

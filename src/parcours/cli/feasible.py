@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from parcours.cli.options import as_json, count, model_file, print_json, seed
+from parcours.cli.options import as_json, count, model_file, print_json, read_model, seed
 
 if TYPE_CHECKING:
     from parcours.model.structure import Cefsm
@@ -40,11 +40,10 @@ def command(
     """
     from parcours.cli.progress import progress
     from parcours.errors import require_known
-    from parcours.model.formats import read_any
     from parcours.paths.solving import solve
     from parcours.report.terminal import print_table
 
-    cefsm = read_any(file).cefsm
+    cefsm = read_model(file)
     if component:
         require_known(component, [each.name for each in cefsm.components], "component", slug="unknown-component")
     owners = [each for each in cefsm.components if component in ("", each.name)]

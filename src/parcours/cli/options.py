@@ -32,12 +32,6 @@ def count(
     return click.option(*names, type=range, default=default, show_default=default is not None, help=help)
 
 
-def seconds(*names: str, help: str, default: float) -> Callable[[F], F]:
-    """Return an option for a time above 0 [s]."""
-    range = click.FloatRange(0.0, min_open=True)
-    return click.option(*names, type=range, default=default, show_default=True, help=f"{help} [s].")
-
-
 def choice(*names: str, help: str) -> Callable[[F], F]:
     """Return an option for one of the names that follow its own; the first is the default."""
     option, *values = names

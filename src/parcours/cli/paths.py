@@ -82,6 +82,10 @@ def command(
             cefsm, chosen, component=component, machine=machine, shape=shape, max_length=max_length, limits=limits
         )
         _show(covers, chosen, as_json)
+        shown = only(cefsm, component, machine).components
+        if any(each.guard is not None for owner in shown for each in owner.transitions()):
+            note = "these paths follow the graphs; guards may forbid some: parcours feasible finds paths that run"
+            click.echo(note, err=True)
 
 
 def _show(covers: Sequence[MachineCover], criterion: Criterion, as_json: bool) -> None:
