@@ -109,12 +109,19 @@ def print_rows(
 
 def read_model(file: Path) -> Cefsm:
     """Return the model of a file of any format; what the file says beyond it is noted on standard error."""
+    return read_altered(file)[0]
+
+
+def read_altered(file: Path) -> tuple[Cefsm, str]:
+    """Return the same, and why findings in the model need not be true of the file; empty if they are."""
     from parcours.model.formats import read_any
 
     reading = read_any(file)
     for loss in reading.losses:
         click.echo(f"not kept: {loss}", err=True)
-    return reading.cefsm
+    altering = [loss for loss in reading.losses if loss.alters]
+    more = f", and {len(altering) - 1} more" if len(altering) > 1 else ""
+    return reading.cefsm, f"runs may differ for what is not kept: {altering[0]}{more}" if altering else ""
 
 
 def print_json(value: object) -> None:
