@@ -12,9 +12,9 @@ from parcours.model.structure import CLOCK, Cefsm, Machine, Transition, Variable
 class Losses(list[Loss]):
     """What a conversion leaves out or changes, noted on the way."""
 
-    def add(self, where: str, line: int, what: str) -> None:
+    def add(self, where: str, line: int, what: str, *, alters: bool = False) -> None:
         """Note one loss, as `Loss`."""
-        self.append(Loss(where, line, what))
+        self.append(Loss(where, line, what, alters))
 
 
 ASPECTS = frozenset(

@@ -54,6 +54,13 @@ def test_each_machine_is_covered_with_what_is_known_of_the_optimum(model: Path) 
     assert "gap" in printed
 
 
+def test_paths_that_guards_may_forbid_are_said_to_be(model: Path) -> None:
+    assert CliRunner().invoke(command, [str(model)]).stderr == ""
+    model.write_text(DOOR.replace("wait: {from", "wait: {guard: false, from"))
+    assert "parcours feasible" in CliRunner().invoke(command, [str(model)]).stderr
+    assert CliRunner().invoke(command, [str(model), "--component", "Street"]).stderr == ""
+
+
 def test_one_machine_keeps_the_names_it_has_among_all(model: Path) -> None:
     (hall,) = json.loads(run(model, "--machine", "door", "--json"))
     assert [path["name"] for path in hall["paths"]] == ["tp21"]

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
+from parcours.cli import parcours
 from parcours.cli.convert import command
 from parcours.errors import BadModel, BadRequest
 from parcours.model import model_file, parse_model, read_model
@@ -168,6 +169,18 @@ def test_convert_writes_the_file_and_says_what_is_lost(tmp_path: Path) -> None:
     assert result.exit_code == 0 and "line 46: location 'id6' of 'Keeper': is committed" in result.output
     assert result.output.rstrip().endswith("losses")
     assert read_any(out).cefsm.components == read_any(SEEDS / "gate.xml").cefsm.components
+
+
+LOSSY = """<scxml name="lamp"><state id="off"><transition event="press" target="on"><log/></transition></state>
+<state id="on"/></scxml>"""
+
+
+@pytest.mark.parametrize("arguments", ["feasible", "walk --until steps>=1", "abtc --dropped", "model show", "explore"])
+def test_every_command_that_reads_a_model_says_what_it_does_not_keep(arguments: str, tmp_path: Path) -> None:
+    file = tmp_path / "lamp.scxml"
+    file.write_text(LOSSY)
+    done = CliRunner().invoke(parcours, [*arguments.split(), str(file)])
+    assert "not kept: line 1: <log>: log is left out" in done.stderr
 
 
 def test_convert_prints_json(tmp_path: Path) -> None:

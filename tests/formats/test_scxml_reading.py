@@ -271,3 +271,39 @@ def test_regions_of_too_many_configurations_are_machines_and_that_is_a_loss() ->
     reading = read('<parallel id="p">' + "".join(states.format(number) for number in range(12)) + "</parallel>")
     assert len(reading.cefsm.components[0].machines) == 12
     assert any("regions that answer e take it at once there" in loss.what for loss in reading.losses)
+
+
+def test_the_document_knows_its_name() -> None:
+    document = """<state id="a"><transition cond="_name === 'chart'" target="pass"/><transition target="fail"/></state>
+    <state id="pass"/><state id="fail"/>"""
+    assert Run(read(document).cefsm).states == "pass"
+
+
+STRAY = """<datamodel><data id="n" expr="1"/></datamodel>
+<state id="a"><onentry><send event="lost" target="baz"/><assign location="n" expr="2"/></onentry>
+  <onentry><assign location="n" expr="n + 10"/></onentry>
+  <transition event="EVENT" target="b"/></state>
+<state id="b"/>"""
+
+
+def test_an_event_sent_to_nowhere_ends_its_block_with_an_error() -> None:
+    answered = Run(read(STRAY.replace("EVENT", "error.*")).cefsm)
+    assert answered.states == "b" and answered.value("n") == 11
+    ignored = read(STRAY.replace("EVENT", "go"))
+    assert Run(ignored.cefsm).states == "a" and Run(ignored.cefsm).value("n") == 11
+    assert [str(each) for each in ignored.losses] == [
+        "line 3: <send>: its target is invalid: error.execution is raised, and the rest of its block is not done"
+    ]
+
+
+DONE = """<state id="s"><onentry><raise event="first"/></onentry><final id="f"><donedata><param name="x" location=""/>
+</donedata></final><transition event="done.state.s" target="t"/><transition event="first" target="u"/></state>
+<state id="t"/><state id="u"/>"""
+
+
+def test_where_the_end_of_a_state_goes_before_other_events_that_is_a_loss() -> None:
+    said = [str(each) for each in read(DONE).losses if each.alters]
+    assert [each.partition(":")[0] for each in said] == ["line 1", "line 2", "line 3"]
+    assert "donedata" in said[1] and "the end of a state is an event in the queue" in said[2]
+    plain = read(re.sub("<raise.*?>|<donedata>.*?</donedata>", "", DONE, flags=re.DOTALL))
+    assert not any(each.alters for each in plain.losses)

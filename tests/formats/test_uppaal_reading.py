@@ -9,7 +9,9 @@ from pathlib import Path
 from xml.sax.saxutils import escape
 
 import pytest
+from click.testing import CliRunner
 
+from parcours.cli import parcours
 from parcours.errors import BadModel
 from parcours.model import ENVIRONMENT, Cefsm, Steps, predicate
 from parcours.model.formats import Reading, read_any
@@ -296,3 +298,35 @@ def test_an_old_file_reads_as_a_new_one() -> None:
         "T(const int k) | | s | s -> s: guard n<k, n>=0 ;; assignment n:=n+1",
     )
     assert predicates(old.cefsm) == {"P.1": "(-/[n < 3 && n >= 0]/n := n + 1/-)"}
+
+
+def test_edges_that_nobody_can_take_are_losses() -> None:
+    reading = read(
+        "chan c;",
+        "system Both, Other;",
+        "Both | | a | a -> b: synchronisation c! ;; guard true | b -> a: synchronisation c? | a -> a: guard 1 == 2",
+        "Other | | s | s -> s: synchronisation c!",
+    )
+    assert [each.source for each in reading.cefsm.component("Both").transitions()] == ["b"]
+    said = [str(each) for each in reading.losses]
+    assert len(said) == 2 and "'Both.1': no other process meets it on channel 'c'" in said[0], said
+    assert "edge from 'a' to 'a' of 'Both': its guard is false whatever happens" in said[1]
+
+
+BROADCAST = (
+    "Speaker | | a | a -> b: synchronisation c! | b -> a:", "Hearer | | r | r -> q: synchronisation c?",
+)  # fmt: skip
+
+
+def test_a_deadlock_that_may_come_from_what_is_not_kept_is_no_error(tmp_path: Path) -> None:
+    file = tmp_path / "net.xml"
+    file.write_text(network("broadcast chan c;", "system Speaker, Hearer;", *BROADCAST))
+    done = CliRunner().invoke(parcours, ["explore", str(file)])
+    assert (
+        done.exit_code == 3 and "runs may differ for what is not kept: line 1: channel 'c': a broadcast" in done.stdout
+    )
+    assert "doubtful: no move is possible" in done.stdout and "error" not in done.stdout
+    assert "runs may differ" in CliRunner().invoke(parcours, ["feasible", str(file)]).stdout
+    file.write_text(network("chan c;", "system Speaker, Hearer;", *BROADCAST))
+    done = CliRunner().invoke(parcours, ["explore", str(file)])
+    assert done.exit_code == 1 and "error: no move is possible" in done.stdout

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 
@@ -308,13 +307,9 @@ def test_a_bound_that_is_just_enough_is_enough() -> None:
     short = explore(philosophers(3), max_states=needed - 1)
     assert not short.complete and short.n_states <= needed - 1
     assert np.all(short.targets < short.n_states) and len(short.sources) == short.n_transitions
-    late = explore(philosophers(3), max_seconds=0)
-    assert late.n_expanded == 0 and late.stopped.startswith("stopped after 0 s: 1 states known, 1 of them not")
 
 
-@pytest.mark.parametrize(
-    ("bounds"), [{"max_states": 0}, {"max_states": 2**40}, {"max_seconds": -1}, {"max_seconds": math.nan}]
-)
+@pytest.mark.parametrize(("bounds"), [{"max_states": 0}, {"max_states": 2**40}])
 def test_bounds_out_of_range_are_refused(bounds: dict[str, int]) -> None:
     with pytest.raises(BadRequest, match="explore-bound"):
         explore(pairs(1, 1), **bounds)  # type: ignore[arg-type]

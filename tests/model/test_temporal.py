@@ -57,6 +57,13 @@ def test_a_written_model_reads_back_with_its_times() -> None:
     assert machine.transitions[0].weight == 0.5
 
 
+@pytest.mark.parametrize(("guard", "count"), [("x < 0", 0), ("x < 3", 1), ("x > -3", 1), ("x + n < 3", 1)])
+def test_no_clock_is_negative(guard: str, count: int) -> None:
+    timer = parse_model(TIMER.replace("action: x := 0,", f"guard: {guard},"))
+    moves = enabled(timer, initial(timer))
+    assert len(moves) == count and all(dict(move.inputs)["Timer.x"] >= 0 for move in moves)  # type: ignore[operator]
+
+
 def test_untimed_a_clock_may_have_any_value() -> None:
     timer = parse_model(TIMER)
     here = initial(timer)

@@ -215,11 +215,10 @@ def test_time_is_the_clocks_and_an_unbounded_condition_has_a_budget() -> None:
     ticks = count()
     walk = Walk(GraphSpace(machine(("t", "a", "a"))), [phase("random", "10 s")], chance(), clock=lambda: next(ticks))
     assert len(list(walk)) == 9 and walk.ended is Ending.HELD
-    ticks = count()
-    walk = Walk(
-        GraphSpace(machine(("t", "a", "a"))), [phase("random", "never")], chance(), clock=lambda: next(ticks), budget=5
-    )
-    assert len(list(walk)) == 4 and walk.ended is Ending.BUDGET
+    walk = Walk(GraphSpace(machine(("t", "a", "a"))), [phase("random", "never")], chance(), budget=5)
+    assert len(list(walk)) == 5 and walk.ended is Ending.BUDGET
+    dead = Walk(GraphSpace(machine(("t", "a", "b"))), [phase("random", "never")], chance(), budget=5)
+    assert [each.is_restart for each in dead] == [False, True, True] and dead.ended is Ending.BUDGET
 
 
 def test_phases_go_on_where_the_one_before_ended_and_count_their_own_steps() -> None:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from parcours.cli.options import as_json, count, model_file, print_json, print_rows
+from parcours.cli.options import as_json, count, model_file, print_json, print_rows, read_model
 
 if TYPE_CHECKING:
     from parcours.abtc import AbstractCase, Order
@@ -39,9 +39,8 @@ def command(
     Example: parcours abtc model.yaml --case ITP1-tp12.tp21.tp12-0.0.0 --sequences count
     """
     from parcours.abtc import abstract_cases, combinations, find_case, interaction_paths, require_cases
-    from parcours.model.formats import read_any
 
-    cefsm = read_any(file).cefsm
+    cefsm = read_model(file)
     if dropped:
         for itp in interaction_paths(cefsm):
             for one in combinations(cefsm, itp).dropped:

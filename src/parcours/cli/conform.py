@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from parcours.cli.options import PATH, StudyFile, as_json, choice, count, print_json
+from parcours.cli.options import PATH, StudyFile, as_json, choice, count, print_json, read_model
 
 if TYPE_CHECKING:
     from parcours.verdict.conformance import Conformance, Expectation
@@ -35,14 +35,13 @@ def command(
 
     Example: parcours conform trace.jsonl --model model.yaml --quiet reply=20 --json
     """
-    from parcours.model.formats import read_any
     from parcours.run.trace import read_trace
     from parcours.verdict.conformance import Allowance, check
     from parcours.verdict.judgement import Verdict
 
     found = check(
         read_trace(trace),
-        read_any(model).cefsm,
+        read_model(model),
         component=components or None,
         observes=observes,  # type: ignore[arg-type]
         quiescence=dict(map(_timeout, quiet)),

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from parcours.cli.options import as_json, count, model_file, print_json, read_model
+from parcours.cli.options import as_json, count, model_file, print_json, read_altered
 
 if TYPE_CHECKING:
     from parcours.model import Move
@@ -20,40 +20,46 @@ _SHOWN = 3
 @click.command("explore")
 @model_file
 @count("--max-states", default=1_000_000, most=1 << 30, help="Most states to keep.")
-@click.option("--max-seconds", type=click.FloatRange(0.0, 1e9), default=120.0,
-              help="Longest search [s].  [default: 120]")  # fmt: skip
 @count("--witness", "witnesses", default=3, least=0, help="How many findings to show with a shortest run to them.")
 @as_json
-def command(file: Path, max_states: int, max_seconds: float, witnesses: int, as_json: bool) -> None:
+def command(file: Path, max_states: int, witnesses: int, as_json: bool) -> None:
     """Explore the composition of a model's components: every state and move, deadlocks, lost messages, dead parts.
 
-    Exit code 1 if there are findings that are errors, else 3 if a bound stopped the search, else 0.
+    Exit code 1 if there are findings that are errors, else 3 if a bound stopped the search, else 0. Errors are
+    doubtful, with exit code 3, in a model of another tool's file that says more than the model keeps.
 
     Example: parcours explore model.yaml --max-states 100000 --witness 1
     """
     from parcours.cli.progress import progress
     from parcours.model.composition import explore
 
-    cefsm = read_model(file)
+    cefsm, altered = read_altered(file)
     with progress() as report:
-        space = explore(cefsm, max_states, max_seconds, report)
+        space = explore(cefsm, max_states, report)
     if as_json:
-        print_json(_as_data(space, witnesses))
+        print_json(_as_data(space, altered, witnesses))
     else:
-        _print(space, witnesses)
-    if any(each.severity == "error" for each in space.findings):
+        _print(space, altered, witnesses)
+    is_wrong = any(each.severity == "error" for each in space.findings)
+    if is_wrong and not altered:
         raise click.exceptions.Exit(1)
-    if not space.complete:
+    if is_wrong or not space.complete:
         raise click.exceptions.Exit(3)
 
 
-def _print(space: Space, witnesses: int) -> None:
+def _severity(each: Discovery, altered: str) -> str:
+    return "doubtful" if altered and each.severity != "note" else each.severity
+
+
+def _print(space: Space, altered: str, witnesses: int) -> None:
     rate = space.n_expanded / max(space.seconds, 1e-9)
     click.echo(f"{space.cefsm.name}: {space.n_states} states, {space.n_transitions} transitions")
     click.echo(f"{space.stopped or _complete(space)}; {space.seconds:.2f} s, {rate:.0f} states/s")
+    if altered:
+        click.echo(altered)
     shown = 0
     for each in space.findings:
-        click.echo(f"{each}{_extent(space, each)}")
+        click.echo(f"{_severity(each, altered)}: {each.message} [{each.kind}]{_extent(space, each)}")
         if each.state is not None and shown < witnesses:
             shown += 1
             for number, move in enumerate(space.path_to(each.state), 1):
@@ -84,13 +90,16 @@ def _spelled(move: Move) -> str:
     return f"{move} with {chosen}" if chosen else str(move)
 
 
-def _as_data(space: Space, witnesses: int) -> dict[str, object]:
+def _as_data(space: Space, altered: str, witnesses: int) -> dict[str, object]:
     shown = [each for each in space.findings if each.state is not None][:witnesses]
     return {
         "model": space.cefsm.name, "states": space.n_states, "transitions": space.n_transitions,
         "complete": space.complete, "exact": space.exact, "doubts": space.doubts, "stopped": space.stopped,
         "expanded": space.n_expanded, "seconds": round(space.seconds, 3),
-        "findings": [_finding(space, each, each in shown) for each in space.findings],
+        "altered": altered,
+        "findings": [
+            _finding(space, each, each in shown) | {"severity": _severity(each, altered)} for each in space.findings
+        ],
     }  # fmt: skip
 
 

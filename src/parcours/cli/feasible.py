@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from parcours.cli.options import as_json, count, model_file, print_json, seed
+from parcours.cli.options import as_json, count, model_file, print_json, read_altered, seed
 
 if TYPE_CHECKING:
     from parcours.model.structure import Cefsm
@@ -40,11 +40,10 @@ def command(
     """
     from parcours.cli.progress import progress
     from parcours.errors import require_known
-    from parcours.model.formats import read_any
     from parcours.paths.solving import solve
     from parcours.report.terminal import print_table
 
-    cefsm = read_any(file).cefsm
+    cefsm, altered = read_altered(file)
     if component:
         require_known(component, [each.name for each in cefsm.components], "component", slug="unknown-component")
     owners = [each for each in cefsm.components if component in ("", each.name)]
@@ -67,10 +66,10 @@ def command(
             left = max(0.0, left - decided.spent)
             found.append((owner, name, decided))
     if as_json:
-        print_json([_json(cefsm, *each) for each in found])
+        print_json([_json(cefsm, *each) | {"altered": altered} for each in found])
         return
     for each in found:
-        for table in _tables(cefsm, criterion, *each):
+        for table in _tables(cefsm, criterion, altered, *each):
             print_table(table)
 
 
@@ -111,7 +110,9 @@ def _json(cefsm: Cefsm, owner: str, machine: str, decided: Executability) -> dic
     }
 
 
-def _tables(cefsm: Cefsm, criterion: str, owner: str, machine: str, decided: Executability) -> list[Table]:
+def _tables(
+    cefsm: Cefsm, criterion: str, altered: str, owner: str, machine: str, decided: Executability
+) -> list[Table]:
     from parcours.report.pieces import Cell, Column, Marked, Table
 
     number = {path: place for place, path in enumerate(decided.paths, start=1)}
@@ -123,7 +124,7 @@ def _tables(cefsm: Cefsm, criterion: str, owner: str, machine: str, decided: Exe
     rows += [(str(each.requirement), Marked("undecided", "poor"), each.reason) for each in decided.undecided]
     counts = f"{len(decided.covered)} covered, {len(decided.infeasible)} infeasible, {len(decided.undecided)} undecided"
     columns = (Column("requirement", code=True), Column("verdict"), Column("path, conflict or reason"))
-    tables = [Table(f"{owner}.{machine}, {criterion} coverage: {counts}", columns, tuple(rows))]
+    tables = [Table(f"{owner}.{machine}, {criterion} coverage: {counts}", columns, tuple(rows), altered)]
     windows = _windows(cefsm, owner, decided)
     steps: list[tuple[Cell, ...]] = []
     for place, path in enumerate(decided.paths):

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from parcours.cli.options import PATH, as_json, model_file, print_json
+from parcours.cli.options import PATH, as_json, model_file, print_json, read_model
 
 
 @click.group("model")
@@ -60,10 +60,9 @@ def show(file: Path, folder: Path | None) -> None:
     """
     from parcours.filenames import file_name
     from parcours.model import to_svg, to_text
-    from parcours.model.formats import read_any
     from parcours.report.writing import write_text
 
-    cefsm = read_any(file).cefsm
+    cefsm = read_model(file)
     click.echo(to_text(cefsm))
     if folder is not None:
         for component in cefsm.components:

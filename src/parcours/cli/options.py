@@ -32,12 +32,6 @@ def count(
     return click.option(*names, type=range, default=default, show_default=default is not None, help=help)
 
 
-def seconds(*names: str, help: str, default: float) -> Callable[[F], F]:
-    """Return an option for a time above 0 [s]."""
-    range = click.FloatRange(0.0, min_open=True)
-    return click.option(*names, type=range, default=default, show_default=True, help=f"{help} [s].")
-
-
 def choice(*names: str, help: str) -> Callable[[F], F]:
     """Return an option for one of the names that follow its own; the first is the default."""
     option, *values = names
@@ -115,12 +109,19 @@ def print_rows(
 
 def read_model(file: Path) -> Cefsm:
     """Return the model of a file of any format; what the file says beyond it is noted on standard error."""
+    return read_altered(file)[0]
+
+
+def read_altered(file: Path) -> tuple[Cefsm, str]:
+    """Return the same, and why findings in the model need not be true of the file; empty if they are."""
     from parcours.model.formats import read_any
 
     reading = read_any(file)
     for loss in reading.losses:
         click.echo(f"not kept: {loss}", err=True)
-    return reading.cefsm
+    altering = [loss for loss in reading.losses if loss.alters]
+    more = f", and {len(altering) - 1} more" if len(altering) > 1 else ""
+    return reading.cefsm, f"runs may differ for what is not kept: {altering[0]}{more}" if altering else ""
 
 
 def print_json(value: object) -> None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import click
 
-from parcours.cli.options import PATH, as_json, choice, count, model_file, print_json, print_rows, read_model
+from parcours.cli.options import PATH, as_json, choice, count, model_file, print_json, print_rows, read_altered
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -58,7 +58,7 @@ def command(
     from parcours.paths.covering import machine_covers, only
     from parcours.paths.criteria import Limits, parse_criterion
 
-    cefsm = read_model(file)
+    cefsm, altered = read_altered(file)
     chosen = parse_criterion(criterion)
     limits = Limits(most, 20 * most, work)
     together = composition or chosen.family == "communication"
@@ -75,13 +75,17 @@ def command(
     elif listed:
         _list(cefsm, only(cefsm, component, machine), chosen, limits, as_json)
     elif together:
-        _cover_composition(cefsm, chosen, limits, walk, max_length, as_json)
+        _cover_composition(cefsm, altered, chosen, limits, walk, max_length, as_json)
     else:
         shape: Shape = "open" if walk else "tests"
         covers = machine_covers(
             cefsm, chosen, component=component, machine=machine, shape=shape, max_length=max_length, limits=limits
         )
         _show(covers, chosen, as_json)
+        shown = only(cefsm, component, machine).components
+        if any(each.guard is not None for owner in shown for each in owner.transitions()):
+            note = "these paths follow the graphs; guards may forbid some: parcours feasible finds paths that run"
+            click.echo(note, err=True)
 
 
 def _show(covers: Sequence[MachineCover], criterion: Criterion, as_json: bool) -> None:
@@ -130,7 +134,7 @@ def _print_optimum(*rows: _Reached) -> None:
 
 
 def _cover_composition(
-    cefsm: Cefsm, criterion: Criterion, limits: Limits, walk: bool, max_length: int | None, as_json: bool
+    cefsm: Cefsm, altered: str, criterion: Criterion, limits: Limits, walk: bool, max_length: int | None, as_json: bool
 ) -> None:
     """Cover the composition, and say what no run of it can meet."""
     from parcours.cli.progress import progress
@@ -141,18 +145,21 @@ def _cover_composition(
     with progress() as report:
         space = explore(cefsm, progress=report)
     asked, unmet = composition_demand(space, criterion, limits)
+    is_exact = space.exact and not altered
     found = cover_demand(asked, shape="open" if walk else "tests", max_length=max_length)
     paths = [[asked.graph.edges[edge] for edge in path] for path in found.paths]
     if as_json:
         missed = [str(each) for each in unmet]
-        known = {"impossible": missed if space.exact else [], "unmet": missed, "exact": space.exact}
+        known = {"impossible": missed if is_exact else [], "unmet": missed, "exact": is_exact}
         print_json({**_bounds(len(asked.goals) + len(unmet), found), **known, "paths": paths})
         return
     rows = tuple((place, " ".join(path), len(path)) for place, path in enumerate(paths, start=1))
     print_rows(f"Paths of the composition, {criterion} coverage", ("path", "moves", "length"), rows)
     _print_optimum(_reached(cefsm.name, len(asked.goals), found))
     for each in unmet:
-        click.echo(f"no run can meet: {each}" if space.exact else f"not met: {each}")
+        click.echo(f"no run can meet: {each}" if is_exact else f"not met: {each}")
+    if unmet and altered:
+        click.echo(altered)
     if unmet and space.doubts:
         click.echo(f"not met for the values tried: {', '.join(space.doubts)}")
 

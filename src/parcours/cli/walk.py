@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, TextIO
 
 import click
 
-from parcours.cli.options import PATH, as_json, model_file, seconds, seed
+from parcours.cli.options import PATH, as_json, count, model_file, read_model, seed
 
 if TYPE_CHECKING:
     from parcours.model import Cefsm
@@ -31,14 +31,14 @@ _SHOWN = 20
 @click.option("--machine", default="", help="Walk this machine only.")
 @click.option("--ignore-guards", is_flag=True, help="Walk the bare graphs: no guards, no messages.")
 @click.option("--at-dead-end", default="restart", show_default=True, help="restart or stop.")
-@seconds("--budget", default=60.0, help="Longest time where the condition sets no bound by steps or time")
+@count("--budget", default=1_000_000, help="Most moves and restarts where the condition bounds neither steps nor time.")
 @click.option("--states", is_flag=True, help="Say after each step where the machines stand.")
 @click.option("--out", type=PATH, help="File for the steps (JSON Lines) instead of the terminal.")
 @seed
 @as_json
 def command(
     file: Path, walker: str | None, until: str | None, generator: str | None, path_: str, component: str, machine: str,
-    ignore_guards: bool, at_dead_end: str, budget: float, states: bool, out: Path | None, seed: int, as_json: bool,
+    ignore_guards: bool, at_dead_end: str, budget: int, states: bool, out: Path | None, seed: int, as_json: bool,
 ) -> None:  # fmt: skip
     """Walk a model, one step a line, and say at the end what was covered.
 
@@ -49,10 +49,9 @@ def command(
     """
     import numpy as np
 
-    from parcours.model.formats import read_any
     from parcours.paths.walking import GraphSpace, ModelSpace, Walk, part_of
 
-    cefsm = read_any(file).cefsm
+    cefsm = read_model(file)
     if component or machine:
         cefsm = part_of(cefsm, component or _owner(cefsm, machine), machine)
     space = GraphSpace(cefsm) if ignore_guards else ModelSpace(cefsm)

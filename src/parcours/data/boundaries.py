@@ -96,7 +96,7 @@ def _spread(node: Expression, pieces: _Pieces) -> Expression | None:
         case Binary("==" | "!=" as operator, Name(id), Literal(place)) if id in pieces and isinstance(place, int):
             return _within(id, pieces[id][place], operator == "==")
         case Binary("==" | "!=" as operator, Name(left), Name(right)) if left in pieces and right in pieces:
-            pairs = zip(pieces[left], pieces[right], strict=False)
+            pairs = zip(pieces[left], pieces[right], strict=True)
             same = [Binary("&&", _within(left, a, True), _within(right, b, True)) for a, b in pairs]
             either = reduce(lambda a, b: Binary("||", a, b), same)
             return either if operator == "==" else Binary("==", either, Literal(False))

@@ -80,7 +80,8 @@ class _Search:
         cuts: set[int | float] = {0, *(each for each in self._literals if isinstance(each, int | float))}
         cuts.update(self._roots(term, chosen))
         if type_.name == "real":
-            return _reals(sorted(map(float, cuts)))
+            found = _reals(sorted(map(float, cuts)))
+            return [each for each in found if each >= 0] if type_.is_clock else found
         near = {math.floor(cut) + step for cut in cuts for step in (-1, 0, 1, 2)}
         domain = self._question.domains.get(term, ())
         if domain:
@@ -135,7 +136,7 @@ def _first(type_: Type) -> object:
     return {"bool": False, "int": 0, "real": 0.0}.get(type_.name, "")
 
 
-def _reals(cuts: list[float]) -> list[object]:
+def _reals(cuts: list[float]) -> list[float]:
     beyond = [cuts[0] - max(1.0, abs(cuts[0])), cuts[-1] + max(1.0, abs(cuts[-1]))]
     between = [this / 2 + following / 2 for this, following in pairwise(cuts)]
     return [each for each in sorted({*cuts, *beyond, *between}) if math.isfinite(each)]

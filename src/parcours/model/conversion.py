@@ -29,6 +29,7 @@ class Loss:
         where: the element, e.g. `transition 'p1'`.
         line: line of the file it was read from [1 ..], 0 if unknown.
         what: one sentence: what the other side cannot say, and what stands there instead.
+        alters: whether runs may differ for it, so that what is found in the model need not be true of the file.
 
     >>> print(Loss("location 'Cross'", 12, "urgent locations are not known; time may pass here"))
     line 12: location 'Cross': urgent locations are not known; time may pass here
@@ -37,6 +38,7 @@ class Loss:
     where: str
     line: int
     what: str
+    alters: bool = False
 
     def __str__(self) -> str:
         return f"{f'line {self.line}: ' if self.line else ''}{self.where}: {self.what}"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import ChainMap
 from collections.abc import Mapping, Sequence
 
-from parcours.model.expression.typing import REAL, Type
+from parcours.model.expression.typing import TIME, Type
 from parcours.model.structure import BASE_TYPES, CLOCK, Cefsm, Transition, Variable
 
 Classes = Mapping[str, Mapping[str, Type]]
@@ -23,7 +23,7 @@ def classes_of(cefsm: Cefsm) -> dict[str, dict[str, Type]]:
 def variable_type(variable: Variable) -> Type:
     """Return the type of a variable; that of an enumeration carries its values, that of a clock is real."""
     if variable.type == CLOCK:
-        return REAL
+        return TIME
     if variable.type != "enum":
         return Type(variable.type)
     return Type("enum", tuple(str(value) for value in variable.domain))

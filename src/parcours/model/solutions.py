@@ -178,6 +178,8 @@ class Question:
         numbers = sorted({float(side) for side in sides if isinstance(side, int | float)})
         if not exact:
             numbers = sorted({-1.0, 0.0, 1.0, *numbers})
+        if type_.is_clock:
+            return [value for value in _between(sorted({0.0, *numbers})) if value >= 0]
         if type_.name == "real":
             return list(_between(numbers))
         return self._integers(term, sides | set(numbers))

@@ -56,13 +56,14 @@ class DataScope(Scope):
     parts: Set[str] = frozenset()
     active: Set[str] = frozenset()
     event: str = ""
+    document: str = ""
 
     def read(self, tree: Expression, where: str) -> Cases:
         """Return what a place holds."""
         if tree == Field(Name("_event"), "name"):
             return always(literal(self.event))
         if tree == Name("_name"):
-            return always(literal(""))
+            return always(literal(self.document))
         self._demand(tree, where)
         match part_at(tree, self.wholes, where):
             case int() as length:
@@ -126,7 +127,7 @@ class Content:
             if element.tag in ("raise", "send", "script", "if", "foreach", "assign", *_IGNORED):
                 now = [after for outcome in now for after in self._after(element, scope, outcome)]
             else:
-                self.lose(element, f"<{element.tag}> is left out")
+                self.lose(element, f"<{element.tag}> is left out", alters=True)
             if len(now) > values.MAX_CASES:
                 rule = f"content has at most {values.MAX_CASES} branches, but this has more"
                 raise BadModel(self.where(element), rule, "split it", slug="expression-size")
@@ -144,9 +145,9 @@ class Content:
             rest = sized(conjunction((rest, negation(choice))), where)
         return found if rest == FALSE else [*found, outcome.under(rest)]
 
-    def lose(self, element: Element, what: str) -> None:
+    def lose(self, element: Element, what: str, *, alters: bool = False) -> None:
         """Note that something is left out."""
-        self.losses.add(f"<{element.tag}>", element.line, what)
+        self.losses.add(f"<{element.tag}>", element.line, what, alters=alters)
 
     def _after(self, element: Element, scope: Scope, outcome: Outcome) -> list[Outcome]:
         where = self.where(element)
@@ -169,7 +170,7 @@ class Content:
                 return [replace(outcome, sent=(*outcome.sent, self._sent(element, where)))]
             case "foreach":
                 raise refusal(where, "the loop 'foreach'")
-        self.lose(element, _IGNORED[element.tag])
+        self.lose(element, _IGNORED[element.tag], alters=element.tag != "log")
         return [outcome]
 
     def _performed(self, statements: Iterable[Statement], scope: Scope, where: str, outcome: Outcome) -> list[Outcome]:
@@ -199,8 +200,17 @@ class Content:
         said = element.get("delay") or element.get("delayexpr").strip("'\"")
         delay = seconds(said)
         if delay is None or (is_outward and delay):
-            self.lose(element, f"its delay {said!r} is left out: the event may go at any time")
+            self.lose(element, f"its delay {said!r} is left out: the event may go at any time", alters=True)
         return Sent(event, is_outward, delay or 0.0)
+
+
+def is_astray(element: Element) -> bool:
+    """Return whether a `send` names a target that is neither a session nor an address."""
+    target = element.get("target")
+    computed = element.get("targetexpr").strip()
+    if not target and (computed.isdecimal() or computed[:1] in ("'", '"')):
+        target = computed.strip("'\"")
+    return element.tag == "send" and bool(target) and not target.startswith("#_") and ":" not in target
 
 
 def is_inward(element: Element) -> bool:

@@ -26,7 +26,7 @@ from parcours_formats.guard_languages.values import TRUE, conjunction, is_consta
 from parcours_formats.losses import Losses
 from parcours_formats.naming import Names, as_label
 from parcours_formats.scxml.chart import Arc, ChartReader, Configuration, Node, exits
-from parcours_formats.scxml.content import Content, DataScope, Outcome, is_inward
+from parcours_formats.scxml.content import Content, DataScope, Outcome, is_astray, is_inward
 from parcours_formats.scxml.datamodel import DataModel
 from parcours_formats.scxml.flattening import MAX_STEPS, Flat, Flattening, beginnings, plain
 from parcours_formats.xml_lines import Element, parse_xml
@@ -39,6 +39,9 @@ CAPACITY = 8
 
 MAX_EVENTS = 2_000
 """Most events of one document."""
+
+ERROR = "error.execution"
+"""What SCXML raises where content fails."""
 
 START = "(start)"
 """The state before the first configuration, where entering that does something."""
@@ -58,6 +61,7 @@ class _System:
         self.element, self.origin = root, origin
         self.data = DataModel(root, origin)
         self.losses = Losses(self.data.losses)
+        self._stray(root)
         self.chart = ChartReader(root, origin)
         self.content = Content(origin, self.losses)
         self.component = Names().identifier(root.get("name") or PurePath(origin).stem)
@@ -108,17 +112,18 @@ class _System:
                 if error.slug != "expansion-size":
                     raise
             rule = f"regions that answer {', '.join(shared[:9])} take it at once there; here one of them does"
-            self.losses.add(f"parallel {top.id!r}", top.line, rule)
+            self.losses.add(f"parallel {top.id!r}", top.line, rule, alters=True)
         if sum(any(not arc.events for arc in _arcs(region)) for region in regions) > 1:
             rule = "regions with transitions without events take them at once there; here one after the other"
-            self.losses.add(f"parallel {top.id!r}", top.line, rule)
+            self.losses.add(f"parallel {top.id!r}", top.line, rule, alters=True)
         return {region: self._flat(region) for region in regions}
 
     def _flat(self, region: Node) -> Flat:
         descriptors = _descriptors(region)
         events = [event for event in self.events if _is_among(event, descriptors)]
         data = self.data
-        scope = DataScope("javascript", data.kinds, frozenset(), data.missing, data.wholes, data.parts)
+        said = (data.kinds, frozenset[str](), data.missing, data.wholes, data.parts)
+        scope = DataScope("javascript", *said, document=self.element.get("name"))
         return Flattening(region, events, self.content, scope, self.origin).flat()
 
     def _are_apart(self, top: Node) -> bool:
@@ -133,6 +138,27 @@ class _System:
                 if not ends <= inside or any(not node.is_inside(region) for node in exits(arc, whole)):
                     return False
         return True
+
+    def _stray(self, root: Element) -> None:
+        """Let each block end where an event is sent to nowhere: there, an error is raised instead."""
+        descriptors = {plain(each) for element in root.walk() if element.tag == "transition"
+                       for each in element.get("event").split()}  # fmt: skip
+        raised = [{"event": ERROR}] if _is_among(ERROR, descriptors) else []
+        for parent in root.walk():
+            kept, is_over = list[Element](), False
+            for child in parent.children:
+                is_over = is_over and child.tag not in ("else", "elseif")
+                if is_astray(child):
+                    rule = f"its target is invalid: {ERROR} is raised, and the rest of its block is not done"
+                    self.losses.add("<send>", child.line, rule)
+                    kept += [Element("raise", "", each, child.line) for each in raised if not is_over]
+                    is_over = True
+                if not is_over:
+                    kept.append(child)
+            if parent.tag == "if" and any(map(is_astray, parent.children)):
+                rule = "what follows a failed send is left out inside it only"
+                self.losses.add("<if>", parent.line, rule, alters=True)
+            parent.children = kept
 
     def _inward(self) -> Iterable[str]:
         for element in self.element.walk():
@@ -149,7 +175,7 @@ class _System:
             raise BadModel(f"{self.origin}:{self.element.line}", rule, "split the chart", slug="expansion-size")
         if any(each.endswith("*") for each in named):
             rule = "an event with * is read as one of the events that the document names"
-            self.losses.add("<scxml>", self.element.line, rule)
+            self.losses.add("<scxml>", self.element.line, rule, alters=True)
         return found or (["any"] if named else [])
 
     def _time(self, flats: Iterable[Flat]) -> None:
@@ -166,10 +192,10 @@ class _System:
             if len(found) == 1 and found != {0.0}:
                 self.clocks[event] = (names.identifier(f"since_{event}"), min(found))
                 rule = f"arrives {min(found):g} s after each send there; here then or later, after the last"
-                self.losses.add(f"event {event!r}", self.element.line, rule)
+                self.losses.add(f"event {event!r}", self.element.line, rule, alters=True)
             elif len(found) > 1:
                 rule = "is sent with several delays; here it may arrive at any time"
-                self.losses.add(f"event {event!r}", self.element.line, rule)
+                self.losses.add(f"event {event!r}", self.element.line, rule, alters=True)
 
     def _machine(self, name: str, flat: Flat, region: Node) -> Machine:
         transitions = []
@@ -226,11 +252,21 @@ class _System:
         for name, reason in self.data.missing.items():
             self.losses.add(f"data {name!r}", self.data.lines[name], f"is left out: {reason.rule}")
         for each in self.chart.invoked:
-            self.losses.add("<invoke>", each.line, "what is invoked is left out")
+            self.losses.add("<invoke>", each.line, "what is invoked is left out", alters=True)
+        for each in self.element.walk():
+            if each.tag == "donedata":
+                rule = "what the end of a state carries is left out, and so are errors in it"
+                self.losses.add("<donedata>", each.line, rule, alters=True)
+        arcs = _arcs(self.chart.root)
+        ends = [arc for arc in arcs if any(plain(event).startswith("done.state") for event in arc.events)]
+        if ends and (self.inward or not all(arc.events for arc in arcs) or any(arc.condition for arc in ends)):
+            there = "the end of a state is an event in the queue there"
+            rule = f"{there}; here it goes before all others, as long as the state is at its end"
+            self.losses.add("<transition>", ends[0].line, rule, alters=True)
         if any(channel.sender == channel.receiver for channel in self.channels.values()):
             there = "events from inside go before those from outside there, and are dropped if no transition answers"
             here = f"here they wait, {CAPACITY} of a name, and go in any order"
-            self.losses.add("<scxml>", line, f"{there} them; {here}")
+            self.losses.add("<scxml>", line, f"{there} them; {here}", alters=True)
 
     def _report_unused(self, flats: Mapping[Node, Flat]) -> None:
         """Note the states and transitions of the document that nothing leads to."""

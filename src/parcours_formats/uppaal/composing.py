@@ -145,7 +145,11 @@ class Composing:
             guard = replaced(step.guard, meaning)
             holds, duration = None if guard == TRUE else guard, (0.0, 0.0) if step.source in urgent else None
             actions = tuple(Assignment(values[each.target].id, replaced(each.value, meaning)) for each in step.actions)
-            for id, event, sends in self._ends(part, step):
+            ends_here = list(self._ends(part, step))
+            if not ends_here and step.link is not None:
+                rule = f"no other process meets it on channel {step.link.id!r}, so that it can never be taken; left out"
+                self.losses.add(f"edge {step.id!r}", step.line, rule)
+            for id, event, sends in ends_here:
                 ends = (id, step.source, step.target, event)
                 transitions.append(Transition(*ends, holds, actions, sends, duration, step.weight, line=step.line))
         locations = template.locations
@@ -252,19 +256,19 @@ class Linking:
         met = any(sender != receiver for sender in senders for receiver in receivers)
         if link.is_broadcast and (met or not senders):
             rule = "a broadcast meets all that are ready and waits for none; here it meets one, and waits for it"
-            self.losses.add(where, link.line, rule)
+            self.losses.add(where, link.line, rule, alters=True)
         if link.is_urgent:
-            self.losses.add(where, link.line, "is urgent; here time may pass before it is taken")
+            self.losses.add(where, link.line, "is urgent; here time may pass before it is taken", alters=True)
         meets_tester = any((link.id, sign) in self.tester for sign in "!?")
         if not met and not meets_tester and not (link.is_broadcast and senders):
             other = "no other process" if senders and receivers else "no process"
             rule = f"{other} {'receives' if senders else 'sends'} on it, so that it blocks; here the environment does"
-            self.losses.add(where, link.line, rule)
+            self.losses.add(where, link.line, rule, alters=True)
         sent = {action.target for _, steps in senders.values() for step in steps for action in step.actions}
         read = {id for _, steps in receivers.values() for step in steps for id in names(step.guard)}
         if both := sorted(sent & read):
             rule = f"a receiver's guard reads {', '.join(both)} before the sender's update; here it reads after it"
-            self.losses.add(where, link.line, rule)
+            self.losses.add(where, link.line, rule, alters=True)
 
 
 def _by_component(side: _Side) -> dict[int, list[str]]:

@@ -12,6 +12,7 @@ from parcours.model.expression import Assignment, Expression, Literal
 from parcours_formats.guard_languages import Branch, Tokens, Translation, sized
 from parcours_formats.guard_languages.foreign_syntax import Parser
 from parcours_formats.guard_languages.values import FALSE, TRUE, conjunction
+from parcours_formats.losses import Losses
 from parcours_formats.naming import Names
 from parcours_formats.uppaal.declarations import parse_selections
 from parcours_formats.uppaal.environment import Environment
@@ -39,10 +40,10 @@ class Step:
 
 
 class Steps:
-    """Writes out the steps of the processes of one file."""
+    """Writes out the steps of the processes of one file; `losses` grows."""
 
     def __init__(self, origin: str) -> None:
-        self.origin, self.count, self.ids = origin, 0, Names()
+        self.origin, self.count, self.ids, self.losses = origin, 0, Names(), Losses()
 
     def of(self, process: Process) -> Iterator[Step]:
         """Yield the steps of a process."""
@@ -50,7 +51,7 @@ class Steps:
         self._bounded(len(ways), process.template.line)
         for way in ways:
             source, target = locations[way[0].source].name, locations[way[-1].target].name
-            line = way[0].line
+            line, before = way[0].line, self.count
             for environment, suffix in self._selected(process.environment, way):
                 id = ".".join(edge.name for edge in way) + suffix
                 if process.name != process.template.name or way[0].name.isdecimal():
@@ -62,6 +63,9 @@ class Steps:
                     own = f"{id}#{number}" if len(found) > 1 else id
                     weight = self._weight(way, environment)
                     yield Step(self.ids.label(own), source, target, guard, branch.actions, link, sign, weight, line)
+            if self.count == before:
+                where = f"edge from {source!r} to {target!r} of {process.name!r}"
+                self.losses.add(where, line, "its guard is false whatever happens; it is left out")
 
     def _bounded(self, more: int, line: int) -> None:
         if self.count + more > MAX_STEPS:

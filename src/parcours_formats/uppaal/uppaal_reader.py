@@ -38,9 +38,9 @@ def read(text: str, origin: str) -> Reading:
         if isinstance(each, Declared | Routine):
             around.declare(each, f"{origin}:{each.line}")
         elif isinstance(each, Aside):
-            losses.add("declarations", each.line, f"{each.what} is left out")
+            losses.add("declarations", each.line, f"{each.what} is left out", alters="priorities" in each.what)
         elif isinstance(each, System) and each.is_ranked:
-            losses.add("system", each.line, "priorities of processes are left out")
+            losses.add("system", each.line, "priorities of processes are left out", alters=True)
     templates = {each.name: each for each in (read_template(element, origin) for element in root.all("template"))}
     for element in root.all("lsc"):
         losses.add("lsc", element.line, "live sequence charts are left out")
@@ -52,6 +52,7 @@ def read(text: str, origin: str) -> Reading:
     for process in Instantiation(templates, declared, around, origin).processes():
         losses += _location_losses(process)
         parts.append(Part(process, list(steps.of(process)), _invariants(process, steps, cells, losses)))
+    losses += steps.losses
     # A process `Environment` that only meets others is how our own writer writes the tester: it is read as that.
     testers = [part for part in parts if _is_tester(part)]
     if len(testers) < len(parts):
@@ -75,7 +76,7 @@ def _location_losses(process: Process) -> Losses:
         where = f"location {location.name!r} of {process.template.name!r}"
         if location.is_committed:
             rule = "is committed; here others may move while it is urgent"
-            found.add(where, location.line, rule)
+            found.add(where, location.line, rule, alters=True)
         if "exponentialrate" in location.labels:
             found.add(where, location.line, "its exponential rate is left out")
     return found
@@ -93,7 +94,7 @@ def _invariants(process: Process, steps: Steps, cells: Cells, losses: Losses) ->
                 kept.append(part)
             elif part != TRUE:
                 rule = f'the part "{part}" of its invariant is not about clocks and constants alone and is left out'
-                losses.add(f"location {location.name!r} of {process.name!r}", location.line, rule)
+                losses.add(f"location {location.name!r} of {process.name!r}", location.line, rule, alters=True)
         if kept:
             found.append((location.name, conjunction(kept)))
     return found

@@ -27,9 +27,7 @@ _BETWEEN_LOOKS = 256
 Progress = Callable[[str, int, int], None]
 
 
-def explore(
-    cefsm: Cefsm, max_states: int = 1_000_000, max_seconds: float = 120.0, progress: Progress | None = None
-) -> Space:
+def explore(cefsm: Cefsm, max_states: int = 1_000_000, progress: Progress | None = None) -> Space:
     """Return the state space of a model: what the step relation reaches, with everything wrong in it.
 
     Inputs and open message fields take the values that `parcours.model.enabled` chooses: all of a finite
@@ -37,7 +35,6 @@ def explore(
 
     Args:
         max_states: most configurations to keep [1 .. 2^30].
-        max_seconds: how long to go on [s]; what follows takes a fraction of it.
         progress: gets ("states", how many are known, max_states) now and then.
 
     Raises:
@@ -46,18 +43,14 @@ def explore(
     if not 1 <= max_states <= MOST_STATES:
         rule = f"must keep 1 to {MOST_STATES} states, but {max_states} was given"
         raise BadRequest("exploration", rule, slug="explore-bound")
-    if not max_seconds >= 0:
-        raise BadRequest("exploration", f"must take 0 s or more, but {max_seconds} was given", slug="explore-bound")
     packing, record = Packing(Layout(cefsm)), Record()
     local = LocalMoves(cefsm, packing)
     band = actors(packing, local, record)
-    space = replace(_search(packing, band, record, max_states, max_seconds, progress), doubts=local.doubts)
+    space = replace(_search(packing, band, record, max_states, progress), doubts=local.doubts)
     return replace(space, findings=discoveries(space, local, record, band))
 
 
-def _search(
-    packing: Packing, band: list[Actor], record: Record, max_states: int, max_seconds: float, progress: Progress | None
-) -> Space:
+def _search(packing: Packing, band: list[Actor], record: Record, max_states: int, progress: Progress | None) -> Space:
     # The inner loop does nothing but look up, add and append: it runs once for each edge.
     begun, stopped = time.monotonic(), ""
     packed, parents, arrivals = [0], array("i", [0]), array("i", [-1])
@@ -69,9 +62,6 @@ def _search(
     while state < len(packed):
         if is_fresh or not state % _BETWEEN_LOOKS:
             is_fresh = False
-            if time.monotonic() - begun > max_seconds:
-                stopped = f"after {max_seconds:g} s"
-                break
             if len(targets) > MOST_TRANSITIONS:
                 stopped = f"at {len(targets)} transitions"
                 break

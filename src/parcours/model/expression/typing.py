@@ -7,7 +7,7 @@ may stand where a real is expected; nothing else converts.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import NoReturn
 
@@ -29,17 +29,22 @@ from parcours.model.expression.syntax import (
 
 @dataclass(frozen=True, slots=True)
 class Type:
-    """A base type or message class by name, the values of an enumeration, the number of list dimensions."""
+    """A base type or message class by name, the values of an enumeration, the number of list dimensions.
+
+    A clock is a real that is never negative.
+    """
 
     name: str
     values: tuple[str, ...] = ()
     rank: int = 0
+    is_clock: bool = field(default=False, compare=False)
 
     def __str__(self) -> str:
         return "list of " * self.rank + self.name + (f" {{{', '.join(self.values)}}}" if self.values else "")
 
 
 BOOL, INT, REAL, TEXT = Type("bool"), Type("int"), Type("real"), Type("text")
+TIME = Type("real", is_clock=True)
 _NO_CLASSES: Mapping[str, Mapping[str, Type]] = MappingProxyType({})
 
 

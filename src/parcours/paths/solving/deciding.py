@@ -22,7 +22,7 @@ from parcours.paths.spaces import part_of
 from parcours.paths.timing.clockwork import is_timed
 from parcours.paths.timing.events import events_of
 from parcours.paths.timing.replaying import Replay
-from parcours.paths.timing.schedules import Schedule, schedule
+from parcours.paths.timing.schedules import Contradiction, Schedule, schedule
 
 if TYPE_CHECKING:
     from parcours.paths.solving.proving import Prover
@@ -93,7 +93,7 @@ class _Verifier:
             timely = self._read(moves, found) if isinstance(found, Schedule) else None
             if timely is not None and self.runs(timely.ids, timely.inputs):
                 path = timely
-            elif not in_time:
+            elif not in_time or isinstance(found, Contradiction):
                 return None
         return Path(path.moves, self.ends(path.ids))
 

@@ -1,7 +1,8 @@
 """Runs through the state space of a component that together meet what requirements of one machine can be met.
 
 All machines of the component move; the tester stands in at both ends of every channel that leaves it. Where the
-space is finite and every choice of inputs was tried, what was not met cannot be met.
+space is finite and every choice of inputs was tried, what was not met cannot be met. Where time counts, a state is a
+configuration with the zone of its clocks.
 """
 
 from __future__ import annotations
@@ -20,8 +21,10 @@ from parcours.model.structure import Cefsm, Machine, Transition
 from parcours.paths.automaton import Trie
 from parcours.paths.criteria.requirement import START, Requirement
 from parcours.paths.graph import Came, breadth_first, way_to
-from parcours.paths.solving.verdicts import Spent, Work
+from parcours.paths.solving.verdicts import Path, Spent, Work
 from parcours.paths.spaces import ModelSpace, Place
+from parcours.paths.timing.clockwork import is_timed
+from parcours.paths.timing.zones import Zone, Zones
 
 SEQUENCES = ("transitions", "du-path")
 """The kinds of requirement that name transitions, one straight after the other."""
@@ -124,10 +127,16 @@ class Targets:
                     raise BadRequest(where, rule, "name every transition on the way", slug="broken-sequence")
 
 
+BEAM = 256
+"""Most runs of each length that are kept while a shorter one is sought."""
+
 LOOK = 1 / 64
 """What it costs to come to a state that was expanded before, in units of work."""
 
-Position = tuple[Place, Node]
+Spot = tuple[Place, Zone | None]
+"""Where a run stands, and what its clocks may read; no zone where no time may pass, an empty one without clocks."""
+
+Position = tuple[Spot, Node]
 """Where a run stands, and which parts of requirements it has just done."""
 
 Wanted = Callable[[Node], bool]
@@ -146,8 +155,9 @@ class Explored:
     n_states: int
 
 
-# The search runs on pairs of a place (a configuration of the component) and a node of the targets' automaton: two runs
-# to one place differ if one has just done more of a required sequence. Places are expanded once, whatever their nodes.
+# The search runs on pairs of a spot (a configuration of the component, and a zone) and a node of the targets'
+# automaton: two runs to one spot differ if one has just done more of a required sequence. Spots are expanded once,
+# whatever their nodes.
 class Exploration:
     """The state space of a component as far as it was asked for.
 
@@ -155,7 +165,7 @@ class Exploration:
         alone: the model of the component alone (`part_of`).
         targets: what the runs of one machine are to meet.
         finals: the states of that machine where a run may end.
-        most: how many configurations may be visited.
+        most: how many configurations, with their zones, may be visited.
         work: counts the states.
         until: when to stop: what `work` may have spent.
     """
@@ -165,7 +175,10 @@ class Exploration:
     ) -> None:
         self._space, self._targets, self._finals = ModelSpace(alone, remembered=sys.maxsize), targets, set(finals)
         self._most, self._work, self._until = most, work, until
-        self._after: dict[Place, list[tuple[Move, Place]]] = {}
+        (self._component,) = alone.components
+        self._zones = Zones(self._component) if is_timed(self._component) else None
+        self._after: dict[Spot, list[tuple[Move, Spot]]] = {}
+        self._untimed: dict[Place, list[tuple[Move, Place]]] = {}
         self._doubts: dict[str, str] = {}
         self._doubt = ""
 
@@ -176,7 +189,8 @@ class Exploration:
         """
         targets = self._targets
         missing = set(targets.requirements)
-        begin = (self._space.place(self._space.initial), targets.start())
+        start: Zone | None = () if self._zones is None else self._zones.start(self._space.initial.states)
+        begin = ((self._space.place(self._space.initial), start), targets.start())
         missing.difference_update(targets.at(begin[1]))
 
         def meets(node: Node) -> bool:
@@ -202,7 +216,47 @@ class Exploration:
                 break
         if run or not runs:
             runs.append(self._closed(run, here, complete=complete))
+        if len(runs) == 1:
+            runs = [self._shorter(runs[0], begin)]
         return Explored(tuple(runs), doubt or self._doubt, len(self._after))
+
+    def _shorter(self, run: tuple[Move, ...], begin: Position) -> tuple[Move, ...]:
+        """Return the shortest run found that meets what a run meets and ends as well: that run if there is none.
+
+        Of all runs of one length, those that have met most are made longer (beam search).
+        """
+        targets = self._targets
+        bits = {need: 1 << place for place, need in enumerate(targets.met(Path(run).ids))}
+        at_home = self._node_after(begin[1], run)[0] in self._finals
+
+        def met(node: Node) -> int:
+            return sum(bits.get(need, 0) for need in targets.at(node))
+
+        layer: dict[tuple[Position, int], tuple[Move, ...]] = {(begin, met(begin[1])): ()}
+        for _ in range(len(run) - 1):
+            following: dict[tuple[Position, int], tuple[Move, ...]] = {}
+            for ((spot, node), done), moves in layer.items():
+                self._work.spent += LOOK
+                try:
+                    leaving = self._expanded(spot) if self._work.spent <= self._until else []
+                except Spent:
+                    return run
+                for move, then in leaving:
+                    after = self._node_after(node, (move,))
+                    key = ((then, after), done | met(after))
+                    if key not in following:
+                        following[key] = (*moves, move)
+                        if key[1].bit_count() == len(bits) and (not at_home or after[0] in self._finals):
+                            return following[key]
+            best = sorted(following, key=lambda key: -key[1].bit_count())[:BEAM]
+            layer = {key: following[key] for key in best}
+        return run
+
+    def _node_after(self, node: Node, moves: Iterable[Move]) -> Node:
+        for id in Path(tuple(moves)).ids:
+            if id in self._targets.transitions:
+                node = self._targets.after(node, id)
+        return node
 
     def _closed(self, run: list[Move], here: Position, *, complete: bool) -> tuple[Move, ...]:
         def is_home(node: Node) -> bool:
@@ -227,10 +281,7 @@ class Exploration:
             if self._work.spent > self._until:
                 raise Spent(f"the budget was spent after {len(self._after)} states")
             for move, then in self._expanded(place[0]):
-                node = place[1]
-                for id in (move.transition, move.partner):
-                    if id in targets.transitions:
-                        node = targets.after(node, id)
+                node = self._node_after(place[1], (move,))
                 following = (then, node)
                 if following in came:
                     continue
@@ -257,7 +308,7 @@ class Exploration:
         while not moves or not wanted(here[1]):
             nearer = (
                 (move, (then, node))
-                for move, then in self._moves(here[0])
+                for move, then in self._timely(here[0])
                 if move.transition in targets.transitions and not move.partner
                 for node in [targets.after(here[1], move.transition)]
                 if wanted(node) or far.get(node, len(far)) < far.get(here[1], 0)
@@ -269,13 +320,32 @@ class Exploration:
             met.update(targets.at(here[1]))
         return moves, here, met
 
-    def _expanded(self, place: Place) -> list[tuple[Move, Place]]:
-        if place not in self._after:
+    def _expanded(self, spot: Spot) -> list[tuple[Move, Spot]]:
+        if spot not in self._after:
             if len(self._after) >= self._most:
                 raise Spent(f"more than {self._most} states")
             self._work.spent += 1
-            self._after[place] = list(self._moves(place))
-        return self._after[place]
+            self._after[spot] = list(self._timely(spot))
+        return self._after[spot]
+
+    def _timely(self, spot: Spot) -> Iterator[tuple[Move, Spot]]:
+        """Yield what can happen in time, and where it leads."""
+        place, zone = spot
+        if self._zones is None:
+            yield from ((move, (then, zone)) for move, then in self._moves(place))
+            return
+        if place not in self._untimed:
+            self._untimed[place] = list(self._moves(place))
+        layout, states = self._space.steps.layout, place.configuration.states
+        for move, then in self._untimed[place] if zone is not None else ():
+            moving, known = [], layout.local(place.configuration, self._component.name)
+            for id in filter(None, (move.transition, move.partner)):
+                site = layout.sites[id]
+                moving.append((site.slot, site.transition, dict(known)))
+                for at, _ in site.assigned:  # what the partner reads then is left open
+                    known.pop(layout.variables[at][1].name, None)
+            for after in self._zones.after(zone, states, moving):
+                yield move, (then, after)
 
     def _moves(self, place: Place) -> Iterator[tuple[Move, Place]]:
         """Yield what can happen in a place, and where it leads."""

@@ -43,7 +43,7 @@ class Prefixes:
 
     def __init__(self, ground: Ground, component: Component, machine: Machine, seed: int, work: Work) -> None:
         self._place = (0, component.name, machine.name)
-        self._walk = Walk(ground, [self._place], seed=seed, work=work)
+        self._walk = Walk(ground, [(0, component.name, each.name) for each in component.machines], seed=seed, work=work)
         self._ids: Ids = ()
         # Where time counts no two paths are alike, so loops would have no end.
         self.longest = LOOPS * (len(machine.states) + len(machine.transitions)) if ground.timed else sys.maxsize
@@ -57,7 +57,8 @@ class Prefixes:
             and meetings.isdisjoint(send.channel for send in transition.sends)
         )
         self.doubt = ""
-        if len(self.allowed) < len(self._transitions) or ground.unsteady(component.name, machine.name):
+        watched = any(each.invariants for each in component.machines if each is not machine)
+        if watched or len(self.allowed) < len(self._transitions) or ground.unsteady(component.name, machine.name):
             self.doubt = "other machines of the component may help"
 
     def runs(self, ids: Ids) -> bool:

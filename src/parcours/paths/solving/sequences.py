@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from parcours.model.structure import Cefsm
 from parcours.paths.criteria.requirement import Requirement
 from parcours.paths.solving.verdicts import BUDGET, Covered, Infeasible, Path, Undecided, Verdict, Work, require_solver
-from parcours.paths.timing.events import Event, events_of, taken_messages
+from parcours.paths.timing.events import Event, events_of, places_of, taken_messages
 from parcours.paths.timing.replaying import Replay
 from parcours.paths.timing.schedules import Contradiction, Schedule, Unscheduled, schedule
 
@@ -51,7 +51,7 @@ def _decided(cefsm: Cefsm, events: Sequence[Event], work: Work, seed: int) -> Pa
     from parcours.paths.solving.reading import Ground
     from parcours.paths.solving.walk import Walk
 
-    ground, places = Ground(cefsm), list(dict.fromkeys(event.place for event in events))
+    ground, places = Ground(cefsm), places_of(cefsm, events)
     taken = frozenset(taken_messages(events))
 
     def walked(*, exact: bool, explain: bool) -> Walk:

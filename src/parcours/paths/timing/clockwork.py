@@ -90,7 +90,7 @@ class Clockwork:
         if transition.guard is not None and not names(transition.guard).isdisjoint(clocks):
             why = f"guard of {event}: {transition.guard}{set_when(transition.guard, clocks)}"
             conditions.append(Condition(transition.guard, now, dict(clocks), why, now))
-        settings = dict(_settings(transition, clocks))
+        settings = dict(settings_of(transition, clocks))
         moved = [each for each in self._stands if each[:2] == place[:2]]
         conditions += (found for each in moved for found in self._watch(each, now, settings if each != place else None))
         clocks.update({name: (now, value) for name, value in settings.items()})
@@ -117,7 +117,8 @@ def set_when(condition: Expression, clocks: Mapping[str, Setting]) -> str:
     return f" ({', '.join(said)})" if said else ""
 
 
-def _settings(transition: Transition, clocks: dict[str, Setting]) -> Iterator[tuple[str, Fraction]]:
+def settings_of(transition: Transition, clocks: Mapping[str, Setting]) -> Iterator[tuple[str, Fraction]]:
+    """Yield the clocks that a transition sets, and to what [s]. Raises NoBound: that is no number, 0 or more."""
     for action in transition.actions:
         if isinstance(action, Assignment) and action.target in clocks:
             try:

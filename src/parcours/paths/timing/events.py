@@ -89,6 +89,15 @@ def events_of(
     return tuple(found)
 
 
+def places_of(cefsm: Cefsm, events: Sequence[Event]) -> list[Place]:
+    """Return the machines of all components that take part: also those that stand still, for time passes there too."""
+    return [
+        (instance, component, machine.name)
+        for instance, component in dict.fromkeys((event.instance, event.component) for event in events)
+        for machine in cefsm.component(component).machines
+    ]
+
+
 def taken_messages(events: Sequence[Event]) -> set[tuple[int, str]]:
     """Return the messages that some event takes from another, as (number of the sending event, channel)."""
     return {(each.send, each.transition.event.channel) for each in events if each.send and each.transition.event}

@@ -11,7 +11,7 @@ from parcours.model.configuration import Inputs
 from parcours.model.structure import Cefsm
 from parcours.paths.timing.clocks import NoBound, Way, ways
 from parcours.paths.timing.clockwork import Clockwork, Facts
-from parcours.paths.timing.events import events_of
+from parcours.paths.timing.events import events_of, places_of
 from parcours.paths.timing.network import Limit, Window, Windows, windows_of
 from parcours.paths.timing.replaying import Replay
 
@@ -94,7 +94,7 @@ def schedule(
             raise BadRequest("inputs", rule, "let solved_schedule find some", slug="inputs-fail")
         known = replayed.known
     try:
-        clockwork, facts = Clockwork(cefsm, list(dict.fromkeys(event.place for event in events))), []
+        clockwork, facts = Clockwork(cefsm, places_of(cefsm, events)), []
         facts.append(clockwork.begin())
         settings = []
         for event in events:

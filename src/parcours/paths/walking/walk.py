@@ -25,8 +25,8 @@ AtDeadEnd = Literal["restart", "stop"]
 AT_DEAD_END: tuple[AtDeadEnd, ...] = ("restart", "stop")
 """What to do where nothing can be done: start again in the initial configuration, or end."""
 
-BUDGET = 60.0
-"""How long a walk may take that no step or time bound of its condition ends [s]."""
+BUDGET = 1_000_000
+"""Most moves and restarts of a phase that no step or time bound of its condition ends."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +72,7 @@ class Walk:
             steps, restarts, time and targets count for each phase by itself.
         generator: the source of chance; the same generator state gives the same walk.
         at_dead_end: what to do where nothing can be done.
-        budget: how long a phase may take whose condition does not bound it by steps or time [s].
+        budget: most moves and restarts of a phase whose condition does not bound it by steps or time.
         clock: the time [s].
         criteria: what to count besides the criteria that the conditions name.
 
@@ -87,7 +87,7 @@ class Walk:
 
     def __init__(
         self, space: ModelSpace, phases: Sequence[Phase], generator: np.random.Generator, *,
-        at_dead_end: AtDeadEnd = "restart", budget: float = BUDGET, clock: Clock = time.monotonic,
+        at_dead_end: AtDeadEnd = "restart", budget: int = BUDGET, clock: Clock = time.monotonic,
         criteria: Sequence[str] = ("node", "edge"),
     ) -> None:  # fmt: skip
         require_known(at_dead_end, AT_DEAD_END, "dead end", slug="unknown-dead-end")
@@ -118,12 +118,12 @@ class Walk:
         self._aim(phase)
         self.tallies.stand(self._here.configuration.states)
         holds = _compiled(phase.until, self.tallies, spent, self._clock)
-        deadline = None if is_bounded(phase.until) else spent.began + self._budget
+        is_free = not is_bounded(phase.until)
         is_asked = any(leaf.kind in ("covered", "reached", "taken") for leaf in leaves(phase.until))
         tallies, view = self.tallies, replace(self._view, is_asked=is_asked)
         fresh = False
         while not holds():
-            if deadline is not None and self._clock() >= deadline:
+            if is_free and spent.steps + spent.restarts >= self._budget:
                 self.ended = Ending.BUDGET
                 return
             here = self._here
