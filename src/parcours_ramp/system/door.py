@@ -15,7 +15,7 @@ from parcours.study.parameters import Parameter, Settings, workers_parameter
 from parcours.study.protocol import Finding, Judged, Progress, Rejudged, Reported, Request, Results, Run
 from parcours.suite import Case
 from parcours_navigation.cases.family import FILES, LONGEST, PUBLISHED_CASES, TIME_LIMIT
-from parcours_navigation.study.asking import CASES, cases_of, numbers_of, question_of
+from parcours_navigation.study.asking import CASES, TIME_LIMIT_DOC, cases_of, numbers_of, question_of
 from parcours_navigation.study.results import CampaignResults, report_folders
 from parcours_ramp.planner.latency import Latencies
 from parcours_ramp.system.study import SCHEDULES, SystemStudy, system_study
@@ -48,9 +48,7 @@ class RampSystem:
             Parameter("added_sensing", "real", 0.0, "obstacles seen later", "s", low=0.0),
             Parameter("added_planning", "real", 0.0, "cycles longer", "s", low=0.0),
             Parameter("added_stop", "real", 0.0, "halts later", "s", low=0.0),
-            Parameter(
-                "time_limit", "real", TIME_LIMIT, "of a case, after its static second", "s", low=0.01, high=LONGEST
-            ),
+            Parameter("time_limit", "real", TIME_LIMIT, TIME_LIMIT_DOC, "s", low=0.01, high=LONGEST),
             workers_parameter(),
             Parameter("host", "text", "simulated", "where the components run", choices=HOSTS),
             Parameter(
