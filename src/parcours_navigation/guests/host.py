@@ -72,8 +72,7 @@ class Host:
              limits.yaw_rate, limits.acceleration, limits.yaw_acceleration, robot_radius], float
         )  # fmt: skip
         self._period, self._delay, limit, extension = (
-            round(t * 1e9)
-            for t in (scenario.period, scenario.command_delay, end, scenario.watched_on)
+            round(t * 1e9) for t in (scenario.period, scenario.command_delay, end, scenario.watched_on)
         )
         self._steps = _steps(self._period, 0, limit)
         self._steps_after = _steps(self._period, limit, limit + extension)
