@@ -82,6 +82,22 @@ def test_so_they_do_over_whole_cases_that_are_watched_on_and_the_trace_tells_wha
 
 
 @pytest.mark.parametrize("schedule", SCHEDULES)
+def test_so_they_do_among_solid_obstacles_and_with_any_published_habit_changed(schedule: str) -> None:
+    plain = timeless(schedule, 6.0)
+    changes = [{name: schedule == "original"} for name in ("looks_ahead", "may_leave", "halts_at_once")]
+    studies = [dataclasses.replace(plain, solid=True)]
+    studies += [dataclasses.replace(plain, parameters=dataclasses.replace(plain.parameters, **c)) for c in changes]
+    facts = plain.run(np.arange(60))
+    struck = np.flatnonzero(facts["n_obstacle_contacts"] > 0)[:2].tolist()
+    for one in studies:
+        runs = [assert_same(one, number) for number in struck]
+        changed = [
+            run.track.tobytes() != plain.track(n)[1].tobytes() or one.solid for n, run in zip(struck, runs, strict=True)
+        ]
+        assert any(changed)
+
+
+@pytest.mark.parametrize("schedule", SCHEDULES)
 def test_so_they_do_in_the_published_harness_where_the_robot_stands_until_its_first_trajectory_arrives(
     schedule: str,
 ) -> None:

@@ -14,7 +14,7 @@ import numpy as np
 from parcours.elementary import sin_cos, wrap
 from parcours.kernels import Record, kernel
 from parcours_ramp.planner.messages import POSE, SAMPLE, TRAJECTORY, Report, Step, one
-from parcours_ramp.planner.parameters import GUARDED, ORIGINAL, Parameters
+from parcours_ramp.planner.parameters import ORIGINAL, Parameters
 from parcours_ramp.planner.trajectory import copy_trajectory, pose_at
 
 COMMAND_PERIOD = 50_000_000  # Time between two commands [ns]
@@ -57,7 +57,7 @@ def signal(control: Record, imminent: bool, now: int, parameters: Record) -> Non
     if imminent and not control.halt:
         control.t_halt = now
     control.halt = 1 if imminent else 0
-    if imminent and parameters.schedule == GUARDED:
+    if imminent and parameters.halts_at_once:
         control.paused = 1
         control.command_v = control.command_w = 0.0
 
@@ -119,7 +119,7 @@ def command(control: Record, pose: Record, now: int, parameters: Record) -> None
         return
     if control.halt and not control.paused:
         due = int((control.t_halt - control.begins) * 1e-9 / SAMPLE) + 1
-        if parameters.schedule == GUARDED or (now - control.begins) * 1e-9 / SAMPLE >= due - 1e-9:
+        if parameters.halts_at_once or (now - control.begins) * 1e-9 / SAMPLE >= due - 1e-9:
             control.paused = 1
     elif not control.halt:
         control.paused = 0

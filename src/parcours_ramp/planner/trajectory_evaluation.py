@@ -8,7 +8,7 @@ from parcours.elementary import PI, wrap
 from parcours.kernels import Record, kernel
 from parcours_ramp.planner.collision import collision_time, earliest_collision
 from parcours_ramp.planner.messages import NO_COLLISION, SAMPLE, EvaluationRequest, EvaluationResponse
-from parcours_ramp.planner.parameters import GUARDED, Parameters
+from parcours_ramp.planner.parameters import Parameters
 from parcours_ramp.planner.service import Service
 
 MODEST_TURN = 0.1  # Least angle an orientation penalty counts [rad]
@@ -44,7 +44,7 @@ def _first_meeting(
         return NO_COLLISION
     earliest, slack, valid_until = earliest_collision(
         trajectory, trajectory.begins, first, trajectory.n, predictions, drift_x, drift_y, parameters.plan_margin,
-        parameters.schedule == GUARDED and first == 0, parameters,
+        bool(parameters.may_leave) and first == 0, parameters,
     )  # fmt: skip
     if first == 0:
         remember(trajectory, epoch, changed, drift_x, drift_y, slack, valid_until)

@@ -88,6 +88,7 @@ def run_case(
     robot.a_max, robot.alpha_max = parameters.a_max, parameters.alpha_max
     robot.radius = parameters.robot_radius
     world.goal_x, world.goal_y, world.goal_tolerance = setting.goal_x, setting.goal_y, setting.goal_tolerance
+    world.solid = setting.solid
     begin(world, obstacles)
     planner.goal_x, planner.goal_y = setting.goal_x, setting.goal_y
     measure_robot(robot, work.report)

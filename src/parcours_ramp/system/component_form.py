@@ -237,6 +237,7 @@ def begin_world(study: SystemStudy) -> Record:
     robot.heading, robot.v, robot.command_v = setting.robot_heading, setting.robot_speed, setting.robot_speed
     robot.v_max, robot.w_max = parameters.v_max, parameters.w_max
     robot.a_max, robot.alpha_max, robot.radius = parameters.a_max, parameters.alpha_max, parameters.robot_radius
+    world.solid = setting.solid
     world.goal_x, world.goal_y, world.goal_tolerance = setting.goal_x, setting.goal_y, setting.goal_tolerance
     return world
 

@@ -42,6 +42,7 @@ class SystemStudy:
     latencies: Latencies = dataclasses.field(default_factory=Latencies)  # how long its work takes
     time_limit: float = TIME_LIMIT  # length of a test [s]; see `SystemCases.end` from when on
     watched_on: float = WATCHED_ON  # how long an unfinished case is watched beyond its end [s]
+    solid: bool = False  # whether an obstacle stops for good where it touches the robot; it drives through if not
 
     def __post_init__(self) -> None:
         require_numba("simulating the world")
@@ -108,6 +109,7 @@ class SystemStudy:
         setting.robot_heading, setting.told_speed = 0.7853981633974483, 0.249
         setting.starts_late = self.cases.protocol == "published"
         setting.robot_speed = 0.0 if setting.starts_late else setting.told_speed
+        setting.solid = self.solid
         setting.goal_x = setting.goal_y = 2.0
         setting.goal_tolerance = 0.2
         return setting
@@ -129,6 +131,7 @@ class SystemStudy:
                 "latencies": dataclasses.asdict(self.latencies),
                 "time_limit": self.time_limit,
                 "watched_on": self.watched_on,
+                "solid": self.solid,
             },
             shard_size=shard_size or min(max(n_cases // 8, 64), 1024),
         )

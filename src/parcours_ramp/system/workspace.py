@@ -35,6 +35,7 @@ SETTING = np.dtype(
         ("told_speed", "f8"),  # the speed at the start that RAMP is told [m/s]
         ("starts_late", "i8"),  # 1 if control takes no trajectory before `late_start`
         *fields("f8", "goal_x goal_y goal_tolerance"),  # [m]
+        ("solid", "i8"),  # 1 if an obstacle stops for good where it touches the robot
     ]
 )  # What all cases of a campaign share
 
