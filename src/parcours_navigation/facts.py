@@ -29,10 +29,11 @@ FACTS = np.dtype(
         ("t_goal_after", "i8"),  # goal reached when the case was watched on beyond its end [ns]
         ("moved_after", "i8"),  # 1 if the robot moved again then
         ("t_contact", "i8"),  # first contact [ns]
-        ("t_robot_contact", "i8"),  # first contact whose gap the robot closed alone [ns]
+        ("t_robot_contact", "i8"),  # first contact whose gap the robot closed alone [ns], also while watched on
         ("t_shared_contact", "i8"),  # ... that both closed [ns]
         ("n_robot_contacts", "i8"),
         ("n_shared_contacts", "i8"),
+        ("n_contacts_after", "i8"),  # contacts after the end whose gap the robot closed, alone or not, while watched on
         ("n_obstacle_contacts", "i8"),  # contacts that the obstacle closed alone, or that found the robot at rest
         ("min_clearance", "f8"),  # least gap to any obstacle before the end [m]; negative is overlap
         ("t_min_clearance", "i8"),  # [ns]

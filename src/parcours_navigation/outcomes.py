@@ -76,11 +76,11 @@ class Outcome(IntEnum):
     """The sound outcome of a case; the first that holds, in this order (but an ERROR before all)."""
 
     COLLIDED = 0
-    """The robot, moving, closed the gap at a contact, alone or together with the obstacle."""
+    """The robot, moving, closed the gap at a contact, alone or together with the obstacle, while anybody watched."""
     REACHED = 1
     """The goal was reached in time, and latched."""
     UNDER_WAY = 2
-    """The goal was not reached in time but soon after: the true remaining time is known."""
+    """The goal was reached later, with nothing touched on the way: the true remaining time is known."""
     BLOCKED = 3
     """An obstacle came to rest on the goal: nobody could stand there."""
     STUCK = 4
@@ -100,6 +100,12 @@ VERDICT_OF = dict.fromkeys(Outcome, Verdict.FAIL) | {
 """The verdict each outcome earns."""
 
 
+def touched(facts: Facts) -> Flags:
+    """Return in which cases the moving robot closed the gap at a contact, in time or while it was watched on."""
+    counts = facts["n_robot_contacts"] + facts["n_shared_contacts"] + facts["n_contacts_after"]
+    return np.asarray(counts > 0)
+
+
 def outcomes(facts: Facts) -> NDArray[np.int64]:
     """Return the sound Outcome of each case as an integer, shape (n_cases,).
 
@@ -109,10 +115,9 @@ def outcomes(facts: Facts) -> NDArray[np.int64]:
     >>> [Outcome(code).name for code in outcomes(facts)]
     ['REACHED', 'STUCK']
     """
-    collided = (facts["n_robot_contacts"] > 0) | (facts["n_shared_contacts"] > 0)
     conditions = [
         facts["error"] != 0,
-        collided,
+        touched(facts),
         facts["t_goal"] != NEVER,
         facts["t_goal_after"] != NEVER,
         facts["goal_gap"] < 0.0,
@@ -139,7 +144,8 @@ def explain(record: np.void) -> str:
         return f"the planner failed at {seconds['t_end']:.2f} s: {reason or 'no reason was kept'}"
     if outcome is Outcome.COLLIDED:
         closed = [t for t in (record["t_robot_contact"], record["t_shared_contact"]) if t != NEVER]
-        return f"the moving robot closed the gap and touched an obstacle at {min(closed) * 1e-9:.2f} s"
+        late = ", while it was watched on after the end" if closed and min(closed) > record["t_end"] else ""
+        return f"the moving robot closed the gap and touched an obstacle at {min(closed) * 1e-9:.2f} s{late}"
     if outcome is Outcome.REACHED:
         return f"goal reached at {seconds['t_goal']:.2f} s, least clearance {record['min_clearance']:.3f} m"
     if outcome is Outcome.UNDER_WAY:

@@ -38,6 +38,7 @@ def facts(**given: object) -> NDArray[np.void]:
         ({"t_goal": 12_000_000_000, "n_shared_contacts": 1, "t_shared_contact": 5}, Outcome.COLLIDED),
         ({"t_goal": 12_000_000_000, "n_obstacle_contacts": 3, "t_contact": 5}, Outcome.REACHED),
         ({"t_goal_after": 30_000_000_000, "halted": 1, "moved_after": 1}, Outcome.UNDER_WAY),
+        ({"t_goal_after": 30_000_000_000, "n_contacts_after": 1, "t_robot_contact": 25_000_000_000}, Outcome.COLLIDED),
         ({"goal_gap": -0.01, "halted": 1}, Outcome.BLOCKED),
         ({"halted": 1, "moved_after": 0}, Outcome.STUCK),
         ({"halted": 1, "moved_after": 1}, Outcome.ASTRAY),

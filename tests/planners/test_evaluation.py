@@ -246,6 +246,17 @@ def test_the_longest_way_through_the_arena_is_fitter_than_the_latest_collision(
     assert free.fitness > doomed.fitness
 
 
+def test_a_collision_at_once_costs_the_published_1e4_and_a_later_one_1e4_over_its_time() -> None:
+    predictions, trajectory = many(PREDICTION, 1), crossing()
+    for x, t, penalty in ((0.1, 0.0, 1e4), (0.24, 0.1, 1e5), (0.9, None, None)):
+        predictions[0] = prediction_of(x, 0.0, 0.0, 0.0, 0.0)
+        evaluate(trajectory, predictions, 0, 0.0, 0.0, 0.0, 0.0, False, original().record())
+        at = float(trajectory.t_collision) if t is None else t
+        assert trajectory.t_collision == pytest.approx(at)
+        expected = 1e4 / at if penalty is None else penalty
+        assert 1.0 / trajectory.fitness == pytest.approx(5.9 + expected)
+
+
 def test_fitness_falls_with_duration_rest_turning_and_first_heading_and_with_an_earlier_collision() -> None:
     def fitness(predictions: Record, halted: bool = False, **changes: float) -> float:
         trajectory = crossing()

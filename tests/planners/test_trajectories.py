@@ -10,7 +10,17 @@ import pytest
 from numpy.typing import NDArray
 
 from parcours.kernels import Record
-from parcours_ramp.planner.messages import MAX_SAMPLES, NO_COLLISION, PATH, POSE, SAMPLE, TRAJECTORY, one
+from parcours_ramp.planner.messages import (
+    LINE,
+    MAX_SAMPLES,
+    NO_COLLISION,
+    PATH,
+    POSE,
+    SAMPLE,
+    TRAJECTORY,
+    TURN,
+    one,
+)
 from parcours_ramp.planner.parameters import guarded
 from parcours_ramp.planner.route import HOLONOMIC, HYBRID, NEAR, ROUTE
 from parcours_ramp.planner.trajectory import copy_trajectory, place_at, pose_at, samples, shift
@@ -182,6 +192,14 @@ def test_a_holonomic_way_stops_and_rotates_on_every_knot() -> None:
     assert x[turns] == pytest.approx(1.0)
     assert y[turns] == pytest.approx(0.0, abs=1e-9)
     assert trajectory.curve_end == 0.0
+
+
+@pytest.mark.parametrize("heading", [0.31, 1.0, -2.0, 3.0])
+def test_a_holonomic_way_rounds_no_corner_though_it_must_begin_with_a_stop(heading: float) -> None:
+    trajectory = trajectory_of(path_of((0.2, 0.2), (1.2, 0.2), (1.8, 1.5)), heading, 0.25, HOLONOMIC)
+    assert trajectory.smooth == 0
+    assert [int(piece.kind) for piece in trajectory.pieces[: trajectory.n_pieces]] == [LINE, TURN, LINE, TURN, LINE]
+    assert trajectory.rest_length == 0.0
 
 
 def test_a_moving_robot_must_stop_for_a_way_that_leads_behind_it() -> None:

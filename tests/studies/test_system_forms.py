@@ -82,6 +82,35 @@ def test_so_they_do_over_whole_cases_that_are_watched_on_and_the_trace_tells_wha
 
 
 @pytest.mark.parametrize("schedule", SCHEDULES)
+def test_so_they_do_among_solid_obstacles_and_with_any_published_habit_changed(schedule: str) -> None:
+    plain = timeless(schedule, 6.0)
+    changes = [{name: schedule == "original"} for name in ("looks_ahead", "may_leave", "halts_at_once")]
+    studies = [dataclasses.replace(plain, solid=True)]
+    studies += [dataclasses.replace(plain, parameters=dataclasses.replace(plain.parameters, **c)) for c in changes]
+    facts = plain.run(np.arange(60))
+    struck = np.flatnonzero(facts["n_obstacle_contacts"] > 0)[:2].tolist()
+    for one in studies:
+        runs = [assert_same(one, number) for number in struck]
+        changed = [
+            run.track.tobytes() != plain.track(n)[1].tobytes() or one.solid for n, run in zip(struck, runs, strict=True)
+        ]
+        assert any(changed)
+
+
+@pytest.mark.parametrize("schedule", SCHEDULES)
+def test_so_they_do_in_the_published_harness_where_the_robot_stands_until_its_first_trajectory_arrives(
+    schedule: str,
+) -> None:
+    harness = system_study(schedule, seed=3, protocol="published")
+    for number in (0, 400, 520, 630, 730, 830):  # of six folders: obstacles that wait up to 10 s
+        short = dataclasses.replace(harness, latencies=none(), time_limit=12.0, watched_on=0.0)
+        track = assert_same(short, number).track
+        sets_out = track["time"][track["v"] > 0.0][0] * 1e-9
+        assert 0.39 < sets_out < 0.9
+        assert track["time"][-1] <= 12_000_000_000
+
+
+@pytest.mark.parametrize("schedule", SCHEDULES)
 def test_the_cases_in_which_both_forms_are_compared_halt_switch_collide_and_reach_the_goal(schedule: str) -> None:
     short, whole = timeless(schedule, SHORT)(0, 100), timeless(schedule, 20.0)(100, 5)
     assert (short["n_halts"] > 0).sum() >= 5

@@ -52,6 +52,17 @@ def test_the_repaired_schedule_s_robot_touches_nobody_where_the_published_one_s_
     assert count("guarded", Outcome.COLLIDED) < 0.01 * CASES
 
 
+def test_a_contact_after_the_end_is_counted_and_spoils_a_goal_that_is_reached_later() -> None:
+    rows = facts("original")
+    later = (rows["n_contacts_after"] > 0) & (rows["n_robot_contacts"] + rows["n_shared_contacts"] == 0)
+    spoilt = rows[later & (rows["t_goal_after"] != NEVER)]
+    assert len(spoilt) > 0
+    assert (outcomes(spoilt) == Outcome.COLLIDED).all()
+    assert "after the end" in explain(spoilt[0])
+    closed = np.where(spoilt["t_robot_contact"] == NEVER, spoilt["t_shared_contact"], spoilt["t_robot_contact"])
+    assert (closed > spoilt["t_end"]).all()
+
+
 def test_the_repaired_schedule_fails_clearly_fewer_cases() -> None:
     failing = [outcome for outcome, verdict in VERDICT_OF.items() if verdict is Verdict.FAIL]
     assert 2 * count("guarded", *failing) < count("original", *failing)

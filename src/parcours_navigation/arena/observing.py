@@ -5,20 +5,20 @@ from __future__ import annotations
 import numpy as np
 
 from parcours.kernels import Record, kernel
-from parcours_navigation.arena.obstacles import motion_at, place_at
+from parcours_navigation.arena.obstacles import motion_at, place_at, reported_at
 
 
 @kernel
 def sense(obstacles: Record, stamp: int, seen: Record) -> None:
-    """Fill the obstacle message: where every obstacle was at `stamp` [ns] and how it moved."""
+    """Fill the obstacle message: where every obstacle was at `stamp` [ns] and how it was reported to move."""
     for k in range(len(obstacles)):
         pose, obstacle = seen[k].pose, obstacles[k]
         if obstacle.now == stamp:  # the world has brought it there
             pose.x, pose.y, pose.heading = obstacle.x, obstacle.y, obstacle.heading
-            pose.v, pose.w = obstacle.v, obstacle.w
         else:
             pose.x, pose.y = place_at(obstacle, stamp)
-            pose.heading, pose.v, pose.w = motion_at(obstacle, stamp)
+            pose.heading, _, _ = motion_at(obstacle, stamp)
+        pose.v, pose.w = reported_at(obstacle, stamp)
         seen[k].radius = obstacle.radius
 
 
@@ -54,3 +54,11 @@ def freeze_world(world: Record, obstacles: Record, facts: Record) -> None:
     facts.min_clearance, facts.t_min_clearance = world.min_clearance, world.t_min_clearance
     facts.travelled = world.travelled
     facts.goal_gap = _goal_gap(world, obstacles)
+
+
+@kernel
+def freeze_later(world: Record, facts: Record) -> None:
+    """Add to frozen FACTS what the robot touched after the end, when no more is watched."""
+    before = facts.n_robot_contacts + facts.n_shared_contacts
+    facts.n_contacts_after = world.n_robot_contacts + world.n_shared_contacts - before
+    facts.t_robot_contact, facts.t_shared_contact = world.t_robot_contact, world.t_shared_contact

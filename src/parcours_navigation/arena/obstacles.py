@@ -19,6 +19,7 @@ OBSTACLE = np.dtype(
         ("turn", "f8"),  # yaw rate while it moves [rad/s]
         ("start", "i8"),  # when it begins to move [ns]
         ("stop", "i8"),  # when it stands again [ns]
+        ("announced", "i8"),  # so long before it begins to move it is already reported to [ns]
         ("radius", "f8"),  # [m]
         ("x", "f8"),  # where it is now [m]
         ("y", "f8"),  # [m]
@@ -58,6 +59,14 @@ def motion_at(obstacle: Record, now: int) -> tuple[float, float, float]:
     if obstacle.start <= now < obstacle.stop:
         return heading, obstacle.speed, obstacle.turn
     return heading, 0.0, 0.0
+
+
+@kernel
+def reported_at(obstacle: Record, now: int) -> tuple[float, float]:
+    """Return how the obstacle is reported to move at `now` [ns], as (speed [m/s], yaw rate [rad/s])."""
+    if obstacle.start - obstacle.announced <= now < obstacle.stop:
+        return obstacle.speed, obstacle.turn
+    return 0.0, 0.0
 
 
 @kernel

@@ -23,6 +23,7 @@ NEVER = -1
 WORLD = np.dtype(
     [
         ("now", "i8"),  # time of the last tick [ns]
+        ("solid", "i8"),  # 1 if an obstacle in contact with the robot stops for good, 0 if it drives through
         ("robot", ROBOT),
         ("goal_x", "f8"),  # [m]
         ("goal_y", "f8"),  # [m]
@@ -44,7 +45,7 @@ WORLD = np.dtype(
 
 @kernel
 def begin(world: Record, obstacles: Record) -> None:
-    """Set the clock to 0 and forget all ground truth; robot, goal and obstacle data must be set already."""
+    """Set the clock to 0 and forget all ground truth; all other data must be set already."""
     world.now = 0
     world.t_goal = world.t_contact = world.t_robot_contact = world.t_shared_contact = NEVER
     world.n_robot_contacts = world.n_shared_contacts = world.n_obstacle_contacts = 0
@@ -96,6 +97,9 @@ def _meet(world: Record, obstacle: Record, x0: float, y0: float, x1: float, y1: 
     closer = who_closed(
         x0 + share * (x1 - x0), y0 + share * (y1 - y0), robot.v * c, robot.v * s, obstacle.v * co, obstacle.v * so
     )
+    if world.solid:
+        obstacle.stop = min(obstacle.stop, world.now)
+        obstacle.v = obstacle.w = 0.0
     if world.t_contact == NEVER:
         world.t_contact = when
     if closer == ROBOT_CLOSED:

@@ -60,9 +60,9 @@ def _most_track(scenario: Scenario) -> int:
 
 
 class Host:
-    """Runs cases of one scenario with one planner, one after the other."""
+    """Runs cases of one scenario, which end at `end` [s], with one planner, one after the other."""
 
-    def __init__(self, plugin: Plugin, scenario: Scenario, robot_radius: float, n_obstacles: int) -> None:
+    def __init__(self, plugin: Plugin, scenario: Scenario, robot_radius: float, n_obstacles: int, end: float) -> None:
         self._plugin, self._scenario, self._radius, self._n = plugin, scenario, robot_radius, n_obstacles
         self._memory = heartbeat.words(host_words(scenario, n_obstacles))
         self._robot, self._obstacles = loop.observed(self._memory, n_obstacles)
@@ -72,8 +72,7 @@ class Host:
              limits.yaw_rate, limits.acceleration, limits.yaw_acceleration, robot_radius], float
         )  # fmt: skip
         self._period, self._delay, limit, extension = (
-            round(t * 1e9)
-            for t in (scenario.period, scenario.command_delay, 1.0 + scenario.time_limit, scenario.watched_on)
+            round(t * 1e9) for t in (scenario.period, scenario.command_delay, end, scenario.watched_on)
         )
         self._steps = _steps(self._period, 0, limit)
         self._steps_after = _steps(self._period, limit, limit + extension)
@@ -92,6 +91,7 @@ class Host:
         hold(self._memory, 0, 0.0, 0.0)
         follow(self._memory, 0, np.zeros((1, 4)))
         loop.freeze(self._memory, np.zeros(1, FACTS)[0])
+        loop.touched_later(self._memory, np.zeros(1, FACTS)[0])
         loop.moved_since(self._memory, 0)
         loop.goal_time(self._memory)
         self._measure(np.zeros(1, FACTS))
@@ -155,6 +155,7 @@ class Host:
             self._measure(facts)
             if self._steps_after and not arrived:
                 facts["t_goal_after"] = loop.goal_time(self._memory) if drive(view, self._steps_after) else NEVER
+                loop.touched_later(self._memory, facts[0])
                 later = int(facts["t_end"][0]) + 1_000_000_000
                 facts["moved_after"] = facts["t_goal_after"] != NEVER or loop.moved_since(self._memory, later)
         except Hung:

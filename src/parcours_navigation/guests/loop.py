@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parcours.kernels import Record, kernel
-from parcours_navigation.arena.observing import freeze_world
-from parcours_navigation.arena.obstacles import OBSTACLE
+from parcours_navigation.arena.observing import freeze_later, freeze_world
+from parcours_navigation.arena.obstacles import OBSTACLE, reported_at
 from parcours_navigation.arena.world import NEVER, TICK, WORLD, advance, begin
 from parcours_navigation.facts import TRACK_PERIOD
 from parcours_navigation.guests.tracking import speeds
@@ -79,7 +79,8 @@ def _observe(memory: Floats, world: Record, obstacles: Record) -> None:
         k = _SEEN + 6 * i
         obstacle = obstacles[i]
         memory[k], memory[k + 1], memory[k + 2] = obstacle.x, obstacle.y, obstacle.heading
-        memory[k + 3], memory[k + 4], memory[k + 5] = obstacle.v, obstacle.w, obstacle.radius
+        memory[k + 3], memory[k + 4] = reported_at(obstacle, world.now)
+        memory[k + 5] = obstacle.radius
 
 
 @kernel
@@ -195,6 +196,12 @@ def freeze(memory: Floats, facts: Record) -> None:
     world = memory[_WORLD:_ROBOT].view(WORLD)[0]
     freeze_world(world, _obstacles(memory, host.n), facts)
     facts.t_last_moving = host.t_moving
+
+
+@kernel
+def touched_later(memory: Floats, facts: Record) -> None:
+    """Add to frozen FACTS what the robot touched after the end."""
+    freeze_later(memory[_WORLD:_ROBOT].view(WORLD)[0], facts)
 
 
 @kernel

@@ -33,7 +33,7 @@ class Scenario:
     goal_tolerance: float = 0.2  # as near as this counts as reached [m]
     limits: Limits = field(default=_LIMITS)  # of the robot
     arena: float = 2.0  # side of the square in which obstacles begin [m]
-    time_limit: float = 20.0  # length of a case after the static second [s]
+    time_limit: float = 20.0  # length of a case [s]; see `SystemCases.end` from when on
     watched_on: float = 0.0  # how long an unfinished case is watched beyond its end [s]
     period: float = 0.05  # between two observations [s], a multiple of the world's tick of 0.01 s
     command_delay: float = 0.0  # an answer takes effect this long after its observation [s], a multiple of 0.01 s

@@ -16,6 +16,8 @@ CASES = (
 )
 """What the cases of any planner depend on."""
 
+TIME_LIMIT_DOC = "of a case, after its static second; under the published protocol with it"
+
 
 def cases_of(settings: Settings, seed: int, study: str = "navigation") -> SystemCases:
     """Return the family of cases that settings ask for; their ids begin with the study's name."""

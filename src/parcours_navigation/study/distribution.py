@@ -110,7 +110,7 @@ def oracle(
         part = slice(first, first + _AT_ONCE)
         found[part] = solve(
             cases.obstacles(numbers[part]), start=START, goal=GOAL, tolerance=GOAL_TOLERANCE,
-            limit=1.0 + TIME_LIMIT, v_max=Scenario().limits.speed, robot_radius=cases.robot_radius,
+            limit=cases.end(TIME_LIMIT), v_max=Scenario().limits.speed, robot_radius=cases.robot_radius,
         )  # fmt: skip
         progress(min(first + _AT_ONCE, len(numbers)), len(numbers))
     return found

@@ -16,7 +16,7 @@ from parcours_navigation.cases.family import PUBLISHED_CASES
 from parcours_navigation.cases.running import CaseStudy
 from parcours_navigation.guests.planners import names, own_loop
 from parcours_navigation.guests.scenario import Scenario
-from parcours_navigation.study.asking import CASES, cases_of, numbers_of, question_of
+from parcours_navigation.study.asking import CASES, TIME_LIMIT_DOC, cases_of, numbers_of, question_of
 from parcours_navigation.study.judging import judge_system
 from parcours_navigation.study.results import read_folder, report_folders
 from parcours_navigation.study.study import study_of
@@ -24,7 +24,7 @@ from parcours_navigation.study.study import study_of
 _TIMES = {
     "period": ("between observations", 0.001, 10.0),
     "command_delay": ("from an answer to the robot", 0.0, 10.0),
-    "time_limit": ("of a case, after its static second", 0.01, 3600.0),
+    "time_limit": (TIME_LIMIT_DOC, 0.01, 3600.0),
     "watched_on": ("beyond the end of an unfinished case", 0.0, 3600.0),
     "call_timeout": ("an answer that takes longer is an error; of wall clock", 0.001, 86400.0),
 }

@@ -117,7 +117,8 @@ class NavigationStudy:
 
     def _host(self) -> Host:
         key = self.located if isinstance(self.located, str) else id(self.located)
-        return _host(_Same(key, self.located), self.digest, self.scenario, self.cases.robot_radius)
+        end = self.cases.end(self.scenario.time_limit)
+        return _host(_Same(key, self.located), self.digest, self.scenario, self.cases.robot_radius, end)
 
     def _run(self, numbers: NDArray[np.int64], facts: NDArray[np.void]) -> Host:
         host = self._host()
@@ -182,9 +183,9 @@ class _Same:
 
 
 @functools.lru_cache(maxsize=16)
-def _host(planner: _Same, digest: str, scenario: Scenario, robot_radius: float) -> Host:
+def _host(planner: _Same, digest: str, scenario: Scenario, robot_radius: float, end: float) -> Host:
     """Return the host of a planner in this process; one planner object serves all its cases."""
-    return Host(load_planner(planner.planner), scenario, robot_radius, _N_OBSTACLES)
+    return Host(load_planner(planner.planner), scenario, robot_radius, _N_OBSTACLES, end)
 
 
 _ENGINE_ROOMS = ("data", "model", "paths", "abtc", "suite")

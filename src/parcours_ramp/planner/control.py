@@ -14,7 +14,7 @@ import numpy as np
 from parcours.elementary import sin_cos, wrap
 from parcours.kernels import Record, kernel
 from parcours_ramp.planner.messages import POSE, SAMPLE, TRAJECTORY, Report, Step, one, reporting
-from parcours_ramp.planner.parameters import GUARDED, ORIGINAL, Parameters
+from parcours_ramp.planner.parameters import ORIGINAL, Parameters
 from parcours_ramp.planner.trajectory import copy_trajectory, pose_at
 
 COMMAND_PERIOD = 50_000_000  # Time between two commands [ns]
@@ -57,7 +57,7 @@ def signal(control: Record, imminent: bool, now: int, parameters: Record) -> Non
     if imminent and not control.halt:
         control.t_halt = now
     control.halt = 1 if imminent else 0
-    if imminent and parameters.schedule == GUARDED:
+    if imminent and parameters.halts_at_once:
         control.paused = 1
         control.command_v = control.command_w = 0.0
 
@@ -119,7 +119,7 @@ def command(control: Record, pose: Record, now: int, parameters: Record) -> None
         return
     if control.halt and not control.paused:
         due = int((control.t_halt - control.begins) * 1e-9 / SAMPLE) + 1
-        if parameters.schedule == GUARDED or (now - control.begins) * 1e-9 / SAMPLE >= due - 1e-9:
+        if parameters.halts_at_once or (now - control.begins) * 1e-9 / SAMPLE >= due - 1e-9:
             control.paused = 1
     elif not control.halt:
         control.paused = 0
@@ -135,13 +135,14 @@ def command(control: Record, pose: Record, now: int, parameters: Record) -> None
 class Control:
     """The component: follows the best trajectory, pauses for imminent collision, and reports the robot's state.
 
-    It reads the robot's pose from `odometry` messages of the world and sends it `cmd_vel`.
+    It reads the robot's pose from `odometry` messages of the world and sends it `cmd_vel`. Of the trajectories that
+    come before `opens` [ns] it takes the last one, then.
     """
 
     name = "Control"
 
-    def __init__(self, parameters: Parameters) -> None:
-        self._parameters = parameters.record()
+    def __init__(self, parameters: Parameters, opens: int = 0) -> None:
+        self._parameters, self._opens = parameters.record(), opens
         self.reset()
 
     def reset(self) -> None:
@@ -152,14 +153,19 @@ class Control:
         self._next_command = 0
         self._next_report = REPORT_PERIOD
         self._executing = False
+        self._early: object = None
 
     def next_wake(self) -> int | None:
-        """The next command or report is due."""
-        return min(self._next_command, self._next_report)
+        """The next command or report is due, or a trajectory that came too early."""
+        due = min(self._next_command, self._next_report)
+        return due if self._early is None else min(due, self._opens)
 
     def handle(self, channel: str | None, message: object, now: int) -> Iterator[Step]:
         """Take a trajectory from `best_trajectory`, the flag from `imminent_collision`, the pose from `pose`."""
         if channel == "best_trajectory":
+            if now < self._opens:
+                self._early = message
+                return
             if self._executing:
                 yield reporting("p46", execute_all=True)  # superseded is done with, too
             follow(self._state, message, now, self._parameters)
@@ -179,6 +185,10 @@ class Control:
 
     def wake(self, now: int) -> Iterator[Step]:
         """Report the state and command the robot, whichever is due."""
+        if self._early is not None and self._opens <= now:
+            early, self._early = self._early, None
+            yield from self.handle("best_trajectory", early, now)
+            return
         yield from self.tick(now)
         if self._next_command <= now:
             yield from self.execute(now)

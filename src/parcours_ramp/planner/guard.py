@@ -43,11 +43,12 @@ def window(planner: Record, now: int, parameters: Record) -> tuple[int, int, int
     """Return what is looked at of the motion under way: (when it begins [ns], first sample, one past the last, margin
     [m], whether the robot may leave an obstacle it is too near to)."""
     moving_on = planner.moving_on
-    if parameters.schedule == ORIGINAL:
-        return now, 0, min(int(parameters.control_period / SAMPLE + 0.5) + 1, moving_on.n), 0.0, False
+    if not parameters.looks_ahead:
+        last = min(int(parameters.control_period / SAMPLE + 0.5) + 1, moving_on.n)
+        return now, 0, last, 0.0, bool(parameters.may_leave)
     first = max(int((now - moving_on.begins) * 1e-9 / SAMPLE), 0)
     last = first + int(parameters.guard_horizon / SAMPLE + 0.5) + 1
-    return moving_on.begins, first, last, parameters.guard_margin, True
+    return moving_on.begins, first, last, parameters.guard_margin, bool(parameters.may_leave)
 
 
 @kernel
@@ -98,7 +99,7 @@ def is_imminent(planner: Record, now: int, parameters: Record) -> bool:
     """Return whether a collision is imminent, by the last evaluation of the motion under way."""
     if not planner.knows_obstacles or planner.moving_on_hit == 0:
         return False
-    if parameters.schedule == GUARDED:
+    if parameters.looks_ahead:
         return True
     period = (planner.t_next - planner.t_control) * 1e-9
     elapsed = (now - planner.t_control) * 1e-9

@@ -45,6 +45,9 @@ class Parameters:
     guard_margin: float = 0.0  # clearance below which the guard halts the robot [m]
     guard_horizon: float = 1.0  # look-ahead of the guard, guarded schedule only [s]; ours
     obstacle_speed: float = 0.5  # at which a standing obstacle may set out, guarded schedule only [m/s]; Table VII
+    looks_ahead: bool = True  # the guard looks a constant time ahead, at robot and obstacles at the same instants
+    may_leave: bool = True  # a trajectory that begins too near to an obstacle may lead away from it
+    halts_at_once: bool = True  # control does not wait for the next 0.1 s point to halt
     reaction: float = 0.06  # from then until the robot brakes [s]; sensing period and guard, ours
 
     def record(self) -> Record:
@@ -63,6 +66,9 @@ class Parameters:
             if not is_number or not least <= value < 1e9:
                 given = f"{'above 0' if least else 'at least 0'} and below 1e9, but is {value!r}"
                 _refuse(name, f"it must be a number {given}")
+        for name in _SWITCHES:
+            if type(getattr(self, name)) is not bool:
+                _refuse(name, f"it must be true or false, but is {getattr(self, name)!r}")
         if type(self.population) is not int or not 1 <= self.population <= 16:
             _refuse("population", f"it must be a whole number from 1 to 16, but is {self.population!r}")
         if self.arena < 2.0 * self.robot_radius:
@@ -77,7 +83,10 @@ def _refuse(name: str, rule: str) -> NoReturn:
 
 
 _MAY_BE_ZERO = ("knot_distance", "operator_distance", "plan_margin", "guard_margin", "guard_horizon")
-_REALS = tuple(field.name for field in dataclasses.fields(Parameters) if field.name not in ("schedule", "population"))
+_SWITCHES = ("looks_ahead", "may_leave", "halts_at_once")
+_REALS = tuple(
+    field.name for field in dataclasses.fields(Parameters) if field.name not in ("schedule", "population", *_SWITCHES)
+)
 
 # The layout of `Parameters.record()`.
 PARAMETERS = np.dtype([(each.name, "f8" if each.name in _REALS else "i8") for each in dataclasses.fields(Parameters)])
@@ -85,7 +94,7 @@ PARAMETERS = np.dtype([(each.name, "f8" if each.name in _REALS else "i8") for ea
 
 def original(**changes: float) -> Parameters:
     """Return the parameters of the published system."""
-    return Parameters(schedule="original", **changes)  # type: ignore[arg-type]
+    return Parameters(schedule="original", **{**dict.fromkeys(_SWITCHES, False), **changes})  # type: ignore[arg-type]
 
 
 def guarded(**changes: float) -> Parameters:

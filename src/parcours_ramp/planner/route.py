@@ -277,7 +277,7 @@ def plan_route(path: Record, pose: Record, kind: int, parameters: Record, route:
         route: ROUTE that is filled. `smooth` is 0 if the robot must stop and rotate before it can follow the way.
     """
     for attempt in range(4):
-        tried = kind if attempt == 0 else (HYBRID if attempt == 2 else HOLONOMIC)
+        tried = kind if attempt == 0 or kind == HOLONOMIC else (HYBRID if attempt == 2 else HOLONOMIC)
         if _lay(path, pose, tried, attempt >= 2, parameters, route):
             if attempt == 1 and kind == TRANSITION:
                 route.smooth = 0

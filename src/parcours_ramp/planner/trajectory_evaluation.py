@@ -8,7 +8,7 @@ from parcours.elementary import PI, wrap
 from parcours.kernels import Record, kernel
 from parcours_ramp.planner.collision import collision_time, earliest_collision
 from parcours_ramp.planner.messages import NO_COLLISION, SAMPLE, EvaluationRequest, EvaluationResponse
-from parcours_ramp.planner.parameters import GUARDED, Parameters
+from parcours_ramp.planner.parameters import Parameters
 from parcours_ramp.planner.service import Service
 
 MODEST_TURN = 0.1  # Least angle an orientation penalty counts [rad]
@@ -44,7 +44,7 @@ def _first_meeting(
         return NO_COLLISION
     earliest, slack, valid_until = earliest_collision(
         trajectory, trajectory.begins, first, trajectory.n, predictions, drift_x, drift_y, parameters.plan_margin,
-        parameters.schedule == GUARDED and first == 0, parameters,
+        bool(parameters.may_leave) and first == 0, parameters,
     )  # fmt: skip
     if first == 0:
         remember(trajectory, epoch, changed, drift_x, drift_y, slack, valid_until)
@@ -60,7 +60,8 @@ def evaluate(
 
     Feasible: no collision at samples or between them, and joined without a stop while the robot moves. The fitness is
     1 / cost; the cost of a feasible trajectory is its time plus the share of a half turn to its first heading, the rest
-    of the way at the estimated speeds. Infeasible ones come after all feasible ones, by time to collision.
+    of the way at the estimated speeds. Infeasible ones come after all feasible ones, by time to collision; one
+    at once costs as much as one in 1 s (published).
 
     Args:
         epoch: a number that changes whenever an obstacle does what was not predicted; 0 if unknown.
@@ -79,7 +80,7 @@ def evaluate(
     )
     must_stop = trajectory.smooth == 0 and not halted
     if t < NO_COLLISION:
-        cost += parameters.q_collision / max(t, SAMPLE)
+        cost += parameters.q_collision / (max(t, SAMPLE) if t > 0.0 else 1.0)
     if must_stop:
         cost += parameters.q_orientation * max(angle, MODEST_TURN) / PI
     trajectory.t_collision = t

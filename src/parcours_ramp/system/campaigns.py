@@ -70,6 +70,7 @@ def load_campaign(folder: Path) -> SystemResults:
         study = SystemStudy(
             cases, Parameters(**given["planner"]), latencies,  # type: ignore[arg-type]
             float(cast(float, given["time_limit"])), float(cast(float, given["watched_on"])),
+            bool(given["solid"]),
         )  # fmt: skip
     except (BadRequest, KeyError, TypeError, ValueError) as error:
         raise BadResults(

@@ -11,12 +11,13 @@ from numpy.typing import NDArray
 
 from parcours.kernels import Record, kernel
 from parcours.streams import start
-from parcours_navigation.arena.observing import measure_robot, sense
+from parcours_navigation.arena.observing import freeze_later, measure_robot, sense
 from parcours_navigation.arena.world import NEVER, advance, begin
 from parcours_navigation.measures.kernel import measure
 from parcours_navigation.measures.one_case import SAFE_DISTANCE
 from parcours_ramp.planner.control import COMMAND_PERIOD, REPORT_PERIOD, command, follow, signal
 from parcours_ramp.planner.guard import GUARD_PERIOD
+from parcours_ramp.planner.latency import late_start
 from parcours_ramp.planner.parameters import GUARDED, ORIGINAL
 from parcours_ramp.planner.planner_state import begin_population
 from parcours_ramp.planner.sensing_cycle import evaluate_population
@@ -78,6 +79,7 @@ def run_case(
     seed, case = setting.seed, np.uint64(number)
     start(planner.stream, seed, case, np.uint64(1))
     start(work.modifier, seed, case, np.uint64(2))
+    work.opens = late_start(work.clock, seed, case) if setting.starts_late else 0
     start(work.clock, seed, case, np.uint64(3))
     robot.x, robot.y, robot.heading = setting.robot_x, setting.robot_y, setting.robot_heading
     robot.v, robot.w = setting.robot_speed, 0.0
@@ -86,11 +88,13 @@ def run_case(
     robot.a_max, robot.alpha_max = parameters.a_max, parameters.alpha_max
     robot.radius = parameters.robot_radius
     world.goal_x, world.goal_y, world.goal_tolerance = setting.goal_x, setting.goal_y, setting.goal_tolerance
+    world.solid = setting.solid
     begin(world, obstacles)
     planner.goal_x, planner.goal_y = setting.goal_x, setting.goal_y
     measure_robot(robot, work.report)
     work.report_lag = work.t_report = 0
     work.start = work.report
+    work.start.v = setting.told_speed
     begin_population(planner, work.start, parameters)
     planner.followed = planner.members[0].id
     evaluate_population(planner, predictions[:0], parameters)
@@ -189,6 +193,7 @@ def run_case(
                     places[n_track, k, 0], places[n_track, k, 1] = obstacles[k].x, obstacles[k].y
                 n_track += 1
                 n_judged += 0 if frozen else 1
+    freeze_later(world, facts)
     facts.n_track = n_track
     measure(
         track[:n_judged], places[:n_judged], radii, robot.radius, setting.goal_x, setting.goal_y,

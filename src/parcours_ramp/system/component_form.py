@@ -20,13 +20,14 @@ from parcours.run.hosts.component_faults import Death
 from parcours.run.hosts.simulated import SimulatedHost
 from parcours.run.port import Link, links
 from parcours.run.trace import Trace
-from parcours_navigation.arena.observing import measure_robot, sense
+from parcours_navigation.arena.observing import freeze_later, measure_robot, sense
 from parcours_navigation.arena.world import WORLD, advance, begin
 from parcours_navigation.facts import NEVER, TRACK
 from parcours_navigation.measures.one_case import measures_of
 from parcours_ramp.components.model import component_model
 from parcours_ramp.planner import wire
 from parcours_ramp.planner.control import COMMAND_PERIOD, REPORT_PERIOD, Control
+from parcours_ramp.planner.latency import late_start
 from parcours_ramp.planner.messages import OBSTACLE_STATE, POSE, Obstacles, Report, Step, many, one
 from parcours_ramp.planner.path_modification import PathModification
 from parcours_ramp.planner.planner import Planner
@@ -178,6 +179,8 @@ class Witness:
             if body.world["t_goal"] != NEVER:
                 self._facts.t_goal_after, self._facts.moved_after = body.world.t_goal, 1
                 self.ended = now
+        if self.ended is not None:
+            freeze_later(body.world, self._facts)
 
     def facts(self, number: int, trace: Trace) -> NDArray[np.void]:
         """Return the facts of the case, array of FACTS of shape (1,), once it has ended."""
@@ -234,6 +237,7 @@ def begin_world(study: SystemStudy) -> Record:
     robot.heading, robot.v, robot.command_v = setting.robot_heading, setting.robot_speed, setting.robot_speed
     robot.v_max, robot.w_max = parameters.v_max, parameters.w_max
     robot.a_max, robot.alpha_max, robot.radius = parameters.a_max, parameters.alpha_max, parameters.robot_radius
+    world.solid = setting.solid
     world.goal_x, world.goal_y, world.goal_tolerance = setting.goal_x, setting.goal_y, setting.goal_tolerance
     return world
 
@@ -241,7 +245,7 @@ def begin_world(study: SystemStudy) -> Record:
 def start_pose(study: SystemStudy) -> Record:
     """Return the POSE in which the study's robot begins, as its planner knows it."""
     setting, start = study.setting(), one(POSE)
-    start.heading, start.v = setting.robot_heading, setting.robot_speed
+    start.heading, start.v = setting.robot_heading, setting.told_speed
     return start
 
 
@@ -263,7 +267,9 @@ def run_components(
     body = World(study, number, lambda now: witness.before(now))
     goal = float(setting.goal_x), float(setting.goal_y)
     seed = study.cases.seed
-    planner, control = Planner(parameters, seed, number, start_pose(study), goal), Control(parameters)
+    stream = np.zeros(1, np.uint64)
+    opens = late_start(stream, np.uint64(seed), np.uint64(number)) if setting.starts_late else 0
+    planner, control = Planner(parameters, seed, number, start_pose(study), goal), Control(parameters, opens)
     witness = Witness(setting, body, planner, control)
     components = (
         body, Sensing(), TrajectoryGenerator(parameters), TrajectoryEvaluation(parameters),

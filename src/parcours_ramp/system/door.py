@@ -15,7 +15,7 @@ from parcours.study.parameters import Parameter, Settings, workers_parameter
 from parcours.study.protocol import Finding, Judged, Progress, Rejudged, Reported, Request, Results, Run
 from parcours.suite import Case
 from parcours_navigation.cases.family import FILES, LONGEST, PUBLISHED_CASES, TIME_LIMIT
-from parcours_navigation.study.asking import CASES, cases_of, numbers_of, question_of
+from parcours_navigation.study.asking import CASES, TIME_LIMIT_DOC, cases_of, numbers_of, question_of
 from parcours_navigation.study.results import CampaignResults, report_folders
 from parcours_ramp.planner.latency import Latencies
 from parcours_ramp.system.study import SCHEDULES, SystemStudy, system_study
@@ -49,8 +49,9 @@ class RampSystem:
             Parameter("added_planning", "real", 0.0, "cycles longer", "s", low=0.0),
             Parameter("added_stop", "real", 0.0, "halts later", "s", low=0.0),
             Parameter(
-                "time_limit", "real", TIME_LIMIT, "of a case, after its static second", "s", low=0.01, high=LONGEST
+                "solid", "bool", False, "an obstacle that touches the robot stops for good; else it drives through"
             ),
+            Parameter("time_limit", "real", TIME_LIMIT, TIME_LIMIT_DOC, "s", low=0.01, high=LONGEST),
             workers_parameter(),
             Parameter("host", "text", "simulated", "where the components run", choices=HOSTS),
             Parameter(
@@ -79,7 +80,9 @@ class RampSystem:
         )  # fmt: skip
         sensing, planning, stop = (float(settings[f"added_{name}"]) for name in ("sensing", "planning", "stop"))
         latencies = Latencies(added_sensing=sensing, added_planning=planning, added_stop=stop)
-        return dataclasses.replace(plain, latencies=latencies, time_limit=float(settings["time_limit"]))
+        return dataclasses.replace(
+            plain, latencies=latencies, time_limit=float(settings["time_limit"]), solid=bool(settings["solid"])
+        )
 
     def suite(self, settings: Settings, seed: int, n_cases: int | None = None) -> Iterator[Case]:
         """Yield the cases."""
@@ -89,6 +92,9 @@ class RampSystem:
         """Run a campaign in simulated time, or cases on a live host."""
         settings = request.settings
         if settings["host"] != "simulated":
+            if settings["solid"]:
+                rule = f"it is for cases in simulated time, but the host is {settings['host']}"
+                raise BadRequest("--solid", rule, "leave it out, or --host", slug="option-study")
             from parcours_ramp.system.live_running import run_live_cases
 
             return run_live_cases(self, request, progress)

@@ -63,7 +63,7 @@ def decide(work: Record, predictions: Record, now: int, parameters: Record, late
     _count_service(facts.transitions, _P21, 1 if generated else 0)
     _count_service(facts.transitions, _P31, 2)
     facts.n_control_cycles += 1
-    work.best_due = now + latencies.transport
+    work.best_due = max(now + latencies.transport, work.opens)
     if was_halted != planner.halted or (parameters.schedule == ORIGINAL and not planner.halted):
         _send_halt(work, now + latencies.transport + latencies.added_stop)
     work.wakes = now + draw(work.clock, latencies.control, latencies.control_spread) + latencies.added_planning

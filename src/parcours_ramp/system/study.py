@@ -40,8 +40,9 @@ class SystemStudy:
     cases: SystemCases  # the cases
     parameters: Parameters  # of RAMP
     latencies: Latencies = dataclasses.field(default_factory=Latencies)  # how long its work takes
-    time_limit: float = TIME_LIMIT  # length of a test after the static second [s]
+    time_limit: float = TIME_LIMIT  # length of a test [s]; see `SystemCases.end` from when on
     watched_on: float = WATCHED_ON  # how long an unfinished case is watched beyond its end [s]
+    solid: bool = False  # whether an obstacle stops for good where it touches the robot; it drives through if not
 
     def __post_init__(self) -> None:
         require_numba("simulating the world")
@@ -87,7 +88,7 @@ class SystemStudy:
         facts = np.zeros(len(numbers), FACTS)
         obstacles = self.cases.obstacles(numbers)
         n = obstacles.shape[1]
-        length = int((1.0 + self.time_limit + self.watched_on) * 1e9 / TRACK_PERIOD) + 2
+        length = int((self.cases.end(self.time_limit) + self.watched_on) * 1e9 / TRACK_PERIOD) + 2
         track, places = np.zeros(length, TRACK), np.zeros((length, n, 2))
         _run_cases(
             numbers, obstacles, self.setting(), self.parameters.record(), self.latencies.record(), one(WORKSPACE),
@@ -97,12 +98,18 @@ class SystemStudy:
         return facts, track, places
 
     def setting(self) -> Record:
-        """Return the SETTING of the paper: start (0, 0) heading 45 degrees at 0.249 m/s, goal (2, 2)."""
+        """Return the SETTING of the paper: start (0, 0) heading 45 degrees at 0.249 m/s, goal (2, 2).
+
+        Under the published protocol RAMP is told that speed, but the robot stands until its first trajectory arrives.
+        """
         setting = one(SETTING)
         setting.seed = self.cases.seed
-        setting.limit = round((1.0 + self.time_limit) * 1e9)
+        setting.limit = round(self.cases.end(self.time_limit) * 1e9)
         setting.extension = round(self.watched_on * 1e9)
-        setting.robot_heading, setting.robot_speed = 0.7853981633974483, 0.249
+        setting.robot_heading, setting.told_speed = 0.7853981633974483, 0.249
+        setting.starts_late = self.cases.protocol == "published"
+        setting.robot_speed = 0.0 if setting.starts_late else setting.told_speed
+        setting.solid = self.solid
         setting.goal_x = setting.goal_y = 2.0
         setting.goal_tolerance = 0.2
         return setting
@@ -124,6 +131,7 @@ class SystemStudy:
                 "latencies": dataclasses.asdict(self.latencies),
                 "time_limit": self.time_limit,
                 "watched_on": self.watched_on,
+                "solid": self.solid,
             },
             shard_size=shard_size or min(max(n_cases // 8, 64), 1024),
         )

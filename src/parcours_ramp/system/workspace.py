@@ -32,7 +32,10 @@ SETTING = np.dtype(
             "i8", "limit extension"
         ),  # end of the test; how long it is watched on, for the true remaining time [ns]
         *fields("f8", "robot_x robot_y robot_heading robot_speed"),  # start [m], [rad], [m/s]
+        ("told_speed", "f8"),  # the speed at the start that RAMP is told [m/s]
+        ("starts_late", "i8"),  # 1 if control takes no trajectory before `late_start`
         *fields("f8", "goal_x goal_y goal_tolerance"),  # [m]
+        ("solid", "i8"),  # 1 if an obstacle stops for good where it touches the robot
     ]
 )  # What all cases of a campaign share
 
@@ -53,6 +56,7 @@ WORKSPACE = np.dtype(
         ("guard_time", "i8"),
         *fields("i8", "spin wakes"),  # when the planner's thread woke for its callbacks, and is free again [ns]
         *fields("i8", "in_callbacks best_due"),  # when the best trajectory reaches control [ns]
+        ("opens", "i8"),  # when the first trajectory may [ns]
         ("halts", MAILBOX),  # imminent-collision flags on their way to it
         ("limits", MAILBOX),  # speed limits [m/s]
         ("limit", "f8"),  # the one sent last [m/s]

@@ -149,6 +149,17 @@ def test_not_even_specks_tunnel_through_each_other(radius: float) -> None:
         assert one.min_clearance == pytest.approx(-2 * radius, abs=1e-9)
 
 
+@pytest.mark.parametrize("solid", [0, 1])
+def test_a_solid_obstacle_stops_where_it_touches_the_robot_and_another_drives_through(solid: int) -> None:
+    one, others = world(), obstacles((1.0, 0.0, math.pi, 0.3, 0.0, 1.0, 9.0))
+    one.solid = solid
+    run(one, others, 10.0)
+    assert one.n_obstacle_contacts == 1
+    assert others["v"][0] == 0.0
+    assert others["x"][0] == pytest.approx(REACH if solid else 1.0 - 8.0 * 0.3, abs=0.3 * 0.01)
+    assert (one.min_clearance > -0.3 * 0.01) == bool(solid)
+
+
 def test_contact_is_counted_once_until_the_bodies_part_and_meet_again() -> None:
     one, others = world(v=0.25), obstacles((0.6, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
     begin(one, others)
