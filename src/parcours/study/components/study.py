@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from parcours.abtc import AbstractCase, Event, serialise
+from parcours.abtc import AbstractCase, Event, ask_alone, serialise
 from parcours.data import InputModel
 from parcours.errors import BadSuite
 from parcours.model.structure import Cefsm
@@ -82,6 +82,7 @@ class ComponentStudy:
     criterion: str = "each_choice"  # how blocks of inputs are combined
     paths: str = "edge"  # coverage criterion of the internal paths
     policy: str = ""  # of serialisation; the model's if empty
+    alone: bool = False  # whether paths that hear from their peers only are asked by the tester, too (`ask_alone`)
     n_cases: int | None = None  # how many cases are run if nothing is said; None for what the criterion needs
     time_budget: float = 20.0  # of a case [s]
     supply: Formulas = field(default_factory=dict)  # formulas for fields of the environment's messages
@@ -160,10 +161,10 @@ class ComponentStudy:
             f"{room}:ros1_node_program", f"{room}:ros1_codec", (room,), self.where,
         )  # fmt: skip
 
-    def exercise(self, settings: Settings) -> Exercise:
-        """Return what executing and judging its cases needs, the parameters being set."""
+    def exercise(self, settings: Settings, *, timed: bool = False) -> Exercise:
+        """Return what executing and judging its cases needs, the parameters being set; timed are interactions only."""
         return Exercise(
-            self.events,
+            (lambda case: self._events(case.abstract)) if timed else self.events,
             functools.partial(self.tester, settings=settings),
             functools.partial(self.oracle, settings=settings),
             functools.partial(self.contradiction, settings=settings),
@@ -192,12 +193,16 @@ class ComponentStudy:
     def _events(self, abstract: str) -> tuple[Event, ...]:
         return serialise(self.abstracts[abstract])
 
+    @functools.lru_cache(maxsize=256)  # noqa: B019 - as above
+    def _with_alone(self, abstract: str) -> tuple[Event, ...]:
+        return ask_alone(self._events(abstract))
+
     def events(self, case: Case) -> tuple[Event, ...]:
         """Return the events of a case. Raises BadSuite if the study has no such abstract case."""
         if case.abstract not in self.abstracts:
             rule = f"a case must be one that the study has, but no abstract case of {self.name} is called like that"
             raise BadSuite(f"case {case.id!r}", rule, "write the suite again with this version", slug="foreign-case")
-        return self._events(case.abstract)
+        return self._with_alone(case.abstract) if self.alone else self._events(case.abstract)
 
     def view(self) -> View:
         """Return what shows something of an instance at the end of a case: nothing."""
