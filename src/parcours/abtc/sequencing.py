@@ -12,7 +12,6 @@ receive waits for its send by the visit before it; what no earlier path sends, t
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -85,35 +84,6 @@ def serialise(case: AbstractCase) -> tuple[Event, ...]:
         BadSuite: references wait for each other and none can go on, as in a case whose starts were edited.
     """
     return _LockStep(case).run()
-
-
-def ask_alone(events: Sequence[Event]) -> tuple[Event, ...]:
-    """Return a case's events, then those of paths that hear from other components only, asked by the environment.
-
-    What such a path receives is decided by its peers; asked once more, by the environment, it receives what test data
-    says. These visits are the last: they have no part in the interaction.
-    """
-    heard: dict[tuple[str, str], dict[str, bool]] = {}  # path -> channel -> whether the environment sends on it
-    lines: dict[int, list[Event]] = {}
-    for event in events:
-        lines.setdefault(event.reference, []).append(event)
-        if event.receives is not None:
-            channels = heard.setdefault((event.component, event.path), {})
-            channel = event.receives.channel
-            channels[channel] = channels.get(channel, False) or event.receives.event is None
-    made = list(events)
-    ends = tuple(line[-1].position for line in lines.values())
-    for component, path in [path for path, channels in heard.items() if not all(channels.values())]:
-        reference, after = max(event.reference for event in made) + 1, ends
-        line = next(one for one in lines.values() if (one[0].component, one[0].path) == (component, path))
-        for event in line:
-            position, turn = len(made), made[-1].turn + 1
-            receives = event.receives and Reception(event.receives.channel)
-            sends = tuple(Emission(sent.channel) for sent in event.sends)
-            made.append(replace(event, position=position, turn=turn, reference=reference, receives=receives,
-                                sends=sends, after=after, before=None))  # fmt: skip
-            after = (position,)
-    return tuple(made)
 
 
 class _LockStep:

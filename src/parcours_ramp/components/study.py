@@ -71,7 +71,7 @@ class RampComponents(ComponentStudy):
         """Return the six components as nodes, with the channels of the system, too."""
         return component_nodes()
 
-    def tester(self, case: Case, settings: Settings) -> Tester:
+    def tester(self, case: Case, settings: Settings, *, timed: bool = False) -> Tester:
         """Return the tester of a case."""
         return ComponentTester(case)
 
