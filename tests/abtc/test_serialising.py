@@ -14,6 +14,7 @@ from parcours.abtc import (
     AbstractCase,
     Start,
     abstract_cases,
+    ask_alone,
     case_counts,
     find_case,
     interaction_paths,
@@ -233,3 +234,26 @@ def test_one_case_of_astronomically_many_is_found_at_once() -> None:
 def test_an_id_that_no_case_has_is_refused(id: str) -> None:
     with pytest.raises(BadRequest, match="unknown-abstract"):
         find_case(OBSTACLES, id)
+
+
+def test_a_path_that_hears_from_its_peers_only_is_asked_once_more_by_the_environment() -> None:
+    asked = {id: ask_alone(serialise(find_case(RAMP, id)))
+             for id in ("ITP1-tp12.tp21.tp12-0.0.1", "ITP4-tp11.tp41+tp42.tp11-0.0+1.2")}  # fmt: skip
+    for id, events in asked.items():
+        interaction = serialise(find_case(RAMP, id))
+        more = events[len(interaction) :]
+        assert events[: len(interaction)] == interaction and [event.position for event in events] == [
+            *range(len(events))
+        ]
+        assert {event.path for event in more} == {"tp21" if id.startswith("ITP1") else "tp41"}
+        assert all(event.receives is None or event.receives.event is None for event in more)
+        assert {sent.to for event in more for sent in event.sends} <= {"environment"}
+        lasts = {
+            max(one.position for one in interaction if one.reference == r) for r in {e.reference for e in interaction}
+        }
+        assert set(more[0].after) == lasts and [one.after for one in more[1:]] == [(one.position,) for one in more[:-1]]
+
+
+def test_a_path_that_the_environment_sends_everything_to_is_not_asked_again() -> None:
+    events = serialise(next(abstract_cases(OBSTACLES)))
+    assert ask_alone(events) == events

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from parcours.abtc import Event, serialise
+from parcours.abtc import Event
 from parcours.errors import HostFailure
 from parcours.run.enforcement import Turn, disorder, enforce, instance_name
 from parcours.run.hosts.live_enforcement import DrivenInstances
@@ -30,8 +30,8 @@ from parcours_ramp.components.study import (
     Functional,
     component_nodes,
     component_plan,
+    component_study,
     here,
-    interaction_cases,
     interaction_of,
     judge_trace,
     on,
@@ -64,7 +64,7 @@ def ran(request: pytest.FixtureRequest, transport: ProcessTransport) -> tuple[bo
 
 
 def events_of(case: Case) -> tuple[Event, ...]:
-    return serialise(interaction_cases()[case.abstract])
+    return component_study().events(case)
 
 
 def stamps(case: Case, trace: Trace) -> list[int]:

@@ -8,11 +8,13 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from parcours.abtc import serialise
+from parcours.abtc import ask_alone, serialise
 from parcours.data import cover
 from parcours.errors import BadRequest
 from parcours.run.clocks import ClockName, SimulatedClock
 from parcours.run.trace import transitions
+from parcours.study.components.landing import landing_of
+from parcours.suite import combine
 from parcours.verdict.judgement import Verdict
 from parcours.verdict.timing import duration, judge
 from parcours_ramp.components.model import component_inputs
@@ -22,6 +24,7 @@ from parcours_ramp.components.study import (
     LIMITS,
     Functional,
     component_plan,
+    component_study,
     here,
     interaction_cases,
     interaction_of,
@@ -30,7 +33,13 @@ from parcours_ramp.components.study import (
     run_functional,
     run_timing,
 )
-from parcours_ramp.planner.messages import EvaluationResponse, ModificationResponse, TrajectoryResponse
+from parcours_ramp.planner.messages import (
+    EvaluationResponse,
+    ModificationResponse,
+    TrajectoryRequest,
+    TrajectoryResponse,
+)
+from parcours_ramp.planner.route import HOLONOMIC, HYBRID, TRANSITION
 
 ROWS = 3
 
@@ -63,8 +72,49 @@ def test_no_case_depends_on_how_fast_the_machine_is() -> None:
 
 def test_what_was_taken_is_the_serialised_case_transition_by_transition() -> None:
     for result in results():
-        demanded = tuple(event.transition for event in serialise(interaction_cases()[result.case.abstract]))
-        assert transitions(result.execution.trace) == demanded
+        interaction = serialise(interaction_cases()[result.case.abstract])
+        demanded = ask_alone(interaction)
+        assert transitions(result.execution.trace) == tuple(event.transition for event in demanded)
+        assert demanded[: len(interaction)] == interaction
+
+
+def test_the_trajectory_generator_is_asked_for_every_kind_of_way_of_the_robot_in_every_case_that_visits_it() -> None:
+    visited = 0
+    for result in results():
+        ways = [
+            event.payload
+            for event in result.execution.trace.events
+            if event.kind == "receive"
+            and isinstance(event.payload, TrajectoryRequest)
+            and event.payload.obstacles is None
+        ]
+        visited += bool(ways)
+        assert bool(ways) == ("TrajectoryGenerator" in interaction_cases()[result.case.abstract].interaction.components)
+        for way in ways:
+            assert set(way.kinds.tolist()) == {HYBRID, HOLONOMIC, TRANSITION}
+            assert all(path.n >= result.case["path"] for path in way.paths)
+    assert visited == 3 * 21
+
+
+def test_every_block_of_path_and_trajectory_lands_whatever_the_interaction() -> None:
+    ids = [next(id for id in interaction_cases() if id.startswith(itp)) for itp in CASES_OF_PAPER]
+    study = component_study()
+    plan = combine(study.name, ids, study.inputs, seed=4)
+    found = landing_of(study, plan, {}, lambda what, done, total: None)
+    assert not found.unreached and not found.further
+    blind = {itp for id, itp in zip(ids, CASES_OF_PAPER, strict=True) if 4 not in found.of[id].felt}
+    assert blind == {"ITP3", "ITP4", "ITP6"}, "obstacles are far from these components"
+    for id in ids:
+        assert {0, 1, 2, 3} <= set(found.of[id].felt)
+
+
+def test_timing_cases_are_the_interaction_alone() -> None:
+    case = component_plan(seed=4).case(0)
+    timed, whole = here(SlowClock, timed=True)(case), here(SlowClock)(case)
+    assert transitions(timed.trace) == tuple(
+        event.transition for event in serialise(interaction_cases()[case.abstract])
+    )
+    assert len(transitions(whole.trace)) == len(transitions(timed.trace)) + 5
 
 
 def test_three_rows_meet_each_choice_for_every_abstract_case() -> None:

@@ -15,10 +15,11 @@ from parcours.abtc.rendezvous import meetings, rendezvous_pairs
 from parcours.abtc.requiring import require_cases
 from parcours.abtc.sequencing import Emission, Event, Reception, serialise
 from parcours.abtc.serialising import POLICIES, AbstractCase, Start, abstract_cases, case_counts, find_case, notation
+from parcours.abtc.visits import Visits, as_one_instance, ask_alone
 
 __all__ = [
-    "POLICIES", "AbstractCase", "Emission", "Event", "Order", "Reception", "Start", "abstract_cases", "case_counts",
-    "combinations", "component_graph", "count_sequences", "find_case", "interaction_paths", "meetings", "notation",
-    "order_of", "order_of_case", "rendezvous_pairs", "require_cases", "sample_sequences", "sequences", "serialise",
-    "side_by_side",
+    "POLICIES", "AbstractCase", "Emission", "Event", "Order", "Reception", "Start", "Visits", "abstract_cases",
+    "as_one_instance", "ask_alone", "case_counts", "combinations", "component_graph", "count_sequences", "find_case",
+    "interaction_paths", "meetings", "notation", "order_of", "order_of_case", "rendezvous_pairs", "require_cases",
+    "sample_sequences", "sequences", "serialise", "side_by_side",
 ]  # fmt: skip

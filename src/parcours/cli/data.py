@@ -1,4 +1,4 @@
-"""`parcours data`: rows from an input model, the coverage of tables, sizes of criteria, PICT models in and out."""
+"""`parcours data`: rows from an input model, the coverage of tables, where values land, PICT models in and out."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 from click.exceptions import Exit
 
-from parcours.cli.options import PATH, as_json, count, data_file, print_json, print_rows, seed
+from parcours.cli.options import PATH, as_json, count, data_file, print_json, print_rows, seed, set_parameters
 
 if TYPE_CHECKING:
     import numpy as np
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from parcours.data import InputModel
     from parcours.data.choosing import Selection
     from parcours.data.formats import DataReading
+    from parcours.study.components.landing import Landing
 
 
 @click.group("data")
@@ -174,6 +175,63 @@ def compare_criteria(file: Path, as_json: bool) -> None:
         return
     title = f"{model.name}: {len(model.domains)} inputs, {sum(model.sizes)} blocks"
     print_rows(title, ("criterion", ("rows", ",d"), ("fewest", ",d")), sizes)
+
+
+@command.command("landing")
+@click.argument("study")
+@count("--cases", most=1_000_000, help="How many; by default what the criterion needs.")
+@set_parameters
+@seed
+@as_json
+def find_landing(study: str, cases: int | None, settings: tuple[str, ...], seed: int, as_json: bool) -> None:
+    """Say which blocks of a component study's test data change a message that a component receives.
+
+    Each case is executed in simulated time, and again with one value replaced by one of another block. What changes
+    nothing is listed by name, with the abstract cases that do not feel it, and further cases in which it lands.
+
+    Example: parcours data landing examples/lift
+    """
+    from parcours.cli.progress import progress
+    from parcours.study.components.landing import landing_of
+    from parcours.study.finding import find_components
+    from parcours.study.parameters import pairs_of, settings_of
+
+    found = find_components(study)
+    chosen = settings_of(found.parameters, pairs_of(settings), found.name)
+    with progress() as report:
+        landing = landing_of(found, found.plan(seed, cases), chosen, report)
+    if as_json:
+        print_json({
+            "study": found.name,
+            "blocks": [{"block": landing.name(spot), "abstract_cases": landing.abstracts(spot)}
+                       for spot in landing.spots],
+            "unreached": landing.unreached, "further": landing.further, "undecided": landing.undecided,
+            "felt": [{"inputs": names, "rows": landing.rows(names), "abstract_cases": ids}
+                     for names, ids in landing.groups.items()],
+        })  # fmt: skip
+        return
+    _print_landing(found.name, landing)
+
+
+def _print_landing(study: str, landing: Landing) -> None:
+    n = len(landing.of)
+    rows = [(landing.name(spot), sum(spot in one.held for one in landing.of.values()), len(landing.abstracts(spot)))
+            for spot in landing.spots]  # fmt: skip
+    print_rows(f"{study}: {n} abstract cases", ("block", ("drawn in", ",d"), ("lands in", ",d")), rows)
+    groups = ((", ".join(names) or "no input", len(ids), landing.rows(names)) for names, ids in landing.groups.items())
+    heads = ("inputs that are felt", ("by abstract cases", ",d"), ("rows they need", ",d"))
+    print_rows("An input that no component feels need not be combined", heads, groups)
+    hit = len(landing.spots) - len(landing.unreached)
+    click.echo(
+        f"{hit} of {len(landing.spots)} blocks change a message that a component receives;"
+        f" of {n * len(landing.spots)} pairs of abstract case and block {landing.n_pairs} do"
+    )
+    for block in landing.unreached:
+        click.echo(f"reaches nothing: {block}")
+    for id in landing.further:
+        click.echo(f"further case in which blocks land: {id}")
+    for id, why in landing.undecided.items():
+        click.echo(f"undecided: {id}: {why}")
 
 
 @command.command("convert")

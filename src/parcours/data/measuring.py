@@ -140,12 +140,7 @@ def measure(
     blocks = model.blocks_of(table)
     rules = rules_of(model)
     goals = goals_of(model.sizes, strength, model.column_groups, rules)
-    counts = ((blocks != OUTSIDE) & (blocks < np.array(model.sizes))).all(axis=1)
-    counts[counts] = rules.hold(blocks[counts])
-    for constraint in model.constraints:
-        if constraint.over == "values" and counts.any():
-            columns = {name: table[counts, column] for column, name in enumerate(model.names)}
-            counts[counts] = meets(constraint, columns)
+    counts = allowed(model, table)
     missing = goals.missing(blocks[counts])
     # Without listed rules the goals hold some combinations that no allowed row can hold: each is looked at here.
     if not rules.are_listed:
@@ -158,6 +153,18 @@ def measure(
         tuple(model.in_words(goals.tuple_of(int(number))) for number in missing[:most_shown]),
         tuple((int(row) + 1, _reason(model, table[row], blocks[row])) for row in uncounted),
     )  # fmt: skip
+
+
+def allowed(model: InputModel, table: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Return which rows have valid values only and break no rule, shape (n_rows,). Raises as `measure`."""
+    blocks, rules = model.blocks_of(table), rules_of(model)
+    counts: NDArray[np.bool_] = ((blocks != OUTSIDE) & (blocks < np.array(model.sizes))).all(axis=1)
+    counts[counts] = rules.hold(blocks[counts])
+    for constraint in model.constraints:
+        if constraint.over == "values" and counts.any():
+            columns = {name: table[counts, column] for column, name in enumerate(model.names)}
+            counts[counts] = meets(constraint, columns)
+    return counts
 
 
 def _can_be_held(goals: Goals, number: int) -> bool:

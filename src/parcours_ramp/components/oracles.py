@@ -44,19 +44,24 @@ def fitness_range(trace: Trace) -> Judgement:
 
 def path_is_modified(trace: Trace) -> Judgement:
     """ITP3: modified path != previous path."""
-    requests = [m for m in _sent(trace, "modification_request") if isinstance(m, messages.ModificationRequest)]
-    answers = [m for m in _sent(trace, "modification_response") if isinstance(m, messages.ModificationResponse)]
-    moved = 0.0
-    holds = bool(requests) and bool(answers)
-    for answer in answers:
-        before = requests[0].modification.first
-        for after in answer.paths:
-            same_size = after.n == before.n
-            gap = np.hypot(after.x - before.x, after.y - before.y)[: before.n].max() if same_size else np.inf
-            moved = max(moved, float(gap))
-    return _judge(
-        holds and moved > SAME_PATH, f"{len(answers)} answers; a knot moved by {moved:.3g} m (inf: another size)"
-    )
+    asked: dict[str, messages.ModificationRequest] = {}  # by the instance that received it last
+    moved: list[float] = []
+    for event in trace.events:
+        if event.kind == "receive" and isinstance(event.payload, messages.ModificationRequest):
+            asked[event.component] = event.payload
+        elif event.kind == "send" and isinstance(event.payload, messages.ModificationResponse):
+            before = asked[event.component].modification.first
+            moved.append(max((_moved(before, after) for after in event.payload.paths), default=0.0))
+    holds = bool(moved) and min(moved) > SAME_PATH
+    ways = " or ".join(f"{one:.3g} m" for one in moved)
+    return _judge(holds, f"{len(moved)} answers; a knot moved by {ways or 'nothing'} (inf: another size)")
+
+
+def _moved(before: Record, after: Record) -> float:
+    """Return by how much a knot of a PATH moved at most [m]; inf if there are more or fewer."""
+    if after.n != before.n:
+        return float(np.inf)
+    return float(np.hypot(after.x - before.x, after.y - before.y)[: before.n].max())
 
 
 def state_is_sent(trace: Trace) -> Judgement:

@@ -72,7 +72,7 @@ class RampComponents(ComponentStudy):
         """Return the six components as nodes, with the channels of the system, too."""
         return component_nodes()
 
-    def tester(self, case: Case, settings: Settings) -> Tester:
+    def tester(self, case: Case, settings: Settings, *, timed: bool = False) -> Tester:
         """Return the tester of a case."""
         return ComponentTester(case)
 
@@ -113,14 +113,14 @@ def component_study() -> RampComponents:
     percent = Parameter("percent", "real", PERCENT, "of repeats that must keep a limit", "%", low=50.0, high=99.999)
     return RampComponents(
         "ramp_components", component_model(), None, component_inputs(), where="ramp_components", own=(percent,),
-        files=component_files(),
+        alone=True, files=component_files(),
         doc="RAMP's six components: 67 abstract cases, and 60 against limits (Tables III to VIII)",
     )  # fmt: skip
 
 
 @functools.cache
-def _exercise() -> executing.Exercise:
-    return component_study().exercise({})
+def _exercise(timed: bool = False) -> executing.Exercise:
+    return component_study().exercise({}, timed=timed)
 
 
 def interaction_cases() -> Mapping[str, AbstractCase]:
@@ -149,20 +149,21 @@ def paper_sample(plan: Plan) -> list[Case]:
     return sample
 
 
-def here(clock: Callable[[], Clock] | None = None) -> Execute:
-    """Return what executes cases in this process, in simulated time, or on the clocks it is given."""
-    return executing.in_process(_exercise(), clock)
+def here(clock: Callable[[], Clock] | None = None, *, timed: bool = False) -> Execute:
+    """Return what executes cases, timed their interactions only, here in simulated time, or on the clocks given."""
+    return executing.in_process(_exercise(timed), clock)
 
 
-def on(transport: Transport, codec: Codec | None = None, *, strict: bool = True) -> Execute:
+def on(transport: Transport, codec: Codec | None = None, *, strict: bool = True, timed: bool = False) -> Execute:
     """Return what executes cases on the nodes of a transport.
 
     Args:
         transport: started, with a node for each component that the cases visit.
         codec: of the transport's messages; MessagePack's if not given.
         strict: keep the serialised order itself; else any order that the case leaves open.
+        timed: execute the interaction of a case only.
     """
-    return executing.on_transport(_exercise(), transport, codec or RampCodec(), strict=strict)
+    return executing.on_transport(_exercise(timed), transport, codec or RampCodec(), strict=strict)
 
 
 def run_functional(case: Case, execute: Execute | None = None) -> Functional:
@@ -204,6 +205,6 @@ def run_timing(
         percent: share of all repeats that must stay within the limit [%].
     """
     return executing.run_timing(
-        _exercise(), timing_groups(sample, percent), execute or here(WallClock), repeats=repeats, warm_up=warm_up,
-        listener=listener, progress=progress,
+        _exercise(timed=True), timing_groups(sample, percent), execute or here(WallClock, timed=True), repeats=repeats,
+        warm_up=warm_up, listener=listener, progress=progress,
     )  # fmt: skip

@@ -18,12 +18,14 @@ from parcours_ramp.planner import messages
 from parcours_ramp.planner.parameters import Parameters
 from parcours_ramp.planner.path_modification import CHANGE, INSERT
 from parcours_ramp.planner.prediction import predict
-from parcours_ramp.planner.route import HYBRID, ROUTE
+from parcours_ramp.planner.route import HOLONOMIC, HYBRID, ROUTE, TRANSITION
+from parcours_ramp.planner.switching import switch_path
 from parcours_ramp.planner.trajectory_generator import generate
 
 _SENSING, _PLANNING = messages.Tag("sensing", 2), messages.Tag("planning", 2)
 """The first conversations of a planner whose own first was the control cycle that prepared it."""
 
+_BEFORE = 0.3  # How far before the path a switch leaves the present motion [m]
 _N_OBSTACLES = 2  # Two, so that p16 has something left to ask for (Table II)
 
 
@@ -97,9 +99,21 @@ class Supply:
         return predictions
 
     def _trajectory_request(self) -> messages.TrajectoryRequest:
-        paths, starts = messages.many(messages.PATH, 1), messages.many(messages.POSE, 1)
-        paths[0], starts[0] = self._path(), self._begin
-        return messages.TrajectoryRequest(_SENSING, paths, starts, np.array([HYBRID]))
+        """Ask for the robot's ways as the planning and control cycles do, of each kind: Table II leaves them out.
+
+        A switch leaves a motion before the path begins; what stops and rotates starts at rest.
+        """
+        kinds = np.array([HYBRID, HOLONOMIC, TRANSITION])
+        path, paths, starts = self._path(), messages.many(messages.PATH, 3), messages.many(messages.POSE, 3)
+        for k in range(3):
+            starts[k] = self._begin
+            if kinds[k] == HOLONOMIC:
+                starts[k].v = 0.0
+            elif kinds[k] == TRANSITION:
+                s, c = sin_cos(self._begin.heading)
+                starts[k].x, starts[k].y = self._begin.x - _BEFORE * c, self._begin.y - _BEFORE * s
+            switch_path(path, starts[k], kinds[k], paths[k])
+        return messages.TrajectoryRequest(_SENSING, paths, starts, kinds)
 
     def _evaluation_request(self) -> messages.EvaluationRequest:
         trajectories = messages.many(messages.TRAJECTORY, int(self._case["population"]))

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from parcours.errors import ParcoursError
 from parcours.run.trace import Trace
 from parcours.study.components.executing import run_functional
+from parcours.study.components.landing import landing_of
 from parcours.study.components.running import executed_apart, executors
 from parcours.study.parameters import Settings, settings_of
 from parcours.study.protocol import Finding, Level, Progress
@@ -43,6 +44,7 @@ def check_study(study: ComponentStudy, progress: Progress) -> list[Finding]:
         *_infeasible(study),
         *_untaken(study),
         *_unreached_inputs(study),
+        *_landing_nowhere(study, settings, progress),
     ]
     rank = {"error": 0, "warning": 1, "note": 2}
     return sorted(found, key=lambda one: rank[one.level])
@@ -147,3 +149,15 @@ def _unreached_inputs(study: ComponentStudy) -> Iterator[Finding]:
             rule = "reaches nothing that the tester sends: no message field, input variable or formula has this name"
             remedy = "name a field like it, or use it under `supply:`; constructors may take an argument of this name"
             yield Finding("warning", f"test input {name!r}", rule, remedy)
+
+
+def _landing_nowhere(study: ComponentStudy, settings: Settings, progress: Progress) -> Iterator[Finding]:
+    """Yield blocks of test data that change no message that a component receives, though the input is known."""
+    if not study.inputs.domains:
+        return
+    landing = landing_of(study, study.plan(1), settings, progress)
+    for block in landing.unreached[:_SHOWN]:
+        rule = "no other value in its place changes a message that a component receives, in any case"
+        yield Finding("warning", block, rule, "see `parcours data landing`; constructors may read it all the same")
+    if len(landing.unreached) > _SHOWN:
+        yield Finding("warning", "blocks", f"{len(landing.unreached) - _SHOWN} more change nothing")

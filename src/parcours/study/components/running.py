@@ -118,7 +118,7 @@ def _apart(
     def work(item: str) -> list[Kept]:
         if item in cases:
             return [_kept(functional_here(study, cases[item], settings), archive)]
-        exercise = study.exercise(settings)
+        exercise = study.exercise(settings, timed=True)
         execute = executing.in_process(exercise, WallClock, watched(study.patience), study.messages.checked)
         return list(_timings(exercise, [groups[item]], execute, settings, archive))
 
@@ -199,10 +199,10 @@ def executors(study: ComponentStudy, settings: Settings) -> Iterator[tuple[Execu
 
     A host that has lost a node is started again for the next case.
     """
-    exercise = study.exercise(settings)
+    exercise, timed = study.exercise(settings), study.exercise(settings, timed=True)
     host, graph = str(settings["host"]), str(settings["graph"])
     if host == "simulated":
-        yield executing.in_process(exercise), executing.in_process(exercise, WallClock)
+        yield executing.in_process(exercise), executing.in_process(timed, WallClock)
         return
     nodes, patience = study.nodes(), round(longest(study.patience) * 1e9)
     with contextlib.ExitStack() as running:
@@ -213,7 +213,7 @@ def executors(study: ComponentStudy, settings: Settings) -> Iterator[tuple[Execu
 
         hosted = start()
 
-        def execute(case: Case, strict: bool) -> Execution:
+        def execute(exercise: Exercise, case: Case, strict: bool) -> Execution:
             nonlocal hosted
             why = ""
             for _ in range(2):  # if fresh nodes come to the same, the case is to blame
@@ -227,7 +227,7 @@ def executors(study: ComponentStudy, settings: Settings) -> Iterator[tuple[Execu
                     hosted = start()
             return Execution(Trace("wall", (TraceEvent(0, "deviation", text=why),), host, case.id), None)
 
-        yield lambda case: execute(case, True), lambda case: execute(case, False)
+        yield lambda case: execute(exercise, case, True), lambda case: execute(timed, case, False)
 
 
 def read_results(study: ComponentStudy, folder: Path) -> Results:

@@ -13,11 +13,11 @@ A case whose conditions contradict each other cannot be run by any component tha
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import TypeAlias, Union, cast
 
-from parcours.abtc import Event
+from parcours.abtc import Event, Reception
 from parcours.errors import BadModel, BadRequest
 from parcours.model.expression import (
     Apply,
@@ -27,17 +27,14 @@ from parcours.model.expression import (
     Field,
     Literal,
     Name,
-    Type,
     Unary,
     evaluate,
-    names,
 )  # fmt: skip
 from parcours.model.scope import Scopes, is_local, variable_type
-from parcours.model.solutions import Budget, Question
 from parcours.model.structure import BASE_TYPES, Cefsm, Send, Transition
+from parcours.study.components.conditions import Conditions, solved
 from parcours.study.components.messages import Messages, Plain
 
-_EFFORT = 20_000  # most valuations tried for conditions that share symbols
 # Channel or transition -> field or input variable -> formula over test inputs and parameters
 Formulas = Mapping[str, Mapping[str, Expression]]
 
@@ -51,6 +48,7 @@ class Stimulus:
 
     message: Plain = None
     inputs: Mapping[str, object] = field(default_factory=dict)
+    stray: Plain = None  # a message that comes before, on the same channel, and that the model does not let it take
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,18 +57,6 @@ class Stimuli:
 
     of: Mapping[int, Stimulus]
     infeasible: str = ""
-
-
-@dataclass(slots=True)
-class Conditions:
-    """What is asked of the symbols of one case."""
-
-    types: dict[str, Type] = field(default_factory=dict)
-    domains: dict[str, Sequence[object]] = field(default_factory=dict)
-    wanted: dict[str, object] = field(default_factory=dict)
-    limits: list[Expression] = field(default_factory=list)
-    hard: list[tuple[Expression, str]] = field(default_factory=list)
-    soft: list[Expression] = field(default_factory=list)
 
 
 class _Unknown(Exception):
@@ -94,8 +80,16 @@ class Chooser:
             for transition in machine.transitions
         }
 
-    def stimuli(self, events: Sequence[Event], values: Mapping[str, object]) -> Stimuli:
-        """Return the stimuli of a case."""
+    def stimuli(
+        self, events: Sequence[Event], values: Mapping[str, object], again: Mapping[int, int] | None = None
+    ) -> Stimuli:
+        """Return the stimuli of a case.
+
+        Args:
+            again: event -> one before it whose message is to come once more before its own, as a stray, if the model
+                lets the component tell the two apart.
+        """
+        refused: dict[int, list[Expression]] = {}
         conditions = Conditions()
         scopes: dict[int, Record] = {}
         posted: dict[tuple[int, str], list[Record]] = {}
@@ -110,13 +104,36 @@ class Chooser:
                 if transition.event is not None and transition.event.name:
                     now[transition.event.name] = message
             self._demand(event, transition, rivals, now, conditions)
+            if again and event.position in again:
+                stray = received[again[event.position]]
+                refused[event.position] = self._refusing((transition, *rivals), now, stray)
+                conditions.apart += refused[event.position]
             self._act(transition, scope, now)
             for send in transition.sends:
                 posted.setdefault((event.position, send.channel), []).append(self._posted(send, now))
         found, infeasible = solved(conditions)
-        return Stimuli(
-            {event.position: self._stimulus(event, received, found, conditions) for event in events}, infeasible
-        )
+        of = {event.position: self._stimulus(event, received, found, conditions) for event in events}
+        chosen = {**conditions.wanted, **found}
+        for position, guards in refused.items():
+            if guards and all(_holds(guard, chosen) for guard in guards):
+                told = self._filled(events[position].receives, received[(again or {})[position]], chosen)
+                of[position] = replace(of[position], stray=told)
+        return Stimuli(of, infeasible)
+
+    def _refusing(self, transitions: Sequence[Transition], now: Record, stray: Record) -> list[Expression]:
+        """Return the conditions under which none of the transitions takes a stray message; none if one always may."""
+        refusing: list[Expression] = []
+        for transition in transitions:
+            bound = dict(now)
+            if transition.event is not None and transition.event.name:
+                bound[transition.event.name] = stray
+            if transition.guard is None:
+                return []
+            try:
+                refusing.append(Unary("!", _substituted(transition.guard, bound)))
+            except _Unknown:
+                return []
+        return refusing
 
     def _initial(self, component: str) -> Record:
         return {
@@ -235,10 +252,15 @@ class Chooser:
         inputs = {name.removeprefix(prefix): value for name, value in values.items() if name.startswith(prefix)}
         if event.receives is None or event.receives.event is not None:
             return Stimulus(None, inputs)
-        message = self._messages.default(event.receives.channel)
+        return Stimulus(self._filled(event.receives, received[event.position], values), inputs)
+
+    def _filled(self, receives: Reception | None, record: Record, values: Mapping[str, object]) -> Plain:
+        """Return the message of which this is known."""
+        assert receives is not None
+        message = self._messages.default(receives.channel)
         if isinstance(message, dict):
-            _fill(message, received[event.position], values)
-        return Stimulus(self._messages.checked(event.receives.channel, message), inputs)
+            _fill(message, record, values)
+        return self._messages.checked(receives.channel, message)
 
 
 def _is_rival(other: Transition, transition: Transition) -> bool:
@@ -293,6 +315,16 @@ def _fill(message: dict[str, Plain], record: Record, values: Mapping[str, object
                 message[name] = [held[0] if isinstance(held, list) and held else 0] * size
             if symbol.id in values:
                 message[name] = cast(Plain, values[symbol.id])
+        else:
+            with contextlib.suppress(BadModel, KeyError):
+                message[name] = cast(Plain, evaluate(symbol, values))
+
+
+def _holds(condition: Expression, values: Mapping[str, object]) -> bool:
+    try:
+        return evaluate(condition, values) is True
+    except (BadModel, KeyError):
+        return False
 
 
 def _same(symbol: str, value: object) -> Expression:
@@ -327,62 +359,3 @@ def _as(kind: str, value: object) -> object:
     if kind == "int" and isinstance(value, float) and value == int(value):
         return int(value)
     return float(value) if kind == "real" and isinstance(value, int) and not isinstance(value, bool) else value
-
-
-def solved(conditions: Conditions) -> tuple[dict[str, object], str]:
-    """Return values of the symbols under which the conditions hold; or, beside some, which cannot hold together."""
-    found: dict[str, object] = {}
-    for symbols, hard, soft in _clusters(conditions):
-        if not symbols:
-            for condition, where in hard:
-                if _is_false(condition):
-                    return found, f"{where} cannot hold"
-            continue
-        wanted = {name: value for name, value in conditions.wanted.items() if name in symbols}
-        demands = [condition for condition, _ in hard]
-        limits = [limit for limit in conditions.limits if names(limit) <= symbols]
-        holds: bool | None = None
-        # Given up one after the other, what matters least first: the test inputs' own values, that no rival's guard
-        # holds, both of these, and at last the bounds of the test inputs.
-        tries: list[tuple[list[Expression], dict[str, object]]] = [
-            (demands + soft, wanted), (demands + soft + limits, {}), (demands, wanted), (demands + limits, {}),
-            (demands, {}),
-        ]  # fmt: skip
-        for guards, known in tries:
-            question = Question(conditions.types, {}, conditions.domains, known)
-            try:
-                answer = question.witness(guards, Budget(_EFFORT))
-            except BadModel:
-                continue
-            holds = answer.holds
-            if holds:
-                found |= {**known, **dict(answer.values)}
-                break
-        if holds is False:
-            return found, " and ".join(dict.fromkeys(where for _, where in hard)) + " cannot hold together"
-    return found, ""
-
-
-def _clusters(conditions: Conditions) -> Iterator[tuple[set[str], list[tuple[Expression, str]], list[Expression]]]:
-    """Yield conditions that share symbols, together with these; those without any first."""
-    groups: list[tuple[set[str], list[tuple[Expression, str]], list[Expression]]] = []
-    everything = [*conditions.hard, *((one, None) for one in conditions.soft)]
-    for condition, where in everything:
-        symbols = set(names(condition))
-        joined: tuple[set[str], list[tuple[Expression, str]], list[Expression]] = (symbols, [], [])
-        (joined[1].append((condition, where)) if where is not None else joined[2].append(condition))
-        apart = []
-        for group in groups:
-            if group[0] & symbols or (not group[0] and not symbols):
-                joined = (joined[0] | group[0], group[1] + joined[1], group[2] + joined[2])
-            else:
-                apart.append(group)
-        groups = [*apart, joined]
-    yield from sorted(groups, key=lambda group: bool(group[0]))
-
-
-def _is_false(condition: Expression) -> bool:
-    try:
-        return evaluate(condition, {}) is False
-    except BadModel:
-        return True

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from parcours.abtc import AbstractCase, Event, serialise
+from parcours.abtc import AbstractCase, Event, Visits, as_one_instance, ask_alone, serialise
 from parcours.data import InputModel
 from parcours.errors import BadSuite
 from parcours.model.structure import Cefsm
@@ -24,8 +24,9 @@ from parcours.study import protocol
 from parcours.study.components.executing import Exercise, TimingGroup, whole_case
 from parcours.study.components.messages import Messages
 from parcours.study.components.selecting import Selection, select_cases
+from parcours.study.components.simple import is_full
 from parcours.study.components.stimuli import Chooser, Formulas
-from parcours.study.components.systems import PATIENCE, System
+from parcours.study.components.systems import PATIENCE, PythonPart, System
 from parcours.study.components.tester import StudyTester, Tester
 from parcours.study.hosting import HOSTS, Nodes
 from parcours.study.parameters import Parameter, Scalar, Settings, natural_values
@@ -36,6 +37,7 @@ from parcours.verdict.judgement import Judgement, Verdict
 from parcours.verdict.timing import NEVER, Bound
 
 NO_INPUTS = InputModel("no inputs", ())  # the test inputs of a study that has none: each abstract case is one case
+PER_VISIT, PER_CASE = "per-visit", "per-case"  # how many instances of a component a case has
 _TIMED = 5  # abstract cases that are timed for each limit, evenly spread
 
 Oracle = Callable[[Case, Trace, Settings], Judgement]
@@ -64,6 +66,8 @@ def host_parameters(*more: Parameter) -> tuple[Parameter, ...]:
         Parameter("graph", "text", "", "address of a running ROS 1 master, or a ROS 2 domain; else one of its own",
                   decides=False),
         Parameter("record", "text", "", "keep a recording of every case", choices=("", "mcap", "bag"), decides=False),
+        Parameter("instances", "text", PER_VISIT, "of a component: one a visit, or one a case, which answers go to",
+                  choices=(PER_VISIT, PER_CASE)),
         Parameter("repeats", "int", 60, "of a timing case", low=1, high=100_000),
         *more,
     )  # fmt: skip
@@ -83,6 +87,7 @@ class ComponentStudy:
     criterion: str = "each_choice"  # how blocks of inputs are combined
     paths: str = "edge"  # coverage criterion of the internal paths
     policy: str = ""  # of serialisation; the model's if empty
+    alone: bool = False  # whether paths that hear from their peers only are asked by the tester, too (`ask_alone`)
     n_cases: int | None = None  # how many cases are run if nothing is said; None for what the criterion needs
     time_budget: float = 20.0  # of a case [s]
     supply: Formulas = field(default_factory=dict)  # formulas for fields of the environment's messages
@@ -161,11 +166,11 @@ class ComponentStudy:
             f"{room}:ros1_node_program", f"{room}:ros1_codec", (room,), self.where,
         )  # fmt: skip
 
-    def exercise(self, settings: Settings) -> Exercise:
-        """Return what executing and judging its cases needs, the parameters being set."""
+    def exercise(self, settings: Settings, *, timed: bool = False) -> Exercise:
+        """Return what executing and judging its cases needs, the parameters being set; timed are interactions only."""
         return Exercise(
-            self.events,
-            functools.partial(self.tester, settings=settings),
+            lambda case: self.visits(case, settings, timed=timed).enforced,
+            functools.partial(self.tester, settings=settings, timed=timed),
             functools.partial(self.oracle, settings=settings),
             functools.partial(self.contradiction, settings=settings),
             self.view(),
@@ -181,30 +186,52 @@ class ComponentStudy:
         """Return what formulas, constructors and programs may read: parameters and test inputs by name."""
         return {**settings, **natural_values(self.inputs, case)}
 
-    def tester(self, case: Case, settings: Settings) -> Tester:
+    def tester(self, case: Case, settings: Settings, *, timed: bool = False) -> Tester:
         """Return the tester of a case."""
         assert self.system is not None
-        known = self.known(case, settings)
-        stimuli = self._chooser.stimuli(self.events(case), known).of
+        known, visits = self.known(case, settings), self.visits(case, settings, timed=timed)
+        stimuli = self._chooser.stimuli(visits.events, known, visits.again).of
         components = {component.name: component for component in self.model.components}
-        return StudyTester(self.system, components, case, settings, known, stimuli)
+        early = {at: [visits.events[one] for one in those] for at, those in visits.early.items()}
+        return StudyTester(self.system, components, case, settings, known, stimuli, early)
 
     def contradiction(self, case: Case, settings: Settings) -> str:
         """Return why no choice of the tester's can make this case run with its data and formulas; empty if one can."""
+        try:
+            visits = self.visits(case, settings)
+        except BadSuite as error:
+            return f"{error.rule}; {error.remedy}"
         if self.system is None:
             return ""
-        return self._chooser.stimuli(self.events(case), self.known(case, settings)).infeasible
+        return self._chooser.stimuli(visits.events, self.known(case, settings), visits.again).infeasible
 
     @functools.lru_cache(maxsize=256)  # noqa: B019 - a study lives as long as its process
     def _events(self, abstract: str) -> tuple[Event, ...]:
         return serialise(self.abstracts[abstract])
 
-    def events(self, case: Case) -> tuple[Event, ...]:
-        """Return the events of a case. Raises BadSuite if the study has no such abstract case."""
+    @functools.lru_cache(maxsize=256)  # noqa: B019 - as above
+    def _visits(self, abstract: str, alone: bool, one_instance: bool) -> Visits:
+        events = ask_alone(self._events(abstract)) if alone else self._events(abstract)
+        return as_one_instance(events, self.takes_any_time) if one_instance else Visits(events)
+
+    def visits(self, case: Case, settings: Settings, *, timed: bool = False) -> Visits:
+        """Return the events of a case with these instances, and what comes beside them.
+
+        Raises BadSuite: the study has no such abstract case, or it cannot run with one instance of each component.
+        """
         if case.abstract not in self.abstracts:
             rule = f"a case must be one that the study has, but no abstract case of {self.name} is called like that"
             raise BadSuite(f"case {case.id!r}", rule, "write the suite again with this version", slug="foreign-case")
-        return self._events(case.abstract)
+        return self._visits(case.abstract, self.alone and not timed, settings.get("instances") == PER_CASE)
+
+    def events(self, case: Case) -> tuple[Event, ...]:
+        """Return the events of a case, with an instance a visit. Raises BadSuite if it is no case of the study."""
+        return self.visits(case, {}).events
+
+    def takes_any_time(self, component: str) -> bool:
+        """Return whether a component is handed messages while it is busy: one that keeps the port itself."""
+        parts = getattr(self.system, "parts", {})
+        return isinstance(part := parts.get(component), PythonPart) and is_full(part.made())
 
     def view(self) -> View:
         """Return what shows something of an instance at the end of a case: nothing."""

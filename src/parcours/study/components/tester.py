@@ -50,8 +50,9 @@ class StudyTester:
 
     def __init__(
         self, system: System, components: Mapping[str, Modelled], case: Case, settings: Settings, known: Settings,
-        stimuli: Mapping[int, Stimulus],
+        stimuli: Mapping[int, Stimulus], early: Mapping[int, Sequence[Event]] | None = None,
     ) -> None:  # fmt: skip
+        self._early = early or {}  # event -> those whose messages arrive just before it, while its instance is busy
         self._system, self._components = system, components
         self._case, self._settings, self._known, self._stimuli = case, settings, known, stimuli
 
@@ -70,6 +71,9 @@ class StudyTester:
     def prepare(self, event: Event, component: Component) -> None:
         """Set the input variables that the event's guard reads."""
         set_inputs(component, self._stimuli[event.position].inputs)
+        for channel, message in self._beside(event):
+            for _ in component.handle(channel, message, 0):
+                pass
 
     def case(self) -> bytes:
         """Return the case as `node_program` knows it."""
@@ -84,9 +88,18 @@ class StudyTester:
         return None
 
     def settling(self, event: Event) -> Sequence[tuple[str, object]]:
-        """Return the input variables to set, as one message."""
+        """Return the input variables to set, as one message, and the messages that arrive beside the event's own."""
         inputs = self._stimuli[event.position].inputs
-        return ((INPUTS, dict(inputs)),) if inputs else ()
+        return (*([(INPUTS, dict(inputs))] if inputs else []), *self._beside(event))
+
+    def _beside(self, event: Event) -> Iterator[tuple[str, object]]:
+        """Yield a stray answer, and messages of visits that begin while this one goes on."""
+        for visit in self._early.get(event.position, ()):
+            assert visit.receives is not None
+            yield visit.receives.channel, self._stimuli[visit.position].message
+        stray = self._stimuli[event.position].stray
+        if stray is not None and event.receives is not None:
+            yield event.receives.channel, stray
 
 
 def prompted(transition: str, component: Component, now: int) -> Iterator[Step]:
