@@ -46,7 +46,9 @@ WIRE = Wire()
 def bits(trace: Trace) -> list[object]:
     """Return every payload's values, as bytes."""
     return [
-        None if event.payload is None else [np.asarray(one).tobytes() for one in flatten(event.channel, event.payload)]
+        None
+        if event.payload is None or not event.channel
+        else [np.asarray(one).tobytes() for one in flatten(event.channel, event.payload)]
         for event in trace.events
     ]
 

@@ -1,7 +1,7 @@
 """What happened in a run, in order of time: one form of record from every host, its repeats, and its file.
 
-Verdicts are predicates over this record. Payloads stay in memory: a file holds none, since a replay is a
-re-simulation.
+Verdicts are predicates over this record. Payloads of messages stay in memory: a file holds none, since a replay is a
+re-simulation; it holds what components report of themselves.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from parcours.errors import BadResults
 from parcours.run.atomic import write_atomically
 from parcours.run.clocks import ClockName
 from parcours.run.noise import Noise, noise_of
+from parcours.run.port import Reported
 
 Kind = Literal["take", "send", "receive", "hold", "release", "drop", "deviation", "note"]
 """take: a transition was completed. send, receive: a message left its sender, was taken up. hold, release: a
@@ -33,6 +34,11 @@ REPEAT = "repeat"
 
 _Line = tuple[int, Kind, str, str, str, int, str]
 """An event in a file: the fields of a TraceEvent but its payload."""
+
+
+class _Told(msgspec.Struct):
+    variables: dict[str, bool | int | float | str]
+    operations: tuple[str, ...] | None
 
 
 class _Head(msgspec.Struct):
@@ -125,6 +131,27 @@ def held(trace: Trace) -> dict[int, int]:
     return kept
 
 
+def told(event: TraceEvent) -> str:
+    """Return what stands for an event's text in a file: with a transition, as JSON, what its component reported."""
+    if not isinstance(event.payload, Reported):
+        return event.text
+    return json.dumps({"variables": dict(event.payload.variables), "operations": event.payload.operations})
+
+
+def retold(event: TraceEvent) -> TraceEvent:
+    """Return the event that `told` was asked about, with the report that its text holds as its payload.
+
+    Raises ValueError: the text of a transition holds no report.
+    """
+    if event.kind != "take" or not event.text:
+        return event
+    try:
+        said = msgspec.json.decode(event.text, type=_Told)
+    except (msgspec.DecodeError, RecursionError) as error:
+        raise ValueError(f"no report of a component: {event.text[:60]!r}") from error
+    return replace(event, text="", payload=Reported(said.variables, said.operations))
+
+
 class Row:
     """Puts repeats one behind the other: times go on, and so do the numbers of messages.
 
@@ -184,7 +211,7 @@ def _lines(trace: Trace) -> Iterator[str]:
     head = {"parcours": FORMAT, "clock": trace.clock, "host": trace.host, "case": trace.case, "noise": noise}
     yield json.dumps(head)
     for e in trace.events:
-        yield json.dumps([e.time, e.kind, e.component, e.transition, e.channel, e.message, e.text])
+        yield json.dumps([e.time, e.kind, e.component, e.transition, e.channel, e.message, told(e)])
     yield json.dumps({"events": len(trace.events)})
 
 
@@ -218,7 +245,10 @@ def read_trace(path: Path) -> Trace:
         raise _malformed(path, 1, lines[0]) from error
     events: list[TraceEvent] = []
     for number, line in enumerate(lines[1:-2], start=2):
-        events.append(TraceEvent(*_parsed(path, number, line, _Line)))
+        try:
+            events.append(retold(TraceEvent(*_parsed(path, number, line, _Line))))
+        except ValueError as error:
+            raise _malformed(path, number, line) from error
         if len(events) > 1 and events[-1].time < events[-2].time:
             rule = f"time never runs backwards, but {events[-1].time} ns follows {events[-2].time} ns"
             remedy = "the file was edited or mixed up: run the case again"

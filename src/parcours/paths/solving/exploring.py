@@ -336,8 +336,10 @@ class Exploration:
             return
         if place not in self._untimed:
             self._untimed[place] = list(self._moves(place))
+        if zone is None:
+            return
         layout, states = self._space.steps.layout, place.configuration.states
-        for move, then in self._untimed[place] if zone is not None else ():
+        for move, then in self._untimed[place]:
             moving, known = [], layout.local(place.configuration, self._component.name)
             for id in filter(None, (move.transition, move.partner)):
                 site = layout.sites[id]

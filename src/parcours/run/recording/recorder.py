@@ -18,7 +18,7 @@ from parcours.run.noise import Noise
 from parcours.run.recording.content import BEGIN, END, EVENT, EVENTS, FORMAT, RUN, TEXT, Names
 from parcours.run.recording.layout import Codec, Layout
 from parcours.run.recording.topic import Format, Raw, Topic, format_of, open_writer
-from parcours.run.trace import Trace, TraceEvent
+from parcours.run.trace import Trace, TraceEvent, told
 
 _REMEMBERED = 1024
 """How many messages on their way are known by their payloads; an older payload would be written again."""
@@ -154,7 +154,7 @@ class _Stream:
         payload, raw, topic = self._payload(event, time)
         values = (
             self._n, event.time, event.message, payload, raw, event.kind, event.component, event.transition,
-            event.channel, topic, event.text,
+            event.channel, topic, told(event),
         )  # fmt: skip
         self.writer.write(EVENTS, time, EVENT.pack(values))
         self._n += 1
@@ -163,7 +163,7 @@ class _Stream:
     def _payload(self, event: TraceEvent, time: int) -> tuple[int, bool, str]:
         """Write the event's payload if need be; return the number of the event that has it, whether raw, and where."""
         payload, channel = event.payload, event.channel
-        if payload is None:
+        if payload is None or not channel:
             return -1, False, ""
         key = channel, event.message
         known = self._known.get(key)

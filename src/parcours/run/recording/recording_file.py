@@ -20,7 +20,7 @@ from parcours.run.recording.content import END, EVENT, EVENTS, FORMAT, RUN, TEXT
 from parcours.run.recording.layout import Codec, Layout, same_definition
 from parcours.run.recording.source import CutOff, Source, damaged
 from parcours.run.recording.topic import BAG_MAGIC, MCAP_MAGIC, Message, Raw, Topic, format_of, messages, open_writer
-from parcours.run.trace import Kind, Trace, TraceEvent
+from parcours.run.trace import Kind, Trace, TraceEvent, retold
 
 MOST = 1 << 30
 """No more than this is read of a recording [bytes], unless asked for."""
@@ -238,7 +238,11 @@ class _Gathered:
             _, time, message, payload, _, kind, component, transition, channel, _, text = values
             lacking += payload >= 0 and payload not in restored
             known = restored.get(payload)
-            events.append(TraceEvent(time, _KINDS[kind], component, transition, channel, message, text, known))
+            event = TraceEvent(time, _KINDS[kind], component, transition, channel, message, text, known)
+            try:
+                events.append(retold(event))
+            except ValueError as error:
+                raise damaged(self._where, f"an event makes no sense: {error}") from error
         return events, lacking
 
     def _restored(self, topic: Topic, content: bytes, channel: str, raw: bool, codec: Codec | None) -> object:
