@@ -5,13 +5,18 @@ inlined, and a change of compiler flags. So the cache lives in a folder named by
 the library versions; an edit anywhere starts a fresh folder, and stale machine code can never run.
 
 Without numba, kernels run as plain Python: the same results, slowly.
+
+Compiled code freezes what is global. Two words of memory are read when it runs instead (`chosen`, `spend`): they choose
+among the mutants that one build holds (`parcours.study.mutation`), and end loops that do not.
 """
 
 from __future__ import annotations
 
+import ctypes
 import functools
 import hashlib
 import os
+import re
 from collections.abc import Callable
 from importlib.metadata import version
 from pathlib import Path
@@ -23,6 +28,7 @@ from parcours.errors import BadRequest
 
 try:
     import numba
+    import numba.extending
 except ImportError:
     numba = None  # type: ignore[assignment]
 
@@ -103,3 +109,89 @@ def is_warm() -> bool:
     """Return whether an earlier run has compiled these very sources, or there is no numba to compile them."""
     folder = kernel_cache()
     return not IS_COMPILED or (folder.is_dir() and any(folder.rglob("*.nbc")))
+
+
+class Spent(Exception):
+    """A loop went round more often than it was allowed to."""
+
+
+_words = (ctypes.c_int64 * 2)(0, 2**62)
+_CHOSEN, _LEFT = 0, 1
+
+
+def chosen() -> int:
+    """Return the number of the mutant that runs, 0 for none; in kernels, too."""
+    return _words[_CHOSEN]
+
+
+def choose(number: int, rounds: int = 2**62) -> None:
+    """Let a mutant run from now on (0: none), whose loops may go round so often in all."""
+    _words[_CHOSEN], _words[_LEFT] = number, rounds
+
+
+def rounds_left() -> int:
+    """Return how often loops may still go round; negative once one was ended."""
+    return _words[_LEFT]
+
+
+def spend() -> bool:
+    """Count one round of a loop, in kernels, too. Raises Spent if none was left."""
+    _words[_LEFT] -= 1
+    if _words[_LEFT] < 0:
+        raise Spent("its loops go round and round")
+    return True
+
+
+def keep_kernels_in(folder: Path) -> None:
+    """Keep the machine code of kernels that are defined from now on in a folder of their own."""
+    if IS_COMPILED:
+        numba.config.CACHE_DIR = str(folder)  # type: ignore[attr-defined]
+
+
+def refused_lines(error: BaseException) -> list[tuple[str, int]]:
+    """Return the places that the compiler complains of, (file, line), innermost first; none if it did not complain."""
+    if not IS_COMPILED or not isinstance(error, numba.core.errors.NumbaError):
+        return []
+    return [(file, int(line)) for file, line in re.findall(r'File "([^"]+)", line (\d+)', str(error))]
+
+
+def _share_words() -> None:
+    """Let kernels reach the words by a symbol, which is resolved when machine code is loaded, from disk also."""
+    import llvmlite.binding
+    from llvmlite import ir
+
+    symbol = "parcours_words"
+    llvmlite.binding.add_symbol(symbol, ctypes.addressof(_words))
+    int64 = numba.types.int64
+
+    def place(builder: Any, k: int) -> Any:
+        words = builder.module.globals.get(symbol)
+        if words is None:
+            words = ir.GlobalVariable(builder.module, ir.ArrayType(ir.IntType(64), len(_words)), symbol)
+            words.linkage = "external"
+        return builder.gep(words, [ir.Constant(ir.IntType(32), one) for one in (0, k)])
+
+    @numba.extending.intrinsic
+    def load(context: Any) -> Any:
+        return int64(), lambda context, builder, signature, arguments: builder.load(place(builder, _CHOSEN))
+
+    @numba.extending.intrinsic
+    def count(context: Any) -> Any:
+        def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            left = builder.sub(builder.load(place(builder, _LEFT)), ir.Constant(ir.IntType(64), 1))
+            builder.store(left, place(builder, _LEFT))
+            return left
+
+        return int64(), code
+
+    def spending() -> bool:
+        if count() < 0:  # type: ignore[call-arg]
+            raise Spent("its loops go round and round")
+        return True
+
+    numba.extending.overload(chosen)(lambda: lambda: load())  # type: ignore[call-arg]
+    numba.extending.overload(spend)(lambda: spending)
+
+
+if IS_COMPILED:
+    _share_words()

@@ -1,0 +1,226 @@
+"""One case of a study, executed on a mutant: what each judge says of it, and a print of all that was sent.
+
+A mutant is chosen while its components work and at no other time: what the tester supplies, and the oracles, are those
+of the original.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import hashlib
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+
+from parcours.abtc import Event
+from parcours.errors import ParcoursError
+from parcours.kernels import choose, refused_lines, rounds_left
+from parcours.run.heartbeat import write_place
+from parcours.run.trace import Trace
+from parcours.study.components import executing
+from parcours.study.components.isolation import watched
+from parcours.study.parameters import Settings
+from parcours.suite import Case
+from parcours.verdict.conformance import check
+from parcours.verdict.judgement import Judgement, Verdict
+
+if TYPE_CHECKING:
+    from parcours.run.recording import Codec
+    from parcours.study.campaign.study import CampaignStudy
+    from parcours.study.components.study import ComponentStudy
+    from parcours.study.protocol import Study
+
+CASES, CONFORMANCE, ORACLES, TWIN = "component cases", "conformance", "campaign oracles", "golden twin"
+_PLENTY = 2**62
+_MARGIN, _FREE = 10, 100_000  # A mutant's loops may go round so much more often than the original's, and so often
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Observation:
+    """What became of one case."""
+
+    noticed: Mapping[str, str]  # stage -> why it does not let the case pass; empty if it does
+    print: bytes  # of all that was sent and taken, or of the facts
+    rounds: int  # how often loops went round
+    ended: bool = True  # whether all loops ended within what they were allowed
+    refused: tuple[tuple[str, int], ...] = ()  # what the compiler complains of, (file, line)
+
+
+def allowed(original: Observation) -> int:
+    """Return how often the loops of a mutant may go round in a case."""
+    return _MARGIN * original.rounds + _FREE
+
+
+class Subject(Protocol):
+    """A study whose cases are executed on mutants."""
+
+    stages: Sequence[str]
+
+    def cases(self, n: int | None) -> Iterator[Case]:
+        """Yield the first n cases; as many as the study has if None."""
+
+    def observe(self, case: Case, number: int = 0, rounds: int = _PLENTY) -> Observation:
+        """Execute a case on a mutant, by default on the original, and judge it."""
+
+
+def subject_of(study: Study, settings: Settings, seed: int) -> Subject:
+    """Return the study as mutants are run in it."""
+    from parcours.study.campaign.study import CampaignStudy
+    from parcours.study.components.study import ComponentStudy
+
+    if isinstance(study, ComponentStudy):
+        return Components(study, settings, seed)
+    return Campaign(study, settings, seed) if isinstance(study, CampaignStudy) else AnyStudy(study, settings, seed)
+
+
+class Components:
+    """A component study: its cases in simulated time, and the conformance of their traces."""
+
+    stages = (CASES, CONFORMANCE)
+
+    def __init__(self, study: ComponentStudy, settings: Settings, seed: int) -> None:
+        self._study, self._settings, self._seed = study, settings, seed
+        self._refused: list[tuple[str, int]] = []
+        self._exercise = study.exercise(settings)
+        aside = dataclasses.replace(self._exercise, tester=lambda case: _Aside(self._exercise.tester(case)))
+        checked = None if study.trusted else study.messages.checked
+        self._execute = executing.in_process(aside, watch=self._watch, checked=checked)
+        self._watched = watched(study.patience)
+
+    def cases(self, n: int | None) -> Iterator[Case]:
+        """Yield the cases that do not contradict themselves."""
+        return (case for case in self._study.suite(self._settings, self._seed, n)
+                if not self._exercise.contradiction(case))  # fmt: skip
+
+    def observe(self, case: Case, number: int = 0, rounds: int = _PLENTY) -> Observation:
+        """Execute a case in simulated time, in this process."""
+        self._refused.clear()
+        choose(number, rounds)
+        try:
+            trace = self._execute(case).trace
+        except Exception as error:  # the tester's own work
+            if not refused_lines(error):
+                raise
+            return Observation({}, b"", 0, refused=tuple(refused_lines(error)))
+        finally:
+            left = rounds_left()
+            choose(0)
+        judgement = executing.judge_trace(self._exercise, case, trace)
+        noticed = {CASES: _why(judgement), CONFORMANCE: conformance_of(self._study, trace)}
+        return Observation(noticed, print_of(trace, self._study.recorded), rounds - left, left >= 0, tuple(self._refused))
+
+    @contextlib.contextmanager
+    def _watch(self, event: Event) -> Iterator[None]:
+        with self._watched(event):
+            try:
+                yield
+            except Exception as error:
+                self._refused += refused_lines(error)
+                raise
+
+
+def conformance_of(study: ComponentStudy, trace: Trace) -> str:
+    """Return why a trace does not conform to the study's model; empty if it does, or if that is open."""
+    try:
+        found = check(trace, study.model).judgement
+    except ParcoursError as error:
+        return str(error)
+    return found.why if found.verdict is Verdict.FAIL else ""
+
+
+def _why(judgement: Judgement) -> str:
+    return "" if judgement.passed else f"{judgement.verdict}: {judgement.why}"
+
+
+def print_of(trace: Trace, codec: Codec) -> bytes:
+    """Return a digest of what a trace says and of its payloads' bytes; times are left out."""
+    digest = hashlib.sha256()
+    for event in trace.events:
+        said = (event.kind, event.component, event.transition, event.channel, event.text)
+        digest.update("\0".join(said).encode("utf-8", "backslashreplace") + b"\1")
+        if event.payload is not None:
+            _add(digest, _flat(codec, event.channel, event.payload))
+    return digest.digest()[:16]
+
+
+def _flat(codec: Codec, channel: str, payload: object) -> Sequence[object]:
+    try:
+        return codec.flatten(channel, payload)
+    except (ParcoursError, TypeError, ValueError, AttributeError, KeyError, IndexError, OverflowError):
+        return (repr(payload),)  # a mutant may send anything
+
+
+def _add(digest: Any, values: Sequence[object]) -> None:
+    for value in values:
+        digest.update(value.tobytes() if isinstance(value, np.ndarray | np.generic) else repr(value).encode())
+        digest.update(b"\2")
+
+
+class _Aside:
+    """A tester whose own work is done by the original."""
+
+    def __init__(self, tester: Any) -> None:
+        self._tester = tester
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._tester, name)
+
+    def supply(self, event: Event) -> object:
+        """Return the message for an event, made by the original."""
+        from parcours.kernels import chosen
+
+        number, rounds = chosen(), rounds_left()
+        choose(0)
+        try:
+            return self._tester.supply(event)
+        finally:
+            choose(number, rounds)
+
+
+class AnyStudy:
+    """A study of any other kind, by its door: its verdicts and facts."""
+
+    stages = (ORACLES,)
+
+    def __init__(self, study: Study, settings: Settings, seed: int) -> None:
+        self._study, self._settings, self._seed = study, settings, seed
+
+    def cases(self, n: int | None) -> Iterator[Case]:
+        """Yield the first cases."""
+        return self._study.suite(self._settings, self._seed, n)
+
+    def observe(self, case: Case, number: int = 0, rounds: int = _PLENTY) -> Observation:
+        """Execute a case and judge it by the study's own oracles."""
+        write_place(case.id)
+        choose(number, rounds)
+        refused: list[tuple[str, int]] = []
+        try:
+            why, facts = self._judged(case)
+        except Exception as error:
+            refused = refused_lines(error)
+            why, facts = f"error: {type(error).__name__}: {error}", ()
+        left = rounds_left()
+        choose(0)
+        digest = hashlib.sha256(repr((why, facts)).encode()).digest()[:16]
+        return Observation({ORACLES: why}, digest, rounds - left, left >= 0, tuple(refused))
+
+    def _judged(self, case: Case) -> tuple[str, object]:
+        judged = self._study.judge(case, self._settings)
+        return _why(Judgement(judged.verdict, judged.why)), judged.facts
+
+
+class Campaign(AnyStudy):
+    """A campaign of numbered cases, simulated in this process."""
+
+    def __init__(self, study: CampaignStudy, settings: Settings, seed: int) -> None:
+        super().__init__(study, settings, seed)
+        self._campaign, self._simulation = study, study.simulation(settings, seed)
+
+    def _judged(self, case: Case) -> tuple[str, object]:
+        from parcours.study.campaign.rules import outcome_of
+
+        [row] = self._simulation.run(np.array([case.number]))
+        ruling = outcome_of(self._campaign, row, self._campaign.known(case.values, self._settings))
+        return _why(Judgement(ruling.verdict, ruling.why)), row.tobytes()
