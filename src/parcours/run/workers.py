@@ -132,7 +132,8 @@ class Crew(Generic[R]):
 
     def __init__(
         self, task: Callable[..., R], size: int, *, forks: bool = False, n_words: int = 0,
-        patience: float = math.inf, own_group: bool = False, once: bool = False, heard: Callable[[Any], None] = lambda value: None,
+        patience: float = math.inf, own_group: bool = False, once: bool = False,
+        heard: Callable[[Any], None] = lambda value: None,
     ) -> None:  # fmt: skip
         self.task, self.forks, self.n_words = task, forks and can_fork(), n_words
         self.patience, self.own_group = patience, own_group

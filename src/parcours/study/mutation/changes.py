@@ -121,9 +121,9 @@ class _Finder:
         """Yield the changes to an expression and its parts, outer ones first."""
         if isinstance(root, ast.JoinedStr | ast.Lambda):
             return
-        if not any(isinstance(part, ast.Yield | ast.YieldFrom | ast.Await | ast.NamedExpr) for part in ast.walk(root)):
-            if not isinstance(getattr(root, "ctx", ast.Load()), ast.Store | ast.Del):
-                yield from self._changes(root)
+        pauses = any(isinstance(part, ast.Yield | ast.YieldFrom | ast.Await | ast.NamedExpr) for part in ast.walk(root))
+        if not pauses and not isinstance(getattr(root, "ctx", ast.Load()), ast.Store | ast.Del):
+            yield from self._changes(root)
         if isinstance(root, ast.BinOp) and isinstance(root.op, ast.Pow):
             yield from self._expression(root.left)  # another exponent would be other machine code for all mutants
             return
@@ -161,16 +161,18 @@ class _Finder:
             case ast.UnaryOp(op=ast.USub()):
                 yield self._instead("sign", node, _copy(node.operand))
             case ast.UnaryOp(op=ast.Not()):
-                yield self._instead("condition", node, ast.Call(ast.Name("bool", ast.Load()), [_copy(node.operand)], []))
+                yield self._instead(
+                    "condition", node, ast.Call(ast.Name("bool", ast.Load()), [_copy(node.operand)], [])
+                )
             case ast.Constant(value=bool()):
                 yield self._instead("constant", node, ast.Constant(not node.value))
-            case ast.Constant(value=int()):
-                yield self._instead("off by one", node, ast.Constant(node.value + 1))
-                yield self._instead("off by one", node, ast.Constant(node.value - 1))
-            case ast.Constant(value=float()):
-                yield from self._number(node, float(node.value), "")
-            case ast.Constant(value=str()) if node.value in self._names.transitions:
-                yield self._instead("transition", node, ast.Constant(self._names.transitions[node.value]))
+            case ast.Constant(value=int(n)):
+                yield self._instead("off by one", node, ast.Constant(n + 1))
+                yield self._instead("off by one", node, ast.Constant(n - 1))
+            case ast.Constant(value=float(value)):
+                yield from self._number(node, value, "")
+            case ast.Constant(value=str(text)) if text in self._names.transitions:
+                yield self._instead("transition", node, ast.Constant(self._names.transitions[text]))
             case ast.Name(id=name) if name in self._names.constants:
                 yield from self._number(node, self._names.constants[name], name)
             case ast.Attribute(attr=name):
@@ -201,10 +203,12 @@ class _Finder:
                 for times in (0, 2):
                     elements = [*node.elts[:k], *[one] * times, *node.elts[k + 1 :]]
                     yield self._instead("message", node, type(node)([_copy(part) for part in elements], ast.Load()))
-        plain = isinstance(node, ast.Tuple) and len(node.elts) == 2 and not self._is_message(node)
-        if plain and not self._compiled and not any(isinstance(one, ast.Starred | ast.Constant) for one in node.elts):
-            if ast.dump(node.elts[0]) != ast.dump(node.elts[1]) and not any(map(self._is_message, node.elts)):
-                yield self._instead("swap", node, ast.Tuple([_copy(one) for one in reversed(node.elts)], ast.Load()))
+        if not isinstance(node, ast.Tuple) or len(node.elts) != 2 or self._compiled or self._is_message(node):
+            return
+        one, other = node.elts
+        fixed = any(isinstance(part, ast.Starred | ast.Constant) or self._is_message(part) for part in node.elts)
+        if not fixed and ast.dump(one) != ast.dump(other):
+            yield self._instead("swap", node, ast.Tuple([_copy(other), _copy(one)], ast.Load()))
 
     def _call(self, node: ast.Call) -> Iterator[Change]:
         name = node.func.id if isinstance(node.func, ast.Name) else getattr(node.func, "attr", "")
@@ -215,7 +219,11 @@ class _Finder:
                 function: ast.expr = ast.Attribute(_copy(node.func.value), other, ast.Load())
             else:
                 function = ast.Name(other, ast.Load())
-            if isinstance(node.func, ast.Attribute) or other in self._names.globals or other in ("min", "max", "any", "all"):
+            if (
+                isinstance(node.func, ast.Attribute)
+                or other in self._names.globals
+                or other in ("min", "max", "any", "all")
+            ):
                 yield self._instead("function", node, ast.Call(function, arguments, []))
         if name in ("min", "max") and plain and len(node.args) == 2:
             for one in node.args:
@@ -287,4 +295,6 @@ def _is_stored(node: ast.Name) -> bool:
 def _targets(one: ast.Assign | ast.AugAssign) -> set[str]:
     """Return the local names that an assignment gives a value."""
     targets = one.targets if isinstance(one, ast.Assign) else [one.target]
-    return {part.id for target in targets for part in ast.walk(target) if isinstance(part, ast.Name) and _is_stored(part)}
+    return {
+        part.id for target in targets for part in ast.walk(target) if isinstance(part, ast.Name) and _is_stored(part)
+    }

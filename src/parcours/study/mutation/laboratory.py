@@ -19,16 +19,20 @@ from dataclasses import dataclass, field
 from importlib.machinery import SourceFileLoader
 from pathlib import Path
 from types import CodeType
+from typing import Literal
 
 from parcours.errors import HostFailure
-from parcours.kernels import kernel_cache, keep_kernels_in
+from parcours.kernels import keep_kernels_in, kernel_cache
 from parcours.run.workers import Crew, Done, Lost, failure_of, tell
 from parcours.study.components.isolation import longest
-from parcours.study.mutation.observing import TWIN, Observation, Subject, allowed, subject_of
-from parcours.study.mutation.source import Module, Sources
+from parcours.study.mutation.models import model_mutants
+from parcours.study.mutation.observing import TWIN, Components, Observation, Subject, allowed, strikes_of, subject_of
+from parcours.study.mutation.source import Module, Sources, place_of
 from parcours.study.parameters import Settings
 from parcours.suite import Case
 
+Kind = Literal["code", "model", "channels"]
+_LONG = 500  # characters of a reason that are kept
 _GRACE = 2.0  # so much longer than a turn may take, a worker is waited for [s]
 
 
@@ -36,6 +40,7 @@ _GRACE = 2.0  # so much longer than a turn may take, a worker is waited for [s]
 class Build:
     """What a builder needs to know; it can be sent."""
 
+    of: Kind  # what is changed
     where: str  # the study
     settings: Settings
     seed: int
@@ -59,7 +64,7 @@ class Outcome:
     # ended: as it should. timeout: a loop went on and on. hung, died: its process. refused: by the compiler
     end: str
     seen: Mapping[str, tuple[str, str]] = field(default_factory=dict)  # stage -> the first case that saw it, and why
-    cases: int = 0  # in how many it ran
+    cases: int = 0  # in how many cases its function ran; 0 if none reaches it
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,13 +120,18 @@ class Bench:
     """The originals' observations, and mutants beside them."""
 
     def __init__(self, build: Build) -> None:
+        from parcours.study.components.study import ComponentStudy
         from parcours.study.finding import find
 
-        install(build)
+        self._places = install(build).places if build.of == "code" else {}
         study = find(build.where)
         self.patience = float(getattr(study, "patience", 5.0))
         self.subject: Subject = subject_of(study, build.settings, build.seed)
         self._build = build
+        if build.of != "code":
+            assert isinstance(study, ComponentStudy)
+            self._models = {one.id: model for one, model in model_mutants(study.model)}
+            self._strikes = dict(strikes_of(study))
         self._cases: list[Case] = list(self.subject.cases(build.cases))
         self._originals: list[Observation] = []
         for k, case in enumerate(self._cases):
@@ -130,8 +140,8 @@ class Bench:
             if self._originals[-1].refused:
                 return
         if not any(not why for one in self._originals for why in one.noticed.values()):
-            case, said = self._cases[0].id, next(iter(self._originals[0].noticed.values()))
-            raise HostFailure(case, f"a case of the original must pass, but none does: {said}",
+            said = next(iter(self._originals[0].noticed.values()))
+            raise HostFailure(self._cases[0].id, f"a case of the original must pass, but none does: {said}",
                               "repair the study first", slug="mutants-original")  # fmt: skip
 
     def refused(self) -> Refused | None:
@@ -142,24 +152,64 @@ class Bench:
         sources = self._build.sources()
         built = [one for one in sources.mutants() if one.id in set(self._build.built)]
         for file, line in places:
-            if found := tuple(one.id for one in built if one.file == file and one.line == line):
+            if found := tuple(one.id for one in built if Path(one.file).absolute() == Path(file) and one.line == line):
                 return Refused(found, f"{file}:{line}")
         why = next(iter(self._originals[-1].noticed.values()))
         raise HostFailure("mutants", f"the compiler must accept what is built, but: {why[:2000]}",
                           "leave the module out", slug="mutants-build")  # fmt: skip
 
     def judge(self, number: int) -> Outcome:
-        """Run a mutant until every stage has seen it, or in all cases; one that shows nothing in more of them."""
+        """Return what becomes of a mutant, by its number in the build."""
+        id = self._build.built[number - 1]
+        if self._build.of == "model":
+            return self._judged_model(id)
+        return self._judged_code(number) if self._build.of == "code" else self._judged_channel(id)
+
+    def _judged_model(self, id: str) -> Outcome:
+        """Judge clean traces by a model that says something else."""
+        assert isinstance(self.subject, Components)
+        judge = self.subject.judge_of(self._models[id])
+        seen: dict[str, tuple[str, str]] = {}
+        for case, original in zip(self._cases, self._originals, strict=True):
+            for stage, why in judge(case, self.subject.trace(case)).items():
+                if why and not original.noticed[stage]:
+                    seen.setdefault(stage, (case.id, why[:_LONG]))
+            if len(seen) == len(self.subject.stages):
+                break
+        return Outcome("ended", seen, len(self._cases))
+
+    def _judged_channel(self, id: str) -> Outcome:
+        """Execute cases under a fault on a channel."""
+        assert isinstance(self.subject, Components)
         seen: dict[str, tuple[str, str]] = {}
         ran = 0
         for case, original in zip(self._cases, self._originals, strict=True):
+            found = self.subject.struck(case, self._strikes[id])
+            if found is None:
+                continue
+            ran += 1
+            self._note(case, original, found, seen)
+            if len(seen) == len(self.subject.stages) + 1:
+                break
+        return Outcome("ended", seen, ran)
+
+    def _note(self, case: Case, original: Observation, found: Observation, seen: dict[str, tuple[str, str]]) -> None:
+        for stage, why in found.noticed.items():
+            if why and not original.noticed[stage]:
+                seen.setdefault(stage, (case.id, why[:_LONG]))
+        if found.print != original.print:
+            seen.setdefault(TWIN, (case.id, ""))
+
+    def _judged_code(self, number: int) -> Outcome:
+        """Run a mutant until every stage has seen it, or in all cases; one that shows nothing in more of them."""
+        seen: dict[str, tuple[str, str]] = {}
+        ran, place = 0, self._place(number)
+        for case, original in zip(self._cases, self._originals, strict=True):
+            if place not in original.places:
+                continue
             ran += 1
             found = self.subject.observe(case, number, allowed(original))
-            for stage, why in found.noticed.items():
-                if why and not original.noticed[stage]:
-                    seen.setdefault(stage, (case.id, why[:500]))
-            if found.print != original.print:
-                seen.setdefault(TWIN, (case.id, ""))
+            self._note(case, original, found, seen)
             if not found.ended:
                 why = "its loops go round and round"
                 return Outcome("timeout", {self.subject.stages[0]: (case.id, why), TWIN: (case.id, why), **seen}, ran)
@@ -167,12 +217,17 @@ class Bench:
                 break
         if not seen:
             for case in self._more():
-                ran += 1
                 original = self.subject.observe(case)
+                if place not in original.places:
+                    continue
+                ran += 1
                 if self.subject.observe(case, number, allowed(original)).print != original.print:
                     seen[TWIN] = (case.id, "")
                     break
         return Outcome("ended", seen, ran)
+
+    def _place(self, number: int) -> int:
+        return self._places[place_of(self._build.built[number - 1])]
 
     def _more(self) -> Iterator[Case]:
         n = len(self._cases)
@@ -182,7 +237,7 @@ class Bench:
                     yield case
 
 
-def install(build: Build) -> None:
+def install(build: Build) -> Sources:
     """Let Python load the mutated form of the modules in this process, which must not have loaded them yet.
 
     Raises HostFailure: it has.
@@ -190,7 +245,9 @@ def install(build: Build) -> None:
     sources = build.sources()
     numbers = {id: k for k, id in enumerate(build.built, start=1)}
     paths = {one.path.resolve(): one.path for one in build.modules}
-    loaded = [name for name, one in sys.modules.items() if Path(getattr(one, "__file__", None) or ".").resolve() in paths]
+    loaded = [
+        name for name, one in sys.modules.items() if Path(getattr(one, "__file__", None) or ".").resolve() in paths
+    ]
     if loaded:
         raise HostFailure("mutants", f"the engine itself cannot be mutated, but {', '.join(loaded)} was asked for",
                           "name modules of the system under test", slug="mutants-build")  # fmt: skip
@@ -204,4 +261,5 @@ def install(build: Build) -> None:
         tree = sources.build(path, numbers) if path is not None else None
         return plain(loader, fullname) if tree is None else compile(tree, str(path), "exec", dont_inherit=True)
 
-    SourceFileLoader.get_code = get_code  # type: ignore[method-assign]
+    SourceFileLoader.get_code = get_code  # type: ignore[assignment, method-assign]
+    return sources

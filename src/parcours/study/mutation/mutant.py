@@ -6,6 +6,7 @@ import difflib
 import hashlib
 from collections.abc import Iterable
 from dataclasses import dataclass
+from pathlib import Path
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,6 +19,11 @@ class Mutant:
     line: int  # in that file
     change: str  # what became of what, as `a < b -> a <= b`
     diff: str = ""  # unified
+
+    @property
+    def place(self) -> str:
+        """The file and line; empty without a file."""
+        return f"{Path(self.file).name}:{self.line}" if self.file else ""
 
 
 def diff_of(file: str, before: str, after: str) -> str:

@@ -9,15 +9,17 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import hashlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
 from parcours.abtc import Event
 from parcours.errors import ParcoursError
-from parcours.kernels import choose, refused_lines, rounds_left
+from parcours.kernels import choose, places_run, refused_lines, rounds_left, suspended
+from parcours.run.faults import corrupted
 from parcours.run.heartbeat import write_place
+from parcours.run.port import Component, Step
 from parcours.run.trace import Trace
 from parcours.study.components import executing
 from parcours.study.components.isolation import watched
@@ -27,12 +29,15 @@ from parcours.verdict.conformance import check
 from parcours.verdict.judgement import Judgement, Verdict
 
 if TYPE_CHECKING:
+    from parcours.model.structure import Cefsm
     from parcours.run.recording import Codec
     from parcours.study.campaign.study import CampaignStudy
+    from parcours.study.components.faults import Strike
     from parcours.study.components.study import ComponentStudy
     from parcours.study.protocol import Study
 
 CASES, CONFORMANCE, ORACLES, TWIN = "component cases", "conformance", "campaign oracles", "golden twin"
+STAGES = (CASES, CONFORMANCE, ORACLES, TWIN)
 _PLENTY = 2**62
 _MARGIN, _FREE = 10, 100_000  # A mutant's loops may go round so much more often than the original's, and so often
 
@@ -44,6 +49,7 @@ class Observation:
     noticed: Mapping[str, str]  # stage -> why it does not let the case pass; empty if it does
     print: bytes  # of all that was sent and taken, or of the facts
     rounds: int  # how often loops went round
+    places: frozenset[int] = frozenset()  # of the functions that ran, among those that hold mutants
     ended: bool = True  # whether all loops ended within what they were allowed
     refused: tuple[tuple[str, int], ...] = ()  # what the compiler complains of, (file, line)
 
@@ -56,7 +62,9 @@ def allowed(original: Observation) -> int:
 class Subject(Protocol):
     """A study whose cases are executed on mutants."""
 
-    stages: Sequence[str]
+    @property
+    def stages(self) -> tuple[str, ...]:
+        """What judges its cases."""
 
     def cases(self, n: int | None) -> Iterator[Case]:
         """Yield the first n cases; as many as the study has if None."""
@@ -78,13 +86,16 @@ def subject_of(study: Study, settings: Settings, seed: int) -> Subject:
 class Components:
     """A component study: its cases in simulated time, and the conformance of their traces."""
 
-    stages = (CASES, CONFORMANCE)
+    stages: tuple[str, ...] = (CASES, CONFORMANCE)
 
     def __init__(self, study: ComponentStudy, settings: Settings, seed: int) -> None:
         self._study, self._settings, self._seed = study, settings, seed
         self._refused: list[tuple[str, int]] = []
         self._exercise = study.exercise(settings)
-        aside = dataclasses.replace(self._exercise, tester=lambda case: _Aside(self._exercise.tester(case)))
+        self._struck: Struck | None = None
+        aside = dataclasses.replace(
+            self._exercise, tester=lambda case: _Aside(self._exercise.tester(case), self._struck)
+        )
         checked = None if study.trusted else study.messages.checked
         self._execute = executing.in_process(aside, watch=self._watch, checked=checked)
         self._watched = watched(study.patience)
@@ -103,13 +114,40 @@ class Components:
         except Exception as error:  # the tester's own work
             if not refused_lines(error):
                 raise
-            return Observation({}, b"", 0, refused=tuple(refused_lines(error)))
+            return Observation({CASES: str(error)}, b"", 0, refused=tuple(refused_lines(error)))
         finally:
-            left = rounds_left()
+            left, places = rounds_left(), places_run()
             choose(0)
         judgement = executing.judge_trace(self._exercise, case, trace)
         noticed = {CASES: _why(judgement), CONFORMANCE: conformance_of(self._study, trace)}
-        return Observation(noticed, print_of(trace, self._study.recorded), rounds - left, left >= 0, tuple(self._refused))
+        print, refused = print_of(trace, self._study.recorded), tuple(self._refused)
+        return Observation(noticed, print, rounds - left, places, left >= 0, refused)
+
+    def struck(self, case: Case, strike: Strike) -> Observation | None:
+        """Return what becomes of a case under a fault; None if it does not strike there."""
+        self._struck = Struck(strike, self._study.recorded, self._seed)
+        found = self.observe(case)
+        is_struck, self._struck = self._struck.done, None
+        return found if is_struck else None
+
+    def trace(self, case: Case) -> Trace:
+        """Return the trace of the original."""
+        return self._execute(case).trace
+
+    def judge_of(self, model: Cefsm) -> Callable[[Case, Trace], Mapping[str, str]]:
+        """Return what judges traces by another model of the same system, as `Observation.noticed` has it."""
+        study = dataclasses.replace(self._study, model=model)
+        study.__dict__["abstracts"] = self._study.abstracts  # the cases stay as they are
+        exercise = dataclasses.replace(study.exercise(self._settings), contradiction=lambda case: "")
+
+        def judge(case: Case, trace: Trace) -> Mapping[str, str]:
+            try:
+                said = _why(executing.judge_trace(exercise, case, trace))
+            except ParcoursError as error:
+                said = str(error)
+            return {CASES: said, CONFORMANCE: conformance_of(study, trace)}
+
+        return judge
 
     @contextlib.contextmanager
     def _watch(self, event: Event) -> Iterator[None]:
@@ -158,31 +196,65 @@ def _add(digest: Any, values: Sequence[object]) -> None:
         digest.update(b"\2")
 
 
+def strikes_of(study: ComponentStudy) -> Iterator[tuple[str, Strike]]:
+    """Yield the faults that strike messages, with the ids of the mutants that they are."""
+    from parcours.study.components.faults import catalogue
+
+    return ((f"{one.channel}:{one.component}:1:{one.kind}", one) for one in catalogue(study) if one.channel)
+
+
+class Struck:
+    """The first message that a component takes up on a channel: lost, given to it twice, or with one field changed."""
+
+    def __init__(self, strike: Strike, codec: Codec, seed: int) -> None:
+        self._strike, self._codec, self._seed = strike, codec, seed
+        self.done = False
+
+    def put(self, component: Any) -> None:
+        """Let the fault strike a component, if it is the one."""
+        if component.name == self._strike.component:
+            take_up = component.handle
+            component.handle = lambda channel, message, now: self._handled(take_up, channel, message, now)
+
+    def _handled(self, take_up: Any, channel: str | None, message: object, now: int) -> Iterator[Step]:
+        if self.done or channel != self._strike.channel:
+            yield from take_up(channel, message, now)
+            return
+        self.done = True
+        if self._strike.kind == "corrupt":
+            with contextlib.suppress(ParcoursError):  # it can only be changed into something that is no such message
+                values, _ = corrupted(self._codec.flatten(channel, message), self._seed)
+                message = self._codec.restore(channel, values)
+        for _ in range({"drop": 0, "duplicate": 2}.get(self._strike.kind, 1)):
+            yield from take_up(channel, message, now)
+
+
 class _Aside:
     """A tester whose own work is done by the original."""
 
-    def __init__(self, tester: Any) -> None:
-        self._tester = tester
+    def __init__(self, tester: Any, struck: Struck | None) -> None:
+        self._tester, self._struck = tester, struck
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._tester, name)
 
+    def component(self, name: str) -> Component:
+        """Return a fresh component, struck by a fault if there is one."""
+        made: Component = self._tester.component(name)
+        if self._struck is not None:
+            self._struck.put(made)
+        return made
+
     def supply(self, event: Event) -> object:
         """Return the message for an event, made by the original."""
-        from parcours.kernels import chosen
-
-        number, rounds = chosen(), rounds_left()
-        choose(0)
-        try:
+        with suspended():
             return self._tester.supply(event)
-        finally:
-            choose(number, rounds)
 
 
 class AnyStudy:
     """A study of any other kind, by its door: its verdicts and facts."""
 
-    stages = (ORACLES,)
+    stages: tuple[str, ...] = (ORACLES,)
 
     def __init__(self, study: Study, settings: Settings, seed: int) -> None:
         self._study, self._settings, self._seed = study, settings, seed
@@ -201,10 +273,10 @@ class AnyStudy:
         except Exception as error:
             refused = refused_lines(error)
             why, facts = f"error: {type(error).__name__}: {error}", ()
-        left = rounds_left()
+        left, places = rounds_left(), places_run()
         choose(0)
         digest = hashlib.sha256(repr((why, facts)).encode()).digest()[:16]
-        return Observation({ORACLES: why}, digest, rounds - left, left >= 0, tuple(refused))
+        return Observation({ORACLES: why}, digest, rounds - left, places, left >= 0, tuple(refused))
 
     def _judged(self, case: Case) -> tuple[str, object]:
         judged = self._study.judge(case, self._settings)

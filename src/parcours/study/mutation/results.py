@@ -9,11 +9,10 @@ from typing import cast
 
 import numpy as np
 
-from parcours.report.junit import CaseResult
 from parcours.report.pieces import Cell, Column, Table
-from parcours.study.mutation.laboratory import Outcome
+from parcours.study.mutation.laboratory import Kind, Outcome
 from parcours.study.mutation.mutant import Mutant
-from parcours.study.mutation.observing import TWIN
+from parcours.study.mutation.observing import CASES, CONFORMANCE, STAGES, TWIN
 from parcours.study.protocol import Measure
 
 _NOTE = (
@@ -31,7 +30,9 @@ def entry_of(outcome: Outcome) -> dict[str, object]:
 def outcome_of(entry: Mapping[str, object]) -> Outcome:
     """Return the outcome that a line of a journal holds."""
     seen = cast("Mapping[str, Sequence[str]]", entry["seen"])
-    return Outcome(str(entry["end"]), {stage: (by[0], by[1]) for stage, by in seen.items()}, int(cast(int, entry["cases"])))
+    return Outcome(
+        str(entry["end"]), {stage: (by[0], by[1]) for stage, by in seen.items()}, int(cast(int, entry["cases"]))
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,26 +40,9 @@ class MutationResults:
     """The mutants of one study, and the outcomes that are there."""
 
     study: str
+    of: Kind
     mutants: tuple[Mutant, ...]
     outcomes: Mapping[str, Outcome]
-
-    @property
-    def label(self) -> str:
-        """What ran."""
-        return "mutants"
-
-    @property
-    def planned(self) -> int:
-        """How many mutants there are."""
-        return len(self.mutants)
-
-    def cases(self) -> Sequence[CaseResult]:
-        """Return nothing: a mutant is no case."""
-        return ()
-
-    def replay(self, case: str) -> object:
-        """Do nothing: a mutant is no case."""
-        raise NotImplementedError
 
     def finished(self) -> Iterator[tuple[Mutant, Outcome]]:
         """Yield the mutants that ran, with their outcomes."""
@@ -69,16 +53,17 @@ class MutationResults:
     @property
     def stages(self) -> list[str]:
         """The stages in their order, the golden twin last."""
-        found = dict.fromkeys(stage for _, one in self.finished() for stage in one.seen if stage != TWIN)
-        return [*sorted(found), TWIN]
+        found = {stage for _, one in self.finished() for stage in one.seen}
+        always = {CASES, CONFORMANCE} if self.of != "code" or CASES in found else set()
+        return [one for one in STAGES if one in found | always]
 
     def effective(self) -> list[tuple[Mutant, Outcome]]:
-        """Return the mutants with a visible effect."""
-        return [(mutant, outcome) for mutant, outcome in self.finished() if outcome.seen]
+        """Return the mutants with a visible effect; of a model, all of them."""
+        return [(mutant, outcome) for mutant, outcome in self.finished() if outcome.seen or self.of == "model"]
 
     def survivors(self) -> list[tuple[Mutant, Outcome]]:
         """Return the mutants with a visible effect that no stage noticed."""
-        return [(mutant, outcome) for mutant, outcome in self.effective() if set(outcome.seen) == {TWIN}]
+        return [(mutant, outcome) for mutant, outcome in self.effective() if set(outcome.seen) <= {TWIN}]
 
     def measures(self) -> Mapping[str, Measure]:
         """Return the score, the share of mutants with an effect that some stage noticed; and each stage's."""
@@ -88,7 +73,7 @@ class MutationResults:
             return Measure(np.array(noticed, float), worse="less")
 
         stages = {stage.replace(" ", "_"): rate([stage in one.seen for one in effective]) for stage in self.stages}
-        return {"score": rate([set(one.seen) != {TWIN} for one in effective]), **stages}
+        return {"score": rate([not set(one.seen) <= {TWIN} for one in effective]), **stages}
 
     def tables(self) -> list[Table]:
         """Return the score by stage and by operator."""
@@ -103,10 +88,14 @@ class MutationResults:
         columns = (Column("stage"), Column("noticed", ",d"), Column("score", ".1%"), Column("noticed so far", ",d"),
                    Column("cumulated", ".1%"))  # fmt: skip
         ends = ", ".join(f"{count} {end}" for end, count in counts.items() if end != "ended")
-        unseen = sum(not outcome.seen for _, outcome in self.finished())
-        most = max((outcome.cases for _, outcome in self.finished() if not outcome.seen), default=0)
-        said = f"{len(self.outcomes)} of {len(self.mutants)} mutants ran: {n} have an effect"
-        said += f", {unseen} show none in {most} cases" if unseen else ""
+        if self.of == "model":
+            title = f"Mutants of the model of {self.study}: by which of {n} wrong models are clean runs at fault?"
+            return [Table(title, columns, tuple(rows)), self._operators()]
+        unseen = [outcome.cases for _, outcome in self.finished() if not outcome.seen]
+        said = f"{len(self.outcomes)} of {len(self.mutants)} ran: {n} have an effect"
+        if shown := [one for one in unseen if one]:
+            said += f", {len(shown)} none in up to {max(shown)} cases"
+        said += f", {unseen.count(0)} are reached by no case" if 0 in unseen else ""
         title = f"Mutants of {self.study}: {said}{f'; {ends}' if ends else ''}"
         return [Table(title, columns, tuple(rows), _NOTE), self._operators()]
 
@@ -115,8 +104,8 @@ class MutationResults:
         finished = list(self.finished())
         for operator in sorted({mutant.operator for mutant, _ in finished}):
             mine = [outcome for mutant, outcome in finished if mutant.operator == operator]
-            seen = [one for one in mine if one.seen]
-            noticed = sum(set(one.seen) != {TWIN} for one in seen)
+            seen = [one for one in mine if one.seen or self.of == "model"]
+            noticed = sum(not set(one.seen) <= {TWIN} for one in seen)
             rows.append((operator, len(mine), len(seen), noticed, _share(noticed, len(seen))))
         columns = (Column("operator"), Column("mutants", ",d"), Column("with an effect", ",d"), Column("noticed", ",d"),
                    Column("score", ".1%"))  # fmt: skip

@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from parcours.errors import BadRequest
+from parcours.kernels import PLACES
 from parcours.study.loading import file_of
 from parcours.study.mutation.changes import Change, Names, changes_of
 from parcours.study.mutation.mutant import Mutant, diff_of
@@ -96,6 +97,11 @@ def _files(target: str, folder: Path, study: str) -> Iterator[tuple[Path, str]]:
     yield path, path.stem
 
 
+def place_of(id: str) -> str:
+    """Return the module and function of a mutant's id."""
+    return ":".join(id.split(":")[:2])
+
+
 class Sources:
     """The mutants of some modules.
 
@@ -116,6 +122,8 @@ class Sources:
         self._others = {id: ids[(k + 1) % len(ids)] for ids in transitions if len(ids) > 1 for k, id in enumerate(ids)}
         self._channels = channels
         self._signatures = dict(_signatures(self._trees.values()))
+        places = dict.fromkeys(f"{one.name}:{name}" for one in modules for name, _ in _functions(self._trees[one.path]))
+        self.places = {name: min(k, PLACES - 1) for k, name in enumerate(places)}  # function -> its number
         self._constants = {one.path: dict(_constants(self._trees[one.path])) for one in modules}
 
     def mutants(self) -> list[Mutant]:
@@ -133,10 +141,10 @@ class Sources:
             return None
         tree = copy.deepcopy(self._trees[path])
         changes: dict[ast.AST, list[tuple[int, Change]]] = {}
-        functions: set[ast.FunctionDef] = set()
+        functions: dict[ast.AST, int] = {}
         for id, function, change in self._changes(module, tree):
-            functions.add(function)
             if id in numbers:
+                functions[function] = self.places[place_of(id)]
                 changes.setdefault(change.node, []).append((numbers[id], change))
         _Builder(changes, functions).visit(tree)
         first = next((k for k, one in enumerate(tree.body) if not _is_head(one)), len(tree.body))
@@ -167,7 +175,7 @@ class Sources:
 class _Builder(ast.NodeTransformer):
     """Puts all changes into a tree, each behind its number."""
 
-    def __init__(self, changes: Mapping[ast.AST, list[tuple[int, Change]]], functions: Collection[ast.AST]) -> None:
+    def __init__(self, changes: Mapping[ast.AST, list[tuple[int, Change]]], functions: Mapping[ast.AST, int]) -> None:
         self._changes, self._functions = changes, functions
 
     def visit(self, node: ast.AST) -> ast.AST | list[ast.stmt]:
@@ -176,10 +184,12 @@ class _Builder(ast.NodeTransformer):
         self.generic_visit(node)
         if isinstance(node, ast.FunctionDef) and node in self._functions:
             head = 1 if ast.get_docstring(node, clean=False) is not None else 0
-            read = ast.Assign([ast.Name(_NUMBER, ast.Store())], _called(_CHOSEN))
+            place = ast.Constant(self._functions[node])
+            read = ast.Assign([ast.Name(_NUMBER, ast.Store())], ast.Call(ast.Name(_CHOSEN, ast.Load()), [place], []))
             node.body.insert(head, ast.copy_location(read, node.body[head]))
         if isinstance(node, ast.While):
-            node.test = ast.copy_location(ast.BoolOp(ast.And(), [_called(_SPEND), node.test]), node.test)
+            spend = ast.Call(ast.Name(_SPEND, ast.Load()), [], [])
+            node.test = ast.copy_location(ast.BoolOp(ast.And(), [spend, node.test]), node.test)
         if isinstance(node, ast.stmt):
             return self._statement(node, original, changes)
         made = node
@@ -189,7 +199,9 @@ class _Builder(ast.NodeTransformer):
         return made
 
     @staticmethod
-    def _statement(node: ast.stmt, original: ast.AST, changes: Sequence[tuple[int, Change]]) -> ast.AST | list[ast.stmt]:
+    def _statement(
+        node: ast.stmt, original: ast.AST, changes: Sequence[tuple[int, Change]]
+    ) -> ast.AST | list[ast.stmt]:
         made: list[ast.stmt] = [node]
         for number, change in changes:
             if change.kind == "skip":
@@ -203,10 +215,6 @@ class _Builder(ast.NodeTransformer):
 
 def _is(number: int, relation: ast.cmpop) -> ast.Compare:
     return ast.Compare(ast.Name(_NUMBER, ast.Load()), [relation], [ast.Constant(number)])
-
-
-def _called(name: str) -> ast.Call:
-    return ast.Call(ast.Name(name, ast.Load()), [], [])
 
 
 def _parsed(module: Module) -> ast.Module:
