@@ -97,7 +97,7 @@ def mutate(study: Study, request: MutationRequest, out: Path, progress: Progress
             interrupted = True
         done: Mapping[str, Outcome] = {id: outcome_of(entry) for id, entry in journal.done.items()}
     return MutationResults(
-        study.name, tuple(mutants), {one.id: done[one.id] for one in mutants if one.id in done}
+        study.name, request.of, tuple(mutants), {one.id: done[one.id] for one in mutants if one.id in done}
     ), interrupted
 
 
