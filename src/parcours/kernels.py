@@ -5,14 +5,19 @@ inlined, and a change of compiler flags. So the cache lives in a folder named by
 the library versions; an edit anywhere starts a fresh folder, and stale machine code can never run.
 
 Without numba, kernels run as plain Python: the same results, slowly.
+
+Compiled code freezes what is global. A few words of memory are read when it runs instead (`chosen`, `spend`): they
+choose among the mutants that one build holds (`parcours.study.mutation`), end loops that do not, and note what is run.
 """
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import hashlib
 import os
-from collections.abc import Callable
+import re
+from collections.abc import Callable, Iterator
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, TypeVar, cast
@@ -23,6 +28,7 @@ from parcours.errors import BadRequest
 
 try:
     import numba
+    import numba.extending
 except ImportError:
     numba = None  # type: ignore[assignment]
 
@@ -103,3 +109,115 @@ def is_warm() -> bool:
     """Return whether an earlier run has compiled these very sources, or there is no numba to compile them."""
     folder = kernel_cache()
     return not IS_COMPILED or (folder.is_dir() and any(folder.rglob("*.nbc")))
+
+
+class Spent(Exception):
+    """A loop went round more often than it was allowed to."""
+
+
+PLACES = 4096  # Functions that are told apart
+_CHOSEN, _LEFT, _FIRST = 0, 1, 2
+_words = np.zeros(_FIRST + PLACES, np.int64)
+_words[_LEFT] = 2**62
+
+
+def chosen(place: int) -> int:
+    """Return the number of the mutant that runs, 0 for none, and note that this place is reached; in kernels, too."""
+    _words[_FIRST + place] = 1
+    return int(_words[_CHOSEN])
+
+
+def places_run() -> frozenset[int]:
+    """Return the places of the functions that were run since a mutant was chosen."""
+    return frozenset(np.flatnonzero(_words[_FIRST:]).tolist())
+
+
+def choose(number: int, rounds: int = 2**62) -> None:
+    """Let a mutant run from now on (0: none), whose loops may go round so often in all."""
+    _words[_CHOSEN], _words[_LEFT] = number, rounds
+    _words[_FIRST:] = 0
+
+
+@contextlib.contextmanager
+def suspended() -> Iterator[None]:
+    """Let the original run for a while."""
+    number, _words[_CHOSEN] = _words[_CHOSEN], 0
+    try:
+        yield
+    finally:
+        _words[_CHOSEN] = number
+
+
+def rounds_left() -> int:
+    """Return how often loops may still go round; negative once one was ended."""
+    return int(_words[_LEFT])
+
+
+def spend() -> bool:
+    """Count one round of a loop, in kernels, too. Raises Spent if none was left."""
+    _words[_LEFT] -= 1
+    if _words[_LEFT] < 0:
+        raise Spent("its loops go round and round")
+    return True
+
+
+def keep_kernels_in(folder: Path) -> None:
+    """Keep the machine code of kernels that are defined from now on in a folder of their own."""
+    if IS_COMPILED:
+        numba.config.CACHE_DIR = str(folder)  # type: ignore[attr-defined]
+
+
+def refused_lines(error: BaseException) -> list[tuple[str, int]]:
+    """Return the places that the compiler complains of, (file, line), innermost first; none if it did not complain."""
+    if not IS_COMPILED or not isinstance(error, numba.core.errors.NumbaError):
+        return []
+    found = re.findall(r'File "([^"]+)", line (\d+)', str(error))
+    return [(os.path.abspath(file), int(line)) for file, line in found]  # noqa: PTH100 - as written, links unresolved
+
+
+def _share_words() -> None:
+    """Let kernels reach the words by a symbol, which is resolved when machine code is loaded, from disk also."""
+    import llvmlite.binding
+    from llvmlite import ir
+
+    symbol = "parcours_words"
+    llvmlite.binding.add_symbol(symbol, _words.ctypes.data)
+    int64, word = numba.types.int64, ir.IntType(64)
+
+    def at(builder: Any, k: Any) -> Any:
+        words = builder.module.globals.get(symbol)
+        if words is None:
+            words = ir.GlobalVariable(builder.module, ir.ArrayType(word, len(_words)), symbol)
+            words.linkage = "external"
+        return builder.gep(words, [ir.Constant(word, 0), k])
+
+    @numba.extending.intrinsic
+    def load(context: Any, where: Any) -> Any:
+        def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            place = builder.add(arguments[0], ir.Constant(word, _FIRST))
+            builder.store(ir.Constant(word, 1), at(builder, place))
+            return builder.load(at(builder, ir.Constant(word, _CHOSEN)))
+
+        return int64(int64), code
+
+    @numba.extending.intrinsic
+    def count(context: Any) -> Any:
+        def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            place = at(builder, ir.Constant(word, _LEFT))
+            left = builder.sub(builder.load(place), ir.Constant(word, 1))
+            builder.store(left, place)
+            return left
+
+        return int64(), code
+
+    def spending() -> bool:
+        if count() < 0:  # type: ignore[call-arg]
+            raise Spent("its loops go round and round")
+        return True
+
+    numba.extending.overload(chosen)(lambda place: lambda place: load(place))  # type: ignore[call-arg]
+    numba.extending.overload(spend)(lambda: spending)
+
+
+if IS_COMPILED:
+    _share_words()

@@ -28,6 +28,7 @@ COMMANDS = {
     "suite": "Write the executable cases of a study to a file.",
     "run": "Execute a study and keep its results.",
     "faults": "A study under faults on purpose: fault x outcome.",
+    "mutate": "Small changes to the system under test: which do the tests notice?",
     "conform": "A trace against a model: first deviation, expected set, path.",
     "recording": "What a recording of a run holds; one format into the other.",
     "judge": "Recordings of runs, judged again.",

@@ -126,18 +126,20 @@ class Crew(Generic[R]):
         n_words: size of the array that a worker shares (`parcours.run.heartbeat`).
         patience: how long a worker may give no sign of life while it is on no case [s of wall clock].
         own_group: a worker leads a process group, which ends with it: for tasks that start programs.
+        once: a worker does one item only, so that whatever it leaves behind in its process is gone with it.
         heard: called with what a task says by `tell`.
     """
 
     def __init__(
         self, task: Callable[..., R], size: int, *, forks: bool = False, n_words: int = 0,
-        patience: float = math.inf, own_group: bool = False, heard: Callable[[Any], None] = lambda value: None,
+        patience: float = math.inf, own_group: bool = False, once: bool = False,
+        heard: Callable[[Any], None] = lambda value: None,
     ) -> None:  # fmt: skip
         self.task, self.forks, self.n_words = task, forks and can_fork(), n_words
         self.patience, self.own_group = patience, own_group
         self.staff: list[_Worker] = []
         self.pending: deque[tuple[int, tuple[Any, ...]]] = deque()
-        self._size, self._heard = size, heard
+        self._size, self._once, self._heard = size, once, heard
         self._looks = n_words > 0 or patience < math.inf
 
     def answers(self) -> Generator[tuple[int, Done[R] | Lost | Exception], None, None]:
@@ -168,6 +170,8 @@ class Crew(Generic[R]):
                 if answer is not None:
                     key, worker.key = worker.key, None
                     assert key is not None
+                    if self._once and worker in self.staff:
+                        self._lost(worker, ended=True)
                     yield key, answer
 
     def _answer(self, worker: _Worker) -> Done[R] | Lost | Exception | None:
@@ -181,8 +185,10 @@ class Crew(Generic[R]):
             return None
         return Done(value) if kind == "done" else value
 
-    def _lost(self, worker: _Worker) -> Lost:
+    def _lost(self, worker: _Worker, *, ended: bool = False) -> Lost:
         self.staff.remove(worker)
+        if ended:
+            worker.kill()
         return worker.lost()
 
     def close(self) -> None:

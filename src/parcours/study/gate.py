@@ -12,8 +12,9 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -132,7 +133,14 @@ class Checked:
     why: str
 
 
-def check_condition(condition: Condition, results: Results) -> Checked:
+class Measured(Protocol):
+    """Whatever has measures to ask for."""
+
+    def measures(self) -> Mapping[str, Measure]:
+        """Return them by name."""
+
+
+def check_condition(condition: Condition, results: Measured) -> Checked:
     """Return what became of a condition. Raises BadRequest if the results have no such measure."""
     measures = results.measures()
     if condition.measure not in measures:

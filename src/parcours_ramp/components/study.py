@@ -41,6 +41,13 @@ LIMITS = {
 REPEATS = 60
 """This number of repeats shows with 95 % confidence that 95 % of all stay within a limit, if none of them misses it."""
 
+MUTATED = (
+    "collision", "control", "control_cycle", "corner", "guard", "path_modification", "planner", "planner_state",
+    "planning_cycle", "population", "prediction", "profile", "route", "sensing_cycle", "service", "switching",
+    "trajectory", "trajectory_evaluation", "trajectory_generator",
+)  # fmt: skip
+"""The modules that decide what RAMP's components do; the others hold its parameters and the forms of its messages."""
+
 PERCENT = 95.0  # Share of all repeats that must stay within the limit [%]
 duration_of = executing.whole_case  # How long a repeat took [ns]
 
@@ -52,6 +59,7 @@ class RampComponents(ComponentStudy):
 
     trusted = True
     compiles = True
+    mutants = tuple(f"parcours_ramp.planner.{name}" for name in MUTATED)
 
     @functools.cached_property
     def abstracts(self) -> Mapping[str, AbstractCase]:

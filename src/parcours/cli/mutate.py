@@ -1,0 +1,84 @@
+"""`parcours mutate STUDY`: small changes to the system under test, one at a time, and which the tests notice."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from parcours.cli.options import PATH, as_json, choice, count, fail_if, print_json, seed, set_parameters, workers
+
+if TYPE_CHECKING:
+    from parcours.study.mutation.laboratory import Kind
+
+
+@click.command("mutate")
+@click.argument("study")
+@choice("--of", "code", "model", "channels", help="What is changed: Python, transitions, or messages on their way.")
+@set_parameters
+@count("--sample", least=0, default=200, help="How many mutants, drawn by the seed; 0 for all.")
+@click.option("--operators", default="", metavar="NAME,...", help="Mutants of these operators only.")
+@click.option("--only", default="", help="Only mutants whose id contains this: a module, a function, an id.")
+@count("--cases", help="How many cases of the study, the first ones.  [default: the study's]")
+@count("--twin", least=0, default=200, help="In how many cases an effect is looked for, if the suite shows none.")
+@click.option("--list", "listed", is_flag=True, help="Print the mutants as diffs and run nothing.")
+@seed
+@workers
+@click.option("--out", type=PATH, help="Folder for the outcomes; resumed if it holds some.")
+@click.option("--fresh", is_flag=True, help="Discard the outcomes in that folder, and start again.")
+@fail_if
+@as_json
+def command(
+    study: str, of: Kind, settings: tuple[str, ...], sample: int, operators: str, only: str, cases: int | None,
+    twin: int, listed: bool, seed: int, workers: int, out: Path | None, fresh: bool, fail_if: tuple[str, ...],
+    as_json: bool,
+) -> None:  # fmt: skip
+    """Change a study's Python components in small ways, one at a time, and see which changes its tests notice.
+
+    Exit code 0, or 1 if a condition of --fail-if holds.
+
+    Example: parcours mutate examples/lift --out out/mutants --fail-if "score < 75%"
+    """
+    from parcours.cli.progress import progress
+    from parcours.errors import BadRequest
+    from parcours.report.terminal import print_table
+    from parcours.study.finding import find
+    from parcours.study.gate import check_condition, parse_condition
+    from parcours.study.journal import discard
+    from parcours.study.mutation.running import MutationRequest, mutants_of, mutate, sources_of
+    from parcours.study.parameters import pairs_of, settings_of
+
+    found = find(study)
+    conditions = [parse_condition(text) for text in fail_if]
+    chosen = settings_of(found.parameters, pairs_of(settings), found.name)
+    names = tuple(one.strip() for one in operators.split(",") if one.strip())
+    request = MutationRequest(chosen, of, seed, cases, twin, sample, names, only, workers)
+    if listed:
+        for mutant in mutants_of(found, sources_of(found, request.of), request):
+            click.echo(f"{mutant.id}  {mutant.place}\n{mutant.diff or mutant.change}\n")
+        return
+    if out is None:
+        raise BadRequest("--out", "outcomes are kept in a folder, but none is named", slug="option-study")
+    if fresh:
+        discard(out, ("run.json", "cases.jsonl", "kernels-*"))
+    with progress() as report:
+        results, interrupted = mutate(found, request, out, report)
+    if as_json:
+        print_json(results.document())
+    else:
+        for table in results.tables():
+            print_table(table)
+            click.echo()
+        for mutant, _ in results.survivors():
+            also = "; would be seen by: golden twin" if of != "model" else ""
+            click.echo(f"survived: {mutant.id} {mutant.place}{also}\n{mutant.diff or mutant.change}\n")
+    if interrupted:
+        click.echo("interrupted; run the same command again to judge the rest", err=True)
+        raise click.exceptions.Exit(130)
+    failed = False
+    for checked in (check_condition(condition, results) for condition in conditions):
+        failed |= checked.failed
+        click.echo(f"{'FAILED' if checked.failed else 'ok'}: {checked.name}: {checked.why}", err=True)
+    if failed:
+        raise click.exceptions.Exit(1)

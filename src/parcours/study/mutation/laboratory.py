@@ -1,0 +1,265 @@
+"""Where mutants run: a process that holds all of them in one build, and from which one more is forked for each.
+
+    parent                      builder (started afresh)                   workers (forked, one a mutant)
+      | what is built ---------->| import hook, kernels, originals          |
+      |                          | mutant 17 ------------------------------>| chooses 17, cases until all is seen
+      |<---- outcome of 17 ------|<-----------------------------------------| ends, and all that it left behind
+      |                          | killed when it hangs, blamed when it dies|
+
+Nothing of a mutant runs in the parent. The machine code of the build lies in a folder of its own.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from importlib.machinery import SourceFileLoader
+from pathlib import Path
+from types import CodeType
+from typing import Literal
+
+from parcours.errors import HostFailure
+from parcours.kernels import keep_kernels_in, kernel_cache
+from parcours.run.workers import Crew, Done, Lost, failure_of, tell
+from parcours.study.components.isolation import longest
+from parcours.study.mutation.models import model_mutants
+from parcours.study.mutation.observing import TWIN, Components, Observation, Subject, allowed, strikes_of, subject_of
+from parcours.study.mutation.source import Module, Sources, place_of
+from parcours.study.parameters import Settings
+from parcours.suite import Case
+
+Kind = Literal["code", "model", "channels"]
+_LONG = 500  # characters of a reason that are kept
+_GRACE = 2.0  # so much longer than a turn may take, a worker is waited for [s]
+
+
+@dataclass(frozen=True, slots=True)
+class Build:
+    """What a builder needs to know; it can be sent."""
+
+    of: Kind  # what is changed
+    where: str  # the study
+    settings: Settings
+    seed: int
+    cases: int | None  # of the suite; None for as many as the study has
+    twin: int  # cases in which an effect is looked for
+    modules: tuple[Module, ...]
+    transitions: tuple[tuple[str, ...], ...]
+    channels: tuple[str, ...]
+    built: tuple[str, ...]  # ids of all mutants in the build; the first is number 1
+    folder: Path  # for machine code
+
+    def sources(self) -> Sources:
+        """Return the mutants of the modules."""
+        return Sources(self.modules, self.transitions, self.channels)
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What became of a mutant."""
+
+    # ended: as it should. timeout: a loop went on and on. hung, died: its process. refused: by the compiler
+    end: str
+    seen: Mapping[str, tuple[str, str]] = field(default_factory=dict)  # stage -> the first case that saw it, and why
+    cases: int = 0  # in how many cases its function ran; 0 if none reaches it
+
+
+@dataclass(frozen=True, slots=True)
+class Refused:
+    """Mutants that the compiler does not accept; the rest are built again without them."""
+
+    ids: tuple[str, ...]
+    why: str
+
+
+Report = tuple[str, Outcome] | Refused | tuple[str, int, int]  # an outcome, or how far the originals are
+
+
+def judge_mutants(build: Build, ids: Sequence[str], workers: int, heard: Callable[[Report], None]) -> None:
+    """Report the outcome of each mutant as it comes, from processes apart.
+
+    Raises HostFailure: the builder died, or the study's cases cannot be executed.
+    """
+    crew = Crew(_built, 1, own_group=True, heard=heard)
+    with contextlib.closing(crew):
+        crew.pending.append((0, (build, tuple(ids), workers)))
+        for _, answer in crew.answers():
+            if isinstance(answer, Lost):
+                raise HostFailure("mutants", f"they must be built, but the process that builds them {answer.ending}",
+                                  "look at what it printed", slug="mutants-build")  # fmt: skip
+            if isinstance(answer, Exception):
+                raise failure_of("mutants", answer, "mutants-build")
+
+
+def _built(build: Build, ids: tuple[str, ...], workers: int) -> None:
+    """Build all mutants in this process, and report the outcome of those asked for."""
+    bench = Bench(build)
+    if refused := bench.refused():
+        tell(refused)
+        return
+    crew = Crew(bench.judge, workers, forks=True, n_words=3, patience=longest(bench.patience) + _GRACE, once=True)
+    numbers = {id: k for k, id in enumerate(build.built, start=1)}
+    with contextlib.closing(crew):
+        crew.pending.extend((numbers[id], (numbers[id],)) for id in ids)
+        for number, answer in crew.answers():
+            id = build.built[number - 1]
+            if isinstance(answer, Done):
+                tell((id, answer.result))
+            elif isinstance(answer, Lost):
+                why = f"its process {'hung' if answer.how == 'hung' else answer.ending}, in {answer.place or 'a case'}"
+                first = bench.subject.stages[0]
+                tell((id, Outcome(answer.how, {first: ("", why), TWIN: ("", why)})))
+            else:
+                raise failure_of(id, answer, "mutants-build")
+
+
+class Bench:
+    """The originals' observations, and mutants beside them."""
+
+    def __init__(self, build: Build) -> None:
+        from parcours.study.components.study import ComponentStudy
+        from parcours.study.finding import find
+
+        self._places = install(build).places if build.of == "code" else {}
+        study = find(build.where)
+        self.patience = float(getattr(study, "patience", 5.0))
+        self.subject: Subject = subject_of(study, build.settings, build.seed)
+        self._build = build
+        if build.of != "code":
+            assert isinstance(study, ComponentStudy)
+            self._models = {one.id: model for one, model in model_mutants(study.model)}
+            self._strikes = dict(strikes_of(study))
+        self._cases: list[Case] = list(self.subject.cases(build.cases))
+        self._originals: list[Observation] = []
+        for k, case in enumerate(self._cases):
+            self._originals.append(self.subject.observe(case))
+            tell(("original cases", k + 1, len(self._cases)))
+            if self._originals[-1].refused:
+                return
+        if not any(not why for one in self._originals for why in one.noticed.values()):
+            said = next(iter(self._originals[0].noticed.values()))
+            raise HostFailure(self._cases[0].id, f"a case of the original must pass, but none does: {said}",
+                              "repair the study first", slug="mutants-original")  # fmt: skip
+
+    def refused(self) -> Refused | None:
+        """Return the mutants at the place that the compiler complains of; None if it accepts all."""
+        places = self._originals[-1].refused
+        if not places:
+            return None
+        sources = self._build.sources()
+        built = [one for one in sources.mutants() if one.id in set(self._build.built)]
+        for file, line in places:
+            if found := tuple(one.id for one in built if Path(one.file).absolute() == Path(file) and one.line == line):
+                return Refused(found, f"{file}:{line}")
+        why = next(iter(self._originals[-1].noticed.values()))
+        raise HostFailure("mutants", f"the compiler must accept what is built, but: {why[:2000]}",
+                          "leave the module out", slug="mutants-build")  # fmt: skip
+
+    def judge(self, number: int) -> Outcome:
+        """Return what becomes of a mutant, by its number in the build."""
+        id = self._build.built[number - 1]
+        if self._build.of == "model":
+            return self._judged_model(id)
+        return self._judged_code(number) if self._build.of == "code" else self._judged_channel(id)
+
+    def _judged_model(self, id: str) -> Outcome:
+        """Judge clean traces by a model that says something else."""
+        assert isinstance(self.subject, Components)
+        judge = self.subject.judge_of(self._models[id])
+        seen: dict[str, tuple[str, str]] = {}
+        for case, original in zip(self._cases, self._originals, strict=True):
+            for stage, why in judge(case, self.subject.trace(case)).items():
+                if why and not original.noticed[stage]:
+                    seen.setdefault(stage, (case.id, why[:_LONG]))
+            if len(seen) == len(self.subject.stages):
+                break
+        return Outcome("ended", seen, len(self._cases))
+
+    def _judged_channel(self, id: str) -> Outcome:
+        """Execute cases under a fault on a channel."""
+        assert isinstance(self.subject, Components)
+        seen: dict[str, tuple[str, str]] = {}
+        ran = 0
+        for case, original in zip(self._cases, self._originals, strict=True):
+            found = self.subject.struck(case, self._strikes[id])
+            if found is None:
+                continue
+            ran += 1
+            self._note(case, original, found, seen)
+            if len(seen) == len(self.subject.stages) + 1:
+                break
+        return Outcome("ended", seen, ran)
+
+    def _note(self, case: Case, original: Observation, found: Observation, seen: dict[str, tuple[str, str]]) -> None:
+        for stage, why in found.noticed.items():
+            if why and not original.noticed[stage]:
+                seen.setdefault(stage, (case.id, why[:_LONG]))
+        if found.print != original.print:
+            seen.setdefault(TWIN, (case.id, ""))
+
+    def _judged_code(self, number: int) -> Outcome:
+        """Run a mutant until every stage has seen it, or in all cases; one that shows nothing in more of them."""
+        seen: dict[str, tuple[str, str]] = {}
+        ran, place = 0, self._place(number)
+        for case, original in zip(self._cases, self._originals, strict=True):
+            if place not in original.places:
+                continue
+            ran += 1
+            found = self.subject.observe(case, number, allowed(original))
+            self._note(case, original, found, seen)
+            if not found.ended:
+                why = "its loops go round and round"
+                return Outcome("timeout", {self.subject.stages[0]: (case.id, why), TWIN: (case.id, why), **seen}, ran)
+            if len(seen) == len(self.subject.stages) + 1:
+                break
+        if not seen:
+            for case in self._more():
+                original = self.subject.observe(case)
+                if place not in original.places:
+                    continue
+                ran += 1
+                if self.subject.observe(case, number, allowed(original)).print != original.print:
+                    seen[TWIN] = (case.id, "")
+                    break
+        return Outcome("ended", seen, ran)
+
+    def _place(self, number: int) -> int:
+        return self._places[place_of(self._build.built[number - 1])]
+
+    def _more(self) -> Iterator[Case]:
+        n = len(self._cases)
+        if self._build.twin > n:
+            for k, case in enumerate(self.subject.cases(self._build.twin)):
+                if k >= n:
+                    yield case
+
+
+def install(build: Build) -> Sources:
+    """Let Python load the mutated form of the modules in this process, which must not have loaded them yet.
+
+    Raises HostFailure: it has.
+    """
+    sources = build.sources()
+    numbers = {id: k for k, id in enumerate(build.built, start=1)}
+    paths = {one.path.resolve(): one.path for one in build.modules}
+    loaded = [
+        name for name, one in sys.modules.items() if Path(getattr(one, "__file__", None) or ".").resolve() in paths
+    ]
+    if loaded:
+        raise HostFailure("mutants", f"the engine itself cannot be mutated, but {', '.join(loaded)} was asked for",
+                          "name modules of the system under test", slug="mutants-build")  # fmt: skip
+    said = [kernel_cache().name, *build.built, *(one.text for one in build.modules)]
+    digest = hashlib.sha256("\0".join(said).encode()).hexdigest()[:16]
+    keep_kernels_in(build.folder / f"kernels-{digest}")
+    plain = SourceFileLoader.get_code
+
+    def get_code(loader: SourceFileLoader, fullname: str) -> CodeType | None:
+        path = paths.get(Path(loader.get_filename(fullname)).resolve())
+        tree = sources.build(path, numbers) if path is not None else None
+        return plain(loader, fullname) if tree is None else compile(tree, str(path), "exec", dont_inherit=True)
+
+    SourceFileLoader.get_code = get_code  # type: ignore[assignment, method-assign]
+    return sources

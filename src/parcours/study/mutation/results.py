@@ -1,0 +1,126 @@
+"""What became of the mutants of a study: scores by stage and operator, and those that survived."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import cast
+
+import numpy as np
+
+from parcours.report.pieces import Cell, Column, Table
+from parcours.study.mutation.laboratory import Kind, Outcome
+from parcours.study.mutation.mutant import Mutant
+from parcours.study.mutation.observing import CASES, CONFORMANCE, STAGES, TWIN
+from parcours.study.protocol import Measure
+
+_NOTE = (
+    "A mutant has an effect if some stage or the golden twin saw it: the twin compares the bytes of all that is sent"
+    " with the original's. Scores are shares of the mutants with an effect; what ends in a timeout, a hang or a death"
+    " is noticed by the first stage."
+)
+
+
+def entry_of(outcome: Outcome) -> dict[str, object]:
+    """Return an outcome as a line of a journal."""
+    return asdict(outcome)
+
+
+def outcome_of(entry: Mapping[str, object]) -> Outcome:
+    """Return the outcome that a line of a journal holds."""
+    seen = cast("Mapping[str, Sequence[str]]", entry["seen"])
+    return Outcome(
+        str(entry["end"]), {stage: (by[0], by[1]) for stage, by in seen.items()}, int(cast(int, entry["cases"]))
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class MutationResults:
+    """The mutants of one study, and the outcomes that are there."""
+
+    study: str
+    of: Kind
+    mutants: tuple[Mutant, ...]
+    outcomes: Mapping[str, Outcome]
+
+    def finished(self) -> Iterator[tuple[Mutant, Outcome]]:
+        """Yield the mutants that ran, with their outcomes."""
+        for one in self.mutants:
+            if one.id in self.outcomes and self.outcomes[one.id].end != "refused":
+                yield one, self.outcomes[one.id]
+
+    @property
+    def stages(self) -> list[str]:
+        """The stages in their order, the golden twin last."""
+        found = {stage for _, one in self.finished() for stage in one.seen}
+        always = {CASES, CONFORMANCE} if self.of != "code" or CASES in found else set()
+        return [one for one in STAGES if one in found | always]
+
+    def effective(self) -> list[tuple[Mutant, Outcome]]:
+        """Return the mutants with a visible effect; of a model, all of them."""
+        return [(mutant, outcome) for mutant, outcome in self.finished() if outcome.seen or self.of == "model"]
+
+    def survivors(self) -> list[tuple[Mutant, Outcome]]:
+        """Return the mutants with a visible effect that no stage noticed."""
+        return [(mutant, outcome) for mutant, outcome in self.effective() if set(outcome.seen) <= {TWIN}]
+
+    def measures(self) -> Mapping[str, Measure]:
+        """Return the score, the share of mutants with an effect that some stage noticed; and each stage's."""
+        effective = [outcome for _, outcome in self.effective()]
+
+        def rate(noticed: list[bool]) -> Measure:
+            return Measure(np.array(noticed, float), worse="less")
+
+        stages = {stage.replace(" ", "_"): rate([stage in one.seen for one in effective]) for stage in self.stages}
+        return {"score": rate([not set(one.seen) <= {TWIN} for one in effective]), **stages}
+
+    def tables(self) -> list[Table]:
+        """Return the score by stage and by operator."""
+        effective = self.effective()
+        n, counts = len(effective), Counter(outcome.end for outcome in self.outcomes.values())
+        rows: list[tuple[Cell, ...]] = []
+        so_far: set[str] = set()
+        for stage in self.stages:
+            seen = {mutant.id for mutant, outcome in effective if stage in outcome.seen}
+            so_far |= seen
+            rows.append((stage, len(seen), _share(len(seen), n), len(so_far), _share(len(so_far), n)))
+        columns = (Column("stage"), Column("noticed", ",d"), Column("score", ".1%"), Column("noticed so far", ",d"),
+                   Column("cumulated", ".1%"))  # fmt: skip
+        ends = ", ".join(f"{count} {end}" for end, count in counts.items() if end != "ended")
+        if self.of == "model":
+            title = f"Mutants of the model of {self.study}: by which of {n} wrong models are clean runs at fault?"
+            return [Table(title, columns, tuple(rows)), self._operators()]
+        unseen = [outcome.cases for _, outcome in self.finished() if not outcome.seen]
+        said = f"{len(self.outcomes)} of {len(self.mutants)} ran: {n} have an effect"
+        if shown := [one for one in unseen if one]:
+            said += f", {len(shown)} none in up to {max(shown)} cases"
+        said += f", {unseen.count(0)} are reached by no case" if 0 in unseen else ""
+        title = f"Mutants of {self.study}: {said}{f'; {ends}' if ends else ''}"
+        return [Table(title, columns, tuple(rows), _NOTE), self._operators()]
+
+    def _operators(self) -> Table:
+        rows: list[tuple[Cell, ...]] = []
+        finished = list(self.finished())
+        for operator in sorted({mutant.operator for mutant, _ in finished}):
+            mine = [outcome for mutant, outcome in finished if mutant.operator == operator]
+            seen = [one for one in mine if one.seen or self.of == "model"]
+            noticed = sum(not set(one.seen) <= {TWIN} for one in seen)
+            rows.append((operator, len(mine), len(seen), noticed, _share(noticed, len(seen))))
+        columns = (Column("operator"), Column("mutants", ",d"), Column("with an effect", ",d"), Column("noticed", ",d"),
+                   Column("score", ".1%"))  # fmt: skip
+        return Table("By operator", columns, tuple(rows))
+
+    def document(self) -> dict[str, object]:
+        """Return everything as JSON values."""
+        scores = {name: float(one.values.mean()) if len(one.values) else None for name, one in self.measures().items()}
+        mutants = [
+            {"id": one.id, "operator": one.operator, "file": one.file, "line": one.line, "change": one.change,
+             "diff": one.diff, **(entry_of(self.outcomes[one.id]) if one.id in self.outcomes else {"end": ""})}
+            for one in self.mutants
+        ]  # fmt: skip
+        return {"study": self.study, "scores": scores, "mutants": mutants}
+
+
+def _share(part: int, whole: int) -> float | None:
+    return part / whole if whole else None

@@ -1,0 +1,134 @@
+"""Runs the mutants of a study and keeps each outcome at once."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from parcours.errors import BadRequest, one_of
+from parcours.run.campaign import terminable
+from parcours.study.components.study import ComponentStudy
+from parcours.study.journal import Journal, write_question
+from parcours.study.mutation.laboratory import Build, Kind, Outcome, Refused, Report, judge_mutants
+from parcours.study.mutation.models import model_mutants
+from parcours.study.mutation.mutant import Mutant, sampled
+from parcours.study.mutation.observing import strikes_of
+from parcours.study.mutation.results import MutationResults, entry_of, outcome_of
+from parcours.study.mutation.source import Sources, modules_of
+from parcours.study.parameters import Settings
+from parcours.study.protocol import Progress
+
+if TYPE_CHECKING:
+    from parcours.study.protocol import Study
+
+
+@dataclass(frozen=True, slots=True)
+class MutationRequest:
+    """What `parcours mutate STUDY` asks."""
+
+    settings: Settings  # a value for each parameter of the study
+    of: Kind  # what is changed
+    seed: int  # of the cases, and of the sample
+    cases: int | None = None  # of the suite; None for as many as the study has
+    twin: int = 0  # cases in which an effect is looked for
+    sample: int = 0  # how many mutants; 0 for all
+    operators: tuple[str, ...] = ()  # only these; all if empty
+    only: str = ""  # only mutants whose id contains this
+    workers: int = 1  # processes
+
+
+def sources_of(study: Study, of: Kind = "code") -> Sources:
+    """Return the mutants of a study's Python modules, none if something else is changed.
+
+    Raises BadRequest: it has no such modules, or one is no Python.
+    """
+    model = getattr(study, "model", None)
+    components = model.components if model is not None else ()
+    channels = tuple(one.name for one in model.channels) if model is not None else ()
+    transitions = tuple(tuple(one.id for one in component.transitions()) for component in components)
+    return Sources(tuple(modules_of(study)) if of == "code" else (), transitions, channels)
+
+
+def _listed(study: Study, sources: Sources, of: Kind) -> list[Mutant]:
+    if of == "code":
+        return sources.mutants()
+    if not isinstance(study, ComponentStudy):
+        rule = f"{study.name} has no model whose channels and transitions could be changed"
+        raise BadRequest(f"--of {of}", rule, "that is for component studies", slug="mutants-none")
+    if of == "model":
+        return [one for one, _ in model_mutants(study.model)]
+    return [Mutant(id, one.kind, "", 0, str(one)) for id, one in strikes_of(study)]
+
+
+def mutants_of(study: Study, sources: Sources, request: MutationRequest) -> list[Mutant]:
+    """Return the mutants that are asked for. Raises BadRequest: an operator is unknown, or no mutant is left."""
+    listed = _listed(study, sources, request.of)
+    known = sorted({one.operator for one in listed})
+    for name in request.operators:
+        if name not in known:
+            rule = f"must be one of those that find something here, but is {name!r}"
+            raise BadRequest("--operators", rule, one_of(name, known), slug="mutants-operator")
+    chosen = [one for one in listed if not request.operators or one.operator in request.operators]
+    chosen = [one for one in chosen if request.only in one.id]
+    if not chosen:
+        rule = f"some mutant must be left, but of {len(listed)} none is"
+        raise BadRequest("mutants", rule, "see --list", slug="mutants-none")
+    return sampled(chosen, request.sample, request.seed)
+
+
+def mutate(study: Study, request: MutationRequest, out: Path, progress: Progress) -> tuple[MutationResults, bool]:
+    """Run the mutants that are missing in a folder; return all outcomes, and whether Ctrl-C ended the run."""
+    sources = sources_of(study, request.of)
+    mutants = mutants_of(study, sources, request)
+    decides = {one.name: request.settings[one.name] for one in study.parameters if one.decides}
+    texts = {one.name: hashlib.sha256(one.text.encode()).hexdigest()[:16] for one in sources.modules}
+    question = {"form": "mutation/1", "of": request.of, "seed": request.seed, "settings": decides,
+                "cases": request.cases, "twin": request.twin, "modules": texts,
+                "files": dict(getattr(study, "digests", {}))}  # fmt: skip
+    write_question(out, study.name, study.where, question)
+    with Journal(out) as journal, terminable():
+        interrupted = False
+        try:
+            _judge(study, request, sources, mutants, journal, out, progress)
+        except KeyboardInterrupt:
+            interrupted = True
+        done: Mapping[str, Outcome] = {id: outcome_of(entry) for id, entry in journal.done.items()}
+    return MutationResults(
+        study.name, request.of, tuple(mutants), {one.id: done[one.id] for one in mutants if one.id in done}
+    ), interrupted
+
+
+def _judge(
+    study: Study, request: MutationRequest, sources: Sources, mutants: Sequence[Mutant], journal: Journal, out: Path,
+    progress: Progress,
+) -> None:  # fmt: skip
+    while True:
+        refused = {id for id, entry in journal.done.items() if entry["end"] == "refused"}
+        built = tuple(one.id for one in mutants if one.id not in refused)
+        left = [id for id in built if id not in journal.done]
+        progress("mutants", len(mutants) - len(left), len(mutants))
+        if not left:
+            return
+        model = sources.model_names
+        build = Build(request.of, study.where, dict(request.settings), request.seed, request.cases, request.twin,
+                      tuple(sources.modules), *model, built, out.absolute())  # fmt: skip
+        again = False
+
+        def heard(report: Report) -> None:
+            nonlocal again
+            if isinstance(report, Refused):
+                again = True
+                for id in report.ids:
+                    journal.add(id, entry_of(Outcome("refused", {})))
+            elif isinstance(report[1], Outcome):
+                journal.add(report[0], entry_of(report[1]))
+                progress("mutants", sum(one.id in journal.done for one in mutants), len(mutants))
+            else:
+                progress(*report)
+
+        judge_mutants(build, left, request.workers, heard)
+        if not again:
+            return
