@@ -181,7 +181,7 @@ def run_functional(case: Case, execute: Execute | None = None) -> Functional:
 
 def judge_trace(case: Case, trace: Trace) -> Judgement:
     """Judge a case by its trace alone: did it deviate, was its order kept, does Table VIII's expectation hold."""
-    return executing.judge_trace(_exercise(), case, trace)[0]
+    return executing.judge_trace(_exercise(), case, trace)
 
 
 def limits(itp: str) -> np.ndarray:

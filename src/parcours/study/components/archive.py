@@ -100,7 +100,7 @@ def _judged(study: ComponentStudy, path: Path, recording: Recording) -> Judgemen
         case = msgspec.json.decode(about["case"], type=Case)
         if about["kind"] == "functional":
             settings = json.loads(about.get("settings", "{}"))
-            return judge_trace(study.exercise(settings), case, trace)[0]
+            return judge_trace(study.exercise(settings), case, trace)
         if about["kind"] != "timing":
             raise ValueError(f"its kind is {about['kind']!r}")
         spans = {group.name: group.span for group in study.timing(case.seed, {})}

@@ -84,15 +84,19 @@ class Functional:
 def run_functional(exercise: Exercise, case: Case, execute: Execute) -> Functional:
     """Execute one case in its serialised order and judge it; one that contradicts itself is not executed."""
     execution = execute(case) if not exercise.contradiction(case) else Execution(Trace("simulated", ()), None)
-    judgement, tally = judge_trace(exercise, case, execution.trace)
+    judgement, tally = _judged(exercise, case, execution.trace)
     return Functional(case, execution, judgement, exercise.contracts.mask(tally))
 
 
-def judge_trace(exercise: Exercise, case: Case, trace: Trace) -> tuple[Judgement, Tally]:
+def judge_trace(exercise: Exercise, case: Case, trace: Trace) -> Judgement:
     """Judge a case by its trace alone: its data, did it deviate, was its order kept, and what does the oracle say.
 
     A case whose order could not be enforced is inconclusive unless its data break what the model says of them.
     """
+    return _judged(exercise, case, trace)[0]
+
+
+def _judged(exercise: Exercise, case: Case, trace: Trace) -> tuple[Judgement, Tally]:
     violation, tally = exercise.contracts.judge(trace, exercise.fields)
     judgement = _judgement(exercise, case, trace)
     if violation is not None:
