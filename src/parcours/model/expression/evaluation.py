@@ -144,21 +144,23 @@ class _Compiler:
     def field(self, node: Expression, record: Code, name: str) -> Code:
         def read(known: Mapping[str, Value]) -> Value:
             value = record(known)
-            if not isinstance(value, Mapping) or name not in value:
-                self.fail(node, f"a field must have a value, but {name!r} has none", "no-value")
-            found: Value = value[name]
-            return found
+            # The types that data have are asked for first: an oracle comes here for every sample of a trajectory.
+            if (type(value) is dict or isinstance(value, Mapping)) and name in value:
+                found: Value = value[name]
+                return found
+            self.fail(node, f"a field must have a value, but {name!r} has none", "no-value")
 
         return read
 
     def item(self, node: Expression, items: Code, index: Callable[[Mapping[str, Value]], int | float]) -> Code:
         def read(known: Mapping[str, Value]) -> Value:
             values, at = items(known), index(known)
-            if not isinstance(values, Sequence) or not isinstance(at, int) or not 0 <= at < len(values):
-                n = len(values) if isinstance(values, Sized) else 0
-                self.fail(node, f"a list of {n} has items from 0 on, but none is at {at}", "no-item")
-            found: Value = values[at]
-            return found
+            is_list = type(values) is list or isinstance(values, Sequence)
+            if is_list and isinstance(at, int) and 0 <= at < len(values):
+                found: Value = values[at]
+                return found
+            n = len(values) if isinstance(values, Sized) else 0
+            self.fail(node, f"a list of {n} has items from 0 on, but none is at {at}", "no-item")
 
         return read
 
@@ -219,6 +221,8 @@ class _Compiler:
 
     def truth(self, node: Expression) -> Callable[[Mapping[str, Value]], bool]:
         code = self.of(node)
+        if _is_truth(node):
+            return code  # type: ignore[return-value]  # what it is made of was looked at already
 
         def read(known: Mapping[str, Value]) -> bool:
             value = code(known)
@@ -230,9 +234,13 @@ class _Compiler:
 
     def number(self, node: Expression) -> Callable[[Mapping[str, Value]], int | float]:
         code = self.of(node)
+        if _is_number(node):
+            return code  # type: ignore[return-value]
 
         def read(known: Mapping[str, Value]) -> int | float:
             value = code(known)
+            if type(value) is float or type(value) is int:
+                return value
             if isinstance(value, bool) or not isinstance(value, int | float):
                 self.fail(node, f"an operand must be a number, but is {value!r}", "type")
             return value
@@ -273,6 +281,28 @@ class _Compiler:
 
     def fail(self, node: Expression, rule: str, slug: str) -> NoReturn:
         raise BadModel(self.where, f'{rule} in "{render(self.root, marked=node)}"', slug=slug)
+
+
+def _is_truth(node: Expression) -> bool:
+    match node:
+        case Unary(sign, _) | Binary(sign, _, _):
+            return sign not in _ARITHMETIC
+        case Each(kind, _, _, _, _):
+            return kind != "sum"
+        case Apply(function, _):
+            return function == "near"
+        case _:
+            return False
+
+
+def _is_number(node: Expression) -> bool:
+    match node:
+        case Literal(value):
+            return type(value) in (int, float)
+        case Unary() | Binary() | Each() | Apply():
+            return not _is_truth(node)
+        case _:
+            return False
 
 
 def _kind(value: Value) -> str:
