@@ -57,12 +57,15 @@ def _prepared(planner: Planner, parameters: Parameters) -> Planner:
     return planner
 
 
+LATER = "tick, second interval over"
+
 PROMPTS: Mapping[str, Callable[[Any, int], Iterator[Step]]] = {
     "poll": lambda component, now: component.handle(None, None, now),
     "plan": lambda planner, now: planner.plan(),
     "control": lambda planner, now: planner.control(now),
     "tick": lambda control, now: control.tick(0),
     "tick, interval over": lambda control, now: control.tick(REPORT_PERIOD),
+    LATER: lambda control, now: control.tick(2 * REPORT_PERIOD),
     "execute": lambda control, now: control.execute(now + COMMAND_PERIOD),
     "execute, all done": lambda control, now: control.execute(now + _LONG_AFTER),
 }  # What moves an idle component where the model lets no message do so: (component, time [ns]) -> steps

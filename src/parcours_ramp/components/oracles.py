@@ -78,11 +78,17 @@ def _same_motion(one: Record, other: Record) -> bool:
 
 def control_follows(trace: Trace) -> Judgement:
     """ITP5: control <- trajectory."""
-    shown = [e.payload for e in trace.events if e.kind == "note" and e.text == SHOWN and e.channel == "best_trajectory"]
-    followed = [one for one in shown if isinstance(one, np.void) and one["n"] > 0]
-    sent: list[Record] = _sent(trace, "best_trajectory")
-    holds = any(_same_motion(samples(t), samples(m)) for t in followed for m in sent)
-    return _judge(holds, f"{len(sent)} best trajectories were sent, {len(followed)} controls follow one")
+    got: dict[str, Record] = {}  # by the instance that received it last
+    follows: list[bool] = []
+    for event in trace.events:
+        if event.kind == "receive" and event.channel == "best_trajectory":
+            got[event.component] = event.payload
+        elif event.kind == "note" and event.text == SHOWN and event.channel == "best_trajectory":
+            shown = event.payload
+            is_one = isinstance(shown, np.void) and shown["n"] > 0 and event.component in got
+            follows.append(is_one and _same_motion(samples(shown), samples(got[event.component])))
+    holds = bool(got) and all(follows)
+    return _judge(holds, f"{len(got)} controls received a best trajectory, {sum(follows)} follow it")
 
 
 def state_changes(trace: Trace) -> Judgement:

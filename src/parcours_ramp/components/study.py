@@ -82,7 +82,7 @@ class RampComponents(ComponentStudy):
 
     def tester(self, case: Case, settings: Settings, *, timed: bool = False) -> Tester:
         """Return the tester of a case."""
-        return ComponentTester(case)
+        return ComponentTester(case, visits=self.visits(case, settings, timed=timed))
 
     def view(self) -> View:
         """Return what shows the trajectory that a Control follows."""

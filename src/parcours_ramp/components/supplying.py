@@ -22,8 +22,7 @@ from parcours_ramp.planner.route import HOLONOMIC, HYBRID, ROUTE, TRANSITION
 from parcours_ramp.planner.switching import switch_path
 from parcours_ramp.planner.trajectory_generator import generate
 
-_SENSING, _PLANNING = messages.Tag("sensing", 2), messages.Tag("planning", 2)
-"""The first conversations of a planner whose own first was the control cycle that prepared it."""
+FIRST = 2  # The number of the first conversation of a planner whose own first was the control cycle that prepared it
 
 _BEFORE = 0.3  # How far before the path a switch leaves the present motion [m]
 _N_OBSTACLES = 2  # Two, so that p16 has something left to ask for (Table II)
@@ -35,9 +34,11 @@ class Supply:
     Args:
         case: values motion [m/s], path [knots], trajectory [m], population [members], odometry [m].
         event: what is drawn for it does not depend on when others draw.
+        serial: number of the conversation that it belongs to.
     """
 
-    def __init__(self, case: Case, parameters: Parameters, begin: Record, event: Event) -> None:
+    def __init__(self, case: Case, parameters: Parameters, begin: Record, event: Event, serial: int = FIRST) -> None:
+        self._sensing, self._planning = messages.Tag("sensing", serial), messages.Tag("planning", serial)
         self._case, self._parameters, self._begin = case, parameters, begin
         self._stream = np.random.default_rng([case.seed, case.number, event.position])
 
@@ -47,7 +48,7 @@ class Supply:
             "odometry": self._obstacles,
             "obstacles": self._obstacles,
             "trajectory_request": self._trajectory_request,
-            "trajectory_response": lambda: messages.TrajectoryResponse(_SENSING, self._predictions()),
+            "trajectory_response": lambda: messages.TrajectoryResponse(self._sensing, self._predictions()),
             "evaluation_request": self._evaluation_request,
             "evaluation_response": lambda: self._evaluations(int(self._case["population"])),
             "modification_request": self._modification_request,
@@ -62,8 +63,20 @@ class Supply:
         """Return the answer that ends a sensing cycle: of the motion under way alone."""
         return self._evaluations(1)
 
+    def control_answers(self, serial: int) -> tuple[tuple[str, object], ...]:
+        """Return the answers that end a control cycle: the motion under way, the members' ways, the population."""
+        tag, n = messages.Tag("control", serial), int(self._case["population"])
+        ways = messages.many(messages.TRAJECTORY, n)
+        for k in range(n):
+            ways[k] = self._trajectory()
+        return (
+            ("evaluation_response", self._evaluations(1)._replace(tag=tag)),
+            ("trajectory_response", messages.TrajectoryResponse(tag, ways)),
+            ("evaluation_response", self._evaluations(n)._replace(tag=tag)),
+        )
+
     def _evaluations(self, n: int) -> messages.EvaluationResponse:
-        return messages.EvaluationResponse(_SENSING, np.ones(n, np.int64), np.full(n, 0.1), np.full(n, 9999.0))
+        return messages.EvaluationResponse(self._sensing, np.ones(n, np.int64), np.full(n, 0.1), np.full(n, 9999.0))
 
     def _obstacles(self) -> messages.Obstacles:
         states = messages.many(messages.OBSTACLE_STATE, _N_OBSTACLES)
@@ -113,16 +126,16 @@ class Supply:
                 s, c = sin_cos(self._begin.heading)
                 starts[k].x, starts[k].y = self._begin.x - _BEFORE * c, self._begin.y - _BEFORE * s
             switch_path(path, starts[k], kinds[k], paths[k])
-        return messages.TrajectoryRequest(_SENSING, paths, starts, kinds)
+        return messages.TrajectoryRequest(self._sensing, paths, starts, kinds)
 
     def _evaluation_request(self) -> messages.EvaluationRequest:
         trajectories = messages.many(messages.TRAJECTORY, int(self._case["population"]))
         for k in range(len(trajectories)):
             trajectories[k] = self._trajectory()
-        return messages.EvaluationRequest(_SENSING, trajectories, self._predictions(), (0.0, 0.0), 0.0, False)
+        return messages.EvaluationRequest(self._sensing, trajectories, self._predictions(), (0.0, 0.0), 0.0, False)
 
     def _modification_request(self) -> messages.ModificationRequest:
         modification = messages.one(messages.MODIFICATION)
         modification.first = self._path()
         modification.operator = INSERT if modification.first.n < 5 else CHANGE
-        return messages.ModificationRequest(_PLANNING, modification)
+        return messages.ModificationRequest(self._planning, modification)

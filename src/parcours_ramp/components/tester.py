@@ -5,17 +5,20 @@ The same tester drives components of this process and those of nodes, so it name
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from itertools import pairwise
 
 import msgspec
 
-from parcours.abtc import Event
+from parcours.abtc import Event, Visits
 from parcours.elementary import sin_cos
 from parcours.kernels import Record
 from parcours.run.port import Component, Step
 from parcours.suite import Case
-from parcours_ramp.components.components import PROMPT_OF, PROMPTS, component_of, parameters_of, robot_of
-from parcours_ramp.components.supplying import Supply
+from parcours_ramp.components.components import LATER, PROMPT_OF, PROMPTS, component_of, parameters_of, robot_of
+from parcours_ramp.components.supplying import FIRST, Supply
 from parcours_ramp.planner.messages import Report
 from parcours_ramp.planner.parameters import Parameters
 
@@ -26,12 +29,32 @@ class ComponentTester:
     Args:
         case: values motion [m/s], path [knots], trajectory [m], population [members], odometry [m].
         parameters: of RAMP, guarded by default; the population is the case's.
+        visits: the events of the case where an instance has several conversations, and what comes beside them.
     """
 
-    def __init__(self, case: Case, parameters: Parameters | None = None) -> None:
+    def __init__(self, case: Case, parameters: Parameters | None = None, visits: Visits | None = None) -> None:
+        events = visits.events if visits is not None else ()
+        self._again = visits.again if visits is not None else {}
         self._case = case
         self._parameters = parameters_of(case, parameters)
         self._begin = robot_of(case, self._parameters)
+        self._serials: dict[int, int] = {}  # event -> the number of its planner's sensing conversation
+        self._controls: dict[int, int] = {}  # event -> the number of the control conversation that has to end before it
+        opened: Counter[int] = Counter()
+        asked: dict[int, int] = {}
+        controls: dict[int, int] = {}
+        for event in events:
+            planner, opens = event.reference, event.transition in ("p11", "p12", "p15")
+            opened[planner] += opens
+            if event.transition == "p12":
+                controls[planner] = FIRST - 1 + opened[planner]
+            elif event.transition == "p15":
+                asked[planner] = FIRST - 1 + opened[planner]
+                if planner in controls:
+                    self._controls[event.position] = controls.pop(planner)
+            self._serials[event.position] = asked.get(planner, FIRST)
+        reports = [event for event in events if event.transition == "p48"]
+        self._later = {two.position for one, two in pairwise(reports) if one.reference == two.reference}
 
     def component(self, name: str) -> Component:
         """Return a fresh component of that name."""
@@ -48,7 +71,7 @@ class ComponentTester:
 
     def prompt(self, event: Event) -> str:
         """Return the name of what moves an idle component to a transition that no message starts."""
-        return PROMPT_OF.get(event.transition, "poll")
+        return LATER if event.position in self._later else PROMPT_OF.get(event.transition, "poll")
 
     def given(self, event: Event) -> tuple[str, object] | None:
         """Return the message that does: p17 and p19 follow the last answers, which Table II leaves out."""
@@ -57,10 +80,19 @@ class ComponentTester:
         return ("evaluation_response", self._supply(event).last_evaluation()) if event.transition == "p19" else None
 
     def settling(self, event: Event) -> Sequence[tuple[str, object]]:
-        """Return what sets the model's input variables: the robot's pose, imminent collision before p43 and p44."""
+        """Return what sets the model's input variables: the robot's pose, imminent collision before p43 and p44.
+
+        A planner of several visits ends its control cycle before the next sensing cycle, by answers which Table II
+        leaves out; an answer to an earlier request, which it has to ignore, comes again before the one it waits for.
+        """
+        if event.position in self._controls:
+            return self._supply(event).control_answers(self._controls[event.position])
+        if event.position in self._again and event.receives is not None:  # the answer to an earlier request, once more
+            stray = replace(event, position=self._again[event.position])
+            return ((event.receives.channel, self._supply(stray).message(event.receives.channel)),)
         if event.component != "Control":
             return ()
-        pose: tuple[str, object] = ("pose", Report(0, self._pose(event.reference)))
+        pose: tuple[str, object] = ("pose", Report(0, self._pose(max(event.reference, event.visit))))
         imminent: tuple[str, object] = ("imminent_collision", event.transition == "p43")
         return (pose, imminent) if event.transition in ("p43", "p44") else (pose,)
 
@@ -76,7 +108,8 @@ class ComponentTester:
                 pass
 
     def _supply(self, event: Event) -> Supply:
-        return Supply(self._case, self._parameters, self._begin, event)
+        serial = self._serials.get(event.position, FIRST)
+        return Supply(self._case, self._parameters, self._begin, event, serial)
 
     def _pose(self, reference: int) -> Record:
         """Return where the robot is for a reference: it has moved on since the one before."""
