@@ -16,8 +16,9 @@ from itertools import pairwise
 from parcours.errors import BadModel, BadRequest, one_of
 from parcours.model.choice import inexact
 from parcours.model.configuration import Move, Site
+from parcours.model.expression import Assignment, names
 from parcours.model.solutions import Question
-from parcours.model.structure import Cefsm, Machine, Transition
+from parcours.model.structure import CLOCK, Cefsm, Machine, Transition
 from parcours.paths.automaton import Trie
 from parcours.paths.criteria.requirement import START, Requirement
 from parcours.paths.graph import Came, breadth_first, way_to
@@ -183,7 +184,19 @@ class Exploration:
         self._after: dict[Spot, list[tuple[Move, Spot]]] = {}
         self._untimed: dict[Place, list[tuple[Move, Place]]] = {}
         self._doubts: dict[str, str] = {}
-        self._doubt = ""
+        self._doubt = self._meeting_clock(alone)
+
+    def _meeting_clock(self, alone: Cefsm) -> str:
+        # In one step a clock has one reading, whatever the sender of a rendezvous sets it to.
+        meetings = {each.name for each in alone.channels if each.sender == each.receiver and not each.capacity}
+        steps = list(self._component.transitions())
+        senders = (each for each in steps if not meetings.isdisjoint(send.channel for send in each.sends))
+        set_ = {action.target for each in senders for action in each.actions if isinstance(action, Assignment)}
+        receivers = (each for each in steps if each.event is not None and each.event.channel in meetings)
+        read = {name for each in receivers if each.guard is not None for name in names(each.guard)}
+        clocks = {each.name for each in self._component.variables if each.type == CLOCK}
+        both = sorted(set_ & read & clocks)
+        return f"a receiver reads {both[0]}, which its sender sets in the same step" if both else ""
 
     def runs(self, *, complete: bool) -> Explored:
         """Return few runs that together meet what can be met: always on to the nearest requirement not met yet.
@@ -336,11 +349,12 @@ class Exploration:
         place, zone = spot
         if self._zones is None:
             yield from ((move, (then, zone)) for move, then in self._moves(place))
+        if self._zones is None or zone is None:
             return
         if place not in self._untimed:
             self._untimed[place] = list(self._moves(place))
         layout, states = self._space.steps.layout, place.configuration.states
-        for move, then in self._untimed[place] if zone is not None else ():
+        for move, then in self._untimed[place]:
             moving, known = [], layout.local(place.configuration, self._component.name)
             for id in filter(None, (move.transition, move.partner)):
                 site = layout.sites[id]
