@@ -27,7 +27,7 @@ class Diagram:
         losses = Losses()
         if "{}" not in self.head:
             losses.add(f"model {cefsm.name!r}", 0, "its name is not drawn")
-        losses += unsaid(cefsm, ASPECTS - {"variables", "durations", "weights", "texts"})
+        losses += unsaid(cefsm, ASPECTS - {"variables", "durations", "tags", "weights", "texts"})
         for component in cefsm.components:
             said = ", ".join(repr(machine.name) for machine in component.machines)
             losses.add(f"component {component.name!r}", component.line, f"its machines {said} are not named")

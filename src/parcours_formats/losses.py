@@ -18,7 +18,7 @@ class Losses(list[Loss]):
 
 
 ASPECTS = frozenset(
-    re.findall(r"\w+", "actions durations events finals guards ids payloads sends states texts variables weights")
+    re.findall(r"\w+", "actions durations events finals guards ids payloads sends states tags texts variables weights")
 )
 """What a format may have words for. `ids` and `states` are names; `texts` the doc and titles of a model."""
 
@@ -69,6 +69,8 @@ def _of_machine(machine: Machine, lacks: Set[str]) -> Iterator[Loss]:
         yield Loss(where, machine.line, f"its final states {', '.join(map(repr, machine.final))} are not marked")
     for state, invariant in machine.invariants:
         yield Loss(f"state {state!r}", machine.line, f'its invariant "{invariant}" is not written')
+    for state, tag in machine.tags if "tags" in lacks else ():
+        yield Loss(f"state {state!r}", machine.line, f"its tag {tag!r} is not written")
     if "states" in lacks:
         yield Loss(where, machine.line, "states have numbers; their names are not written")
     if "ids" in lacks:
@@ -93,5 +95,7 @@ def _of_transition(transition: Transition, lacks: Set[str]) -> Iterator[Loss]:
     if transition.duration is not None and "durations" in lacks:
         least, most = transition.duration
         yield Loss(where, transition.line, f"its duration of {least} to {most} s is not written")
+    for tag in transition.tags if "tags" in lacks else ():
+        yield Loss(where, transition.line, f"its tag {tag!r} is not written")
     if transition.weight != 1 and "weights" in lacks:
         yield Loss(where, transition.line, f"its weight {transition.weight} is not written")

@@ -6,12 +6,16 @@ import json
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from parcours.errors import BadModel
-from parcours.model import Steps, predicate
+from parcours.model import Steps, parse_model, predicate
 from parcours.model.documents import Mapping
-from parcours.model.formats import Reading, read_any
+from parcours.model.formats import Reading, read_any, write_as
+from parcours.paths import cover, measure, requirements
+from parcours.paths.solving import solve
+from parcours.paths.walking import ModelSpace, Walk, phase
 from parcours_formats.graphwalker import read
 from parcours_formats.graphwalker.graphwalker_json import MAX_DEPTH, parse_json
 
@@ -155,12 +159,35 @@ def test_everything_that_has_no_place_here_is_noted() -> None:
     found = reading(
         model("m", places, *edges, startElementId="a", predefinedPathEdgeIds=["id of e"], requirements=["R0"])
     )
-    for said in ("R1, R2", "description", "dependency 80", "'e_2'", "predefined path is not kept: e", "R0"):
+    for said in ("description", "dependency 80", "'e_2'", "predefined path is not kept: e", "R0"):
         assert lost(found, said), said
     assert lost(found, "'c'", "blocked")
     assert lost(found, "random(edge_coverage(100))", "--generator")
     assert len(drawn(found)) == 2
     assert not lost(found, "'x'")
+
+
+def test_requirements_are_tags_that_can_be_covered_and_measured() -> None:
+    places = vertices("a", "b", "c")
+    places[1] |= {"requirements": ["UC 1", "UC 2"]}
+    edges = (
+        edge("e", "a", "b", requirements=["UC 2"]),
+        edge("f", "a", "c"),
+        edge("g", "c", "a", requirements=["UC 3"]),
+    )
+    cefsm = reading(model("m", places, *edges, startElementId="a")).cefsm
+    (machine,) = cefsm.component("m").machines
+    assert machine.tags == (("b", "UC 1"), ("b", "UC 2")) and machine.transitions[0].tags == ("UC 2",)
+    assert [str(each) for each in requirements(machine, "tag")] == ["UC 1: b", "UC 2: b", "UC 2: e", "UC 3: g"]
+    assert [str(each) for each in measure(cefsm, "tag", ["f", "g"]).met] == ["UC 3: g"]
+    assert [path.ids for path in cover(machine, "tag")] == [("f", "g", "e")]
+    assert [path.ids for path in solve(cefsm, "m", "m", "tag").paths] == [("f", "g", "e")]
+    walk = Walk(ModelSpace(cefsm), [phase("guided", "tag>=100%")], np.random.default_rng(1))
+    assert [str(step.move) for step in walk][-3:] == ["f", "g", "e"] or walk.tallies.of["tag"].met == 4
+    (written,) = parse_model(write_as(cefsm, "native").text).components
+    assert written.machines[0].tags == machine.tags and written.machines[0].transitions[0].tags == ("UC 2",)
+    again = read(write_as(cefsm, "graphwalker").text, "m.json").cefsm.component("m").machines[0]
+    assert again.tags == machine.tags and [each.tags for each in again.transitions] == [("UC 2",), (), ("UC 3",)]
 
 
 def test_names_may_be_used_twice_or_not_at_all() -> None:

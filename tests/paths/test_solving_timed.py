@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from parcours.model import Cefsm, Component, Machine, Transition, Variable, parse_model
 from parcours.model.expression import Assignment, Expression, parse_expression
 from parcours.model.writing import write_model
-from parcours.paths.solving import Covered, Infeasible, Undecided, deciding, solve
+from parcours.paths.solving import Covered, Executability, Infeasible, Undecided, deciding, solve
 from parcours.paths.timing import Contradiction, schedule
 from parcours.paths.timing.zones import Zones
 
@@ -156,8 +156,8 @@ components:
 """
 
 
-def verdict(found: object, id: str) -> Covered | Infeasible | Undecided:
-    return next(each for each in found.verdicts if each.requirement.steps == (id,))  # type: ignore[attr-defined]
+def verdict(found: Executability, id: str) -> Covered | Infeasible | Undecided:
+    return next(each for each in found.verdicts if each.requirement.steps == (id,))
 
 
 def test_no_time_passes_where_a_machine_that_stands_still_does_not_let_it() -> None:
@@ -167,6 +167,25 @@ def test_no_time_passes_where_a_machine_that_stands_still_does_not_let_it() -> N
     assert isinstance(found, Contradiction) and any("invariant of 'p'" in each for each in found.bounds)
     free = parse_model(STANDING.replace("q: x <= 2", "q: x <= 7"))
     assert solve(free, "C", "A", "edge").paths[0].ids == ("u", "t1")
+
+
+MEETING = """
+parcours: model/1
+name: meeting
+messages: {Go: {fields: {}}}
+channels: {go: {from: C, to: C, message: Go, capacity: 0}}
+components:
+  C:
+    variables: {x: {type: clock}}
+    machines:
+      A: {initial: a, transitions: {send: {from: a, to: b, guard: x >= 5, action: x := 0, message: go}}}
+      B: {initial: p, transitions: {take: {from: p, to: q, event: go(it), guard: x <= 1}}}
+"""
+
+
+def test_what_a_sender_does_to_a_clock_in_the_same_step_proves_nothing() -> None:
+    missed = verdict(solve(parse_model(MEETING), "C", "A", "edge", budget=500), "send")
+    assert isinstance(missed, Undecided)
 
 
 FISCHER = """

@@ -139,7 +139,6 @@ def test_generator_strings_become_phases(text: str, phases: list[str]) -> None:
     [
         ("rndom(edge_coverage(100))", "did you mean 'random'"),
         ("random(edge_coverag(100))", "did you mean 'edge_coverage'"),
-        ("random(requirement_coverage(100))", "no requirement tags"),
         ("random(dependency_edge_coverage(80))", "no dependencies of edges"),
         ("random(reached_shared_state(LINK))", "no shared states"),
         ("random", "must be followed by '('"),

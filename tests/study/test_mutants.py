@@ -44,7 +44,7 @@ def built(text: str, folder: Path) -> dict[str, object]:
     tree = found.build(folder / "box.py", numbers)
     assert tree is not None
     names: dict[str, object] = {"numbers": numbers}
-    exec(compile(tree, "box.py", "exec"), names)  # noqa: S102
+    exec(compile(tree, "box.py", "exec"), names)
     return names
 
 
@@ -54,7 +54,7 @@ def test_every_operator_finds_its_place_and_says_what_it_changes(tmp_path: Path)
         "Box.open:1:relation": "n < 3 -> (n <= 3)",
         "Box.open:1:stale": "n = n + 1 -> pass",
         "Box.open:1:arithmetic": "n + 1 -> (n - 1)",
-        "Box.open:1:logic": 'message["lid"] and min(n, 2) == 2 -> (message[\'lid\'] or min(n, 2) == 2)',
+        "Box.open:1:logic": "message[\"lid\"] and min(n, 2) == 2 -> (message['lid'] or min(n, 2) == 2)",
         "Box.open:1:function": "min(n, 2) -> max(n, 2)",
         "Box.open:1:limit": "min(n, 2) -> n",
         "Box.open:1:transition": "\"b1\" -> 'b2'",

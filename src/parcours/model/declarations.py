@@ -39,7 +39,7 @@ class _Check:
                 yield self.error(clock.line, "clock", rule, "declare it as {type: clock}")
 
     def machine(self, component: Component, machine: Machine) -> Iterator[Finding]:
-        for state in dict.fromkeys([*machine.final, *(state for state, _ in machine.invariants)]):
+        for state in dict.fromkeys([*machine.final, *(state for state, _ in (*machine.invariants, *machine.tags))]):
             if state not in machine.states:
                 rule = f"{state!r} must be a state of {machine.name!r}, but is not among its states"
                 yield self.error(machine.line, "unknown-state", rule, advice(state, machine.states, ()))

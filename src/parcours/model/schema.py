@@ -200,7 +200,7 @@ class _SchemaReader(NodeReader):
 
     def machine(self, name: str, node: Node, line: int) -> Machine:
         what = f"machine {name!r}"
-        items = self.record(node, what, ("initial", "transitions"), ("states", "final", "invariants"))
+        items = self.record(node, what, ("initial", "transitions"), ("states", "final", "invariants", "tags"))
         initial = self.label(items.get("initial"), f"'initial' of {what}")
         entries = self.entries(items.get("transitions"), f"transitions of {name!r}", self.label)
         transitions = tuple(self.transition(*entry) for entry in entries)
@@ -212,6 +212,7 @@ class _SchemaReader(NodeReader):
             states = tuple(dict.fromkeys([initial, *ends]))
         final = self.listed(items.get("final"), f"'final' of {what}")
         invariants = self.entries(items.get("invariants"), f"invariants of {name!r}", self.label)
+        tagged = self.entries(items.get("tags"), f"tags of {name!r}", self.label)
         read = ((state, self.condition(condition, state)) for state, condition, _ in invariants)
         return Machine(
             name,
@@ -221,7 +222,11 @@ class _SchemaReader(NodeReader):
             final=tuple(self.label(state, f"a final state of {what}") for state in final),
             invariants=tuple((state, condition) for state, condition in read if condition is not None),
             line=line,
+            tags=tuple((state, tag) for state, each, _ in tagged for tag in self.tags(each, f"state {state!r}")),
         )
+
+    def tags(self, node: Node | None, what: str) -> tuple[str, ...]:
+        return tuple(self.label(each, f"a tag of {what}") for each in self.listed(node, f"'tags' of {what}"))
 
     def condition(self, node: Node, state: str) -> Expression | None:
         return self.parsed(node, f"invariant of {state!r}", self.expression, None)
@@ -241,7 +246,7 @@ class _SchemaReader(NodeReader):
 
     def transition(self, id: str, node: Node, line: int) -> Transition:
         what = f"transition {id!r}"
-        optional = ("event", "guard", "action", "message", "duration", "weight", "ensures")
+        optional = ("event", "guard", "action", "message", "duration", "weight", "ensures", "tags")
         items = self.record(node, what, ("from", "to"), optional)
         return Transition(
             id,
@@ -255,6 +260,7 @@ class _SchemaReader(NodeReader):
             self.number(items["weight"], f"'weight' of {what}") if "weight" in items else 1.0,
             self.formulas(items, "ensures", what),
             line,
+            self.tags(items.get("tags"), what),
         )
 
     def duration(self, node: Node | None, what: str) -> tuple[float, float] | None:

@@ -112,7 +112,8 @@ class Transition:
     """A transition with its predicate event/[guard]/actions/messages. `id` is the paper's name, e.g. p22.
 
     `duration` bounds the time [s] from entering the source state to reaching the target, (least, most); None
-    if the model says nothing. `weight` is how likely a weighted walk takes it beside its rivals.
+    if the model says nothing. `weight` is how likely a weighted walk takes it beside its rivals. `tags` name what it
+    shows, such as requirements of the system.
     """
 
     id: str
@@ -127,6 +128,7 @@ class Transition:
     ensures: tuple[Formula, ...] = ()
     """Of the variables after it and `old` before it, what it received, and by channel what it sent and sent `last`."""
     line: int = field(default=0, compare=False)
+    tags: tuple[str, ...] = ()
 
     @property
     def is_loop(self) -> bool:
@@ -139,7 +141,7 @@ class Machine:
     """One extended finite state machine. States and transitions keep the order of the file.
 
     `final` are the states where a test may end; empty leaves it to the graph. `invariants` are (state,
-    condition on clocks): the state must be left before its condition fails.
+    condition on clocks): the state must be left before its condition fails. `tags` are (state, tag).
     """
 
     name: str
@@ -149,6 +151,7 @@ class Machine:
     final: tuple[str, ...] = ()
     invariants: tuple[tuple[str, Expression], ...] = ()
     line: int = field(default=0, compare=False)
+    tags: tuple[tuple[str, str], ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -53,6 +53,11 @@ def _machine(machine: Machine) -> list[str]:
     if machine.invariants:
         lines.append("        invariants:")
     lines += [f"          {_text(state)}: {_text(str(condition))}" for state, condition in machine.invariants]
+    if machine.tags:
+        lines.append("        tags:")
+    for state in dict.fromkeys(state for state, _ in machine.tags):
+        own = _listed(_text(tag) for owner, tag in machine.tags if owner == state)
+        lines.append(f"          {_text(state)}: {own}")
     lines.append("        transitions:" if machine.transitions else "        transitions: {}")
     lines += [f"          {_text(transition.id)}: {_transition(transition)}" for transition in machine.transitions]
     return lines
@@ -101,6 +106,7 @@ def _transition(transition: Transition) -> str:
         ("duration", transition.duration and _listed(map(repr, transition.duration))),
         ("weight", repr(transition.weight) if transition.weight != 1 else ""),
         ("ensures", _formulas(transition.ensures)),
+        ("tags", transition.tags and _listed(map(_text, transition.tags))),
     )
 
 

@@ -225,7 +225,7 @@ def _is_null(node: Node) -> bool:
 
 def write(cefsm: Cefsm) -> Writing:
     """Return a model as GraphWalker's JSON: each machine is a graph; messages are left out."""
-    models, losses = parted(cefsm)
+    models, losses = parted(cefsm, tags=True)
     written = []
     for model in models:
         entry: dict[str, object] = {"name": model.name, "generator": model.generator, "startElementId": model.start}
@@ -237,9 +237,9 @@ def write(cefsm: Cefsm) -> Writing:
     return Writing(json.dumps(document, indent=1, ensure_ascii=False), losses)
 
 
-_VERTEX = {"id": "id", "name": "name", "sharedState": "shared", "actions": "actions"}
+_VERTEX = {"id": "id", "name": "name", "sharedState": "shared", "actions": "actions", "requirements": "requirements"}
 _EDGE = {"id": "id", "name": "name", "sourceVertexId": "source", "targetVertexId": "target"}
-_EDGE |= {each: each for each in ("guard", "actions", "weight")}
+_EDGE |= {each: each for each in ("guard", "actions", "weight", "requirements")}
 
 
 def _said(element: Vertex | Edge, keys: dict[str, str]) -> dict[str, object]:

@@ -17,7 +17,7 @@ from parcours_formats.graphwalker.labels import Edge, Model, Vertex
 from parcours_formats.graphwalker.meaning import Draft, Start, translated
 from parcours_formats.grouping import grouped
 from parcours_formats.losses import Losses
-from parcours_formats.naming import Names, part_names
+from parcours_formats.naming import Names, as_label, part_names
 
 MAX_JUMPS = 100_000
 """Most jumps between vertices of shared states."""
@@ -67,9 +67,6 @@ class _Joiner:
             for each in elements:
                 if each.blocked:
                     self.lose(f"{kind} {each.name!r}", each.line, "it is blocked, and left out with what hangs on it")
-                elif each.requirements:
-                    said = ", ".join(each.requirements)
-                    self.lose(f"{kind} {each.name!r}", each.line, f"its requirements are not kept: {said}")
         where = f"model {model.name!r}"
         if model.requirements:
             self.lose(where, model.line, f"its requirements are not kept: {', '.join(model.requirements)}")
@@ -96,7 +93,8 @@ class _Joiner:
             own = tuple(each for _ in walker.drafts for each in next(made))
             machine = named.label(part_names(walker.first.name)[1])
             states = tuple(dict.fromkeys([*walker.fresh, *walker.states.values()]))
-            machines.append(Machine(machine, walker.initial, states, own, line=walker.first.line))
+            tags = tuple(walker.tags)
+            machines.append(Machine(machine, walker.initial, states, own, line=walker.first.line, tags=tags))
         return Component(name, tuple(machines), variables, line=walks[0][0].line)
 
 
@@ -111,6 +109,7 @@ class _Walker:
         self.starts = [Start(model.name, model.actions, model.line) for model in models if model.actions]
         self.vertices: list[dict[str, Vertex]] = [{} for _ in models]
         self.states: dict[tuple[int, str], str] = {}
+        self.tags: list[tuple[str, str]] = []
         for at, model in enumerate(models):
             for vertex in model.vertices:
                 self.state(at, model, vertex)
@@ -133,6 +132,7 @@ class _Walker:
             raise BadModel(f"{self.joiner.origin}:{vertex.line}", rule, "rename one", slug="duplicate")
         self.vertices[at][vertex.id] = vertex
         state = self.states[at, vertex.id] = self.named.label(wanted)
+        self.tags += [(state, tag) for tag in _tags(vertex)]
         if state != wanted:
             self.lose(f"vertex {name!r}", vertex.line, f"its state is called {state!r}")
 
@@ -194,7 +194,7 @@ class _Walker:
         if edge.dependency:
             self.lose(f"edge {name!r}", edge.line, f"its dependency {edge.dependency} is not kept")
         actions = (*edge.actions, *self.vertices[at][edge.target].actions)
-        self.drafts.append(Draft(id, source, target, model.name, edge.guard, actions, weight, edge.line))
+        self.drafts.append(Draft(id, source, target, model.name, edge.guard, actions, weight, edge.line, _tags(edge)))
         return id
 
     def known(self, at: int, edge: Edge, vertex: str) -> str:
@@ -240,6 +240,10 @@ class _Walker:
                         model = self.models[to]
                         draft = Draft(id, source, target, model.name, actions=entered.actions, line=entered.line)
                         self.drafts.append(draft)
+
+
+def _tags(element: Vertex | Edge) -> tuple[str, ...]:
+    return tuple(dict.fromkeys(map(as_label, element.requirements)))
 
 
 def _weights(edges: Sequence[Edge]) -> dict[int, float]:

@@ -28,6 +28,7 @@ class Draft:
     actions: tuple[str, ...] = ()
     weight: float = 1.0
     line: int = 0
+    tags: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,7 +106,7 @@ def _transitions(draft: Draft, found: Sequence[Branch], ids: Names) -> list[Tran
     for branch in found:
         ends = (ids.label(draft.id) if made else draft.id, draft.source, draft.target, None)
         held = None if branch.guard == TRUE else branch.guard
-        made.append(Transition(*ends, held, branch.actions, weight=draft.weight, line=draft.line))
+        made.append(Transition(*ends, held, branch.actions, weight=draft.weight, line=draft.line, tags=draft.tags))
     return made
 
 

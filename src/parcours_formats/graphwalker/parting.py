@@ -25,14 +25,14 @@ _OWN_WORDS = frozenset(("start", "blocked", "shared", "init", "reqtag", "weight"
 _ESCAPED = "\n\t\r\\'"
 
 
-def parted(cefsm: Cefsm) -> tuple[list[Model], tuple[Loss, ...]]:
-    """Return the machines of a model as GraphWalker's models, and what these do not hold.
+def parted(cefsm: Cefsm, *, tags: bool = False) -> tuple[list[Model], tuple[Loss, ...]]:
+    """Return the machines of a model as GraphWalker's models, and what these do not hold; `tags` says whether those do.
 
     Variables of a component with one machine are those of the model; of one with several, they stand in `global`.
     """
     parter = _Parter(cefsm)
     models = [parter.model(component, machine) for component in cefsm.components for machine in component.machines]
-    return models, (*unsaid(cefsm, _HOLDS), *parter.losses)
+    return models, (*unsaid(cefsm, _HOLDS | {"tags"} if tags else _HOLDS), *parter.losses)
 
 
 class _Parter(Speaker):
@@ -72,7 +72,8 @@ class _Parter(Speaker):
         vertices = []
         for state in machine.states:
             name = self.renamed(f"state {state!r}", machine.line, state, named)
-            vertices.append(Vertex(at[state], name, line=machine.line))
+            tags = tuple(tag for owner, tag in machine.tags if owner == state)
+            vertices.append(Vertex(at[state], name, requirements=tags, line=machine.line))
         total = dict.fromkeys(machine.states, 0.0)
         uneven = {each.source for each in machine.transitions if each.weight != 1}
         for transition in machine.transitions:
@@ -96,7 +97,9 @@ class _Parter(Speaker):
         assigned = self.assignments(component, transition, "the")
         actions = tuple(f"{target} = {javascript(value)};" for target, value in assigned)
         source, target = at[transition.source], at[transition.target]
-        return Edge(f"e{next(self.numbers['e'])}", name, source, target, guard, actions, line=transition.line)
+        return Edge(
+            f"e{next(self.numbers['e'])}", name, source, target, guard, actions, transition.tags, line=transition.line
+        )
 
     def renamed(self, where: str, line: int, name: str, among: Names) -> str:
         wanted = name

@@ -145,10 +145,10 @@ class _Compiler:
         def read(known: Mapping[str, Value]) -> Value:
             value = record(known)
             # The types that data have are asked for first: an oracle comes here for every sample of a trajectory.
-            if (type(value) is dict or isinstance(value, Mapping)) and name in value:
-                found: Value = value[name]
-                return found
-            self.fail(node, f"a field must have a value, but {name!r} has none", "no-value")
+            if not (type(value) is dict or isinstance(value, Mapping)) or name not in value:
+                self.fail(node, f"a field must have a value, but {name!r} has none", "no-value")
+            found: Value = value[name]
+            return found
 
         return read
 
@@ -156,11 +156,11 @@ class _Compiler:
         def read(known: Mapping[str, Value]) -> Value:
             values, at = items(known), index(known)
             is_list = type(values) is list or isinstance(values, Sequence)
-            if is_list and isinstance(at, int) and 0 <= at < len(values):
-                found: Value = values[at]
-                return found
-            n = len(values) if isinstance(values, Sized) else 0
-            self.fail(node, f"a list of {n} has items from 0 on, but none is at {at}", "no-item")
+            if not is_list or not isinstance(at, int) or not 0 <= at < len(values):
+                n = len(values) if isinstance(values, Sized) else 0
+                self.fail(node, f"a list of {n} has items from 0 on, but none is at {at}", "no-item")
+            found: Value = values[at]
+            return found
 
         return read
 

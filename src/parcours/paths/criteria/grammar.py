@@ -16,6 +16,7 @@ GRAPH_CRITERIA = {
     "simple-round-trip": "for each state that has one, a prime path from there back to it",
     "complete-round-trip": "every prime path that returns to where it began",
     "complete:N": "every path from the start to a final state of at most N transitions",
+    "tag": "every state and transition that has a tag, for each of its tags",
     "specified:WALKS": "the walks given: transitions between blanks, walks between commas",
 }
 """What each criterion over a graph requires."""

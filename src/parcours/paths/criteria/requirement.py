@@ -31,7 +31,7 @@ class Requirement:
         machine: the machine, as `Component.machine` in a model with several; empty if it is the model's.
         kind: what the steps name.
         steps: states, transitions or channels; START is the beginning of a run.
-        variable: the one defined and used.
+        variable: the one defined and used; of criterion `tag` the tag.
 
     >>> print(Requirement("lamp", "use", (START, "t4"), "switched"))
     switched: (start) -> t4

@@ -154,9 +154,27 @@ def _graph_goals(subject: Subject, criterion: Criterion, limits: Limits | None) 
         case "simple-round-trip":
             for walk in shortest_round_trips(graph, limits):
                 yield Goal(Requirement(subject.label, "round trip", (graph.states[graph.sources[walk[0]]],)), walk)
+        case "tag":
+            yield from _tagged(subject)
         case _:  # node; or prime without an edge, where the state by itself is the one prime path
             for state in graph.states:
                 yield Goal(Requirement(subject.label, "state", (state,)), ())
+
+
+def _tagged(subject: Subject) -> Iterator[Goal]:
+    graph, machine = subject.graph, subject.machine
+    if machine is None:
+        rule = f"it looks at the tags of machines, but {graph.name!r} is a graph"
+        raise BadRequest(
+            "coverage criterion 'tag'", rule, "ask it of a machine, or of the model", slug="criterion-subject"
+        )
+    for state, tag in machine.tags:
+        if state in graph.states:
+            yield Goal(Requirement(subject.label, "state", (state,), tag), ())
+    tags = {each.id: each.tags for each in machine.transitions}
+    for edge, name in enumerate(graph.edges):
+        for tag in tags[name]:
+            yield Goal(Requirement(subject.label, "transitions", (name,), tag), (edge,))
 
 
 def _walks(subject: Subject, walks: Iterable[Walk]) -> Iterator[Goal]:

@@ -16,8 +16,9 @@ from itertools import pairwise
 from parcours.errors import BadModel, BadRequest, one_of
 from parcours.model.choice import inexact
 from parcours.model.configuration import Move, Site
+from parcours.model.expression import Assignment, names
 from parcours.model.solutions import Question
-from parcours.model.structure import Cefsm, Machine, Transition
+from parcours.model.structure import CLOCK, Cefsm, Machine, Transition
 from parcours.paths.automaton import Trie
 from parcours.paths.criteria.requirement import START, Requirement
 from parcours.paths.graph import Came, breadth_first, way_to
@@ -54,7 +55,10 @@ class Targets:
         done: dict[int, list[Requirement]] = {}
         for need, end in zip(sequences, self._trie.ends, strict=True):
             done.setdefault(end, []).append(need)
-        self._at_state = {need.steps[0]: need for need in self.requirements if need.kind == "state"}
+        self._at_state: dict[str, list[Requirement]] = {}
+        for need in self.requirements:
+            if need.kind == "state":
+                self._at_state.setdefault(need.steps[0], []).append(need)
         self._at_node = [
             [need for end in self._trie.endings(node) for need in done.get(end, ())]
             for node in range(len(self._trie.last))
@@ -70,8 +74,8 @@ class Targets:
 
     def at(self, node: Node) -> list[Requirement]:
         """Return the requirements that a run meets by coming to a node."""
-        state = self._at_state.get(node[0])
-        return self._at_node[node[1]] if state is None else [*self._at_node[node[1]], state]
+        states = self._at_state.get(node[0])
+        return self._at_node[node[1]] if states is None else [*self._at_node[node[1]], *states]
 
     def met(self, ids: Iterable[str]) -> list[Requirement]:
         """Return the requirements that a run meets, in their own order; other machines' transitions do not count."""
@@ -180,7 +184,19 @@ class Exploration:
         self._after: dict[Spot, list[tuple[Move, Spot]]] = {}
         self._untimed: dict[Place, list[tuple[Move, Place]]] = {}
         self._doubts: dict[str, str] = {}
-        self._doubt = ""
+        self._doubt = self._meeting_clock(alone)
+
+    def _meeting_clock(self, alone: Cefsm) -> str:
+        # In one step a clock has one reading, whatever the sender of a rendezvous sets it to.
+        meetings = {each.name for each in alone.channels if each.sender == each.receiver and not each.capacity}
+        steps = list(self._component.transitions())
+        senders = (each for each in steps if not meetings.isdisjoint(send.channel for send in each.sends))
+        set_ = {action.target for each in senders for action in each.actions if isinstance(action, Assignment)}
+        receivers = (each for each in steps if each.event is not None and each.event.channel in meetings)
+        read = {name for each in receivers if each.guard is not None for name in names(each.guard)}
+        clocks = {each.name for each in self._component.variables if each.type == CLOCK}
+        both = sorted(set_ & read & clocks)
+        return f"a receiver reads {both[0]}, which its sender sets in the same step" if both else ""
 
     def runs(self, *, complete: bool) -> Explored:
         """Return few runs that together meet what can be met: always on to the nearest requirement not met yet.
@@ -216,46 +232,46 @@ class Exploration:
                 break
         if run or not runs:
             runs.append(self._closed(run, here, complete=complete))
-        if len(runs) == 1:
-            runs = [self._shorter(runs[0], begin)]
-        return Explored(tuple(runs), doubt or self._doubt, len(self._after))
+        return Explored(tuple(self._shorter(runs, begin)), doubt or self._doubt, len(self._after))
 
-    def _shorter(self, run: tuple[Move, ...], begin: Position) -> tuple[Move, ...]:
-        """Return the shortest run found that meets what a run meets and ends as well: that run if there is none.
+    def _shorter(self, runs: list[tuple[Move, ...]], begin: Position) -> list[tuple[Move, ...]]:
+        """Return one run that meets what all of some meet, no longer than they are and as well ended; else these.
 
-        Of all runs of one length, those that have met most are made longer (beam search).
+        Of all runs of one length, those that have met most are made longer (beam search). It at most doubles the work.
         """
-        targets = self._targets
-        bits = {need: 1 << place for place, need in enumerate(targets.met(Path(run).ids))}
-        at_home = self._node_after(begin[1], run)[0] in self._finals
+        targets, until = self._targets, min(self._until, 2 * self._work.spent + BEAM)
+        needs = dict.fromkeys(need for run in runs for need in targets.met(Path(run).ids))
+        bits = {need: 1 << place for place, need in enumerate(needs)}
+        at_home = all(self._node_after(begin[1], run)[0] in self._finals for run in runs)
 
         def met(node: Node) -> int:
             return sum(bits.get(need, 0) for need in targets.at(node))
 
         layer: dict[tuple[Position, int], tuple[Move, ...]] = {(begin, met(begin[1])): ()}
-        for _ in range(len(run) - 1):
+        for _ in range(sum(map(len, runs)) - (len(runs) == 1)):
             following: dict[tuple[Position, int], tuple[Move, ...]] = {}
             for ((spot, node), done), moves in layer.items():
                 self._work.spent += LOOK
                 try:
-                    leaving = self._expanded(spot) if self._work.spent <= self._until else []
+                    leaving = self._expanded(spot) if self._work.spent <= until else []
                 except Spent:
-                    return run
+                    return runs
                 for move, then in leaving:
                     after = self._node_after(node, (move,))
                     key = ((then, after), done | met(after))
                     if key not in following:
                         following[key] = (*moves, move)
                         if key[1].bit_count() == len(bits) and (not at_home or after[0] in self._finals):
-                            return following[key]
+                            return [following[key]]
             best = sorted(following, key=lambda key: -key[1].bit_count())[:BEAM]
             layer = {key: following[key] for key in best}
-        return run
+        return runs
 
     def _node_after(self, node: Node, moves: Iterable[Move]) -> Node:
-        for id in Path(tuple(moves)).ids:
-            if id in self._targets.transitions:
-                node = self._targets.after(node, id)
+        for move in moves:
+            for id in (move.transition, move.partner):
+                if id in self._targets.transitions:
+                    node = self._targets.after(node, id)
         return node
 
     def _closed(self, run: list[Move], here: Position, *, complete: bool) -> tuple[Move, ...]:
@@ -333,6 +349,7 @@ class Exploration:
         place, zone = spot
         if self._zones is None:
             yield from ((move, (then, zone)) for move, then in self._moves(place))
+        if self._zones is None or zone is None:
             return
         if place not in self._untimed:
             self._untimed[place] = list(self._moves(place))

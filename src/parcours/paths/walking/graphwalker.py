@@ -2,7 +2,7 @@
 
 Names and their meaning are those of GraphWalker's documentation (Generators and stop conditions); upper and
 lower case, underscores and an ending `path` make no difference. What its models know and ours do not
-(requirement tags, dependencies, shared states) is refused by name.
+(dependencies, shared states) is refused by name.
 """
 
 from __future__ import annotations
@@ -43,13 +43,13 @@ TARGETS: dict[str, tuple[str, Literal["reached", "taken"]]] = {
 AMOUNTS: dict[str, tuple[str, Literal["covered", "elapsed", "steps"], str]] = {
     "edgecoverage": ("edge_coverage", "covered", "edge"),
     "vertexcoverage": ("vertex_coverage", "covered", "node"),
+    "requirementcoverage": ("requirement_coverage", "covered", "tag"),
     "timeduration": ("time_duration", "elapsed", ""),
     "length": ("length", "steps", ""),
 }
 """The conditions on a name and on a number: as GraphWalker writes them, and the kind and the criterion of ours."""
 
 UNKNOWN_HERE = {
-    "requirementcoverage": "requirement tags",
     "dependencyedgecoverage": "dependencies of edges",
     "reachedsharedstate": "shared states",
 }

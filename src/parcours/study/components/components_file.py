@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,6 +18,7 @@ from parcours.model.model_file import check_file
 from parcours.model.nodes import brief, shown
 from parcours.model.structure import ENVIRONMENT, Cefsm, Component
 from parcours.run.trace import Trace
+from parcours.study.components.references import TOLERANCE, Reference, Relation
 from parcours.study.components.study import NO_INPUTS, ComponentStudy, Limit, Oracle, order_is_kept
 from parcours.study.components.systems import PATIENCE, FunctionsPart, Part, Parts, ProgramPart, PythonPart
 from parcours.study.loading import load
@@ -35,7 +36,7 @@ KEYS = {
     "time_budget": Key("time_budget", "time", 20.0),
     "patience": Key("patience", "time", PATIENCE),
 }
-_OPTIONAL = ("model", "data", "constants", "paths", "supply", "inputs", "oracles", "limits")
+_OPTIONAL = ("model", "data", "constants", "paths", "supply", "inputs", "oracles", "references", "relations", "limits")
 
 
 def read_components(reader: StudyReader, root: Node) -> Study | None:
@@ -63,7 +64,8 @@ def read_components(reader: StudyReader, root: Node) -> Study | None:
         paths=_paths(reader, top.get("paths"), model),
         supply=reader.formulas(top.get("supply"), "supply", supplied, known, "channel from the environment"),
         set_before=reader.formulas(top.get("inputs"), "inputs", variables, known, "transition"),
-        oracles=_oracles(reader, top.get("oracles"), model),
+        oracles=(*_oracles(reader, top.get("oracles"), model), *_references(reader, top.get("references"), model)),
+        relations=_relations(reader, top.get("relations")),
         limits=_limits(reader, top.get("limits"), model),
         files={kind: path for kind, path in files.items() if path is not None},
         **fields,
@@ -223,6 +225,37 @@ def _oracles(reader: StudyReader, node: Node | None, model: Cefsm) -> tuple[Orac
         )
     listed = (reader.target(one, "an oracle") for one in reader.listed(node, "oracles"))
     return order_is_kept, *(PythonOracle(target, reader.folder) for target in listed)
+
+
+def _references(reader: StudyReader, node: Node | None, model: Cefsm) -> Iterator[Reference]:
+    """Yield the reference implementations: `channel: file.py:function`, or with a tolerance of their own."""
+    channels = [channel.name for channel in model.channels if channel.sender != ENVIRONMENT]
+    for name, value in reader.known_entries(node, "references", channels, "no component sends on {}"):
+        entries = _with_tolerance(reader, value, f"reference of {name}", ("function",))
+        target = reader.target(entries.get("function", value), f"reference of {name}")
+        yield Reference(model, name, target, reader.folder, _tolerance(reader, entries))
+
+
+def _relations(reader: StudyReader, node: Node | None) -> tuple[Relation, ...]:
+    """Return the metamorphic relations: `name: {change: file.py:function, expect: file.py:function}`."""
+    found = []
+    for name, value, _ in reader.entries(node, "relations", reader.label):
+        entries = _with_tolerance(reader, value, f"relation {name}", ("change", "expect"))
+        if {"change", "expect"} <= set(entries):
+            change, expect = (reader.target(entries[key], f"{key} of {name}") for key in ("change", "expect"))
+            found.append(Relation(name, change, expect, reader.folder, _tolerance(reader, entries)))
+    return tuple(found)
+
+
+def _with_tolerance(reader: StudyReader, node: Node, what: str, keys: tuple[str, ...]) -> Mapping[str, Node]:
+    if isinstance(node, Scalar) and len(keys) == 1:
+        return {keys[0]: node}
+    return reader.record(node, what, keys, ("tolerance",))
+
+
+def _tolerance(reader: StudyReader, entries: Mapping[str, Node]) -> float:
+    node = entries.get("tolerance")
+    return TOLERANCE if node is None else reader.number(node, "tolerance")
 
 
 def _limits(reader: StudyReader, node: Node | None, model: Cefsm) -> tuple[Limit, ...]:

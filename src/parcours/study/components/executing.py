@@ -7,6 +7,7 @@ from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 
 from parcours.abtc import Event
+from parcours.errors import ParcoursError
 from parcours.run.clocks import Clock
 from parcours.run.enforcement import PATIENCE, Execution, disorder, enforce, instance_name
 from parcours.run.hosts.live_enforcement import DrivenInstances
@@ -14,6 +15,7 @@ from parcours.run.hosts.node_program import Codec, Transport
 from parcours.run.in_process import View, execute
 from parcours.run.noise import Noise, NoiseMeter
 from parcours.run.trace import Trace, transitions
+from parcours.study.components.references import Relation
 from parcours.study.components.tester import Tester
 from parcours.suite import Case
 from parcours.verdict.contracts import Contracts, Tally, plain
@@ -21,7 +23,7 @@ from parcours.verdict.contracts import View as Fields
 from parcours.verdict.judgement import Judgement, Verdict
 from parcours.verdict.timing import NEVER, Bound, duration, judge
 
-Execute = Callable[[Case], Execution]  # runs a case on some host
+Execute = Callable[..., Execution]  # runs a case on some host; in this process also with a Relation's changed supply
 
 Oracle = Callable[[Case, Trace], Judgement]  # judges a case whose order was kept and whose transitions were taken
 
@@ -37,6 +39,7 @@ class Exercise:
     view: View  # what an instance shows of itself at the end
     contracts: Contracts  # what the model says of data
     fields: Fields = plain  # reads the model's fields from a payload
+    relations: Sequence[Relation] = ()  # between two runs of a case, in simulated time
 
 
 def in_process(
@@ -47,10 +50,11 @@ def in_process(
 ) -> Execute:
     """Return what executes cases in this process."""
 
-    def run(case: Case) -> Execution:
+    def run(case: Case, relation: Relation | None = None) -> Execution:
         tester = exercise.tester(case)
+        supply = tester.supply if relation is None else relation.supplied(tester.supply)
         return execute(
-            exercise.events(case), tester.component, tester.supply, prompt=tester.move, prepare=tester.prepare,
+            exercise.events(case), tester.component, supply, prompt=tester.move, prepare=tester.prepare,
             view=exercise.view, clock=clock() if clock else None, case=case.id,
             watch=watch or (lambda event: nullcontext()), checked=checked,
         )  # fmt: skip
@@ -85,7 +89,23 @@ def run_functional(exercise: Exercise, case: Case, execute: Execute) -> Function
     """Execute one case in its serialised order and judge it; one that contradicts itself is not executed."""
     execution = execute(case) if not exercise.contradiction(case) else Execution(Trace("simulated", ()), None)
     judgement, tally = _judged(exercise, case, execution.trace)
+    if judgement.passed and execution.trace.clock == "simulated":
+        judgement = _related(exercise, case, execution.trace, execute) or judgement
     return Functional(case, execution, judgement, exercise.contracts.mask(tally))
+
+
+def _related(exercise: Exercise, case: Case, trace: Trace, execute: Execute) -> Judgement | None:
+    """Run a case again for each relation; return the first judgement that is not pass."""
+    for relation in exercise.relations:
+        try:
+            wrong = relation.judge(trace, execute(case, relation).trace)
+        except ParcoursError:
+            raise
+        except Exception as error:
+            return Judgement(Verdict.ERROR, f"relation {relation.name} raised {type(error).__name__}: {error}")
+        if wrong:
+            return Judgement(Verdict.FAIL, wrong)
+    return None
 
 
 def judge_trace(exercise: Exercise, case: Case, trace: Trace) -> Judgement:

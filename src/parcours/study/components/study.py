@@ -23,6 +23,7 @@ from parcours.run.trace import Trace, durations
 from parcours.study import protocol
 from parcours.study.components.executing import Exercise, TimingGroup, whole_case
 from parcours.study.components.messages import Messages
+from parcours.study.components.references import Relation
 from parcours.study.components.selecting import Selection, select_cases
 from parcours.study.components.simple import is_full
 from parcours.study.components.stimuli import Chooser, Formulas
@@ -93,6 +94,7 @@ class ComponentStudy:
     supply: Formulas = field(default_factory=dict)  # formulas for fields of the environment's messages
     set_before: Formulas = field(default_factory=dict)  # formulas for input variables before a transition
     oracles: tuple[Oracle, ...] = (order_is_kept,)  # judge a case whose order was kept; all must pass
+    relations: tuple[Relation, ...] = ()  # between two runs of a case, in simulated time
     limits: tuple[Limit, ...] = ()  # bounds on durations
     # what its results depend on beside its settings: name of a file -> digest
     digests: Mapping[str, str] = field(default_factory=dict)
@@ -176,6 +178,7 @@ class ComponentStudy:
             self.view(),
             contracts_of(self.model),
             self.fields,
+            self.relations,
         )
 
     def fields(self, channel: str, payload: object) -> Mapping[str, object] | None:

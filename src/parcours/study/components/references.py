@@ -1,0 +1,127 @@
+"""Oracles that know the answer: a second, slow and obvious function for a service, and relations between two runs.
+
+reference   request ---> component ---> answer          relation   supply --> case --> messages
+                    \\--> function ----> the same?                     | change           | expect
+                                                                  supply' -> case --> messages'  the same?
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from parcours.abtc import Event
+from parcours.model.formulas import reverse
+from parcours.model.structure import ENVIRONMENT, Cefsm
+from parcours.run.trace import Trace, TraceEvent
+from parcours.study.loading import load
+from parcours.study.parameters import Settings
+from parcours.suite import Case
+from parcours.verdict.judgement import Judgement, Verdict
+
+TOLERANCE = 1e-9
+"""How far numbers may be apart that count as equal, absolutely or as a share of the greater one."""
+
+
+def difference(given: object, wanted: object, tolerance: float, where: str = "") -> str:
+    """Return the first place where a message differs from the wanted one, which may lack fields; empty if none does.
+
+    >>> difference({"way": [1.0, 2.5]}, {"way": [1.0, 2.0]}, 1e-9)
+    '.way[1] is 2.5, but must be 2.0'
+    """
+    if isinstance(wanted, Mapping) and isinstance(given, Mapping):
+        absent = next((f"{where}.{name} is missing" for name in wanted if name not in given), "")
+        if absent:
+            return absent
+        found = (difference(given[name], one, tolerance, f"{where}.{name}") for name, one in wanted.items())
+        return next((one for one in found if one), "")
+    if isinstance(wanted, list | tuple) and isinstance(given, list | tuple):
+        if len(given) != len(wanted):
+            return f"{where} has {len(given)} items, but must have {len(wanted)}"
+        pairs = enumerate(zip(given, wanted, strict=True))
+        found = (difference(one, other, tolerance, f"{where}[{k}]") for k, (one, other) in pairs)
+        return next((one for one in found if one), "")
+    numbers = all(isinstance(one, int | float) and not isinstance(one, bool) for one in (given, wanted))
+    if numbers and math.isclose(given, wanted, rel_tol=tolerance, abs_tol=tolerance):  # type: ignore[arg-type]
+        return ""
+    return "" if given == wanted else f"{where or 'it'} is {given!r:.80}, but must be {wanted!r:.80}"
+
+
+@dataclass(frozen=True)
+class Reference:
+    """An oracle: what a component sends on a channel is what a function of the user's makes of what it received.
+
+    The function gets the request that is answered (of the channel's topic, if it is a service), else the message that
+    the component received last; it returns the message, or those of its fields that are known, or None where it does
+    not say.
+    """
+
+    cefsm: Cefsm
+    channel: str
+    target: str
+    folder: Path
+    tolerance: float = TOLERANCE
+
+    def __call__(self, case: Case, trace: Trace, settings: Settings) -> Judgement:
+        """Judge every message on the channel."""
+        function = load(self.target, self.folder)
+        asked = reverse(self.cefsm, self.cefsm.channel(self.channel))
+        received: dict[str, object] = {}
+        for position, event in enumerate(trace.events):
+            if event.kind == "receive" and (asked is None or event.channel == asked.name):
+                received[event.component] = event.payload
+            is_own = event.kind == "send" and event.channel == self.channel and event.component != ENVIRONMENT
+            if not is_own or event.component not in received:
+                continue
+            try:
+                wanted = function(received[event.component])  # type: ignore[operator]
+            except Exception as error:
+                return Judgement(Verdict.ERROR, f"reference {self.target} raised {type(error).__name__}: {error}")
+            if wanted is not None and (found := difference(event.payload, wanted, self.tolerance)):
+                why = f"event {position}, {self.channel} of {event.component}: by {self.target}, {found}"
+                return Judgement(Verdict.FAIL, why)
+        return Judgement(Verdict.PASS, f"{self.channel} is what {self.target} says")
+
+
+@dataclass(frozen=True)
+class Relation:
+    """A metamorphic relation: if what the environment supplies is changed so, what components send changes so.
+
+    `change(channel, message)` returns the message to supply instead; `expect(channel, message)` what a component must
+    send then where it sent `message` before, with those fields only that are known, or None where nothing is known.
+    """
+
+    name: str
+    change: str
+    expect: str
+    folder: Path
+    tolerance: float = TOLERANCE
+
+    def supplied(self, supply: Callable[[Event], object]) -> Callable[[Event], object]:
+        """Return what supplies the changed messages."""
+        function = load(self.change, self.folder)
+
+        def changed(event: Event) -> object:
+            assert event.receives is not None
+            return function(event.receives.channel, supply(event))  # type: ignore[operator]
+
+        return changed
+
+    def judge(self, trace: Trace, changed: Trace) -> str:
+        """Return what is wrong with the changed run; empty if nothing is. Raises what the user's function raises."""
+        function = load(self.expect, self.folder)
+        deviation = next((event.text for event in changed.events if event.kind == "deviation"), "")
+        if deviation:
+            return f"relation {self.name}: the changed case took another way: {deviation}"
+        for before, after in zip(_sent(trace), _sent(changed), strict=False):
+            wanted = function(before.channel, before.payload)  # type: ignore[operator]
+            if wanted is not None and (found := difference(after.payload, wanted, self.tolerance)):
+                return f"relation {self.name}: {after.channel} of {after.component} in the changed case: {found}"
+        return ""
+
+
+def _sent(trace: Trace) -> Iterator[TraceEvent]:
+    # Both runs take the same transitions, so their messages come in the same order, or a channel's count differs.
+    return (event for event in trace.events if event.kind == "send" and "#" in event.component)
