@@ -35,7 +35,7 @@ KEYS = {
     "time_budget": Key("time_budget", "time", 20.0),
     "patience": Key("patience", "time", PATIENCE),
 }
-_OPTIONAL = ("model", "data", "constants", "paths", "supply", "inputs", "oracles", "limits")
+_OPTIONAL = ("model", "data", "constants", "paths", "supply", "inputs", "oracles", "limits", "mutants")
 
 
 def read_components(reader: StudyReader, root: Node) -> Study | None:
@@ -65,6 +65,7 @@ def read_components(reader: StudyReader, root: Node) -> Study | None:
         set_before=reader.formulas(top.get("inputs"), "inputs", variables, known, "transition"),
         oracles=_oracles(reader, top.get("oracles"), model),
         limits=_limits(reader, top.get("limits"), model),
+        mutants=reader.modules(top.get("mutants")),
         files={kind: path for kind, path in files.items() if path is not None},
         **fields,
     )
