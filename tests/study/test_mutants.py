@@ -156,3 +156,39 @@ def test_a_list_runs_nothing(tmp_path: Path) -> None:
 def test_an_unknown_operator_is_refused_with_those_there_are() -> None:
     run = CliRunner().invoke(parcours, ["mutate", "examples/lift", "--list", "--operators", "relations"])
     assert getattr(run.exception, "slug", "") == "mutants-operator"
+
+
+def outcomes(*arguments: str, out: Path) -> dict[str, list[str]]:
+    """Return what has seen each mutant."""
+    run = CliRunner().invoke(parcours, ["mutate", *arguments, "--workers", "2", "--out", str(out), "--json"])
+    assert run.exit_code == 0, run.output
+    return {one["id"]: sorted(one["seen"]) for one in json.loads(run.stdout)["mutants"]}
+
+
+def test_a_model_that_sends_something_else_finds_clean_runs_at_fault(tmp_path: Path) -> None:
+    found = outcomes("examples/lift", "--of", "model", "--operators", "message,guard", out=tmp_path)
+    assert found["Panel:p1:1:message"] == ["conformance"]  # request dropped
+    assert {"Cabin:c1:1:guard", "Door:d1:2:guard"} <= set(found)
+
+
+def test_messages_lost_and_doubled_on_the_way_are_noticed(tmp_path: Path) -> None:
+    found = outcomes("examples/lift", "--of", "channels", "--operators", "drop,duplicate", out=tmp_path)
+    assert found["request:Cabin:1:drop"] == ["component cases", "golden twin"]
+    assert len(found) == 10
+
+
+def test_the_simulation_of_a_campaign_is_mutated_and_judged_by_its_oracles(tmp_path: Path) -> None:
+    only = ("--only", "parking:drive", "--operators", "arithmetic", "--cases", "40", "--twin", "0", "--sample", "6")
+    found = outcomes("examples/parking", *only, out=tmp_path)
+    assert len(found) == 6 and ["campaign oracles", "golden twin"] in found.values()
+
+
+def test_a_study_says_which_files_are_mutated(tmp_path: Path) -> None:
+    for file in Path("examples/lift").iterdir():
+        if file.is_file():
+            (tmp_path / file.name).write_bytes(file.read_bytes())
+    (tmp_path / "gear.py").write_text("def ratio(n):\n    return 2 * n\n")
+    with (tmp_path / "study.yaml").open("a") as study:
+        study.write("mutants: [gear.py]\n")
+    run = CliRunner().invoke(parcours, ["mutate", str(tmp_path), "--list"])
+    assert run.exit_code == 0 and "gear:ratio:1:arithmetic  gear.py:2" in run.output and "lift:" not in run.output

@@ -172,6 +172,14 @@ class StudyReader(QuantityReader):
         except OSError as error:
             self.add(None, "study-file", f"{path} must be readable, but: {error.strerror}")
 
+    def modules(self, node: Node | None) -> tuple[str, ...]:
+        """Return the Python files, from the study's folder, and modules or packages that `parcours mutate` changes."""
+        found = self.words(node, "mutants")
+        for one in found:
+            if one.endswith(".py") and not (self.folder / one).is_file():
+                self.add(node, "study-file", f"mutants: there is no file {brief(one)}", "check the path")
+        return found
+
     def target(self, node: Node, what: str, methods: tuple[str, ...] = ()) -> str:
         """Return a `file.py:Name` or `module:Name` whose file defines the name, and the methods if it is a class.
 

@@ -59,7 +59,6 @@ class RampComponents(ComponentStudy):
 
     trusted = True
     compiles = True
-    mutants = tuple(f"parcours_ramp.planner.{name}" for name in MUTATED)
 
     @functools.cached_property
     def abstracts(self) -> Mapping[str, AbstractCase]:
@@ -121,7 +120,7 @@ def component_study() -> RampComponents:
     percent = Parameter("percent", "real", PERCENT, "of repeats that must keep a limit", "%", low=50.0, high=99.999)
     return RampComponents(
         "ramp_components", component_model(), None, component_inputs(), where="ramp_components", own=(percent,),
-        alone=True, files=component_files(),
+        alone=True, files=component_files(), mutants=tuple(f"parcours_ramp.planner.{name}" for name in MUTATED),
         doc="RAMP's six components: 67 abstract cases, and 60 against limits (Tables III to VIII)",
     )  # fmt: skip
 

@@ -34,7 +34,7 @@ KEYS = {
     "cases": Key("n_cases", "count"),
     "patience": Key("patience", "time", PATIENCE),
 }
-_OPTIONAL = ("data", "inconclusive", "measures", "trace", "constants")
+_OPTIONAL = ("data", "inconclusive", "measures", "trace", "constants", "mutants")
 _TRIED = 20  # cases that the battery runs
 _SEED = 1
 _SLOW = 0.5  # A case that takes this share of the patience is close to being an error
@@ -66,6 +66,7 @@ def read_campaign(reader: StudyReader, root: Node) -> Study | None:
         "fail": _rules(reader, top.get("fail"), "fail", types),
         "inconclusive": _rules(reader, top.get("inconclusive"), "inconclusive", types),
         "worse": {name: reader.one_of(node, f"measure {name}", ("more", "less", ""), "") for name, node in directions},
+        "mutants": reader.modules(top.get("mutants")),
         "trace": _function(reader, top["trace"], "trace", known) if "trace" in top else None,
     }
     if any(finding.severity == "error" for finding in reader.findings):

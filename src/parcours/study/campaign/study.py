@@ -76,6 +76,7 @@ class CampaignStudy:
     digests: Mapping[str, str] = field(default_factory=dict)
     patience: float = PATIENCE  # longest time for a case [s of wall clock]
     folder: Path = field(default_factory=Path.cwd)  # from which files count
+    mutants: tuple[str, ...] = ()  # files and modules that mutants are made of; empty for that of `simulate`
 
     kind = "campaign"
     family = "campaign"

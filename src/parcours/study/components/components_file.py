@@ -36,7 +36,8 @@ KEYS = {
     "time_budget": Key("time_budget", "time", 20.0),
     "patience": Key("patience", "time", PATIENCE),
 }
-_OPTIONAL = ("model", "data", "constants", "paths", "supply", "inputs", "oracles", "references", "relations", "limits")
+_OPTIONAL = ("model", "data", "constants", "paths", "supply", "inputs", "oracles", "references", "relations", "limits",
+             "mutants")  # fmt: skip
 
 
 def read_components(reader: StudyReader, root: Node) -> Study | None:
@@ -67,6 +68,7 @@ def read_components(reader: StudyReader, root: Node) -> Study | None:
         oracles=(*_oracles(reader, top.get("oracles"), model), *_references(reader, top.get("references"), model)),
         relations=_relations(reader, top.get("relations")),
         limits=_limits(reader, top.get("limits"), model),
+        mutants=reader.modules(top.get("mutants")),
         files={kind: path for kind, path in files.items() if path is not None},
         **fields,
     )

@@ -100,6 +100,7 @@ class ComponentStudy:
     digests: Mapping[str, str] = field(default_factory=dict)
     files: Mapping[str, Path] = field(default_factory=dict)  # where its model and its data lie
     patience: float = PATIENCE  # longest turn [s of wall clock]
+    mutants: tuple[str, ...] = ()  # files and modules that mutants are made of; empty for those of its components
 
     kind = "components"
     trusted = False  # Whether components run in this process: only those that ship with Parcours do

@@ -32,6 +32,7 @@ from parcours.study.parameters import Settings
 from parcours.suite import Case
 
 Kind = Literal["code", "model", "channels"]
+_MODELS = 12  # judge each trace at a time: to make the trace takes longest
 _LONG = 500  # characters of a reason that are kept
 _GRACE = 2.0  # so much longer than a turn may take, a worker is waited for [s]
 
@@ -102,18 +103,20 @@ def _built(build: Build, ids: tuple[str, ...], workers: int) -> None:
         return
     crew = Crew(bench.judge, workers, forks=True, n_words=3, patience=longest(bench.patience) + _GRACE, once=True)
     numbers = {id: k for k, id in enumerate(build.built, start=1)}
+    size = _MODELS if build.of == "model" else 1
+    items = [ids[k : k + size] for k in range(0, len(ids), size)]
     with contextlib.closing(crew):
-        crew.pending.extend((numbers[id], (numbers[id],)) for id in ids)
-        for number, answer in crew.answers():
-            id = build.built[number - 1]
+        crew.pending.extend((k, (tuple(numbers[id] for id in item),)) for k, item in enumerate(items))
+        for k, answer in crew.answers():
             if isinstance(answer, Done):
-                tell((id, answer.result))
+                for report in zip(items[k], answer.result, strict=True):
+                    tell(report)
             elif isinstance(answer, Lost):
                 why = f"its process {'hung' if answer.how == 'hung' else answer.ending}, in {answer.place or 'a case'}"
-                first = bench.subject.stages[0]
-                tell((id, Outcome(answer.how, {first: ("", why), TWIN: ("", why)})))
+                for id in items[k]:
+                    tell((id, Outcome(answer.how, {bench.subject.stages[0]: ("", why), TWIN: ("", why)})))
             else:
-                raise failure_of(id, answer, "mutants-build")
+                raise failure_of(items[k][0], answer, "mutants-build")
 
 
 class Bench:
@@ -158,33 +161,35 @@ class Bench:
         raise HostFailure("mutants", f"the compiler must accept what is built, but: {why[:2000]}",
                           "leave the module out", slug="mutants-build")  # fmt: skip
 
-    def judge(self, number: int) -> Outcome:
-        """Return what becomes of a mutant, by its number in the build."""
-        id = self._build.built[number - 1]
+    def judge(self, numbers: tuple[int, ...]) -> list[Outcome]:
+        """Return what becomes of mutants, by their numbers in the build."""
         if self._build.of == "model":
-            return self._judged_model(id)
-        return self._judged_code(number) if self._build.of == "code" else self._judged_channel(id)
+            return self._judged_models([self._build.built[number - 1] for number in numbers])
+        judge = self._judged_code if self._build.of == "code" else self._judged_channel
+        return [judge(number) for number in numbers]
 
-    def _judged_model(self, id: str) -> Outcome:
-        """Judge clean traces by a model that says something else."""
+    def _judged_models(self, ids: Sequence[str]) -> list[Outcome]:
+        """Judge clean traces by models that say something else."""
         assert isinstance(self.subject, Components)
-        judge = self.subject.judge_of(self._models[id])
-        seen: dict[str, tuple[str, str]] = {}
+        judges = {id: self.subject.judge_of(self._models[id]) for id in ids}
+        seen: dict[str, dict[str, tuple[str, str]]] = {id: {} for id in ids}
         for case, original in zip(self._cases, self._originals, strict=True):
-            for stage, why in judge(case, self.subject.trace(case)).items():
-                if why and not original.noticed[stage]:
-                    seen.setdefault(stage, (case.id, why[:_LONG]))
-            if len(seen) == len(self.subject.stages):
-                break
-        return Outcome("ended", seen, len(self._cases))
+            trace = self.subject.trace(case)
+            for id in ids:
+                if len(seen[id]) < len(self.subject.stages):
+                    for stage, why in judges[id](case, trace).items():
+                        if why and not original.noticed[stage]:
+                            seen[id].setdefault(stage, (case.id, why[:_LONG]))
+        return [Outcome("ended", seen[id], len(self._cases)) for id in ids]
 
-    def _judged_channel(self, id: str) -> Outcome:
+    def _judged_channel(self, number: int) -> Outcome:
         """Execute cases under a fault on a channel."""
+        strike = self._strikes[self._build.built[number - 1]]
         assert isinstance(self.subject, Components)
         seen: dict[str, tuple[str, str]] = {}
         ran = 0
         for case, original in zip(self._cases, self._originals, strict=True):
-            found = self.subject.struck(case, self._strikes[id])
+            found = self.subject.struck(case, strike)
             if found is None:
                 continue
             ran += 1
