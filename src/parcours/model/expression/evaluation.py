@@ -155,8 +155,7 @@ class _Compiler:
     def item(self, node: Expression, items: Code, index: Callable[[Mapping[str, Value]], int | float]) -> Code:
         def read(known: Mapping[str, Value]) -> Value:
             values, at = items(known), index(known)
-            is_list = type(values) is list or isinstance(values, Sequence)
-            if not is_list or not isinstance(at, int) or not 0 <= at < len(values):
+            if not isinstance(values, list | Sequence) or not isinstance(at, int) or not 0 <= at < len(values):
                 n = len(values) if isinstance(values, Sized) else 0
                 self.fail(node, f"a list of {n} has items from 0 on, but none is at {at}", "no-item")
             found: Value = values[at]
