@@ -8,6 +8,7 @@ from parcours.verdict.conformance import Allowance, check
 from parcours.verdict.conformance.tracking import Observes
 from parcours_ramp.components.model import component_model
 from parcours_ramp.components.study import component_plan, run_functional
+from parcours_ramp.planner.viewing import message_of
 from parcours_ramp.system.component_form import run_components
 from parcours_ramp.system.study import system_study
 
@@ -22,7 +23,7 @@ def test_no_component_case_deviates_in_what_it_takes_or_sends() -> None:
     for number in range(plan.n_cases):
         trace = run_functional(plan.case(number)).execution.trace
         for observes in ("transitions", "messages"):
-            found = check(trace, component_model(), observes=observes)
+            found = check(trace, component_model(), observes=observes, data=message_of)
             assert found.judgement.passed, f"{trace.case}: {found.judgement.why}"
             assert found.n_events == len(trace.events)
 
@@ -32,7 +33,7 @@ def test_no_component_case_deviates_in_what_it_takes_or_sends() -> None:
 def test_no_system_case_deviates(schedule: str, observes: Observes) -> None:
     for number in range(2):
         trace = run_components(system_study(schedule), number, 4.0).trace
-        found = check(trace, component_model(), observes=observes, allowance=RAMP, quiescence=TIMEOUTS)
+        found = check(trace, component_model(), observes=observes, allowance=RAMP, quiescence=TIMEOUTS, data=message_of)
         assert found.judgement.passed, found.judgement.why
         assert found.n_outside > 0
 

@@ -30,6 +30,7 @@ from parcours_ramp.components.model import component_model
 from parcours_ramp.components.node_program import RampCodec
 from parcours_ramp.planner.control import COMMAND_PERIOD
 from parcours_ramp.planner.messages import Report
+from parcours_ramp.planner.viewing import message_of
 from parcours_ramp.planner.whole import component
 from parcours_ramp.system.component_form import World, as_track, start_pose, system_links
 from parcours_ramp.system.ramp_facts import FACTS
@@ -194,7 +195,7 @@ def rerun(study: SystemStudy, number: int, trace: Trace) -> LiveRun:
 
 def _run(observer: Observer, trace: Trace, deaths: dict[str, str]) -> LiveRun:
     facts = observer.facts(trace)
-    conforms = check(trace, component_model(), quiescence=QUIESCENCE, allowance=_OUTSIDE).judgement
+    conforms = check(trace, component_model(), quiescence=QUIESCENCE, allowance=_OUTSIDE, data=message_of).judgement
     return LiveRun(facts, *observer.track(), trace, deaths, conforms, judge_live(facts, deaths, conforms))
 
 

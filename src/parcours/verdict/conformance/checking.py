@@ -58,6 +58,7 @@ class Checker:
         allowance: what is let pass beside the model.
         hidden: most states that are followed through steps nobody sees; beyond it a deviation is in doubt.
         fields: reads what guards need from the payloads.
+        data: reads what formulas need from the payloads; `fields` if not given.
 
     Raises:
         BadRequest: a name is unknown, or a timeout is not above 0.
@@ -78,6 +79,7 @@ class Checker:
         allowance: Allowance = NOTHING,
         hidden: int = HIDDEN,
         fields: Fields = no_fields,
+        data: Fields | None = None,
     ) -> None:
         require_known(observes, get_args(Observes), "observes", slug="unknown-observation")
         self._cefsm, self._observes, self._fields = cefsm, observes, fields
@@ -91,7 +93,7 @@ class Checker:
         self._followed = named or self.components
         self._instances: dict[str, _Instance | None] = {}
         self._channels = Channels(cefsm)
-        self._monitor = Monitor(contracts_of(cefsm), fields)
+        self._monitor = Monitor(contracts_of(cefsm), data or fields)
         self._time, self._position = 0, -1
         self.deviation: Deviation | None = None
         self.n_outside = 0

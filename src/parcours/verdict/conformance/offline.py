@@ -23,6 +23,7 @@ def check(
     allowance: Allowance = NOTHING,
     hidden: int = HIDDEN,
     fields: Fields = no_fields,
+    data: Fields | None = None,
     until: int | None = None,
 ) -> Conformance:
     """Return whether a whole trace is one that the model allows; the arguments are those of `Checker`.
@@ -43,7 +44,7 @@ def check(
         component = sorted(seen)
     checker = Checker(
         cefsm, component=component, observes=observes, quiescence=quiescence, allowance=allowance,
-        hidden=hidden, fields=fields,
+        hidden=hidden, fields=fields, data=data,
     )  # fmt: skip
     number = 0
     for event in trace.events:
