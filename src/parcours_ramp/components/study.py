@@ -29,6 +29,7 @@ from parcours_ramp.components.model import component_files, component_inputs, co
 from parcours_ramp.components.node_program import RampCodec
 from parcours_ramp.components.oracles import ORACLES
 from parcours_ramp.components.tester import ComponentTester
+from parcours_ramp.planner.whole import DECIDING
 
 CASES_OF_PAPER = {"ITP1": 8, "ITP2": 8, "ITP3": 8, "ITP4": 12, "ITP5": 9, "ITP6": 15}
 """Executable cases per interaction test path (Table VIII), for function and for time each."""
@@ -39,13 +40,6 @@ LIMITS = {
 
 REPEATS = 60
 """This number of repeats shows with 95 % confidence that 95 % of all stay within a limit, if none of them misses it."""
-
-MUTATED = (
-    "collision", "control", "control_cycle", "corner", "guard", "path_modification", "planner", "planner_state",
-    "planning_cycle", "population", "prediction", "profile", "route", "sensing_cycle", "service", "switching",
-    "trajectory", "trajectory_evaluation", "trajectory_generator",
-)  # fmt: skip
-"""The modules that decide what RAMP's components do; the others hold its parameters and the forms of its messages."""
 
 PERCENT = 95.0  # Share of all repeats that must stay within the limit [%]
 duration_of = executing.whole_case  # How long a repeat took [ns]
@@ -115,7 +109,7 @@ def component_study() -> RampComponents:
     percent = Parameter("percent", "real", PERCENT, "of repeats that must keep a limit", "%", low=50.0, high=99.999)
     return RampComponents(
         "ramp_components", component_model(), None, component_inputs(), where="ramp_components", own=(percent,),
-        files=component_files(), mutants=tuple(f"parcours_ramp.planner.{name}" for name in MUTATED),
+        files=component_files(), mutants=DECIDING,
         doc="RAMP's six components: 67 abstract cases, and 60 against limits (Tables III to VIII)",
     )  # fmt: skip
 

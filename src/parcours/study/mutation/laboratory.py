@@ -67,6 +67,11 @@ class Outcome:
     seen: Mapping[str, tuple[str, str]] = field(default_factory=dict)  # stage -> the first case that saw it, and why
     cases: int = 0  # in how many cases its function ran; 0 if none reaches it
 
+    def joined(self, other: Outcome) -> Outcome:
+        """Return what became of the mutant in the cases of two studies."""
+        end = other.end if self.end == "ended" else self.end
+        return Outcome(end, {**other.seen, **self.seen}, self.cases + other.cases)
+
 
 @dataclass(frozen=True, slots=True)
 class Refused:

@@ -10,6 +10,7 @@ import contextlib
 import dataclasses
 import hashlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from itertools import islice
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
@@ -39,6 +40,7 @@ if TYPE_CHECKING:
 CASES, CONFORMANCE, ORACLES, TWIN = "component cases", "conformance", "campaign oracles", "golden twin"
 STAGES = (CASES, CONFORMANCE, ORACLES, TWIN)
 _PLENTY = 2**62
+_CAMPAIGN = 300  # cases of a campaign if nothing is said
 _MARGIN, _FREE = 10, 100_000  # A mutant's loops may go round so much more often than the original's, and so often
 
 
@@ -260,8 +262,8 @@ class AnyStudy:
         self._study, self._settings, self._seed = study, settings, seed
 
     def cases(self, n: int | None) -> Iterator[Case]:
-        """Yield the first cases."""
-        return self._study.suite(self._settings, self._seed, n)
+        """Yield the first cases; a few hundred at most if nothing is said."""
+        return islice(self._study.suite(self._settings, self._seed, n), n or _CAMPAIGN)
 
     def observe(self, case: Case, number: int = 0, rounds: int = _PLENTY) -> Observation:
         """Execute a case and judge it by the study's own oracles."""
