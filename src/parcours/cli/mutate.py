@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 @count("--sample", least=0, default=200, help="How many mutants, drawn by the seed; 0 for all.")
 @click.option("--operators", default="", metavar="NAME,...", help="Mutants of these operators only.")
 @click.option("--only", default="", help="Only mutants whose id contains this: a module, a function, an id.")
+@click.option("--paths", default="", help="Criterion of internal paths, instead of the study's.")
+@click.option("--combine", default="", help="Criterion by which blocks are combined, instead of the study's.")
 @count("--cases", help="How many cases of the study, the first ones.  [default: the study's]")
 @count("--twin", least=0, default=200, help="In how many cases an effect is looked for, if the suite shows none.")
 @click.option("--list", "listed", is_flag=True, help="Print the mutants as diffs and run nothing.")
@@ -30,8 +32,8 @@ if TYPE_CHECKING:
 @fail_if
 @as_json
 def command(
-    studies: tuple[str, ...], of: Kind, settings: tuple[str, ...], sample: int, operators: str, only: str,
-    cases: int | None, twin: int, listed: bool, seed: int, workers: int, out: Path | None, fresh: bool,
+    studies: tuple[str, ...], of: Kind, settings: tuple[str, ...], sample: int, operators: str, only: str, paths: str,
+    combine: str, cases: int | None, twin: int, listed: bool, seed: int, workers: int, out: Path | None, fresh: bool,
     fail_if: tuple[str, ...], as_json: bool,
 ) -> None:  # fmt: skip
     """Change a study's Python components in small ways, one at a time, and see which changes its tests notice.
@@ -48,10 +50,12 @@ def command(
     from parcours.study.finding import find
     from parcours.study.gate import check_condition, parse_condition
     from parcours.study.journal import discard
+    from parcours.study.mutation.observing import with_criteria
     from parcours.study.mutation.running import MutationRequest, mutants_of, mutate, sources_of
     from parcours.study.parameters import pairs_of, settings_of
 
     found = [find(one) for one in studies]
+    with_criteria(found[0], paths, combine)
     conditions = [parse_condition(text) for text in fail_if]
     pairs = pairs_of(settings)
     names_of = {study.name: {one.name for one in study.parameters} for study in found}
@@ -65,7 +69,7 @@ def command(
         for study in found
     ]
     names = tuple(one.strip() for one in operators.split(",") if one.strip())
-    request = MutationRequest(chosen, of, seed, cases, twin, sample, names, only, workers)
+    request = MutationRequest(chosen, of, seed, paths, combine, cases, twin, sample, names, only, workers)
     if listed:
         for mutant in mutants_of(found[0], sources_of(found[0], request.of), request):
             click.echo(f"{mutant.id}  {mutant.place}\n{mutant.diff or mutant.change}\n")

@@ -32,6 +32,8 @@ class MutationRequest:
     settings: Sequence[Settings]  # of each study: a value for each of its parameters
     of: Kind  # what is changed
     seed: int  # of the cases, and of the sample
+    paths: str = ""  # criterion of internal paths; the study's if empty
+    combine: str = ""  # criterion by which blocks are combined; the study's if empty
     cases: int | None = None  # of the suite; None for as many as the study has
     twin: int = 0  # cases in which an effect is looked for
     sample: int = 0  # how many mutants; 0 for all
@@ -96,13 +98,14 @@ def mutate(
             folder = out if study is studies[0] else out / study.name
             decides = {one.name: settings[one.name] for one in study.parameters if one.decides}
             texts = {one.name: hashlib.sha256(one.text.encode()).hexdigest()[:16] for one in sources.modules}
+            criteria = (request.paths, request.combine) if study is studies[0] else ("", "")
             question = {"form": "mutation/1", "of": request.of, "seed": request.seed, "settings": decides,
-                        "cases": request.cases, "twin": request.twin, "modules": texts,
+                        "criteria": criteria, "cases": request.cases, "twin": request.twin, "modules": texts,
                         "files": dict(getattr(study, "digests", {}))}  # fmt: skip
             write_question(folder, study.name, study.where, question)
             with Journal(folder) as journal:
                 try:
-                    _judge(study, settings, request, sources, mutants, journal, folder, progress)
+                    _judge(study, settings, criteria, request, sources, mutants, journal, folder, progress)
                 except KeyboardInterrupt:
                     interrupted = True
                 for one in mutants:
@@ -115,8 +118,8 @@ def mutate(
 
 
 def _judge(
-    study: Study, settings: Settings, request: MutationRequest, sources: Sources, mutants: Sequence[Mutant],
-    journal: Journal, out: Path, progress: Progress,
+    study: Study, settings: Settings, criteria: tuple[str, str], request: MutationRequest, sources: Sources,
+    mutants: Sequence[Mutant], journal: Journal, out: Path, progress: Progress,
 ) -> None:  # fmt: skip
     what = f"mutants in {study.name}"
     while True:
@@ -127,7 +130,7 @@ def _judge(
         if not left:
             return
         model = sources.model_names
-        build = Build(request.of, study.where, dict(settings), request.seed, request.cases, request.twin,
+        build = Build(request.of, study.where, dict(settings), request.seed, *criteria, request.cases, request.twin,
                       tuple(sources.modules), *model, built, out.absolute())  # fmt: skip
         again = False
 
