@@ -192,3 +192,10 @@ def test_a_study_says_which_files_are_mutated(tmp_path: Path) -> None:
         study.write("mutants: [gear.py]\n")
     run = CliRunner().invoke(parcours, ["mutate", str(tmp_path), "--list"])
     assert run.exit_code == 0 and "gear:ratio:1:arithmetic  gear.py:2" in run.output and "lift:" not in run.output
+
+
+def test_another_criterion_selects_cases_that_notice_more(tmp_path: Path) -> None:
+    only = ("--only", "Cabin.__init__", "--operators", "off by one", "--twin", "0", "examples/lift")
+    edge, pair = (outcomes(*only, "--paths", name, out=tmp_path / name) for name in ("edge", "edge-pair"))
+    assert edge["lift:Cabin.__init__:2:off-by-one"] == []
+    assert pair["lift:Cabin.__init__:2:off-by-one"] == ["component cases", "golden twin"]

@@ -14,12 +14,14 @@ if TYPE_CHECKING:
 
 
 @click.command("mutate")
-@click.argument("study")
+@click.argument("studies", nargs=-1, required=True, metavar="STUDY...")
 @choice("--of", "code", "model", "channels", help="What is changed: Python, transitions, or messages on their way.")
 @set_parameters
 @count("--sample", least=0, default=200, help="How many mutants, drawn by the seed; 0 for all.")
 @click.option("--operators", default="", metavar="NAME,...", help="Mutants of these operators only.")
 @click.option("--only", default="", help="Only mutants whose id contains this: a module, a function, an id.")
+@click.option("--paths", default="", help="Criterion of internal paths, instead of the study's.")
+@click.option("--combine", default="", help="Criterion by which blocks are combined, instead of the study's.")
 @count("--cases", help="How many cases of the study, the first ones.  [default: the study's]")
 @count("--twin", least=0, default=200, help="In how many cases an effect is looked for, if the suite shows none.")
 @click.option("--list", "listed", is_flag=True, help="Print the mutants as diffs and run nothing.")
@@ -30,11 +32,13 @@ if TYPE_CHECKING:
 @fail_if
 @as_json
 def command(
-    study: str, of: Kind, settings: tuple[str, ...], sample: int, operators: str, only: str, cases: int | None,
-    twin: int, listed: bool, seed: int, workers: int, out: Path | None, fresh: bool, fail_if: tuple[str, ...],
-    as_json: bool,
+    studies: tuple[str, ...], of: Kind, settings: tuple[str, ...], sample: int, operators: str, only: str, paths: str,
+    combine: str, cases: int | None, twin: int, listed: bool, seed: int, workers: int, out: Path | None, fresh: bool,
+    fail_if: tuple[str, ...], as_json: bool,
 ) -> None:  # fmt: skip
     """Change a study's Python components in small ways, one at a time, and see which changes its tests notice.
+
+    The cases of further studies of the same components run on the mutants, too.
 
     Exit code 0, or 1 if a condition of --fail-if holds.
 
@@ -46,22 +50,34 @@ def command(
     from parcours.study.finding import find
     from parcours.study.gate import check_condition, parse_condition
     from parcours.study.journal import discard
+    from parcours.study.mutation.observing import with_criteria
     from parcours.study.mutation.running import MutationRequest, mutants_of, mutate, sources_of
     from parcours.study.parameters import pairs_of, settings_of
 
-    found = find(study)
+    found = [find(one) for one in studies]
+    with_criteria(found[0], paths, combine)
     conditions = [parse_condition(text) for text in fail_if]
-    chosen = settings_of(found.parameters, pairs_of(settings), found.name)
+    pairs = pairs_of(settings)
+    names_of = {study.name: {one.name for one in study.parameters} for study in found}
+    known = set().union(*names_of.values())
+    chosen = [  # what no study knows is refused by the first
+        settings_of(
+            study.parameters,
+            {name: value for name, value in pairs.items() if name in names_of[study.name] or name not in known},
+            study.name,
+        )
+        for study in found
+    ]
     names = tuple(one.strip() for one in operators.split(",") if one.strip())
-    request = MutationRequest(chosen, of, seed, cases, twin, sample, names, only, workers)
+    request = MutationRequest(chosen, of, seed, paths, combine, cases, twin, sample, names, only, workers)
     if listed:
-        for mutant in mutants_of(found, sources_of(found, request.of), request):
+        for mutant in mutants_of(found[0], sources_of(found[0], request.of), request):
             click.echo(f"{mutant.id}  {mutant.place}\n{mutant.diff or mutant.change}\n")
         return
     if out is None:
         raise BadRequest("--out", "outcomes are kept in a folder, but none is named", slug="option-study")
-    if fresh:
-        discard(out, ("run.json", "cases.jsonl", "kernels-*"))
+    for folder in (out, *(out / one.name for one in found[1:])) if fresh else ():
+        discard(folder, ("run.json", "cases.jsonl", "kernels-*"))
     with progress() as report:
         results, interrupted = mutate(found, request, out, report)
     if as_json:

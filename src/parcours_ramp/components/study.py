@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 import numpy as np
 
 from parcours.abtc import AbstractCase, abstract_cases
+from parcours.paths import internal_paths
 from parcours.run.clocks import Clock, WallClock
 from parcours.run.hosts.node_program import Codec, Transport
 from parcours.run.in_process import View
@@ -30,6 +31,7 @@ from parcours_ramp.components.node_program import RampCodec
 from parcours_ramp.components.oracles import ORACLES
 from parcours_ramp.components.tester import ComponentTester
 from parcours_ramp.planner.viewing import message_of
+from parcours_ramp.planner.whole import DECIDING
 
 CASES_OF_PAPER = {"ITP1": 8, "ITP2": 8, "ITP3": 8, "ITP4": 12, "ITP5": 9, "ITP6": 15}
 """Executable cases per interaction test path (Table VIII), for function and for time each."""
@@ -40,13 +42,6 @@ LIMITS = {
 
 REPEATS = 60
 """This number of repeats shows with 95 % confidence that 95 % of all stay within a limit, if none of them misses it."""
-
-MUTATED = (
-    "collision", "control", "control_cycle", "corner", "guard", "path_modification", "planner", "planner_state",
-    "planning_cycle", "population", "prediction", "profile", "route", "sensing_cycle", "service", "switching",
-    "trajectory", "trajectory_evaluation", "trajectory_generator",
-)  # fmt: skip
-"""The modules that decide what RAMP's components do; the others hold its parameters and the forms of its messages."""
 
 PERCENT = 95.0  # Share of all repeats that must stay within the limit [%]
 duration_of = executing.whole_case  # How long a repeat took [ns]
@@ -62,8 +57,8 @@ class RampComponents(ComponentStudy):
 
     @functools.cached_property
     def abstracts(self) -> Mapping[str, AbstractCase]:
-        """The 67 abstract cases, as the paper has them: guards are not asked."""
-        return {case.id: case for case in abstract_cases(self.model)}
+        """The 67 abstract cases, as the paper has them: guards are not asked. Another criterion gives others."""
+        return {case.id: case for case in abstract_cases(self.model, paths=internal_paths(self.model, self.paths))}
 
     @functools.cached_property
     def infeasible(self) -> Mapping[str, str]:
@@ -120,7 +115,7 @@ def component_study() -> RampComponents:
     percent = Parameter("percent", "real", PERCENT, "of repeats that must keep a limit", "%", low=50.0, high=99.999)
     return RampComponents(
         "ramp_components", component_model(), None, component_inputs(), where="ramp_components", own=(percent,),
-        alone=True, files=component_files(), mutants=tuple(f"parcours_ramp.planner.{name}" for name in MUTATED),
+        alone=True, files=component_files(), mutants=DECIDING,
         doc="RAMP's six components: 67 abstract cases, and 60 against limits (Tables III to VIII)",
     )  # fmt: skip
 

@@ -18,6 +18,7 @@ from parcours_navigation.cases.family import FILES, LONGEST, PUBLISHED_CASES, TI
 from parcours_navigation.study.asking import CASES, TIME_LIMIT_DOC, cases_of, numbers_of, question_of
 from parcours_navigation.study.results import CampaignResults, report_folders
 from parcours_ramp.planner.latency import Latencies
+from parcours_ramp.planner.whole import DECIDING
 from parcours_ramp.system.study import SCHEDULES, SystemStudy, system_study
 
 LIVE_CASES = 20  # Cases of a run in real time if nothing is said
@@ -33,6 +34,7 @@ class RampSystem:
     where: str = "ramp_system"
     family: str = "navigation"
     compiles: bool = True
+    mutants: tuple[str, ...] = DECIDING
 
     @property
     def files(self) -> Mapping[str, Path]:

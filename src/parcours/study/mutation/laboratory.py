@@ -26,7 +26,16 @@ from parcours.kernels import keep_kernels_in, kernel_cache
 from parcours.run.workers import Crew, Done, Lost, failure_of, tell
 from parcours.study.components.isolation import longest
 from parcours.study.mutation.models import model_mutants
-from parcours.study.mutation.observing import TWIN, Components, Observation, Subject, allowed, strikes_of, subject_of
+from parcours.study.mutation.observing import (
+    TWIN,
+    Components,
+    Observation,
+    Subject,
+    allowed,
+    strikes_of,
+    subject_of,
+    with_criteria,
+)
 from parcours.study.mutation.source import Module, Sources, place_of
 from parcours.study.parameters import Settings
 from parcours.suite import Case
@@ -45,6 +54,8 @@ class Build:
     where: str  # the study
     settings: Settings
     seed: int
+    paths: str  # criterion of internal paths; the study's if empty
+    combine: str  # criterion by which blocks are combined; the study's if empty
     cases: int | None  # of the suite; None for as many as the study has
     twin: int  # cases in which an effect is looked for
     modules: tuple[Module, ...]
@@ -66,6 +77,11 @@ class Outcome:
     end: str
     seen: Mapping[str, tuple[str, str]] = field(default_factory=dict)  # stage -> the first case that saw it, and why
     cases: int = 0  # in how many cases its function ran; 0 if none reaches it
+
+    def joined(self, other: Outcome) -> Outcome:
+        """Return what became of the mutant in the cases of two studies."""
+        end = other.end if self.end == "ended" else self.end
+        return Outcome(end, {**other.seen, **self.seen}, self.cases + other.cases)
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,7 +143,7 @@ class Bench:
         from parcours.study.finding import find
 
         self._places = install(build).places if build.of == "code" else {}
-        study = find(build.where)
+        study = with_criteria(find(build.where), build.paths, build.combine)
         self.patience = float(getattr(study, "patience", 5.0))
         self.subject: Subject = subject_of(study, build.settings, build.seed)
         self._build = build

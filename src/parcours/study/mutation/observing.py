@@ -10,13 +10,16 @@ import contextlib
 import dataclasses
 import hashlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from itertools import islice
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
 from parcours.abtc import Event
-from parcours.errors import ParcoursError
+from parcours.data import CRITERIA
+from parcours.errors import BadRequest, ParcoursError, require_known
 from parcours.kernels import choose, places_run, refused_lines, rounds_left, suspended
+from parcours.paths import internal_paths
 from parcours.run.faults import corrupted
 from parcours.run.heartbeat import write_place
 from parcours.run.port import Component, Step
@@ -39,6 +42,8 @@ if TYPE_CHECKING:
 CASES, CONFORMANCE, ORACLES, TWIN = "component cases", "conformance", "campaign oracles", "golden twin"
 STAGES = (CASES, CONFORMANCE, ORACLES, TWIN)
 _PLENTY = 2**62
+_TRIES = 50  # changes of a message that are tried
+_CAMPAIGN = 300  # cases of a campaign if nothing is said
 _MARGIN, _FREE = 10, 100_000  # A mutant's loops may go round so much more often than the original's, and so often
 
 
@@ -71,6 +76,23 @@ class Subject(Protocol):
 
     def observe(self, case: Case, number: int = 0, rounds: int = _PLENTY) -> Observation:
         """Execute a case on a mutant, by default on the original, and judge it."""
+
+
+def with_criteria(study: Study, paths: str, combine: str) -> Study:
+    """Return a study whose cases are selected by other criteria; those that are empty stay.
+
+    Raises BadRequest: it is no component study.
+    """
+    from parcours.study.components.study import ComponentStudy
+
+    if not (paths or combine):
+        return study
+    if not isinstance(study, ComponentStudy):
+        rule = f"criteria are for component studies, but {study.name} is another"
+        raise BadRequest("--paths, --combine", rule, slug="option-study")
+    require_known(combine or study.criterion, list(CRITERIA), "criterion", slug="unknown-criterion")
+    internal_paths(study.model, paths or study.paths)
+    return dataclasses.replace(study, paths=paths or study.paths, criterion=combine or study.criterion)
 
 
 def subject_of(study: Study, settings: Settings, seed: int) -> Subject:
@@ -222,11 +244,17 @@ class Struck:
             return
         self.done = True
         if self._strike.kind == "corrupt":
-            with contextlib.suppress(ParcoursError):  # it can only be changed into something that is no such message
-                values, _ = corrupted(self._codec.flatten(channel, message), self._seed)
-                message = self._codec.restore(channel, values)
+            message = self._corrupted(channel, message)
         for _ in range({"drop": 0, "duplicate": 2}.get(self._strike.kind, 1)):
             yield from take_up(channel, message, now)
+
+    def _corrupted(self, channel: str, message: object) -> object:
+        """Return the message with one field changed; as it is if that makes no such message however it is changed."""
+        for seed in range(self._seed, self._seed + _TRIES):
+            with contextlib.suppress(ParcoursError):
+                values, _ = corrupted(self._codec.flatten(channel, message), seed)
+                return self._codec.restore(channel, values)
+        return message
 
 
 class _Aside:
@@ -260,8 +288,8 @@ class AnyStudy:
         self._study, self._settings, self._seed = study, settings, seed
 
     def cases(self, n: int | None) -> Iterator[Case]:
-        """Yield the first cases."""
-        return self._study.suite(self._settings, self._seed, n)
+        """Yield the first cases; a few hundred at most if nothing is said."""
+        return islice(self._study.suite(self._settings, self._seed, n), n or _CAMPAIGN)
 
     def observe(self, case: Case, number: int = 0, rounds: int = _PLENTY) -> Observation:
         """Execute a case and judge it by the study's own oracles."""

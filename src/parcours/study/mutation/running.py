@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -29,9 +29,11 @@ if TYPE_CHECKING:
 class MutationRequest:
     """What `parcours mutate STUDY` asks."""
 
-    settings: Settings  # a value for each parameter of the study
+    settings: Sequence[Settings]  # of each study: a value for each of its parameters
     of: Kind  # what is changed
     seed: int  # of the cases, and of the sample
+    paths: str = ""  # criterion of internal paths; the study's if empty
+    combine: str = ""  # criterion by which blocks are combined; the study's if empty
     cases: int | None = None  # of the suite; None for as many as the study has
     twin: int = 0  # cases in which an effect is looked for
     sample: int = 0  # how many mutants; 0 for all
@@ -79,41 +81,56 @@ def mutants_of(study: Study, sources: Sources, request: MutationRequest) -> list
     return sampled(chosen, request.sample, request.seed)
 
 
-def mutate(study: Study, request: MutationRequest, out: Path, progress: Progress) -> tuple[MutationResults, bool]:
-    """Run the mutants that are missing in a folder; return all outcomes, and whether Ctrl-C ended the run."""
-    sources = sources_of(study, request.of)
-    mutants = mutants_of(study, sources, request)
-    decides = {one.name: request.settings[one.name] for one in study.parameters if one.decides}
-    texts = {one.name: hashlib.sha256(one.text.encode()).hexdigest()[:16] for one in sources.modules}
-    question = {"form": "mutation/1", "of": request.of, "seed": request.seed, "settings": decides,
-                "cases": request.cases, "twin": request.twin, "modules": texts,
-                "files": dict(getattr(study, "digests", {}))}  # fmt: skip
-    write_question(out, study.name, study.where, question)
-    with Journal(out) as journal, terminable():
-        interrupted = False
-        try:
-            _judge(study, request, sources, mutants, journal, out, progress)
-        except KeyboardInterrupt:
-            interrupted = True
-        done: Mapping[str, Outcome] = {id: outcome_of(entry) for id, entry in journal.done.items()}
-    return MutationResults(
-        study.name, request.of, tuple(mutants), {one.id: done[one.id] for one in mutants if one.id in done}
-    ), interrupted
+def mutate(
+    studies: Sequence[Study], request: MutationRequest, out: Path, progress: Progress
+) -> tuple[MutationResults, bool]:  # fmt: skip
+    """Run the mutants that are missing in a folder; return all outcomes, and whether Ctrl-C ended the run.
+
+    Args:
+        studies: the first, whose mutants they are, and others whose cases run on them too.
+    """
+    sources = sources_of(studies[0], request.of)
+    mutants = mutants_of(studies[0], sources, request)
+    outcomes: dict[str, Outcome] = {}
+    interrupted = False
+    with terminable():
+        for study, settings in zip(studies, request.settings, strict=True):
+            folder = out if study is studies[0] else out / study.name
+            decides = {one.name: settings[one.name] for one in study.parameters if one.decides}
+            texts = {one.name: hashlib.sha256(one.text.encode()).hexdigest()[:16] for one in sources.modules}
+            criteria = (request.paths, request.combine) if study is studies[0] else ("", "")
+            question = {"form": "mutation/1", "of": request.of, "seed": request.seed, "settings": decides,
+                        "criteria": criteria, "cases": request.cases, "twin": request.twin, "modules": texts,
+                        "files": dict(getattr(study, "digests", {}))}  # fmt: skip
+            write_question(folder, study.name, study.where, question)
+            with Journal(folder) as journal:
+                try:
+                    _judge(study, settings, criteria, request, sources, mutants, journal, folder, progress)
+                except KeyboardInterrupt:
+                    interrupted = True
+                for one in mutants:
+                    if one.id in journal.done:
+                        found = outcome_of(journal.done[one.id])
+                        outcomes[one.id] = outcomes[one.id].joined(found) if one.id in outcomes else found
+            if interrupted:
+                break
+    return MutationResults(" and ".join(one.name for one in studies), request.of, tuple(mutants), outcomes), interrupted
 
 
 def _judge(
-    study: Study, request: MutationRequest, sources: Sources, mutants: Sequence[Mutant], journal: Journal, out: Path,
-    progress: Progress,
+    study: Study, settings: Settings, criteria: tuple[str, str], request: MutationRequest, sources: Sources,
+    mutants: Sequence[Mutant], journal: Journal, out: Path, progress: Progress,
 ) -> None:  # fmt: skip
+    what = f"mutants in {study.name}"
     while True:
         refused = {id for id, entry in journal.done.items() if entry["end"] == "refused"}
         built = tuple(one.id for one in mutants if one.id not in refused)
         left = [id for id in built if id not in journal.done]
-        progress("mutants", len(mutants) - len(left), len(mutants))
+        progress(what, len(mutants) - len(left), len(mutants))
         if not left:
             return
         model = sources.model_names
-        build = Build(request.of, study.where, dict(request.settings), request.seed, request.cases, request.twin,
+        build = Build(request.of, study.where, dict(settings), request.seed, *criteria, request.cases, request.twin,
                       tuple(sources.modules), *model, built, out.absolute())  # fmt: skip
         again = False
 
@@ -125,7 +142,7 @@ def _judge(
                     journal.add(id, entry_of(Outcome("refused", {})))
             elif isinstance(report[1], Outcome):
                 journal.add(report[0], entry_of(report[1]))
-                progress("mutants", sum(one.id in journal.done for one in mutants), len(mutants))
+                progress(what, sum(one.id in journal.done for one in mutants), len(mutants))
             else:
                 progress(*report)
 
