@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import functools
 from collections import Counter
+from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,8 +15,10 @@ from parcours.data import cover
 from parcours.errors import BadRequest
 from parcours.run.clocks import ClockName, SimulatedClock
 from parcours.run.trace import transitions
+from parcours.study.components import executing
 from parcours.study.components.landing import landing_of
-from parcours.suite import combine
+from parcours.study.components.study import PER_CASE
+from parcours.suite import Case, combine
 from parcours.verdict.judgement import Verdict
 from parcours.verdict.timing import duration, judge
 from parcours_ramp.components.model import component_inputs
@@ -36,9 +40,11 @@ from parcours_ramp.components.study import (
 from parcours_ramp.planner.messages import (
     EvaluationResponse,
     ModificationResponse,
+    Step,
     TrajectoryRequest,
     TrajectoryResponse,
 )
+from parcours_ramp.planner.planner import Planner
 from parcours_ramp.planner.route import HOLONOMIC, HYBRID, TRANSITION
 
 ROWS = 3
@@ -177,3 +183,32 @@ def test_durations_are_refused_on_simulated_time_and_measured_on_the_wall() -> N
         assert all(0 < taken < 5_000_000_000 for taken in timing.durations)
         assert timing.judgement == judge(timing.durations, timing.bound, timing.noise)
         assert timing.judgement.verdict is not Verdict.PASS  # two repeats show nothing of 95 %
+
+
+def one_instance(case: Case) -> Functional:
+    exercise = component_study().exercise({"instances": PER_CASE})
+    return executing.run_functional(exercise, case, executing.in_process(exercise))
+
+
+def test_all_67_abstract_cases_pass_with_one_instance_of_each_component() -> None:
+    for case in component_plan(seed=4, rows=1).cases():
+        run = one_instance(case)
+        assert run.judgement.passed, (case.id, run.judgement.why)
+        names = {event.component for event in run.execution.trace.events if "#" in event.component}
+        assert len(names) == len({name.split("#")[0] for name in names})
+
+
+def test_a_planner_that_accepts_any_answer_is_found_with_one_instance_only(monkeypatch: pytest.MonkeyPatch) -> None:
+    handle = Planner.handle
+
+    def accepting(self: Planner, channel: str | None, message: Any, now: int) -> Iterator[Step]:
+        if hasattr(message, "tag") and self._conversation is not None:
+            message = message._replace(tag=self._conversation)
+        yield from handle(self, channel, message, now)
+
+    monkeypatch.setattr(Planner, "handle", accepting)
+    cases = [
+        case for case in component_plan(seed=4, rows=1).cases() if interaction_of(case) in ("ITP1", "ITP2", "ITP5")
+    ]
+    assert all(run_functional(case).judgement.passed for case in cases)
+    assert {one_instance(case).judgement.verdict for case in cases} == {Verdict.FAIL}

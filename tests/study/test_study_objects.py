@@ -201,7 +201,8 @@ def test_test_inputs_reach_the_fields_of_their_names_unless_a_guard_forbids_it(l
     for case in study.plan(3, 40).cases():
         known = settings_of(study.parameters, {})
         tester = study.tester(case, known)
-        calls = [tester.supply(one) for one in study.events(case) if one.receives and one.receives.channel == "call"]
+        taken = [one for one in study.visits(case, known).enforced if one.receives and one.receives.event is None]
+        calls = [tester.supply(one) for one in taken if one.receives and one.receives.channel in ("call", "request")]
         wanted = int(case.values[case.names.index("floor")])
         assert all(isinstance(one, dict) and 0 <= one["floor"] <= 9 for one in calls)
         free += sum(one == {"floor": wanted} for one in calls)

@@ -79,16 +79,19 @@ def _same_motion(one: Record, other: Record) -> bool:
 def control_follows(trace: Trace) -> Judgement:
     """ITP5: control <- trajectory."""
     got: dict[str, Record] = {}  # by the instance that received it last
-    follows: list[bool] = []
+    following: set[str] = set()
     for event in trace.events:
-        if event.kind == "receive" and event.channel == "best_trajectory":
+        if event.channel != "best_trajectory" or "#" not in event.component:
+            continue
+        if event.kind == "receive":
             got[event.component] = event.payload
-        elif event.kind == "note" and event.text == SHOWN and event.channel == "best_trajectory":
+        elif event.kind == "note" and event.text == SHOWN and event.component in got:
             shown = event.payload
-            is_one = isinstance(shown, np.void) and shown["n"] > 0 and event.component in got
-            follows.append(is_one and _same_motion(samples(shown), samples(got[event.component])))
-    holds = bool(got) and all(follows)
-    return _judge(holds, f"{len(got)} controls received a best trajectory, {sum(follows)} follow it")
+            follows = isinstance(shown, np.void) and shown["n"] > 0
+            if follows and _same_motion(samples(shown), samples(got[event.component])):
+                following.add(event.component)
+    holds = bool(got) and following == got.keys()
+    return _judge(holds, f"{len(got)} controls received best trajectories, {len(following)} follow the last one")
 
 
 def state_changes(trace: Trace) -> Judgement:

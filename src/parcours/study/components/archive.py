@@ -14,6 +14,7 @@ from parcours.run.atomic import require_writable
 from parcours.run.recording import Codec, Recorder, Recording, read_recording, write_recording
 from parcours.run.trace import Row, Trace, repeats
 from parcours.study.components.executing import Functional, Timing, judge_trace, whole_case
+from parcours.study.components.results import PER_VISIT
 from parcours.study.parameters import Settings
 from parcours.study.protocol import Rejudged
 from parcours.suite import Case
@@ -64,7 +65,9 @@ class Archive:
         recorder.close()
 
     def _about(self, kind: str, case: Case) -> dict[str, str]:
-        settings = {} if self._study.trusted else {"settings": json.dumps(dict(self._settings))}
+        instances = {"instances": self._settings.get("instances", PER_VISIT)}
+        kept = instances if self._study.trusted else dict(self._settings)
+        settings = {"settings": json.dumps(kept)}
         where = {"where": self._study.where} if self._study.where != self._study.name else {}
         return {"study": case.study, "kind": kind, "case": msgspec.json.encode(case).decode(), **where, **settings}
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from parcours.errors import BadModel
 from parcours.model.expression import Expression, Type, evaluate, names
-from parcours.model.solutions import Budget, Question
+from parcours.model.solutions import Answer, Budget, Question
 
 _EFFORT = 20_000  # most valuations tried for conditions that share symbols
 
@@ -38,25 +38,44 @@ def solved(conditions: Conditions) -> tuple[dict[str, object], str]:
         demands = [condition for condition, _ in hard]
         limits = [limit for limit in conditions.limits if names(limit) <= symbols]
         holds: bool | None = None
-        # Given up one after the other, what matters least first: that answers differ, the test inputs' own values, that
-        # no rival's guard holds, both of these, and at last the bounds of the test inputs.
+        # Given up one after the other, what matters least first: that answers differ, some of the test inputs' own
+        # values, all of them, that no rival's guard holds, both of these, and at last the bounds of the test inputs.
         tries: list[tuple[list[Expression], dict[str, object]]] = [
             *([(demands + soft + apart, wanted)] if apart else []), (demands + soft, wanted),
             (demands + soft + limits, {}), (demands, wanted), (demands + limits, {}), (demands, {}),
         ]  # fmt: skip
         for guards, known in tries:
-            question = Question(conditions.types, {}, conditions.domains, known)
-            try:
-                answer = question.witness(guards, Budget(_EFFORT))
-            except BadModel:
+            answer = _answer(conditions, guards, known)
+            if answer is None:
                 continue
             holds = answer.holds
-            if holds:
+            if not holds and guards == demands + soft and len(wanted) > 1:
+                known = _most(conditions, guards + limits, wanted)
+                answer = (_answer(conditions, guards + limits, known) if known else None) or answer
+            if answer.holds:
+                holds = True
                 found |= {**known, **dict(answer.values)}
                 break
         if holds is False:
             return found, " and ".join(dict.fromkeys(where for _, where in hard)) + " cannot hold together"
     return found, ""
+
+
+def _answer(conditions: Conditions, guards: Sequence[Expression], known: Mapping[str, object]) -> Answer | None:
+    try:
+        return Question(conditions.types, {}, conditions.domains, known).witness(guards, Budget(_EFFORT))
+    except BadModel:
+        return None
+
+
+def _most(conditions: Conditions, guards: Sequence[Expression], wanted: Mapping[str, object]) -> dict[str, object]:
+    """Return those of the wanted values, the first ones first, with which the guards can hold together."""
+    kept: dict[str, object] = {}
+    for name, value in wanted.items():
+        answer = _answer(conditions, guards, {**kept, name: value})
+        if answer is not None and answer.holds:
+            kept[name] = value
+    return kept
 
 
 _Cluster = tuple[set[str], list[tuple[Expression, str]], list[Expression], list[Expression]]

@@ -28,7 +28,12 @@ from parcours.verdict.judgement import Judgement, Verdict
 from parcours.verdict.timing import NEVER, parse_bound
 
 FILE = "components.json"
-_FORMAT = "components/2"
+_FORMAT = "components/3"
+PER_VISIT, PER_CASE = "per-visit", "per-case"  # how many instances of a component a functional case has
+_NOTES = {
+    PER_VISIT: "Each visit of a component was an instance of its own.",
+    PER_CASE: "All visits of a component were one instance a case; when timed, each was an instance of its own.",
+}
 _LONG = 200  # characters of a message that are shown
 _LONGEST = 2_000  # characters of a reason that are kept
 
@@ -63,6 +68,7 @@ class ComponentResults:
     # of the machine, between the repeats of each interaction path's timing cases
     noise: Mapping[str, Noise] = field(default_factory=dict)
     planned: int = 0  # how many cases the run was to have
+    instances: str = PER_VISIT  # of a component, in a functional case
 
 
 def component_results(host: str, functional: Sequence[Functional], timing: Sequence[Timing]) -> ComponentResults:
@@ -99,7 +105,8 @@ def write_components(folder: Path, given: ComponentResults) -> None:
     """Write the results into the folder. Raises BadRequest if it cannot be written to."""
     noise = {itp: {"of": one.of, "times": one.times} for itp, one in given.noise.items()}
     results = [asdict(result) for result in given.results]
-    document = {"parcours": _FORMAT, "host": given.host, "noise": noise, "results": results}
+    about = {"parcours": _FORMAT, "host": given.host, "instances": given.instances}
+    document = {**about, "noise": noise, "results": results}
     write_text(folder / FILE, json.dumps(document, allow_nan=False) + "\n")
 
 
@@ -115,7 +122,7 @@ def read_components(folder: Path) -> ComponentResults:
             raise ValueError(f"its format is {document['parcours']!r}, not {_FORMAT!r}")
         results = tuple(_result(entry) for entry in document["results"])
         noise = {str(itp): Noise(tuple(one["times"]), str(one["of"])) for itp, one in document["noise"].items()}
-        return ComponentResults(str(document["host"]), results, noise, len(results))
+        return ComponentResults(str(document["host"]), results, noise, len(results), str(document["instances"]))
     except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError, ParcoursError) as error:
         raise _unreadable(path, error) from error
 
@@ -137,7 +144,7 @@ def entry_of(result: ComponentResult, noise: Noise | None = None) -> dict[str, o
 
 
 def results_of_journal(
-    path: Path, host: str, planned: int, entries: Mapping[str, Mapping[str, object]]
+    path: Path, host: str, planned: int, entries: Mapping[str, Mapping[str, object]], instances: str = ""
 ) -> ComponentResults:
     """Return the results that a journal holds, in the order of its lines. Raises BadResults if one is damaged."""
     results: list[ComponentResult] = []
@@ -151,11 +158,11 @@ def results_of_journal(
                 noise[results[-1].interaction] = noise_of(measured)
     except (KeyError, ValueError, TypeError) as error:
         raise _unreadable(path, error) from error
-    return ComponentResults(host, tuple(results), noise, planned)
+    return ComponentResults(host, tuple(results), noise, planned, instances)
 
 
-def component_table(results: Sequence[ComponentResult], title: str) -> Table:
-    """Return how many cases of each interaction path passed."""
+def component_table(results: Sequence[ComponentResult], title: str, instances: str = "") -> Table:
+    """Return how many cases of each interaction path passed, with a note on the instances that they had."""
     kinds = [r for r in results if not r.bound], [r for r in results if r.bound]
     rows = []
     for itp in dict.fromkeys(r.interaction for r in results):
@@ -164,7 +171,8 @@ def component_table(results: Sequence[ComponentResult], title: str) -> Table:
             counts = Counter(r.verdict for r in mine if r.interaction == itp)
             row.append(f"{counts['pass']} of {sum(counts.values())}")
         rows.append(tuple(row))
-    return Table(title, (Column("path"), Column("functional cases passed"), Column("timing cases passed")), tuple(rows))
+    heads = (Column("path"), Column("functional cases passed"), Column("timing cases passed"))
+    return Table(title, heads, tuple(rows), _NOTES.get(instances, ""))
 
 
 def failure_table(results: Iterable[ComponentResult], title: str) -> Table | None:

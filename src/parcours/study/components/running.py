@@ -55,7 +55,8 @@ def run_study(study: ComponentStudy, request: Request, progress: Progress) -> Ru
             _execute(study, request, journal, cases, groups, archive, progress)
         except KeyboardInterrupt:
             interrupted = True
-    found = results.results_of_journal(request.out, host, len(cases) + n_timed, read_journal(request.out))
+    instances = str(settings["instances"])
+    found = results.results_of_journal(request.out, host, len(cases) + n_timed, read_journal(request.out), instances)
     results.write_components(request.out, found)
     total = len(cases) + n_timed
     if interrupted:
@@ -266,7 +267,7 @@ def report_results(folders: Mapping[str, Results]) -> Reported:
         assert isinstance(result, results.StudyResults)
         found: results.ComponentResults = result.found
         where = f"{result.study}, {found.host}"
-        tables.append(results.component_table(found.results, f"Component cases, {where}"))
+        tables.append(results.component_table(found.results, f"Component cases, {where}", found.instances))
         pieces.append(tables[-1])
         data = results.data_table(found.results, result.checks, f"Data, {where}")
         failures = results.failure_table(found.results, f"Cases that did not pass, {where}")

@@ -24,6 +24,7 @@ from parcours.study import protocol
 from parcours.study.components.executing import Exercise, TimingGroup, whole_case
 from parcours.study.components.messages import Messages
 from parcours.study.components.references import Relation
+from parcours.study.components.results import PER_CASE, PER_VISIT
 from parcours.study.components.selecting import Selection, select_cases
 from parcours.study.components.simple import is_full
 from parcours.study.components.stimuli import Chooser, Formulas
@@ -38,7 +39,6 @@ from parcours.verdict.judgement import Judgement, Verdict
 from parcours.verdict.timing import NEVER, Bound
 
 NO_INPUTS = InputModel("no inputs", ())  # the test inputs of a study that has none: each abstract case is one case
-PER_VISIT, PER_CASE = "per-visit", "per-case"  # how many instances of a component a case has
 _TIMED = 5  # abstract cases that are timed for each limit, evenly spread
 
 Oracle = Callable[[Case, Trace, Settings], Judgement]
@@ -67,7 +67,7 @@ def host_parameters(*more: Parameter) -> tuple[Parameter, ...]:
         Parameter("graph", "text", "", "address of a running ROS 1 master, or a ROS 2 domain; else one of its own",
                   decides=False),
         Parameter("record", "text", "", "keep a recording of every case", choices=("", "mcap", "bag"), decides=False),
-        Parameter("instances", "text", PER_VISIT, "of a component: one a visit, or one a case, which answers go to",
+        Parameter("instances", "text", PER_CASE, "of a component: one a case, to which answers go, or one a visit",
                   choices=(PER_VISIT, PER_CASE)),
         Parameter("repeats", "int", 60, "of a timing case", low=1, high=100_000),
         *more,
@@ -221,12 +221,15 @@ class ComponentStudy:
     def visits(self, case: Case, settings: Settings, *, timed: bool = False) -> Visits:
         """Return the events of a case with these instances, and what comes beside them.
 
+        Timed, each visit is an instance of its own: visits that overlap are what is timed.
+
         Raises BadSuite: the study has no such abstract case, or it cannot run with one instance of each component.
         """
         if case.abstract not in self.abstracts:
             rule = f"a case must be one that the study has, but no abstract case of {self.name} is called like that"
             raise BadSuite(f"case {case.id!r}", rule, "write the suite again with this version", slug="foreign-case")
-        return self._visits(case.abstract, self.alone and not timed, settings.get("instances") == PER_CASE)
+        one_instance = settings.get("instances") == PER_CASE and not timed
+        return self._visits(case.abstract, self.alone and not timed, one_instance)
 
     def events(self, case: Case) -> tuple[Event, ...]:
         """Return the events of a case, with an instance a visit. Raises BadSuite if it is no case of the study."""
