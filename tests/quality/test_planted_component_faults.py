@@ -132,19 +132,17 @@ def test_a_path_that_comes_back_unmodified_is_found(monkeypatch: pytest.MonkeyPa
     plan = component_plan()
     cases = [plan.case(plan.number(id, 0)) for id, c in interaction_cases().items() if c.interaction.name == "ITP3"]
     monkeypatch.setattr(study, "ComponentTester", Lazy)
-    all_fail([run_functional(case) for case in cases], "a knot moved by 0 m")
+    all_fail([run_functional(case) for case in cases], "modification_response/")
     assert asked
 
 
-def test_a_fitness_of_three_is_found_by_its_value(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_fitness_of_three_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
     def change(message: object) -> object:
         assert isinstance(message, EvaluationResponse)
         return message._replace(fitness=np.full_like(message.fitness, 3.0))
 
     spoil = replaced("evaluation_response", change)
-    all_fail(
-        run_spoiled(monkeypatch, "TrajectoryEvaluation", ("handle",), spoil, "ITP2"), "3 to 3", "at most 2 expected"
-    )
+    all_fail(run_spoiled(monkeypatch, "TrajectoryEvaluation", ("handle",), spoil, "ITP2"), "evaluation_response/")
 
 
 @pytest.mark.parametrize("value", [0.0, -0.1, float("nan")])
@@ -156,7 +154,7 @@ def test_a_fitness_that_is_not_positive_is_found(monkeypatch: pytest.MonkeyPatch
         return message._replace(fitness=fitness)
 
     spoil = replaced("evaluation_response", change)
-    all_fail(run_spoiled(monkeypatch, "TrajectoryEvaluation", ("handle",), spoil, "ITP2"), "above 0")
+    all_fail(run_spoiled(monkeypatch, "TrajectoryEvaluation", ("handle",), spoil, "ITP2"), "evaluation_response/")
 
 
 @pytest.mark.parametrize("size", [5, 9, 501])
@@ -169,7 +167,7 @@ def test_a_trajectory_of_the_wrong_size_is_found_by_its_size(monkeypatch: pytest
 
     spoil = replaced("trajectory_response", change)
     results = run_spoiled(monkeypatch, "TrajectoryGenerator", ("handle",), spoil, "ITP1")
-    all_fail(results, f"trajectories: {size}", "10..500 expected")
+    all_fail(results, "trajectory_response/")
 
 
 def test_a_control_that_never_reports_is_found(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -265,7 +265,9 @@ class Monitor:
         yield from self._settle(instance)
         told = event.payload if isinstance(event.payload, Reported) else None
         after = {**told.variables} if told is not None else {}
-        old = dict(instance.values)
+        # An input may have changed since it was last reported, and so may anything where nothing is reported now.
+        inputs = {each.name for each in component.variables if each.role == "input"}
+        old = {name: value for name, value in instance.values.items() if name not in inputs} if told is not None else {}
         if machine.name not in instance.machines and transition.source == machine.initial:
             initial = {each.name: each.initial for each in component.variables if is_local(each)}
             old = {**{name: value for name, value in initial.items() if name in after}, **old}
