@@ -199,3 +199,30 @@ def test_another_criterion_selects_cases_that_notice_more(tmp_path: Path) -> Non
     edge, pair = (outcomes(*only, "--paths", name, out=tmp_path / name) for name in ("edge", "edge-pair"))
     assert edge["lift:Cabin.__init__:2:off-by-one"] == []
     assert pair["lift:Cabin.__init__:2:off-by-one"] == ["component cases", "golden twin"]
+
+
+def test_mutants_that_die_or_never_end_are_noticed_and_cost_only_themselves(tmp_path: Path) -> None:
+    for name in ("study.yaml", "model.yaml", "domains.yaml"):
+        (tmp_path / name).write_bytes(Path("examples/lift", name).read_bytes())
+    text = Path("examples/lift/lift.py").read_text().replace(
+        '        return took("p1", request=message)',
+        """        n = 0
+        while n < 3:
+            n = n + 1
+        if message["floor"] < 0:
+            os._exit(3)
+        return took("p1", request=message)""",
+    )  # fmt: skip
+    (tmp_path / "lift.py").write_text(text.replace("from parcours.study", "import os\nfrom parcours.study"))
+    run = CliRunner().invoke(
+        parcours,
+        ["mutate", str(tmp_path), "--only", "Panel.call", "--operators", "relation,stale", "--twin", "0",
+         "--workers", "2", "--out", str(tmp_path / "out"), "--json"],
+    )  # fmt: skip
+    assert run.exit_code == 0, run.output
+    found = {one["id"]: (one["end"], one["seen"]) for one in json.loads(run.stdout)["mutants"]}
+    end, seen = found["lift:Panel.call:1:stale"]  # n = n + 1 left out
+    assert end == "timeout" and "its loops go round and round" in seen["component cases"][1]
+    end, seen = found["lift:Panel.call:4:relation"]  # floor > 0
+    assert end == "died" and "ended with exit code 3" in seen["component cases"][1]
+    assert found["lift:Panel.call:1:relation"][0] == "ended"
