@@ -191,6 +191,17 @@ def _lacking(node: ast.ClassDef, known: dict[str, ast.AST], methods: Sequence[st
         yield "component-method", rule, f"write: def {lacking[0]}(self, message): ..."
 
 
+def members_of(target: str, folder: Path) -> frozenset[str]:
+    """Return the names that the body of a class binds, by parsing its file only; none if it is not found there."""
+    path, name = file_of(target, folder), target.rpartition(":")[2]
+    try:
+        tree = ast.parse(path.read_bytes()) if path is not None else ast.Module([], [])
+    except (OSError, SyntaxError, ValueError, RecursionError, MemoryError):
+        return frozenset()
+    node = dict(_names(tree)).get(name)
+    return frozenset(name for name, _ in _names(node)) if isinstance(node, ast.ClassDef) else frozenset()
+
+
 def _names(tree: ast.AST) -> Iterator[tuple[str, ast.AST]]:
     """Yield the names that a module or class body binds, also within `if` and `try`."""
     for node in ast.iter_child_nodes(tree):

@@ -31,6 +31,7 @@ from parcours.study.components.stimuli import Chooser, Formulas
 from parcours.study.components.systems import PATIENCE, PythonPart, System
 from parcours.study.components.tester import StudyTester, Tester
 from parcours.study.hosting import HOSTS, Nodes
+from parcours.study.loading import members_of
 from parcours.study.parameters import Parameter, Scalar, Settings, natural_values
 from parcours.study.protocol import Finding, Judged, Progress, Rejudged, Reported, Request, Results, Run
 from parcours.suite import Case, Plan, combine
@@ -236,9 +237,16 @@ class ComponentStudy:
         return self.visits(case, {}).events
 
     def takes_any_time(self, component: str) -> bool:
-        """Return whether a component is handed messages while it is busy: one that keeps the port itself."""
-        parts = getattr(self.system, "parts", {})
-        return isinstance(part := parts.get(component), PythonPart) and is_full(part.made())
+        """Return whether a component is handed messages while it is busy: one that keeps the port itself.
+
+        A class in a file must say so in its own body: the file is parsed, not run.
+        """
+        part = getattr(self.system, "parts", {}).get(component)
+        if not isinstance(part, PythonPart):
+            return False
+        if isinstance(part.target, str):
+            return members_of(part.target, part.folder) >= {"handle", "next_wake", "wake", "reset"}
+        return is_full(part.target)
 
     def view(self) -> View:
         """Return what shows something of an instance at the end of a case: nothing."""
