@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from importlib.resources import files
 
+import pytest
+
 from parcours.abtc import (
     abstract_cases,
     case_counts,
@@ -14,6 +16,7 @@ from parcours.abtc import (
     rendezvous_pairs,
 )
 from parcours.abtc.interactions import hub
+from parcours.abtc.serialising import POLICIES, Policy
 from parcours.model import read_model
 from parcours.paths import internal_paths
 
@@ -149,6 +152,25 @@ def test_section_4c_counts_19_for_epc_and_67_in_all() -> None:
     assert sum(counts[name] for name in ("ITP1", "ITP2", "ITP3", "ITP4")) == 19
     assert sum(counts[name] for name in ("ITP5", "ITP6")) == 48
     assert len({case.id for case in abstract_cases(RAMP)}) == 67
+
+
+def test_one_of_eight_policies_of_the_same_kind_gives_67_and_19(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The table of docs/test-generation.md: four rules for points, with and without a hub that waits at its request."""
+    counted = {}
+    for rule in ("all-states", "before-return", "distinct-states", "every-transition"):
+        for at_request in (True, False):
+            tried = Policy("", POLICIES[rule].marks, hub_at_request=at_request)
+            monkeypatch.setitem(POLICIES, "tried", tried)
+            counts = case_counts(RAMP, "tried")
+            epc = sum(counts[f"ITP{i}"] for i in range(1, 5))
+            vectors = sum(case_counts(OBSTACLES, "tried").values())
+            counted[rule, at_request] = sum(counts.values()), epc, vectors
+    assert counted == {
+        ("all-states", True): (150, 30, 9), ("all-states", False): (83690, 98, 9),
+        ("before-return", True): (67, 19, 4), ("before-return", False): (4052, 44, 4),
+        ("distinct-states", True): (51, 15, 4), ("distinct-states", False): (3996, 36, 4),
+        ("every-transition", True): (394, 46, 9), ("every-transition", False): (3954268, 220, 9),
+    }  # fmt: skip
 
 
 def test_section_5c_has_9_types_of_concurrency_among_three_obstacles() -> None:

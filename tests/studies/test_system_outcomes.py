@@ -1,4 +1,4 @@
-"""What the system campaign shows: the published schedule's late stop, and its absence in the repaired one."""
+"""What the system campaign shows: the published schedule sticks and touches obstacles, the repaired one does not."""
 
 from __future__ import annotations
 

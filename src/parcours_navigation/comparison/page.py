@@ -20,7 +20,7 @@ SLICES: dict[str, tuple[tuple[Outcome, ...], Tone]] = {
 }
 """Slices of the stacked bars -> the outcomes in them, and their tone."""
 
-_REACHED, _TOUCHED = "goal reached in time, nothing touched", "contact that the moving robot closed"
+_REACHED, _TOUCHED = "goal reached in time, no contact closed", "contact that the moving robot closed"
 
 _READING = """\
 All planners ran **the same cases**: the same obstacles set out at the same times. So they are compared case by case, \

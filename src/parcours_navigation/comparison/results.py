@@ -76,7 +76,7 @@ def erred(facts: Facts) -> Flags:
 
 
 QUESTIONS: dict[str, Callable[[Facts], Flags]] = {
-    "goal reached in time, nothing touched": reached,
+    "goal reached in time, no contact closed": reached,
     "contact that the moving robot closed": touched,
     "contact that the obstacle closed alone": struck,
     "stopped for ever": stuck,
@@ -91,6 +91,7 @@ STUCK = "stuck in imminent collision"
 
 RULES: dict[str, Callable[[Facts], Flags]] = {
     "goal reached": lambda f: published(f).reached,
+    "goal reached, after an obstacle had run into the robot": lambda f: published(f).reached & struck(f),
     "under way on a feasible trajectory": lambda f: published(f).feasible & ~published(f).reached,
     "under way on an infeasible trajectory": lambda f: ~published(f).feasible & ~published(f).reached,
     "imminent collision at any time": lambda f: published(f).halted_once,

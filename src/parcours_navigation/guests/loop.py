@@ -122,6 +122,7 @@ def begin_case(memory: Floats, number: int, limit: float, case: Floats, setting:
     world.goal_x, world.goal_y, world.goal_tolerance = setting[4], setting[5], setting[6]
     robot.v_max, robot.w_max, robot.a_max, robot.alpha_max = setting[7], setting[8], setting[9], setting[10]
     robot.radius = setting[11]
+    world.solid = 0
     obstacles = _obstacles(memory, host.n)
     begin(world, obstacles)
     _mark(memory, host, world, obstacles)
