@@ -244,6 +244,6 @@ def test_mutants_that_die_or_never_end_are_noticed_and_cost_only_themselves(tmp_
     found = {one["id"]: (one["end"], one["seen"]) for one in json.loads(run.stdout)["mutants"]}
     end, seen = found["lift:Panel.call:1:stale"]  # n = n + 1 left out
     assert end == "timeout" and "its loops go round and round" in seen["component cases"][1]
-    end, seen = found["lift:Panel.call:4:relation"]  # floor > 0
+    end, seen = found["lift:Panel.call:3:relation"]  # floor <= 0
     assert end == "died" and "ended with exit code 3" in seen["component cases"][1]
     assert found["lift:Panel.call:1:relation"][0] == "ended"
