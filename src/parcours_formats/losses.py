@@ -38,7 +38,12 @@ def unsaid(cefsm: Cefsm, holds: Set[str]) -> Iterator[Loss]:
         yield Loss("serialisation", 0, f"the policy {cefsm.serialisation!r} is not written")
     for name, _ in cefsm.interactions:
         yield Loss(f"interaction {name!r}", 0, "specified interactions are not written")
+    for channel in cefsm.channels:
+        if channel.ensures:
+            yield Loss(f"channel {channel.name!r}", channel.line, "what must hold of its messages is not written")
     for component in cefsm.components:
+        if component.invariants:
+            yield Loss(f"component {component.name!r}", component.line, "its invariants are not written")
         if component.title and "texts" in lacks:
             yield Loss(f"component {component.name!r}", component.line, f"its title {component.title!r} is not written")
         for variable in component.variables:
@@ -92,6 +97,8 @@ def _of_transition(transition: Transition, lacks: Set[str]) -> Iterator[Loss]:
         elif send.payload and "payloads" in lacks:
             said = ", ".join(map(str, send.payload))
             yield Loss(where, transition.line, f'what it sends on {send.channel!r}, "{said}", is not written')
+    if transition.ensures:
+        yield Loss(where, transition.line, "what must hold after it is not written")
     if transition.duration is not None and "durations" in lacks:
         least, most = transition.duration
         yield Loss(where, transition.line, f"its duration of {least} to {most} s is not written")

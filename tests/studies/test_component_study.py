@@ -17,11 +17,12 @@ from parcours.run.clocks import ClockName, SimulatedClock
 from parcours.run.trace import transitions
 from parcours.study.components import executing
 from parcours.study.components.landing import landing_of
+from parcours.study.components.messages import Messages
 from parcours.study.components.study import PER_CASE
 from parcours.suite import Case, combine
 from parcours.verdict.judgement import Verdict
 from parcours.verdict.timing import duration, judge
-from parcours_ramp.components.model import component_inputs
+from parcours_ramp.components.model import component_inputs, component_model
 from parcours_ramp.components.oracles import ORACLES
 from parcours_ramp.components.study import (
     CASES_OF_PAPER,
@@ -46,6 +47,7 @@ from parcours_ramp.planner.messages import (
 )
 from parcours_ramp.planner.planner import Planner
 from parcours_ramp.planner.route import HOLONOMIC, HYBRID, TRANSITION
+from parcours_ramp.planner.viewing import message_of
 
 ROWS = 3
 
@@ -212,3 +214,14 @@ def test_a_planner_that_accepts_any_answer_is_found_with_one_instance_only(monke
     ]
     assert all(run_functional(case).judgement.passed for case in cases)
     assert {one_instance(case).judgement.verdict for case in cases} == {Verdict.FAIL}
+
+
+def test_every_message_is_of_the_class_that_the_model_declares() -> None:
+    messages, channels = Messages(component_model()), set()
+    for number in range(67):
+        for event in run_functional(component_plan().case(number)).execution.trace.events:
+            if event.kind == "send" and (message := message_of(event.channel, event.payload)) is not None:
+                channels.add(event.channel)
+                if event.channel in {channel.name for channel in component_model().channels}:
+                    assert messages.checked(event.channel, message) == message
+    assert {channel.name for channel in component_model().channels} <= channels

@@ -82,10 +82,13 @@ def test_sound_trips_break_nothing_and_everything_is_judged() -> None:
     ("k", "change", "said"),
     [
         (3, lambda m: {**m, "way": [{"v": 1.0}, {"v": -2.5}]}, "s = it.way[1]: abs(s.v) is 2.5, but must be <= 2"),
+        (3, lambda m: {**m, "place": "3"}, "message of reply: it.place must be int, but is '3'"),
+        (3, lambda m: {**m, "way": [{"v": True}]}, "it.way[0].v must be real, but is True"),
+        (3, lambda m: {**m, "wrong": 1}, "it must be a Track, which has no 'wrong'"),
         (3, lambda m: {**m, "place": 4}, "it.place is 4, but must be == request.target is 3"),
         (4, lambda m: {"target": 4}, "message note of c2: target must be at, which is 3, but is 4"),
         (1, lambda r: Reported({**r.variables, "at": 4}, r.operations), "at must be 3 after it, but is reported as 4"),
-        (1, lambda r: Reported({**r.variables, "ready": False}, r.operations), 'guard of c1: "ready" does not hold'),
+        (1, lambda r: Reported({**r.variables, "ready": False}, r.operations), 'guard of c1: ready is false, so "ready" does not hold'),
         (1, lambda r: Reported(r.variables, ()), "performs log, but the component reports none"),
         (2, lambda r: Reported({**r.variables, "trips": 1}, ()), "leaves trips at 0, but the component reports 1"),
         (2, lambda r: Reported(r.variables, ("log",)), "performs none, but the component reports log"),
@@ -98,7 +101,7 @@ def test_a_planted_fault_is_named_with_its_values(k: int, change: Callable[[obje
 @pytest.mark.parametrize(
     ("events", "said"),
     [
-        (trip(9), 'guard of c2: "at < 8" does not hold: at is 9, but must be < 8'),
+        (trip(9), 'guard of c2: at is 9, but must be < 8, so "at < 8" does not hold'),
         (trip(12), "Cart/bounded"),
         (trip(0), "c1/moves"),
         ([*trip(5), *trip(3)], "it.place is 3, but must be >= last.place is 5"),

@@ -19,6 +19,7 @@ from parcours.model.configuration import content_of
 from parcours.model.expression import Assignment, Call, Expression, evaluate, names
 from parcours.model.expression.evaluation import Code, compiled
 from parcours.model.expression.explaining import explain
+from parcours.model.fitting import misfit
 from parcours.model.formulas import Clause, clauses, reverse
 from parcours.model.scope import Scopes, is_local
 from parcours.model.structure import BASE_TYPES, Cefsm, Component, Machine, Transition
@@ -113,6 +114,7 @@ class Contracts:
         for clause in self.clauses:
             code = compiled(clause.formula.condition, clause.id)
             self._of.setdefault((clause.of, clause.owner), []).append((clause, code))
+        self.classes = {message.name: message for message in cefsm.messages}
         self.channels = {channel.name: channel for channel in cefsm.channels}
         self.asked = {
             channel.name: asked.name for channel in cefsm.channels if (asked := reverse(cefsm, channel)) is not None
@@ -146,6 +148,11 @@ class Contracts:
             if any(isinstance(each, Call) for each in transition.actions):
                 yield f"operations of {transition.id}"
         yield from (f"message {channel} of {id}" for (id, channel), fields in self.contents.items() if fields)
+
+    def misfit(self, channel: str, message: Mapping[str, object]) -> str:
+        """Return what in a message is not of the channel's class; empty if nothing is, or the class is not known."""
+        declared = self.classes.get(self.channels[channel].message)
+        return "" if declared is None else misfit(self.classes, declared, message)
 
     def mask(self, tally: Tally) -> str:
         """Return which checks were made at least once, as a bit for each in hexadecimal."""
@@ -209,6 +216,9 @@ class Monitor:
             yield Violation(event, self._position, f"message of {event.channel}", error.rule)
             return
         if message is None or not event.component:
+            return
+        if event.kind == "send" and (wrong := self._contracts.misfit(event.channel, message)):
+            yield Violation(event, self._position, f"message of {event.channel}", wrong)
             return
         instance = self._instance(event.component)
         if event.kind == "receive":
@@ -296,7 +306,7 @@ class Monitor:
     ) -> Iterator[Violation]:
         for clause, code in self._contracts.of(kind, owner):
             if (wrong := self._wrong(clause.id, clause.formula.condition, code, known)) is not None:
-                yield Violation(event, position, clause.id, f'"{clause.formula.text}" does not hold: {wrong}')
+                yield Violation(event, position, clause.id, f'{wrong}, so "{clause.formula.text}" does not hold')
 
     def _wrong(self, id: str, condition: Expression, code: Code, known: Mapping[str, object]) -> str | None:
         try:
@@ -325,7 +335,7 @@ class Monitor:
         if guard is not None:
             what = f"guard of {transition.id}"
             if (wrong := self._wrong(what, guard, compiled(guard, what), before)) is not None:
-                yield Violation(event, self._position, what, f'"{guard}" does not hold: {wrong}')
+                yield Violation(event, self._position, what, f'{wrong}, so "{guard}" does not hold')
         if told is None:
             if transition.actions:
                 self.tally.unjudged[f"actions of {transition.id}"] += 1

@@ -1,0 +1,50 @@
+"""Whether a message is of the class that its model declares: fields, types and shapes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from parcours.model.structure import MessageClass
+
+_KINDS: dict[str, tuple[type, ...]] = {"bool": (bool,), "int": (int,), "real": (int, float)}
+
+
+def misfit(classes: Mapping[str, MessageClass], declared: MessageClass, message: object, where: str = "it") -> str:
+    """Return the first thing in a message that its class does not allow; empty if there is none.
+
+    A field that is missing is allowed: not every observer sees all.
+
+    >>> from parcours.model.structure import Field
+    >>> state = MessageClass("State", (Field("v", "real"), Field("way", "int", shape=(2,))))
+    >>> misfit({}, state, {"v": True})
+    'it.v must be real, but is True'
+    >>> misfit({}, state, {"v": 1, "way": [1, 2, 3]})
+    'it.way must be a list of 2, but is [1, 2, 3]'
+    """
+    if not isinstance(message, Mapping):
+        return f"{where} must be a {declared.name}, but is {message!r:.60}"
+    fields = {field.name: field for field in declared.fields}
+    for name, value in message.items():
+        if name not in fields:
+            return f"{where} must be a {declared.name}, which has no {name!r}"
+        field = fields[name]
+        if wrong := _misfit(classes, field.type, field.shape, value, f"{where}.{name}"):
+            return wrong
+    return ""
+
+
+def _misfit(
+    classes: Mapping[str, MessageClass], kind: str, shape: tuple[int | str, ...], value: object, where: str
+) -> str:
+    if shape:
+        is_list = isinstance(value, list | tuple) or (isinstance(value, Sequence) and not isinstance(value, str))
+        if not is_list or (isinstance(shape[0], int) and len(value) != shape[0]):  # type: ignore[arg-type]
+            return f"{where} must be a list of {shape[0]}, but is {value!r:.60}"
+        items = enumerate(value)  # type: ignore[arg-type, var-annotated]
+        wrongs = (_misfit(classes, kind, shape[1:], one, f"{where}[{k}]") for k, one in items)
+        return next((wrong for wrong in wrongs if wrong), "")
+    if kind in classes:
+        return misfit(classes, classes[kind], value, where)
+    allowed = _KINDS.get(kind, (str,))
+    fits = type(value) in allowed or (isinstance(value, allowed) and (kind == "bool" or not isinstance(value, bool)))
+    return "" if fits else f"{where} must be {kind}, but is {value!r:.60}"
