@@ -18,7 +18,7 @@ from parcours.run.trace import transitions
 from parcours.study.components import executing
 from parcours.study.components.landing import landing_of
 from parcours.study.components.messages import Messages
-from parcours.study.components.study import PER_CASE
+from parcours.study.components.results import PER_CASE
 from parcours.suite import Case, combine
 from parcours.verdict.judgement import Verdict
 from parcours.verdict.timing import duration, judge

@@ -10,6 +10,7 @@ import subprocess
 import sys
 from collections import Counter
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -84,7 +85,9 @@ def test_so_they_do_over_whole_cases_that_are_watched_on_and_the_trace_tells_wha
 @pytest.mark.parametrize("schedule", SCHEDULES)
 def test_so_they_do_among_solid_obstacles_and_with_any_published_habit_changed(schedule: str) -> None:
     plain = timeless(schedule, 6.0)
-    changes = [{name: schedule == "original"} for name in ("looks_ahead", "may_leave", "halts_at_once")]
+    changes: list[dict[str, Any]] = [
+        {name: schedule == "original"} for name in ("looks_ahead", "may_leave", "halts_at_once")
+    ]
     studies = [dataclasses.replace(plain, solid=True)]
     studies += [dataclasses.replace(plain, parameters=dataclasses.replace(plain.parameters, **c)) for c in changes]
     facts = plain.run(np.arange(60))

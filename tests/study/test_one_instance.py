@@ -12,9 +12,10 @@ from parcours.abtc import as_one_instance, serialise
 from parcours.model.model_file import parse_model
 from parcours.run.enforcement import instance_name
 from parcours.study import took
+from parcours.study.components.results import PER_CASE, PER_VISIT
 from parcours.study.components.running import functional_here
 from parcours.study.components.simple import Took
-from parcours.study.components.study import PER_CASE, PER_VISIT, ComponentStudy
+from parcours.study.components.study import ComponentStudy
 from parcours.study.components.systems import python_system
 from parcours.study.parameters import settings_of
 from parcours.verdict.judgement import Verdict

@@ -7,6 +7,7 @@ import pytest
 
 from parcours.study.components.references import difference
 from parcours.study.finding import find
+from parcours.study.parameters import Scalar
 
 LIFT = Path(__file__).parents[2] / "examples" / "lift"
 
@@ -31,7 +32,7 @@ def broken(channel, message):
 def verdicts(folder: Path) -> set[tuple[str, str]]:
     """Return verdict and reason of the first four cases of a study."""
     study = find(str(folder))
-    settings = {"host": "simulated", "graph": "", "record": "", "repeats": 60}
+    settings: dict[str, Scalar] = {"host": "simulated", "graph": "", "record": "", "repeats": 60}
     judged = [study.judge(case, settings) for case in study.suite(settings, 0, 4)]
     return {(str(one.verdict), one.why) for one in judged}
 
