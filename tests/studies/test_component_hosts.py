@@ -117,7 +117,7 @@ def payloads(trace: Trace) -> dict[tuple[str, str, str], list[bytes]]:
     """Return what was sent, taken up and shown, by whom, bit by bit; without what is told of the time."""
     found: dict[tuple[str, str, str], list[bytes]] = defaultdict(list)
     for event in trace.events:
-        if event.payload is None or event.channel == "cmd_vel":  # a command depends on when it is given
+        if event.payload is None or event.channel in ("", "cmd_vel"):  # a command depends on when it is given
             continue
         values = list(flatten(event.channel, event.payload))
         for k, entry in enumerate(FORMS[event.channel]):

@@ -33,7 +33,9 @@ def test_no_component_case_deviates_in_what_it_takes_or_sends() -> None:
 def test_no_system_case_deviates(schedule: str, observes: Observes) -> None:
     for number in range(2):
         trace = run_components(system_study(schedule), number, 4.0).trace
-        found = check(trace, component_model(), observes=observes, allowance=RAMP, quiescence=TIMEOUTS, data=message_of)
+        found = check(
+            trace, component_model(schedule), observes=observes, allowance=RAMP, quiescence=TIMEOUTS, data=message_of
+        )
         assert found.judgement.passed, found.judgement.why
         assert found.n_outside > 0
 

@@ -6,6 +6,7 @@ once.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -36,13 +37,16 @@ def read_model(path: str | Path) -> Cefsm:
     return _accepted(check_file(path))
 
 
-def parse_model(text: str, origin: str = "<text>") -> Cefsm:
+def parse_model(text: str, origin: str = "<text>", constants: Mapping[str, float] | None = None) -> Cefsm:
     """Return the model that a text holds.
+
+    Args:
+        constants: other values for some of its `constants:`, for a system with other parameters.
 
     Raises:
         BadModel: the model has errors; the message says all of them, one a line.
     """
-    return _accepted(check_text(text, origin))
+    return _accepted(check_text(text, origin, constants))
 
 
 def check_file(path: str | Path) -> Checked:
@@ -55,9 +59,9 @@ def check_file(path: str | Path) -> Checked:
     return check_text(text, origin)
 
 
-def check_text(text: str, origin: str = "<text>") -> Checked:
+def check_text(text: str, origin: str = "<text>", constants: Mapping[str, float] | None = None) -> Checked:
     """Return the model of a text, None if it has errors, and every finding; never raise for a bad model."""
-    model, found = _parsed(text, origin)
+    model, found = _parsed(text, origin, constants)
     if model is not None and not found:
         found = findings_of(model, origin)
     ordered = tuple(sorted(found, key=lambda finding: (finding.line, finding.rule, finding.message)))
@@ -81,11 +85,11 @@ def write(cefsm: Cefsm) -> Writing:
     return Writing(write_model(cefsm))
 
 
-def _parsed(text: str, origin: str) -> tuple[Cefsm | None, list[Finding]]:
+def _parsed(text: str, origin: str, constants: Mapping[str, float] | None = None) -> tuple[Cefsm | None, list[Finding]]:
     document, found = read_document(text, origin)
     if document is None:
         return None, found
-    model, more = read_schema(document, origin)
+    model, more = read_schema(document, origin, constants)
     return model, found + more
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import collections.abc
 from typing import Literal, cast
 
 from parcours.errors import BadModel
@@ -46,9 +47,11 @@ MAX_CAPACITY = 1000
 """Most messages that a channel may hold."""
 
 
-def read_schema(document: Node, origin: str) -> tuple[Cefsm, list[Finding]]:
+def read_schema(
+    document: Node, origin: str, constants: collections.abc.Mapping[str, float] | None = None
+) -> tuple[Cefsm, list[Finding]]:
     """Return the model that a document holds, with stand-ins where something is wrong, and all that is wrong."""
-    reader = _SchemaReader(origin)
+    reader = _SchemaReader(origin, constants or {})
     return reader.model(document), reader.findings
 
 
@@ -59,8 +62,9 @@ class _SchemaReader(NodeReader):
     # Each method takes a name and its node and returns the element, with stand-ins where findings were made, so
     # that one pass finds them all.
 
-    def __init__(self, origin: str) -> None:
+    def __init__(self, origin: str, constants: collections.abc.Mapping[str, float]) -> None:
         super().__init__(origin)
+        self.given = constants
         self.constants: dict[str, Expression] = {}
 
     def model(self, node: Node) -> Cefsm:
@@ -75,7 +79,8 @@ class _SchemaReader(NodeReader):
             rule = f"'parcours' must be {FORMAT!r}, but is {version[:40]!r}"
             self.add(items["parcours"], "format", rule, f"this version reads {FORMAT} only")
         for name, value, _ in self.entries(items.get("constants"), "constants"):
-            self.constants[name] = self.parsed(value, f"constant {name!r}", _constant, _ZERO)
+            read = self.parsed(value, f"constant {name!r}", _constant, _ZERO)
+            self.constants[name] = _constant(repr(self.given[name]), name) if name in self.given else read
         components = self.entries(items.get("components"), "components")
         channels = self.entries(items.get("channels"), "channels")
         messages = self.entries(items.get("messages"), "messages")

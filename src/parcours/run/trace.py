@@ -36,6 +36,9 @@ _Line = tuple[int, Kind, str, str, str, int, str]
 """An event in a file: the fields of a TraceEvent but its payload."""
 
 
+_REPORTED = "reported: "
+
+
 class _Told(msgspec.Struct):
     variables: dict[str, bool | int | float | str]
     operations: tuple[str, ...] | None
@@ -135,7 +138,8 @@ def told(event: TraceEvent) -> str:
     """Return what stands for an event's text in a file: with a transition, as JSON, what its component reported."""
     if not isinstance(event.payload, Reported):
         return event.text
-    return json.dumps({"variables": dict(event.payload.variables), "operations": event.payload.operations})
+    said = {"variables": dict(event.payload.variables), "operations": event.payload.operations}
+    return f"{_REPORTED}{json.dumps(said)}"
 
 
 def retold(event: TraceEvent) -> TraceEvent:
@@ -143,10 +147,10 @@ def retold(event: TraceEvent) -> TraceEvent:
 
     Raises ValueError: the text of a transition holds no report.
     """
-    if event.kind != "take" or not event.text:
+    if event.kind != "take" or not event.text.startswith(_REPORTED):
         return event
     try:
-        said = msgspec.json.decode(event.text, type=_Told)
+        said = msgspec.json.decode(event.text.removeprefix(_REPORTED), type=_Told)
     except (msgspec.DecodeError, RecursionError) as error:
         raise ValueError(f"no report of a component: {event.text[:60]!r}") from error
     return replace(event, text="", payload=Reported(said.variables, said.operations))

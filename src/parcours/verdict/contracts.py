@@ -10,7 +10,7 @@ with what its component knew: the message that it received, the one that it answ
 from __future__ import annotations
 
 import functools
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -74,6 +74,9 @@ def plain(channel: str, payload: object) -> Mapping[str, object] | None:
     return payload if isinstance(payload, Mapping) else None
 
 
+_MOST_WAITING = 1000  # messages of a channel that are counted while no transition takes them up
+
+
 @dataclass(slots=True)
 class _Instance:
     """What one instance has received, sent and reported so far."""
@@ -81,8 +84,8 @@ class _Instance:
     values: dict[str, object] = field(default_factory=dict)
     received: dict[str, Mapping[str, object]] = field(default_factory=dict)
     sent: dict[str, Mapping[str, object]] = field(default_factory=dict)
-    message: Mapping[str, object] | None = None
-    """The last one received, of whatever channel."""
+    waiting: dict[str, deque[Mapping[str, object]]] = field(default_factory=dict)
+    """Received by channel, and not yet taken up by a transition, as far as can be seen."""
     taken: _Taken | None = None
     """The transition whose messages are not all sent yet."""
     machines: set[str] = field(default_factory=set)
@@ -223,7 +226,8 @@ class Monitor:
         instance = self._instance(event.component)
         if event.kind == "receive":
             yield from self._settle(instance)
-            instance.received[event.channel] = instance.message = message
+            instance.received[event.channel] = message
+            instance.waiting.setdefault(event.channel, deque(maxlen=_MOST_WAITING)).append(message)
             return
         known = {**instance.values, "it": message, "received": instance.received}
         if event.channel in instance.sent:
@@ -283,8 +287,11 @@ class Monitor:
             old = {**{name: value for name, value in initial.items() if name in after}, **old}
         instance.machines.add(machine.name)
         received = {}
-        if transition.event is not None and transition.event.name and instance.message is not None:
-            received[transition.event.name] = instance.message
+        if transition.event is not None and (waiting := instance.waiting.get(transition.event.channel)):
+            # Of several that wait, which one it took up is only known to the component.
+            if len(waiting) == 1 and transition.event.name:
+                received[transition.event.name] = waiting[0]
+            waiting.popleft()
         yield from self._step(event, component, transition, old, after, received, told)
         instance.values.update(after)
         known = {**instance.values, **received, "old": old, "last": dict(instance.sent)}

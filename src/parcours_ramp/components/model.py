@@ -9,13 +9,15 @@ from pathlib import Path
 from parcours.data import InputModel, parse_input_model
 from parcours.model import parse_model
 from parcours.model.structure import Cefsm
+from parcours_ramp.planner.parameters import original
 
 
 @functools.cache
-def component_model() -> Cefsm:
-    """Return the model of the six components (Fig. 3, Tables I and II)."""
+def component_model(schedule: str = "guarded") -> Cefsm:
+    """Return the model of the six components (Fig. 3, Tables I and II), with what holds of data under a schedule."""
     text = (files(__package__) / "model.yaml").read_text(encoding="utf-8")
-    return parse_model(text, "ramp_components/model.yaml")
+    constants = {} if schedule == "guarded" else {"margin": original().plan_margin}
+    return parse_model(text, "ramp_components/model.yaml", constants)
 
 
 @functools.cache

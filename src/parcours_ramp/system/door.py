@@ -16,11 +16,12 @@ from parcours.study.protocol import Finding, Judged, Progress, Rejudged, Reporte
 from parcours.suite import Case
 from parcours_navigation.cases.family import FILES, LONGEST, PUBLISHED_CASES, TIME_LIMIT
 from parcours_navigation.study.asking import CASES, TIME_LIMIT_DOC, cases_of, numbers_of, question_of
-from parcours_navigation.study.results import CampaignResults, report_folders
+from parcours_navigation.study.results import report_folders
 from parcours_ramp.planner.latency import Latencies
 from parcours_ramp.planner.whole import DECIDING
 from parcours_ramp.system.study import SCHEDULES, SystemStudy, system_study
 
+JUDGED_DOC = "one case of so many is run again component by component, and its messages are judged; 0: none"
 LIVE_CASES = 20  # Cases of a run in real time if nothing is said
 
 
@@ -53,6 +54,7 @@ class RampSystem:
             Parameter(
                 "solid", "bool", False, "an obstacle that touches the robot stops for good; else it drives through"
             ),
+            Parameter("judged", "int", 0, JUDGED_DOC, low=0, decides=False),
             Parameter("time_limit", "real", TIME_LIMIT, TIME_LIMIT_DOC, "s", low=0.01, high=LONGEST),
             workers_parameter(),
             Parameter("host", "text", "simulated", "where the components run", choices=HOSTS),
@@ -107,18 +109,25 @@ class RampSystem:
                                  slug="option-study")  # fmt: skip
         study = self.study(settings, request.seed)
         question = question_of(self, request)
-        return run_numbered(
-            self.name, self.where, study, request.n_cases or PUBLISHED_CASES, numbers_of(study.cases, request.chosen),
-            question, int(settings["workers"]), request, progress, str(settings["schedule"]),
+        n_cases, chosen = request.n_cases or PUBLISHED_CASES, numbers_of(study.cases, request.chosen)
+        run = run_numbered(
+            self.name, self.where, study, n_cases, chosen, question, int(settings["workers"]), request, progress,
+            str(settings["schedule"]),
         )  # fmt: skip
+        if (every := int(settings["judged"])) and not run.interrupted:
+            from parcours_ramp.system.sampling import sample
+
+            sample(study, (chosen or range(n_cases))[::every], request.out, progress)
+        return run
 
     def read(self, folder: Path) -> Results:
         """Return the results in a folder, of a campaign or of live cases."""
         from parcours_ramp.system.campaigns import load_campaign
         from parcours_ramp.system.live_results import FILE, read_live
+        from parcours_ramp.system.sampling import SampledCampaign
 
         live = (folder / FILE).exists()
-        return read_live(folder) if live else CampaignResults(load_campaign(folder), folder, self.name)
+        return read_live(folder) if live else SampledCampaign(load_campaign(folder), folder, self.name)
 
     def report(self, results: Mapping[str, Results]) -> Reported:
         """Return tables, pieces and documents on campaigns and live cases."""

@@ -175,7 +175,7 @@ def run_live(
         host.run(until)
     host.rest()
     trace = host.trace(study.cases.id(number))
-    return _run(observer, trace, host.deaths)
+    return _run(study, observer, trace, host.deaths)
 
 
 def rerun(study: SystemStudy, number: int, trace: Trace) -> LiveRun:
@@ -190,12 +190,13 @@ def rerun(study: SystemStudy, number: int, trace: Trace) -> LiveRun:
         elif event.kind == "receive" and event.channel == "cmd_vel":
             for _ in observer.world.handle("cmd_vel", event.payload, event.time):
                 pass
-    return _run(observer, trace, deaths)
+    return _run(study, observer, trace, deaths)
 
 
-def _run(observer: Observer, trace: Trace, deaths: dict[str, str]) -> LiveRun:
+def _run(study: SystemStudy, observer: Observer, trace: Trace, deaths: dict[str, str]) -> LiveRun:
     facts = observer.facts(trace)
-    conforms = check(trace, component_model(), quiescence=QUIESCENCE, allowance=_OUTSIDE, data=message_of).judgement
+    model = component_model(study.parameters.schedule)
+    conforms = check(trace, model, quiescence=QUIESCENCE, allowance=_OUTSIDE, data=message_of).judgement
     return LiveRun(facts, *observer.track(), trace, deaths, conforms, judge_live(facts, deaths, conforms))
 
 

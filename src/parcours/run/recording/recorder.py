@@ -15,6 +15,7 @@ from parcours import __version__
 from parcours.run.atomic import replacing, unwritable
 from parcours.run.clocks import ClockName
 from parcours.run.noise import Noise
+from parcours.run.port import Reported
 from parcours.run.recording.content import BEGIN, END, EVENT, EVENTS, FORMAT, RUN, TEXT, Names
 from parcours.run.recording.layout import Codec, Layout
 from parcours.run.recording.topic import Format, Raw, Topic, format_of, open_writer
@@ -163,7 +164,7 @@ class _Stream:
     def _payload(self, event: TraceEvent, time: int) -> tuple[int, bool, str]:
         """Write the event's payload if need be; return the number of the event that has it, whether raw, and where."""
         payload, channel = event.payload, event.channel
-        if payload is None or not channel:
+        if payload is None or isinstance(payload, Reported):
             return -1, False, ""
         key = channel, event.message
         known = self._known.get(key)

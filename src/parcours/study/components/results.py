@@ -19,6 +19,7 @@ from parcours.report.pieces import Column, Figure, Page, Section, Table
 from parcours.report.timings import Timed, timing_figure, timing_table
 from parcours.report.writing import write_text
 from parcours.run.noise import Noise, noise_of
+from parcours.run.port import Reported
 from parcours.run.trace import SHOWN, Trace
 from parcours.study.components.executing import Functional, Timing
 from parcours.study.protocol import Measure
@@ -292,6 +293,8 @@ def event_rows(trace: Trace) -> tuple[tuple[str | int, ...], ...]:
 
 
 def _shown(payload: object) -> str:
+    if isinstance(payload, Reported):
+        payload = dict(payload.variables) or None
     if payload is None:
         return ""
     try:

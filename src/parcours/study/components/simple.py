@@ -19,12 +19,10 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from parcours.errors import HostFailure, one_of
-from parcours.model.structure import BASE_TYPES
-from parcours.run.port import Reported
 
 if TYPE_CHECKING:
     from parcours.model.structure import Component as Modelled
-    from parcours.run.port import Component, Send, Step
+    from parcours.run.port import Component, Reported, Send, Step
 
 MOST_SENDS = 10_000  # A transition that sends more messages floods its host, and fails
 
@@ -62,6 +60,8 @@ class Simple:
         self._modelled, self._make = modelled, make
         self.name = modelled.name
         self._transitions = {transition.id for transition in modelled.transitions()}
+        from parcours.model.structure import BASE_TYPES  # a user's file imports `took` only, which takes no time
+
         self._variables = [each.name for each in modelled.variables if each.type in BASE_TYPES]
         self.reset()
 
@@ -119,6 +119,8 @@ class Simple:
 
     def _reported(self) -> Reported:
         """Return the model's variables that the object has as attributes of the same names."""
+        from parcours.run.port import Reported
+
         found = {name: getattr(self._object, name, None) for name in self._variables}
         return Reported({name: value for name, value in found.items() if isinstance(value, bool | int | float | str)})
 

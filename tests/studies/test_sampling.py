@@ -1,0 +1,51 @@
+"""Campaign cases that are run again component by component: a fault in data or facts fails its case."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+from typing import Any
+
+import pytest
+from click.testing import CliRunner
+
+from parcours.cli import parcours
+from parcours_ramp.planner import viewing
+from parcours_ramp.system import sampling
+from parcours_ramp.system.component_form import run_components
+from parcours_ramp.system.sampling import judge_sampled, read_sampled
+from parcours_ramp.system.study import SCHEDULES, system_study
+
+
+@pytest.mark.parametrize("schedule", SCHEDULES)
+def test_sound_cases_pass_and_are_reported(schedule: str, tmp_path: Path) -> None:
+    arguments = ["run", "ramp_system", "--schedule", schedule, "--cases", "4", "--time-limit", "2", "--judged", "3"]
+    run = CliRunner().invoke(parcours, [*arguments, "--workers", "1", "--out", str(tmp_path)])
+    assert {number: one["verdict"] for number, one in read_sampled(tmp_path).items()} == {"0": "pass", "3": "pass"}
+    assert "Sampled cases" in run.output
+
+
+def test_data_that_are_wrong_fail_their_case(monkeypatch: pytest.MonkeyPatch) -> None:
+    def twice_as_fast(channel: str, payload: Any) -> Any:
+        message = viewing.message_of(channel, payload)
+        if channel == "best_trajectory" and message is not None:
+            message = {**message, "points": [{**s, "v": 2 * s["v"]} for s in message["points"]]}  # type: ignore[attr-defined]
+        return message
+
+    monkeypatch.setattr(sampling, "message_of", twice_as_fast)
+    judgement = judge_sampled(dataclasses.replace(system_study("guarded"), time_limit=1.0), 0)
+    assert judgement.verdict == "fail" and "best_trajectory/" in judgement.why
+
+
+def test_facts_that_differ_fail_their_case(monkeypatch: pytest.MonkeyPatch) -> None:
+    plain = run_components
+
+    def another(*arguments: Any) -> Any:
+        ran = plain(*arguments)
+        assert ran.facts is not None
+        ran.facts["n_control_cycles"] += 1
+        return ran
+
+    monkeypatch.setattr(sampling, "run_components", another)
+    judgement = judge_sampled(dataclasses.replace(system_study("guarded"), time_limit=1.0), 0)
+    assert judgement.verdict == "fail" and "n_control_cycles is" in judgement.why
