@@ -364,6 +364,7 @@ class Monitor:
         before: Mapping[str, object], after: Mapping[str, object],
     ) -> Iterator[Violation]:  # fmt: skip
         what = f"actions of {transition.id}"
+        assigned = {each.target for each in transition.actions if isinstance(each, Assignment)}
         wanted, known = {}, dict(before)
         for action in transition.actions:
             if isinstance(action, Assignment):
@@ -382,13 +383,9 @@ class Monitor:
                 if after[name] != wanted[name]:
                     rule = f"{name} must be {wanted[name]!r} after it, but is reported as {after[name]!r}"
                     yield Violation(event, self._position, what, rule)
-            elif is_local(variable) and name in old and not _sets(transition, name) and after[name] != old[name]:
+            elif is_local(variable) and name in old and name not in assigned and after[name] != old[name]:
                 rule = f"it leaves {name} at {old[name]!r}, but the component reports {after[name]!r}"
                 yield Violation(event, self._position, what, rule)
-
-
-def _sets(transition: Transition, name: str) -> bool:
-    return any(isinstance(each, Assignment) and each.target == name for each in transition.actions)
 
 
 def judged(checks: Sequence[str], masks: Iterable[str]) -> dict[str, bool]:
