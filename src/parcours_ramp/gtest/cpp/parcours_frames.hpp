@@ -77,8 +77,13 @@ class Unpacker {
     if (head >= 0xe0) return integer(static_cast<std::int8_t>(head));
     if (head >= 0xa0 && head < 0xc0) return text(head & 0x1f);
     if (head >= 0x90 && head < 0xa0) return array(head & 0x0f, depth);
+    if (head >= 0x80 && head < 0x90) return array(2 * (head & 0x0f), depth);  // a map: what a component reports
     switch (head) {
       case 0xc0: return Value{};
+      case 0xc2: return integer(0);
+      case 0xc3: return integer(1);
+      case 0xca: take(4); return Value{};
+      case 0xcb: take(8); return Value{};
       case 0xc4: case 0xd9: return text(number(1));
       case 0xc5: case 0xda: return text(number(2));
       case 0xc6: case 0xdb: return text(number(4));
@@ -91,6 +96,7 @@ class Unpacker {
       case 0xd2: return integer(static_cast<std::int32_t>(number(4)));
       case 0xdc: return array(number(2), depth);
       case 0xdd: return array(number(4), depth);
+      case 0xde: return array(2 * number(2), depth);
       default: refuse();
     }
   }
