@@ -58,16 +58,6 @@ class Tally:
     judged: Counter[str] = field(default_factory=Counter)
     unjudged: Counter[str] = field(default_factory=Counter)
 
-    def add(self, other: Tally) -> None:
-        """Count what another tally has counted, too."""
-        self.judged += other.judged
-        self.unjudged += other.unjudged
-
-    @property
-    def never(self) -> tuple[str, ...]:
-        """What was met, and never judged, sorted."""
-        return tuple(sorted(set(self.unjudged) - set(self.judged)))
-
 
 def plain(channel: str, payload: object) -> Mapping[str, object] | None:
     """Return a payload that is a mapping already; None of others."""
@@ -111,7 +101,6 @@ class Contracts:
     """What a model says of data, ready to judge traces of it."""
 
     def __init__(self, cefsm: Cefsm) -> None:
-        self.cefsm = cefsm
         self.clauses = tuple(clauses(cefsm))
         self._of: dict[tuple[str, str], list[tuple[Clause, Code]]] = {}
         for clause in self.clauses:
@@ -238,9 +227,8 @@ class Monitor:
         if is_own:
             yield from self._hold("channel", event.channel, known, event, self._position)
         taken = instance.taken
-        if taken is not None and is_own and taken.awaited[event.channel] > 0:
-            yield from self._content(taken, event, message)
         if taken is not None and taken.awaited[event.channel] > 0:
+            yield from self._content(taken, event, message)
             taken.known[event.channel] = message
             taken.awaited[event.channel] -= 1
             if not +taken.awaited:

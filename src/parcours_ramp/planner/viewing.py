@@ -155,11 +155,6 @@ def _report(payload: Any) -> dict[str, object]:
     return {"stamp": payload.stamp * 1e-9, **_state(payload.pose), "lag": payload.lag * 1e-9}
 
 
-def _command(payload: Any) -> dict[str, object]:
-    v, w = payload
-    return {"v": float(v), "w": float(w)}
-
-
 _VIEWS: dict[str, Callable[[Any], dict[str, object]]] = {
     "odometry": _obstacles,
     "obstacles": _obstacles,
@@ -171,5 +166,4 @@ _VIEWS: dict[str, Callable[[Any], dict[str, object]]] = {
     "modification_response": _modification_response,
     "best_trajectory": _trajectory,
     "update": _report,
-    "cmd_vel": _command,
 }

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from itertools import zip_longest
 from pathlib import Path
 
 from parcours.abtc import Event
@@ -115,7 +116,10 @@ class Relation:
         deviation = next((event.text for event in changed.events if event.kind == "deviation"), "")
         if deviation:
             return f"relation {self.name}: the changed case took another way: {deviation}"
-        for before, after in zip(_sent(trace), _sent(changed), strict=False):
+        for before, after in zip_longest(_sent(trace), _sent(changed)):
+            if before is None or after is None or before.channel != after.channel:
+                there, here = (one.channel if one is not None else "nothing" for one in (before, after))
+                return f"relation {self.name}: {there} was sent, but in the changed case {here}"
             wanted = function(before.channel, before.payload)  # type: ignore[operator]
             if wanted is not None and (found := difference(after.payload, wanted, self.tolerance)):
                 return f"relation {self.name}: {after.channel} of {after.component} in the changed case: {found}"
@@ -123,5 +127,4 @@ class Relation:
 
 
 def _sent(trace: Trace) -> Iterator[TraceEvent]:
-    # Both runs take the same transitions, so their messages come in the same order, or a channel's count differs.
     return (event for event in trace.events if event.kind == "send" and "#" in event.component)
