@@ -29,6 +29,7 @@ from parcours_ramp.components.components import view
 from parcours_ramp.components.model import component_files, component_inputs, component_model
 from parcours_ramp.components.node_program import RampCodec
 from parcours_ramp.components.oracles import ORACLES
+from parcours_ramp.components.references import references
 from parcours_ramp.components.tester import ComponentTester
 from parcours_ramp.planner.viewing import message_of
 from parcours_ramp.planner.whole import DECIDING
@@ -87,8 +88,10 @@ class RampComponents(ComponentStudy):
         return message_of(channel, payload)
 
     def oracle(self, case: Case, trace: Trace, settings: Settings) -> Judgement:
-        """Judge by Table VIII."""
-        return ORACLES[interaction_of(case)](trace)
+        """Judge by Table VIII, then by what the services' references answer."""
+        judgement = ORACLES[interaction_of(case)](trace)
+        referred = super().oracle(case, trace, settings) if judgement.passed else judgement
+        return judgement if referred.passed else referred
 
     def timing(self, seed: int, settings: Settings) -> list[TimingGroup]:
         """Return the paper's sample: 60 cases against limits from the greatest down."""
@@ -116,6 +119,7 @@ def component_study() -> RampComponents:
     return RampComponents(
         "ramp_components", component_model(), None, component_inputs(), where="ramp_components", own=(percent,),
         alone=True, files=component_files(), mutants=DECIDING,
+        oracles=references(component_model()),
         doc="RAMP's six components: 67 abstract cases, and 60 against limits (Tables III to VIII)",
     )  # fmt: skip
 

@@ -1,6 +1,6 @@
 """RAMP's payloads as messages of the model: plain mappings from the fields that components/model.yaml declares.
 
-Numbers that only the kernels pass on among themselves (legs, slacks, epochs) are left out. A trajectory is shown in its
+Numbers that only the kernels pass on among themselves (pieces, slacks, epochs) are left out. A trajectory is shown in its
 published form, a state every 0.1 s.
 """
 
@@ -21,6 +21,8 @@ from parcours_ramp.planner.trajectory import pose_at
 
 _WAYS = {HYBRID: "hybrid", HOLONOMIC: "holonomic"}  # any other is a transition
 _POSE_FIELDS = tuple(POSE.names or ())
+_REALS = ("duration", "skipped", "curve_end", "rest_length", "rest_turn", "first_heading", "fitness", "t_collision")
+_LEG_FIELDS = ("begin", "end", "x", "y", "dx", "dy", "stray")
 
 
 def message_of(channel: str, payload: object) -> Mapping[str, object] | None:
@@ -64,18 +66,23 @@ def _trajectory(one: Record) -> dict[str, object]:
         "id": int(one["id"]),
         "points": [dict(zip(_POSE_FIELDS, row, strict=True)) for row in samples.tolist()],
         "knot_times": one["knot_time"].tolist(),
-        **{name: float(one[name]) for name in ("duration", "rest_length", "rest_turn", "first_heading", "fitness")},
-        "t_collision": float(one["t_collision"]),
+        **{name: float(one[name]) for name in _REALS},
         "smooth": bool(one["smooth"]),
         "feasible": bool(one["feasible"]),
         "begins": float(one["begins"]) * 1e-9,
+        "legs": [dict(zip(_LEG_FIELDS, leg, strict=False)) for leg in _legs(one)],
     }
+
+
+def _legs(one: Record) -> list[list[float]]:
+    legs = one["legs"][: int(one["n_legs"])]
+    return np.stack([legs[name] for name in _LEG_FIELDS], axis=1).tolist() if len(legs) else []
 
 
 def _prediction(one: Record) -> dict[str, object]:
     n = int(one["n"])
     pairs = zip(one["x"][:n].tolist(), one["y"][:n].tolist(), strict=True)
-    numbers = {name: float(one[name]) for name in ("heading", "speed", "turn", "radius")}
+    numbers = {name: float(one[name]) for name in ("heading", "speed", "turn", "radius", "straight", "bend")}
     return {"points": [{"x": x, "y": y} for x, y in pairs], **numbers, "stamp": float(one["stamp"]) * 1e-9}
 
 
@@ -97,6 +104,7 @@ def _trajectory_request(payload: Any) -> dict[str, object]:
         "starts": [_state(payload.starts[k]) for k in ways],
         "kinds": [_WAYS.get(int(payload.kinds[k]), "transition") for k in ways],
         "obstacles": _obstacles(obstacles)["obstacles"] if obstacles is not None else [],
+        "stamp": obstacles.stamp * 1e-9 if obstacles is not None else 0.0,
     }
 
 
@@ -112,6 +120,7 @@ def _trajectory_response(payload: Any) -> dict[str, object]:
 
 def _evaluation_request(payload: Any) -> dict[str, object]:
     drift_x, drift_y = payload.drift
+    begins, first, last, margin, may_leave = payload.window or (0, 0, 0, 0.0, False)
     return {
         **_tag(payload),
         "trajectories": [_trajectory(one) for one in payload.trajectories],
@@ -121,6 +130,13 @@ def _evaluation_request(payload: Any) -> dict[str, object]:
         "heading": float(payload.heading),
         "halted": bool(payload.halted),
         "windowed": payload.window is not None,
+        "window": {
+            "begins": begins * 1e-9,
+            "first": int(first),
+            "last": int(last),
+            "margin": float(margin),
+            "may_leave": bool(may_leave),
+        },
     }
 
 

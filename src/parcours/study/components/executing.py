@@ -98,7 +98,7 @@ def _related(exercise: Exercise, case: Case, trace: Trace, execute: Execute) -> 
     """Run a case again for each relation; return the first judgement that is not pass."""
     for relation in exercise.relations:
         try:
-            wrong = relation.judge(trace, execute(case, relation).trace)
+            wrong = relation.judge(trace, execute(case, relation).trace, exercise.fields)
         except ParcoursError:
             raise
         except Exception as error:

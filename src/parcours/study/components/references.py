@@ -16,22 +16,30 @@ from pathlib import Path
 from parcours.abtc import Event
 from parcours.model.formulas import reverse
 from parcours.model.structure import ENVIRONMENT, Cefsm
-from parcours.run.trace import Trace, TraceEvent
+from parcours.run.trace import REPEAT, Trace, TraceEvent
+from parcours.study.components.systems import arguments
 from parcours.study.loading import load
 from parcours.study.parameters import Settings
 from parcours.suite import Case
+from parcours.verdict.contracts import View, plain
 from parcours.verdict.judgement import Judgement, Verdict
+
+Function = Callable[[object], object]
 
 TOLERANCE = 1e-9
 """How far numbers may be apart that count as equal, absolutely or as a share of the greater one."""
 
 
 def difference(given: object, wanted: object, tolerance: float, where: str = "") -> str:
-    """Return the first place where a message differs from the wanted one, which may lack fields; empty if none does.
+    """Return the first place where a message differs from the wanted one; empty if none does.
+
+    What the wanted one lacks, or has as None, may be anything.
 
     >>> difference({"way": [1.0, 2.5]}, {"way": [1.0, 2.0]}, 1e-9)
     '.way[1] is 2.5, but must be 2.0'
     """
+    if wanted is None:
+        return ""
     if isinstance(wanted, Mapping) and isinstance(given, Mapping):
         absent = next((f"{where}.{name} is missing" for name in wanted if name not in given), "")
         if absent:
@@ -56,7 +64,8 @@ class Reference:
 
     The function gets the request that is answered (of the channel's topic, if it is a service), else the message that
     the component received last; it returns the message, or those of its fields that are known, or None where it does
-    not say.
+    not say. A class is made once for each instance of a component, with those of its parameters that are called `case`
+    or as something known, and its objects are such functions.
     """
 
     cefsm: Cefsm
@@ -64,26 +73,45 @@ class Reference:
     target: str
     folder: Path
     tolerance: float = TOLERANCE
+    view: View = plain
 
     def __call__(self, case: Case, trace: Trace, settings: Settings) -> Judgement:
         """Judge every message on the channel."""
-        function = load(self.target, self.folder)
+        return self.judge(case, trace, settings)
+
+    def judge(self, case: Case, trace: Trace, known: Mapping[str, object]) -> Judgement:
+        """Judge every message on the channel; `known` is what a class may be made with, by name."""
+        make, made = load(self.target, self.folder), dict[str, Function]()
         asked = reverse(self.cefsm, self.cefsm.channel(self.channel))
-        received: dict[str, object] = {}
+        received: dict[str, TraceEvent] = {}
         for position, event in enumerate(trace.events):
+            if event.kind == "note" and event.text == REPEAT:
+                made, received = {}, {}
             if event.kind == "receive" and (asked is None or event.channel == asked.name):
-                received[event.component] = event.payload
+                received[event.component] = event
             is_own = event.kind == "send" and event.channel == self.channel and event.component != ENVIRONMENT
             if not is_own or event.component not in received:
                 continue
             try:
-                wanted = function(received[event.component])  # type: ignore[operator]
+                if event.component not in made:
+                    made[event.component] = _function(make, case, known)
+                before, sent = self._seen(received[event.component]), self._seen(event)
+                wanted = made[event.component](before)
             except Exception as error:
                 return Judgement(Verdict.ERROR, f"reference {self.target} raised {type(error).__name__}: {error}")
-            if wanted is not None and (found := difference(event.payload, wanted, self.tolerance)):
+            if wanted is not None and (found := difference(sent, wanted, self.tolerance)):
                 why = f"event {position}, {self.channel} of {event.component}: by {self.target}, {found}"
                 return Judgement(Verdict.FAIL, why)
         return Judgement(Verdict.PASS, f"{self.channel} is what {self.target} says")
+
+    def _seen(self, event: TraceEvent) -> object:
+        message = self.view(event.channel, event.payload)
+        return event.payload if message is None else message
+
+
+def _function(make: object, case: Case, known: Mapping[str, object]) -> Function:
+    """Return the function that answers for one instance."""
+    return make(**arguments(make, case, known)) if isinstance(make, type) else make  # type: ignore[return-value]
 
 
 @dataclass(frozen=True)
@@ -110,8 +138,12 @@ class Relation:
 
         return changed
 
-    def judge(self, trace: Trace, changed: Trace) -> str:
-        """Return what is wrong with the changed run; empty if nothing is. Raises what the user's function raises."""
+    def judge(self, trace: Trace, changed: Trace, view: View = plain) -> str:
+        """Return what is wrong with the changed run; empty if nothing is. Raises what the user's function raises.
+
+        Args:
+            view: reads the model's fields from a payload; where it cannot, the payload is compared.
+        """
         function = load(self.expect, self.folder)
         deviation = next((event.text for event in changed.events if event.kind == "deviation"), "")
         if deviation:
@@ -120,8 +152,9 @@ class Relation:
             if before is None or after is None or before.channel != after.channel:
                 there, here = (one.channel if one is not None else "nothing" for one in (before, after))
                 return f"relation {self.name}: {there} was sent, but in the changed case {here}"
-            wanted = function(before.channel, before.payload)  # type: ignore[operator]
-            if wanted is not None and (found := difference(after.payload, wanted, self.tolerance)):
+            was, now = (view(one.channel, one.payload) or one.payload for one in (before, after))
+            wanted = function(before.channel, was)  # type: ignore[operator]
+            if wanted is not None and (found := difference(now, wanted, self.tolerance)):
                 return f"relation {self.name}: {after.channel} of {after.component} in the changed case: {found}"
         return ""
 

@@ -120,7 +120,7 @@ def python_system(*, patience: float = PATIENCE, **makers: str | Callable[..., o
     return Parts({name: PythonPart(maker) for name, maker in makers.items()}, patience)
 
 
-def arguments(make: Callable[..., object], case: Case, settings: Settings) -> dict[str, object]:
+def arguments(make: Callable[..., object], case: Case, settings: Mapping[str, object]) -> dict[str, object]:
     """Return what a maker is given: those of its parameters that have the name of something known."""
     try:
         wanted = inspect.signature(make).parameters.values()
