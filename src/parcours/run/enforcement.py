@@ -308,6 +308,12 @@ class _Enforcement:
 
     def _judge(self, turn: Turn, outcome: Outcome) -> None:
         event = turn.event
+        for time, (channel, payload), sends in outcome.settled:
+            number = self._number()
+            self._record("send", None, time, channel=channel, message=number, payload=payload)
+            self._record("receive", event, time, channel=channel, message=number, payload=payload)
+            for sent, one in sends:
+                self._record("send", event, time, channel=sent, message=self._number(), payload=one)
         for time, (channel, payload) in outcome.asides:
             self._record("send", event, time, channel=channel, message=self._number(), payload=payload)
         if outcome.received >= 0 and event.receives is not None:

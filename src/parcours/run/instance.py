@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 from parcours.run.clocks import Clock
 from parcours.run.port import Component, Reported, Send, Step, reported
@@ -21,6 +21,14 @@ Begin = Callable[[int], Iterator[Step]]
 Manner = Literal["taken", "unasked", "nothing", "raised"]
 """taken: a transition was taken. unasked: it was taken before the message it awaits. nothing: there was none.
 raised: the component broke the port's contract."""
+
+
+class Settled(NamedTuple):
+    """A message that was handed over before a turn, beside what the turn awaits, and what the component sent upon it."""
+
+    time: int
+    message: Send
+    sends: tuple[Send, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,6 +44,7 @@ class Outcome:
         asides: what steps that the model does not name have sent before it, each with its time [ns].
         text: the error, if the component raised.
         reported: what the component says of its variables; None if nothing.
+        settled: the messages that were handed over before the turn.
     """
 
     manner: Manner
@@ -46,6 +55,7 @@ class Outcome:
     asides: tuple[tuple[int, Send], ...] = ()
     text: str = ""
     reported: Reported | None = None
+    settled: tuple[Settled, ...] = ()
 
 
 class Instance:
@@ -86,10 +96,13 @@ class Instance:
             return Outcome("nothing", clock.now(), received=received, asides=tuple(self._asides))
         return self._outcome("taken", clock, step, received)
 
-    def settle(self, begin: Begin, clock: Clock) -> None:
-        """Do at once, unrecorded, whatever `begin` starts: it puts the instance where a case wants it."""
-        for _ in begin(clock.now()):
-            pass
+    def settle(self, begin: Begin, message: Send, clock: Clock) -> Settled:
+        """Do at once whatever `begin` starts, the handing over of a message: it puts the instance where a case wants it.
+
+        Work under way stays; transitions that are taken are passed over, what is sent with them is not.
+        """
+        now = clock.now()
+        return Settled(now, message, tuple(send for step in begin(now) for send in step.sends))
 
     def close(self) -> None:
         """Let go of what the component holds, if it holds anything: a process, a thread."""

@@ -22,7 +22,7 @@ from parcours.kernels import choose, places_run, refused_lines, rounds_left, sus
 from parcours.paths import internal_paths
 from parcours.run.faults import corrupted
 from parcours.run.heartbeat import write_place
-from parcours.run.port import Component, Step
+from parcours.run.port import Component, Send, Step
 from parcours.run.trace import Trace
 from parcours.study.components import executing
 from parcours.study.components.isolation import watched
@@ -277,6 +277,12 @@ class _Aside:
         """Return the message for an event, made by the original."""
         with suspended():
             return self._tester.supply(event)
+
+    def beside(self, event: Event) -> Sequence[Send]:
+        """Return the messages beside an event's own, made by the original."""
+        with suspended():
+            found: Sequence[Send] = self._tester.beside(event)
+            return found
 
 
 class AnyStudy:
