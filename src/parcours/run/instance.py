@@ -45,6 +45,7 @@ class Outcome:
         text: the error, if the component raised.
         reported: what the component says of its variables; None if nothing.
         settled: the messages that were handed over before the turn.
+        early: how many of the asides were sent before the awaited message was taken up.
     """
 
     manner: Manner
@@ -56,6 +57,7 @@ class Outcome:
     text: str = ""
     reported: Reported | None = None
     settled: tuple[Settled, ...] = ()
+    early: int = 0
 
 
 class Instance:
@@ -65,6 +67,7 @@ class Instance:
         self.component = component
         self._work: Iterator[Step] | None = None
         self._asides: list[tuple[int, Send]] = []
+        self._early = 0
 
     def turn(
         self, transition: str, clock: Clock, *, message: Begin | None = None, prompt: Begin | None = None
@@ -77,10 +80,11 @@ class Instance:
             message: hands over the message that the turn awaits.
             prompt: moves the idle instance, if the turn awaits none; without it, only work under way goes on.
         """
-        self._asides = []
+        self._asides, self._early = [], 0
         received = -1
         try:
             step = self._pull(clock)
+            self._early = len(self._asides)
             if step is not None and message is not None and step.transition == transition:
                 return self._outcome("unasked", clock, step)
             if step is None and message is not None:
@@ -113,7 +117,7 @@ class Instance:
 
     def _outcome(self, manner: Manner, clock: Clock, step: Step, received: int = -1) -> Outcome:
         return Outcome(manner, clock.now(), step.transition, tuple(step.sends), received, tuple(self._asides),
-                       reported=reported(step))  # fmt: skip
+                       reported=reported(step), early=self._early)  # fmt: skip
 
     def _prompted(self, prompt: Begin, clock: Clock) -> Step | None:
         self._work = iter(prompt(clock.now()))

@@ -173,4 +173,5 @@ def _outcome(said: Turned) -> Outcome:
         Settled(time, (one.channel, one.data), tuple((wire.channel, wire.data) for wire in sent))
         for time, one, sent in said.settled
     )
-    return Outcome(said.manner, said.time, said.transition, sends, said.received, asides, said.text, told, settled)
+    return Outcome(said.manner, said.time, said.transition, sends, said.received, asides, said.text, told, settled,
+                   early=sum(time < said.received for time, _ in said.asides))  # fmt: skip
