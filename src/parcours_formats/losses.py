@@ -41,6 +41,8 @@ def unsaid(cefsm: Cefsm, holds: Set[str]) -> Iterator[Loss]:
     for channel in cefsm.channels:
         if channel.ensures:
             yield Loss(f"channel {channel.name!r}", channel.line, "what must hold of its messages is not written")
+    for signal in cefsm.signals:
+        yield Loss(f"signal {signal.name!r}", signal.line, "what travels outside transitions is not written")
     for component in cefsm.components:
         if component.invariants:
             yield Loss(f"component {component.name!r}", component.line, "its invariants are not written")

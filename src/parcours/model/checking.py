@@ -89,7 +89,7 @@ class _Check:
         if not is_label(model.name):
             self.error(0, "name", f"the name of a model must be one printable line, but is {model.name!r}")
         self.distinct("component", ((each.name, each.line) for each in model.components))
-        self.distinct("channel", ((each.name, each.line) for each in model.channels))
+        self.distinct("channel", ((each.name, each.line) for each in model.carriers))
         self.distinct("message class", ((each.name, each.line) for each in model.messages))
         self.distinct("interaction", ((name, 0) for name, _ in model.interactions), free=True)
         for message in model.messages:
@@ -143,7 +143,7 @@ class _Check:
                 self.error(message.line, "message-cycle", rule, "give the field a shape, so that it is a list")
 
     def links(self) -> None:
-        for channel in self.cefsm.channels:
+        for channel in self.cefsm.carriers:
             for end in (channel.sender, channel.receiver):
                 if end != ENVIRONMENT and end not in self.components:
                     rule = f"channel {channel.name!r} must link components, but {end!r} is none"

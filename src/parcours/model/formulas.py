@@ -44,13 +44,13 @@ class Clause:
 def clauses(cefsm: Cefsm) -> Iterator[Clause]:
     """Yield what a model says of data, in the order of its file."""
     scopes = Scopes(cefsm)
-    carried = {channel.name: Type(channel.message) for channel in cefsm.channels}
+    carried = {channel.name: Type(channel.message) for channel in cefsm.carriers}
     components = {component.name for component in cefsm.components}
     received: dict[str, dict[str, Type]] = {}
-    for channel in cefsm.channels:
+    for channel in cefsm.carriers:
         received.setdefault(_RECEIVED + channel.receiver, {})[channel.name] = carried[channel.name]
     classes = {**scopes.classes, **received}
-    for channel in cefsm.channels:
+    for channel in cefsm.carriers:
         types = {**scopes.types(channel.sender)} if channel.sender in components else {}
         types |= {"it": carried[channel.name], "last": carried[channel.name]}
         types["received"] = Type(_RECEIVED + channel.sender)

@@ -72,7 +72,7 @@ class _SchemaReader(NodeReader):
             rule = "a model has the key 'parcours', but 'statechart' makes this a sismic statechart, which is not read"
             self.add(chart, "sismic-statechart", rule, "write it as SCXML, or in the format of docs/model-format.md")
             return Cefsm("", ())
-        optional = ("doc", "constants", "messages", "channels", "interactions", "serialisation")
+        optional = ("doc", "constants", "messages", "channels", "signals", "interactions", "serialisation")
         items = self.record(node, "a model", ("parcours", "name", "components"), optional)
         version = self.text(items.get("parcours"), "'parcours'", FORMAT)
         if version != FORMAT:
@@ -83,6 +83,7 @@ class _SchemaReader(NodeReader):
             self.constants[name] = _constant(repr(self.given[name]), name) if name in self.given else read
         components = self.entries(items.get("components"), "components")
         channels = self.entries(items.get("channels"), "channels")
+        signals = self.entries(items.get("signals"), "signals")
         messages = self.entries(items.get("messages"), "messages")
         interactions = tuple(self.entries(items.get("interactions"), "interactions", self.label))
         return Cefsm(
@@ -95,6 +96,7 @@ class _SchemaReader(NodeReader):
             serialisation=self.text(items.get("serialisation"), "'serialisation'"),
             interactions=tuple((name, self.interaction(name, path)) for name, path, _ in interactions),
             interaction_lines=tuple(line for _, _, line in interactions),
+            signals=tuple(self.signal(*entry) for entry in signals),
         )
 
     def interaction(self, name: str, node: Node) -> tuple[str, ...]:
@@ -127,9 +129,15 @@ class _SchemaReader(NodeReader):
             return self.integer(node, f"a length of {what}", 1, 10**9)
         return self.identifier(node, f"a length of {what}")
 
-    def channel(self, name: str, node: Node, line: int) -> Channel:
-        what = f"channel {name!r}"
-        items = self.record(node, what, ("from", "to", "message"), ("topic", "capacity", "ensures"))
+    def signal(self, name: str, node: Node, line: int) -> Channel:
+        return self.channel(name, node, line, ("ensures",), "signal")
+
+    def channel(
+        self, name: str, node: Node, line: int, optional: tuple[str, ...] = ("topic", "capacity", "ensures"),
+        kind: str = "channel",
+    ) -> Channel:  # fmt: skip
+        what = f"{kind} {name!r}"
+        items = self.record(node, what, ("from", "to", "message"), optional)
         sender, receiver, message = (
             self.identifier(items.get(key), f"{key!r} of {what}") for key in ("from", "to", "message")
         )

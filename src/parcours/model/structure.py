@@ -191,6 +191,13 @@ class Cefsm:
     """Specified interaction test paths, (name, components visited), for specified path coverage."""
     interaction_lines: tuple[int, ...] = field(default=(), compare=False)
     """The line of the file where each of `interactions` stands; empty if the model was not read from text."""
+    signals: tuple[Channel, ...] = ()
+    """Links whose messages no transition sends or receives: no behaviour is told of them, but what their data are."""
+
+    @property
+    def carriers(self) -> tuple[Channel, ...]:
+        """All links whose messages the model knows the class of: channels, then signals."""
+        return (*self.channels, *self.signals)
 
     def component(self, name: str) -> Component:
         """Return the component called `name`. Raises KeyError if there is none."""

@@ -25,6 +25,9 @@ def write_model(cefsm: Cefsm) -> str:
     if cefsm.channels:
         lines += ["", "channels:"]
     lines += [f"  {channel.name}: {_channel(channel)}" for channel in cefsm.channels]
+    if cefsm.signals:
+        lines += ["", "signals:"]
+    lines += [f"  {signal.name}: {_channel(signal)}" for signal in cefsm.signals]
     lines += ["", "components:"]
     for component in cefsm.components:
         lines += [f"  {component.name}:", *_said(4, ("title", component.title))]

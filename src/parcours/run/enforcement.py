@@ -17,7 +17,7 @@ from parcours.abtc import Event
 from parcours.errors import BadRequest
 from parcours.run.clocks import ClockName, uninterrupted
 from parcours.run.instance import Outcome
-from parcours.run.port import ENVIRONMENT
+from parcours.run.port import ENVIRONMENT, Send
 from parcours.run.trace import SHOWN, Kind, Trace, TraceEvent
 
 PATIENCE = 5_000_000_000
@@ -308,11 +308,17 @@ class _Enforcement:
 
     def _judge(self, turn: Turn, outcome: Outcome) -> None:
         event = turn.event
-        for time, (channel, payload) in outcome.asides:
-            self._record("send", event, time, channel=channel, message=self._number(), payload=payload)
+        for time, (channel, payload), sends in outcome.settled:
+            number = self._number()
+            self._record("send", None, time, channel=channel, message=number, payload=payload)
+            self._record("receive", event, time, channel=channel, message=number, payload=payload)
+            for sent, one in sends:
+                self._record("send", event, time, channel=sent, message=self._number(), payload=one)
+        self._aside(event, outcome.asides[: outcome.early])
         if outcome.received >= 0 and event.receives is not None:
             self._record("receive", event, outcome.received, channel=event.receives.channel, message=turn.message,
                          payload=turn.payload)  # fmt: skip
+        self._aside(event, outcome.asides[outcome.early :])
         if outcome.manner == "unasked":
             assert event.receives is not None
             raise _DeviationError(event, f"{event.transition} on receiving {event.receives.channel}", "it unasked")
@@ -325,6 +331,10 @@ class _Enforcement:
         self._emit(event, outcome)
         self._paths[event.reference].append(outcome.transition)
         self._done.add(event.position)
+
+    def _aside(self, event: Event, asides: Sequence[tuple[int, Send]]) -> None:
+        for time, (channel, payload) in asides:
+            self._record("send", event, time, channel=channel, message=self._number(), payload=payload)
 
     def _emit(self, event: Event, outcome: Outcome) -> None:
         """Put what was sent into its gate, or hand it to the tester; the channels must be those demanded."""

@@ -10,8 +10,8 @@ from parcours.abtc import Event
 from parcours.errors import ParcoursError
 from parcours.run.clocks import Clock, ClockName, SimulatedClock
 from parcours.run.enforcement import Execution, Turn, enforce
-from parcours.run.instance import Instance, Outcome
-from parcours.run.port import Component, Step
+from parcours.run.instance import Begin, Instance, Outcome
+from parcours.run.port import Component, Send, Step
 
 Prompt = Callable[[Event, Component, int], Iterator[Step]]
 """Moves an idle instance to a transition that no message starts: (event, instance, time [ns]) -> steps."""
@@ -36,6 +36,7 @@ def execute(
     *,
     prompt: Prompt = wake_or_poll,
     prepare: Callable[[Event, Component], None] | None = None,
+    beside: Callable[[Event], Sequence[Send]] = lambda event: (),
     view: View = lambda component: None,
     clock: Clock | None = None,
     case: str = "",
@@ -51,6 +52,7 @@ def execute(
         prompt: starts a transition that no message starts. If what it starts yields none, and the instance
             wants to wake later, time moves on to that wake.
         prepare: called before every event with its instance, to set input variables.
+        beside: the messages that its instance is handed then, beside the one that the event receives.
         view: what an instance shows of itself at the end, as a payload of some channel; by default nothing.
         clock: simulated by default; with a WallClock durations are real.
         case: id of the case, for the trace.
@@ -60,7 +62,7 @@ def execute(
     Raises:
         BadRequest: an event receives from an event that is not before it.
     """
-    here = _Here(component, prompt, prepare, view, clock or SimulatedClock(), watch, checked)
+    here = _Here(component, prompt, prepare, beside, view, clock or SimulatedClock(), watch, checked)
     return enforce(events, here, supply, case=case)
 
 
@@ -70,12 +72,13 @@ class _Here:
     ahead = False
 
     def __init__(self, component: Callable[[str], Component], prompt: Prompt,
-                 prepare: Callable[[Event, Component], None] | None, view: View,
+                 prepare: Callable[[Event, Component], None] | None, beside: Callable[[Event], Sequence[Send]],
+                 view: View,
                  clock: Clock, watch: Callable[[Event], AbstractContextManager[None]],
                  checked: Callable[[str, object], object] | None) -> None:  # fmt: skip
         self._watch, self._checked = watch, checked
         self._make, self._prompt, self._prepare, self._clock = component, prompt, prepare, clock
-        self._view = view
+        self._view, self._beside = view, beside
         self._instances: dict[int, Instance] = {}
         self._unmade: dict[int, Exception] = {}
         self._outcomes: list[tuple[int, Outcome]] = []
@@ -119,6 +122,7 @@ class _Here:
         event, part = turn.event, self._instances[turn.event.reference]
         if self._prepare is not None:
             self._prepare(event, part.component)
+        settled = tuple(part.settle(self._handing(part.component, one), one, self._clock) for one in self._beside(event))
         if event.receives is None:
             outcome = part.turn(event.transition, self._clock,
                                 prompt=lambda now: self._prompt(event, part.component, now))  # fmt: skip
@@ -127,12 +131,21 @@ class _Here:
             outcome = part.turn(event.transition, self._clock,
                                 message=lambda now: part.component.handle(channel, turn.payload, now))  # fmt: skip
         if self._checked is None:
-            return outcome
+            return replace(outcome, settled=settled) if settled else outcome
         return replace(
             outcome,
-            sends=tuple((channel, self._checked(channel, payload)) for channel, payload in outcome.sends),
-            asides=tuple((at, (channel, self._checked(channel, one))) for at, (channel, one) in outcome.asides),
+            sends=self._all_checked(outcome.sends),
+            asides=tuple((at, *self._all_checked([send])) for at, send in outcome.asides),
+            settled=tuple(one._replace(sends=self._all_checked(one.sends)) for one in settled),
         )
+
+    def _all_checked(self, sends: Sequence[Send]) -> tuple[Send, ...]:
+        assert self._checked is not None
+        return tuple((channel, self._checked(channel, payload)) for channel, payload in sends)
+
+    @staticmethod
+    def _handing(component: Component, message: Send) -> Begin:
+        return lambda now: component.handle(*message, now)
 
     def outcomes(self, patience: int) -> Sequence[tuple[int, Outcome]]:
         over, self._outcomes = self._outcomes, []

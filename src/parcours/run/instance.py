@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 from parcours.run.clocks import Clock
 from parcours.run.port import Component, Reported, Send, Step, reported
@@ -21,6 +21,14 @@ Begin = Callable[[int], Iterator[Step]]
 Manner = Literal["taken", "unasked", "nothing", "raised"]
 """taken: a transition was taken. unasked: it was taken before the message it awaits. nothing: there was none.
 raised: the component broke the port's contract."""
+
+
+class Settled(NamedTuple):
+    """A message that was handed over before a turn, beside what the turn awaits, and what the component sent upon it."""
+
+    time: int
+    message: Send
+    sends: tuple[Send, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,6 +44,8 @@ class Outcome:
         asides: what steps that the model does not name have sent before it, each with its time [ns].
         text: the error, if the component raised.
         reported: what the component says of its variables; None if nothing.
+        settled: the messages that were handed over before the turn.
+        early: how many of the asides were sent before the awaited message was taken up.
     """
 
     manner: Manner
@@ -46,6 +56,8 @@ class Outcome:
     asides: tuple[tuple[int, Send], ...] = ()
     text: str = ""
     reported: Reported | None = None
+    settled: tuple[Settled, ...] = ()
+    early: int = 0
 
 
 class Instance:
@@ -55,6 +67,7 @@ class Instance:
         self.component = component
         self._work: Iterator[Step] | None = None
         self._asides: list[tuple[int, Send]] = []
+        self._early = 0
 
     def turn(
         self, transition: str, clock: Clock, *, message: Begin | None = None, prompt: Begin | None = None
@@ -67,10 +80,11 @@ class Instance:
             message: hands over the message that the turn awaits.
             prompt: moves the idle instance, if the turn awaits none; without it, only work under way goes on.
         """
-        self._asides = []
+        self._asides, self._early = [], 0
         received = -1
         try:
             step = self._pull(clock)
+            self._early = len(self._asides)
             if step is not None and message is not None and step.transition == transition:
                 return self._outcome("unasked", clock, step)
             if step is None and message is not None:
@@ -86,10 +100,13 @@ class Instance:
             return Outcome("nothing", clock.now(), received=received, asides=tuple(self._asides))
         return self._outcome("taken", clock, step, received)
 
-    def settle(self, begin: Begin, clock: Clock) -> None:
-        """Do at once, unrecorded, whatever `begin` starts: it puts the instance where a case wants it."""
-        for _ in begin(clock.now()):
-            pass
+    def settle(self, begin: Begin, message: Send, clock: Clock) -> Settled:
+        """Do at once whatever `begin` starts, the handing over of a message: it puts the instance where a case wants it.
+
+        Work under way stays; transitions that are taken are passed over, what is sent with them is not.
+        """
+        now = clock.now()
+        return Settled(now, message, tuple(send for step in begin(now) for send in step.sends))
 
     def close(self) -> None:
         """Let go of what the component holds, if it holds anything: a process, a thread."""
@@ -100,7 +117,7 @@ class Instance:
 
     def _outcome(self, manner: Manner, clock: Clock, step: Step, received: int = -1) -> Outcome:
         return Outcome(manner, clock.now(), step.transition, tuple(step.sends), received, tuple(self._asides),
-                       reported=reported(step))  # fmt: skip
+                       reported=reported(step), early=self._early)  # fmt: skip
 
     def _prompted(self, prompt: Begin, clock: Clock) -> Step | None:
         self._work = iter(prompt(clock.now()))

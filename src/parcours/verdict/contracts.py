@@ -107,7 +107,7 @@ class Contracts:
             code = compiled(clause.formula.condition, clause.id)
             self._of.setdefault((clause.of, clause.owner), []).append((clause, code))
         self.classes = {message.name: message for message in cefsm.messages}
-        self.channels = {channel.name: channel for channel in cefsm.channels}
+        self.channels = {channel.name: channel for channel in cefsm.carriers}
         self.asked = {
             channel.name: asked.name for channel in cefsm.channels if (asked := reverse(cefsm, channel)) is not None
         }

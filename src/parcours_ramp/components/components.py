@@ -9,7 +9,7 @@ from typing import Any
 from parcours.kernels import Record
 from parcours.run.port import Component, Step
 from parcours.suite import Case
-from parcours_ramp.planner.control import COMMAND_PERIOD, REPORT_PERIOD, Control
+from parcours_ramp.planner.control import REPORT_PERIOD, Control
 from parcours_ramp.planner.messages import POSE, one
 from parcours_ramp.planner.parameters import Parameters, guarded
 from parcours_ramp.planner.planner import Planner
@@ -20,6 +20,7 @@ from parcours_ramp.planner.whole import component
 GOAL = (2.0, 2.0)
 
 _LONG_AFTER = 60_000_000_000  # No case lasts so long [ns]
+_COMMANDS = 8  # of a control before all is done
 
 
 def parameters_of(case: Case, base: Parameters | None = None) -> Parameters:
@@ -66,9 +67,17 @@ PROMPTS: Mapping[str, Callable[[Any, int], Iterator[Step]]] = {
     "tick": lambda control, now: control.tick(0),
     "tick, interval over": lambda control, now: control.tick(REPORT_PERIOD),
     LATER: lambda control, now: control.tick(2 * REPORT_PERIOD),
-    "execute": lambda control, now: control.execute(now + COMMAND_PERIOD),
-    "execute, all done": lambda control, now: control.execute(now + _LONG_AFTER),
+    "execute": lambda control, now: control.execute(control.next_command),
+    "execute, all done": lambda control, now: _to_the_end(control),
 }  # What moves an idle component where the model lets no message do so: (component, time [ns]) -> steps
+
+
+def _to_the_end(control: Control) -> Iterator[Step]:
+    """Let some commands pass, each at its time, and then the end."""
+    for _ in range(_COMMANDS):
+        yield from control.execute(control.next_command)
+    yield from control.execute(control.next_command + _LONG_AFTER)
+
 
 PROMPT_OF: Mapping[str, str] = {
     "p11": "plan",

@@ -49,7 +49,7 @@ def path_is_modified(trace: Trace) -> Judgement:
     for event in trace.events:
         if event.kind == "receive" and isinstance(event.payload, messages.ModificationRequest):
             asked[event.component] = event.payload
-        elif event.kind == "send" and isinstance(event.payload, messages.ModificationResponse):
+        elif event.kind == "send" and "#" in event.component and event.channel == "modification_response":
             before = asked[event.component].modification.first
             moved.append(max((_moved(before, after) for after in event.payload.paths), default=0.0))
     holds = bool(moved) and min(moved) > SAME_PATH

@@ -59,6 +59,36 @@ class Supply:
                               slug="no-supply")  # fmt: skip
         return makers[channel]()
 
+    def update(self) -> tuple[str, object]:
+        """Return a report of the robot somewhat beside where it began, and late."""
+        pose, draw = self._begin.copy(), self._stream.uniform
+        pose.x, pose.y, pose.w = pose.x + draw(-0.02, 0.03), pose.y + draw(-0.02, 0.03), draw(-0.05, 0.05)
+        pose.heading += draw(-0.1, 0.1)
+        return "update", messages.Report(20_000_000, pose, int(draw(0.0, 5e6)))
+
+    def beside(self, pose: Record) -> Record:
+        """Return a POSE near one: the robot is off its plan, one time in four so far that it looks elsewhere."""
+        draw = self._stream.uniform
+        pose.x, pose.y = pose.x + draw(-0.03, 0.03), pose.y + draw(-0.03, 0.03)
+        pose.heading += draw(-0.2, 0.2) if self._stream.random() < 0.75 else draw(0.3, 0.6)
+        return pose
+
+    def limit(self) -> float:
+        """Return a limit of speed [m/s]: none, one that slows the robot, or almost a stop."""
+        return float(self._stream.choice([np.inf, 0.12, 0.02]))
+
+    def planning_answers(self, serial: int) -> tuple[tuple[str, object], ...]:
+        """Return the answers that end a planning cycle: a modified path, its trajectory, how fit it is."""
+        tag, path = messages.Tag("planning", serial), messages.many(messages.PATH, 1)
+        path[0] = self._path()
+        ways = messages.many(messages.TRAJECTORY, 1)
+        ways[0] = self._trajectory()
+        return (
+            ("modification_response", messages.ModificationResponse(tag, path)),
+            ("trajectory_response", messages.TrajectoryResponse(tag, ways)),
+            ("evaluation_response", self._evaluations(1)._replace(tag=tag)),
+        )
+
     def last_evaluation(self) -> messages.EvaluationResponse:
         """Return the answer that ends a sensing cycle: of the motion under way alone."""
         return self._evaluations(1)
@@ -76,7 +106,10 @@ class Supply:
         )
 
     def _evaluations(self, n: int) -> messages.EvaluationResponse:
-        return messages.EvaluationResponse(self._sensing, np.ones(n, np.int64), np.full(n, 0.1), np.full(n, 9999.0))
+        feasible = (self._stream.random(n) < 0.7).astype(np.int64)
+        fitness = np.where(feasible == 1, self._stream.uniform(0.02, 0.3, n), self._stream.uniform(1e-5, 1e-3, n))
+        met = self._stream.uniform(0.1, 3.0, n)
+        return messages.EvaluationResponse(self._sensing, feasible, fitness, np.where(feasible == 1, 9999.0, met))
 
     def _obstacles(self) -> messages.Obstacles:
         states = messages.many(messages.OBSTACLE_STATE, _N_OBSTACLES)
@@ -88,6 +121,8 @@ class Supply:
             pose.heading, pose.v = angle - np.pi, self._case["motion"]
             pose.w = self._stream.uniform(-0.5 * np.pi, 0.5 * np.pi)
             states[k].radius = 0.1
+            if k:  # the other one stands, and faces the robot
+                pose.v = pose.w = 0.0
         return messages.Obstacles(0, states)
 
     def _path(self) -> Record:

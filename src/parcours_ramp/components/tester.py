@@ -15,7 +15,7 @@ import msgspec
 from parcours.abtc import Event, Visits
 from parcours.elementary import sin_cos
 from parcours.kernels import Record
-from parcours.run.port import Component, Step
+from parcours.run.port import Component, Send, Step
 from parcours.suite import Case
 from parcours_ramp.components.components import LATER, PROMPT_OF, PROMPTS, component_of, parameters_of, robot_of
 from parcours_ramp.components.supplying import FIRST, Supply
@@ -40,12 +40,18 @@ class ComponentTester:
         self._begin = robot_of(case, self._parameters)
         self._serials: dict[int, int] = {}  # event -> the number of its planner's sensing conversation
         self._controls: dict[int, int] = {}  # event -> the number of the control conversation that has to end before it
+        self._plans: dict[int, int] = {}  # ... of the planning conversation
         opened: Counter[int] = Counter()
         asked: dict[int, int] = {}
+        plans: dict[int, int] = {}
         controls: dict[int, int] = {}
         for event in events:
             planner, opens = event.reference, event.transition in ("p11", "p12", "p15")
             opened[planner] += opens
+            if event.transition == "p11":
+                plans[planner] = FIRST - 1 + opened[planner]
+            elif event.transition == "p12" and planner in plans:
+                self._plans[event.position] = plans.pop(planner)
             if event.transition == "p12":
                 controls[planner] = FIRST - 1 + opened[planner]
             elif event.transition == "p15":
@@ -79,22 +85,33 @@ class ComponentTester:
             return "trajectory_response", self._supply(event).message("trajectory_response")
         return ("evaluation_response", self._supply(event).last_evaluation()) if event.transition == "p19" else None
 
-    def settling(self, event: Event) -> Sequence[tuple[str, object]]:
-        """Return what sets the model's input variables: the robot's pose, imminent collision before p43 and p44.
+    def settling(self, event: Event) -> Sequence[Send]:
+        """Return the messages beside, for a node."""
+        return self.beside(event)
 
-        A planner of several visits ends its control cycle before the next sensing cycle, by answers which Table II
-        leaves out; an answer to an earlier request, which it has to ignore, comes again before the one it waits for.
+    def beside(self, event: Event) -> Sequence[Send]:
+        """Return what sets the model's input variables: the robot's pose and limit, imminent collision for p43 and p44.
+
+        A planner is told where the robot is; it ends its planning cycle before a control cycle, and that before the next
+        sensing cycle, by answers which Table II leaves out; an answer to an earlier request, which it has to ignore,
+        comes again before the one it waits for.
         """
+        supply = self._supply(event)
+        if event.position in self._plans:
+            return (supply.update(), *supply.planning_answers(self._plans[event.position]))
         if event.position in self._controls:
-            return self._supply(event).control_answers(self._controls[event.position])
+            return (*supply.control_answers(self._controls[event.position]), supply.update())
+        if event.transition == "p15" and event.position not in self._again:
+            return (supply.update(),)
         if event.position in self._again and event.receives is not None:  # the answer to an earlier request, once more
             stray = replace(event, position=self._again[event.position])
             return ((event.receives.channel, self._supply(stray).message(event.receives.channel)),)
         if event.component != "Control":
             return ()
-        pose: tuple[str, object] = ("pose", Report(0, self._pose(max(event.reference, event.visit))))
-        imminent: tuple[str, object] = ("imminent_collision", event.transition == "p43")
-        return (pose, imminent) if event.transition in ("p43", "p44") else (pose,)
+        pose: Send = ("pose", Report(0, supply.beside(self._pose(max(event.reference, event.visit)))))
+        if event.transition in ("p43", "p44"):
+            return pose, ("imminent_collision", event.transition == "p43")
+        return (pose, ("speed_limit", supply.limit())) if event.transition == "p46" else (pose,)
 
     def move(self, event: Event, component: Component, now: int) -> Iterator[Step]:
         """Move an idle component of this process."""
@@ -102,10 +119,7 @@ class ComponentTester:
         return component.handle(*given, now) if given else PROMPTS[self.prompt(event)](component, now)
 
     def prepare(self, event: Event, component: Component) -> None:
-        """Set the input variables of a component of this process."""
-        for channel, payload in self.settling(event):
-            for _ in component.handle(channel, payload, 0):
-                pass
+        """Do nothing: messages set what the model calls input variables."""
 
     def _supply(self, event: Event) -> Supply:
         serial = self._serials.get(event.position, FIRST)

@@ -224,6 +224,11 @@ class Control:
             yield reporting("p41", tcp_socket=False)
 
     @property
+    def next_command(self) -> int:
+        """When the next command is due [ns]."""
+        return self._next_command
+
+    @property
     def trajectory(self) -> Record:
         """The TRAJECTORY it follows."""
         return self._state.trajectory

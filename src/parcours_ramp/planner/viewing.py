@@ -182,4 +182,8 @@ _VIEWS: dict[str, Callable[[Any], dict[str, object]]] = {
     "modification_response": _modification_response,
     "best_trajectory": _trajectory,
     "update": _report,
+    "pose": _report,
+    "imminent_collision": lambda imminent: {"imminent": bool(imminent)},
+    "speed_limit": lambda limit: {"limit": float(limit)},
+    "cmd_vel": lambda command: {"v": float(command[0]), "w": float(command[1])},
 }

@@ -110,6 +110,7 @@ class Turned(Frame, frozen=True):
     text: str = ""
     variables: dict[str, Scalar] | None = None
     operations: tuple[str, ...] | None = None
+    settled: tuple[tuple[int, Wire, tuple[Wire, ...]], ...] = ()
 
 
 class Shown(Frame, frozen=True):

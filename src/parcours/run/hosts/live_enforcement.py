@@ -19,7 +19,7 @@ from parcours.run.enforcement import Turn as Due
 from parcours.run.hosts.frames import Begin, Died, Grant, Look, Ready, Report, Shown, Turn, Turned, Wire
 from parcours.run.hosts.launching import bring_to_rest, ending
 from parcours.run.hosts.node_program import Codec, Transport
-from parcours.run.instance import Outcome
+from parcours.run.instance import Outcome, Settled
 from parcours.run.port import Reported
 
 _ANSWER = 10_000_000_000
@@ -169,4 +169,9 @@ def _outcome(said: Turned) -> Outcome:
     sends = tuple((wire.channel, wire.data) for wire in said.sends)
     asides = tuple((time, (wire.channel, wire.data)) for time, wire in said.asides)
     told = None if said.variables is None else Reported(said.variables, said.operations)
-    return Outcome(said.manner, said.time, said.transition, sends, said.received, asides, said.text, told)
+    settled = tuple(
+        Settled(time, (one.channel, one.data), tuple((wire.channel, wire.data) for wire in sent))
+        for time, one, sent in said.settled
+    )
+    return Outcome(said.manner, said.time, said.transition, sends, said.received, asides, said.text, told, settled,
+                   early=sum(time < said.received for time, _ in said.asides))  # fmt: skip

@@ -9,6 +9,8 @@ import gc
 import os
 from collections import Counter, deque
 from collections.abc import Iterator
+from dataclasses import replace
+from typing import cast
 
 from parcours.errors import BadRequest
 from parcours.run.clocks import WallClock
@@ -54,6 +56,7 @@ class _Life:
         self._node, self._node_program, self._line = node, node_program, line
         self._capacity = {one.channel: one.capacity for one in node.links
                           if one.kind is LinkKind.TOPIC and one.receiver == node.component}  # fmt: skip
+        self._channels = {one.channel for one in node.links}
         self._instances: dict[int, Instance] = {}
         self._pid = os.getpid()
         self._forget()
@@ -164,20 +167,28 @@ class _Life:
         outcome = self._turn(self._instances[reference], turn)
         asides = tuple((time, self._wire(send)) for time, send in outcome.asides)
         sends = tuple(map(self._wire, outcome.sends))
+        settled = tuple(
+            (time, Wire(channel, cast(bytes, data)), tuple(map(self._wire, sent)))
+            for time, (channel, data), sent in outcome.settled
+        )
         return Turned(reference, outcome.manner, outcome.time, outcome.transition, sends, outcome.received, asides,
-                      outcome.text, *_told(outcome.reported))  # fmt: skip
+                      outcome.text, *_told(outcome.reported), settled)  # fmt: skip
 
     def _turn(self, instance: Instance, turn: Turn) -> Outcome:
         component, clock = instance.component, self._clock
-        for message in turn.settle:
-            instance.settle(self._handing(component, message), clock)
+        settled = tuple(
+            instance.settle(self._handing(component, one), (one.channel, one.data), clock) for one in turn.settle
+        )
+        settled = tuple(one for one in settled if one.message[0] in self._channels)
         if turn.awaits >= 0:
             hand = self._handing(component, self._delivered.pop(turn.awaits))
-            return instance.turn(turn.transition, clock, message=hand)
-        if turn.given is not None:
-            return instance.turn(turn.transition, clock, prompt=self._handing(component, turn.given))
-        return instance.turn(turn.transition, clock,
-                             prompt=lambda now: self._node_program.prompt(turn.prompt, component, now))  # fmt: skip
+            outcome = instance.turn(turn.transition, clock, message=hand)
+        elif turn.given is not None:
+            outcome = instance.turn(turn.transition, clock, prompt=self._handing(component, turn.given))
+        else:
+            outcome = instance.turn(turn.transition, clock,
+                                    prompt=lambda now: self._node_program.prompt(turn.prompt, component, now))  # fmt: skip
+        return replace(outcome, settled=settled) if settled else outcome
 
     def _handing(self, component: Component, message: Wire) -> Begin:
         payload = self._node_program.decode(message.channel, message.data)

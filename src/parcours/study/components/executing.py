@@ -55,7 +55,7 @@ def in_process(
         supply = tester.supply if relation is None else relation.supplied(tester.supply)
         return execute(
             exercise.events(case), tester.component, supply, prompt=tester.move, prepare=tester.prepare,
-            view=exercise.view, clock=clock() if clock else None, case=case.id,
+            beside=tester.beside, view=exercise.view, clock=clock() if clock else None, case=case.id,
             watch=watch or (lambda event: nullcontext()), checked=checked,
         )  # fmt: skip
 

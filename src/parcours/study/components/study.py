@@ -35,6 +35,7 @@ from parcours.study.loading import members_of
 from parcours.study.parameters import Parameter, Scalar, Settings, natural_values
 from parcours.study.protocol import Finding, Judged, Progress, Rejudged, Reported, Request, Results, Run
 from parcours.suite import Case, Plan, combine
+from parcours.verdict.conformance import Allowance
 from parcours.verdict.contracts import contracts_of, plain
 from parcours.verdict.judgement import Judgement, Verdict
 from parcours.verdict.timing import NEVER, Bound
@@ -186,6 +187,11 @@ class ComponentStudy:
     def fields(self, channel: str, payload: object) -> Mapping[str, object] | None:
         """Return a payload as the model's message. Raises BadRequest if it is none."""
         return plain(channel, payload)
+
+    @property
+    def allowance(self) -> Allowance:
+        """What conformance lets pass beside the model: nothing."""
+        return Allowance()
 
     def known(self, case: Case, settings: Settings) -> dict[str, Scalar]:
         """Return what formulas, constructors and programs may read: parameters and test inputs by name."""

@@ -14,7 +14,7 @@ import msgspec
 from parcours.abtc import Event
 from parcours.model.structure import Component as Modelled
 from parcours.run.hosts.live_enforcement import Stimuli
-from parcours.run.port import Component, Step
+from parcours.run.port import Component, Send, Step
 from parcours.study.components.messages import INPUTS
 from parcours.study.components.stimuli import Stimulus
 from parcours.study.components.systems import System
@@ -36,6 +36,9 @@ class Tester(Stimuli, Protocol):
 
     def prepare(self, event: Event, component: Component) -> None:
         """Set the input variables of a component of this process."""
+
+    def beside(self, event: Event) -> Sequence[Send]:
+        """Return the messages that reach the event's instance just before it, beside the one that the event receives."""
 
 
 class Sent(msgspec.Struct, frozen=True):
@@ -71,9 +74,6 @@ class StudyTester:
     def prepare(self, event: Event, component: Component) -> None:
         """Set the input variables that the event's guard reads."""
         set_inputs(component, self._stimuli[event.position].inputs)
-        for channel, message in self._beside(event):
-            for _ in component.handle(channel, message, 0):
-                pass
 
     def case(self) -> bytes:
         """Return the case as `node_program` knows it."""
@@ -90,16 +90,18 @@ class StudyTester:
     def settling(self, event: Event) -> Sequence[tuple[str, object]]:
         """Return the input variables to set, as one message, and the messages that arrive beside the event's own."""
         inputs = self._stimuli[event.position].inputs
-        return (*([(INPUTS, dict(inputs))] if inputs else []), *self._beside(event))
+        return (*([(INPUTS, dict(inputs))] if inputs else []), *self.beside(event))
 
-    def _beside(self, event: Event) -> Iterator[tuple[str, object]]:
-        """Yield a stray answer, and messages of visits that begin while this one goes on."""
+    def beside(self, event: Event) -> Sequence[Send]:
+        """Return the messages of visits that begin while this one goes on, and a stray answer."""
+        found: list[Send] = []
         for visit in self._early.get(event.position, ()):
             assert visit.receives is not None
-            yield visit.receives.channel, self._stimuli[visit.position].message
+            found.append((visit.receives.channel, self._stimuli[visit.position].message))
         stray = self._stimuli[event.position].stray
         if stray is not None and event.receives is not None:
-            yield event.receives.channel, stray
+            found.append((event.receives.channel, stray))
+        return found
 
 
 def prompted(transition: str, component: Component, now: int) -> Iterator[Step]:

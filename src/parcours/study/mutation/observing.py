@@ -22,7 +22,7 @@ from parcours.kernels import choose, places_run, refused_lines, rounds_left, sus
 from parcours.paths import internal_paths
 from parcours.run.faults import corrupted
 from parcours.run.heartbeat import write_place
-from parcours.run.port import Component, Step
+from parcours.run.port import Component, Send, Step
 from parcours.run.trace import Trace
 from parcours.study.components import executing
 from parcours.study.components.isolation import watched
@@ -184,7 +184,7 @@ class Components:
 def conformance_of(study: ComponentStudy, trace: Trace) -> str:
     """Return why a trace does not conform to the study's model; empty if it does, or if that is open."""
     try:
-        found = check(trace, study.model, fields=study.fields).judgement
+        found = check(trace, study.model, allowance=study.allowance, fields=study.fields).judgement
     except ParcoursError as error:
         return str(error)
     return found.why if found.verdict is Verdict.FAIL else ""
@@ -277,6 +277,12 @@ class _Aside:
         """Return the message for an event, made by the original."""
         with suspended():
             return self._tester.supply(event)
+
+    def beside(self, event: Event) -> Sequence[Send]:
+        """Return the messages beside an event's own, made by the original."""
+        with suspended():
+            found: Sequence[Send] = self._tester.beside(event)
+            return found
 
 
 class AnyStudy:
