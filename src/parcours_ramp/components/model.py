@@ -9,7 +9,11 @@ from pathlib import Path
 from parcours.data import InputModel, parse_input_model
 from parcours.model import parse_model
 from parcours.model.structure import Cefsm
+from parcours.verdict.conformance import Allowance
 from parcours_ramp.planner.parameters import original
+
+OUTSIDE = Allowance(unmodelled=frozenset({"trajectory_request", "evaluation_request"}), conversations=True)
+"""What RAMP does that Table II leaves out: it also asks its services in planning and control cycles."""
 
 
 @functools.cache

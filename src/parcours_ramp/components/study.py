@@ -26,7 +26,7 @@ from parcours.suite import Case, Plan
 from parcours.verdict.judgement import Judgement
 from parcours.verdict.timing import Bound
 from parcours_ramp.components.components import view
-from parcours_ramp.components.model import component_files, component_inputs, component_model
+from parcours_ramp.components.model import OUTSIDE, component_files, component_inputs, component_model
 from parcours_ramp.components.node_program import RampCodec
 from parcours_ramp.components.oracles import ORACLES
 from parcours_ramp.components.tester import ComponentTester
@@ -115,7 +115,7 @@ def component_study() -> RampComponents:
     percent = Parameter("percent", "real", PERCENT, "of repeats that must keep a limit", "%", low=50.0, high=99.999)
     return RampComponents(
         "ramp_components", component_model(), None, component_inputs(), where="ramp_components", own=(percent,),
-        alone=True, files=component_files(), mutants=DECIDING,
+        alone=True, files=component_files(), mutants=DECIDING, allowance=OUTSIDE,
         doc="RAMP's six components: 67 abstract cases, and 60 against limits (Tables III to VIII)",
     )  # fmt: skip
 
