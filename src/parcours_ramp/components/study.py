@@ -23,7 +23,6 @@ from parcours.study.components.tester import Tester
 from parcours.study.hosting import Nodes
 from parcours.study.parameters import Parameter, Settings
 from parcours.suite import Case, Plan
-from parcours.verdict.conformance import Allowance
 from parcours.verdict.judgement import Judgement, Verdict
 from parcours.verdict.timing import Bound
 from parcours_ramp.components.components import parameters_of, robot_of, view
@@ -104,11 +103,6 @@ class RampComponents(ComponentStudy):
         referred = super().oracle(case, trace, settings)
         return expected if referred.passed else referred
 
-    @property
-    def allowance(self) -> Allowance:
-        """What components may do beside the model: Table II leaves out what a planner asks within a cycle."""
-        return OUTSIDE
-
     def timing(self, seed: int, settings: Settings) -> list[TimingGroup]:
         """Return the paper's sample: 60 cases against limits from the greatest down."""
         return timing_groups(paper_sample(self.plan(seed)), float(settings.get("percent", PERCENT)))
@@ -134,7 +128,7 @@ def component_study() -> RampComponents:
     percent = Parameter("percent", "real", PERCENT, "of repeats that must keep a limit", "%", low=50.0, high=99.999)
     return RampComponents(
         "ramp_components", component_model(), None, component_inputs(), where="ramp_components", own=(percent,),
-        alone=True, files=component_files(), mutants=DECIDING,
+        alone=True, files=component_files(), mutants=DECIDING, allowance=OUTSIDE,
         oracles=references(component_model()),
         doc="RAMP's six components: 67 abstract cases, and 60 against limits (Tables III to VIII)",
     )  # fmt: skip

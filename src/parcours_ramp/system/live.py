@@ -20,13 +20,13 @@ from parcours.run.hosts.node_program import Codec, Transport
 from parcours.run.hosts.realtime import DIED, RealTimeHost
 from parcours.run.port import Component, Step
 from parcours.run.trace import Trace, TraceEvent
-from parcours.verdict.conformance import Allowance, check
+from parcours.verdict.conformance import check
 from parcours.verdict.judgement import Judgement, Verdict
 from parcours_navigation.arena.observing import freeze_world
 from parcours_navigation.arena.world import advance
 from parcours_navigation.facts import NEVER
 from parcours_navigation.outcomes import VERDICT_OF, Outcome, explain, outcomes
-from parcours_ramp.components.model import component_model
+from parcours_ramp.components.model import OUTSIDE, component_model
 from parcours_ramp.components.node_program import RampCodec
 from parcours_ramp.planner.control import COMMAND_PERIOD
 from parcours_ramp.planner.messages import Report
@@ -35,9 +35,6 @@ from parcours_ramp.planner.whole import component
 from parcours_ramp.system.component_form import World, as_track, start_pose, system_links
 from parcours_ramp.system.ramp_facts import FACTS
 from parcours_ramp.system.study import SystemStudy, system_study
-
-_OUTSIDE = Allowance(unmodelled=frozenset({"trajectory_request", "evaluation_request"}), conversations=True)
-"""What RAMP does that Table II leaves out: it also asks its services in planning and control cycles."""
 
 QUIESCENCE = dict.fromkeys(("trajectory_response", "evaluation_response", "modification_response"), 2_000_000_000)
 """How long a service that owes an answer may keep silent [ns]: it needs milliseconds, and a busy machine more."""
@@ -196,7 +193,7 @@ def rerun(study: SystemStudy, number: int, trace: Trace) -> LiveRun:
 def _run(study: SystemStudy, observer: Observer, trace: Trace, deaths: dict[str, str]) -> LiveRun:
     facts = observer.facts(trace)
     model = component_model(study.parameters.schedule)
-    conforms = check(trace, model, quiescence=QUIESCENCE, allowance=_OUTSIDE, data=message_of).judgement
+    conforms = check(trace, model, quiescence=QUIESCENCE, allowance=OUTSIDE, data=message_of).judgement
     return LiveRun(facts, *observer.track(), trace, deaths, conforms, judge_live(facts, deaths, conforms))
 
 

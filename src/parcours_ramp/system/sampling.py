@@ -19,18 +19,17 @@ from parcours.report.junit import CaseResult
 from parcours.report.pieces import Column, Table
 from parcours.report.writing import write_text
 from parcours.study.protocol import Progress, Reported
-from parcours.verdict.conformance import Allowance, check
+from parcours.verdict.conformance import check
 from parcours.verdict.judgement import Judgement, Verdict
 from parcours_navigation.study.campaigns import Campaign
 from parcours_navigation.study.results import CampaignResults
-from parcours_ramp.components.model import component_model
+from parcours_ramp.components.model import OUTSIDE, component_model
 from parcours_ramp.planner.latency import none
 from parcours_ramp.planner.viewing import message_of
 from parcours_ramp.system.component_form import run_components
 from parcours_ramp.system.study import SystemStudy
 
 FILE = "sampled.json"
-_OUTSIDE = Allowance(unmodelled=frozenset({"trajectory_request", "evaluation_request"}), conversations=True)
 
 
 def judge_sampled(study: SystemStudy, number: int) -> Judgement:
@@ -38,7 +37,7 @@ def judge_sampled(study: SystemStudy, number: int) -> Judgement:
     timeless = dataclasses.replace(study, latencies=none())
     ran = run_components(timeless, number)
     conforms = check(
-        ran.trace, component_model(study.parameters.schedule), allowance=_OUTSIDE, data=message_of
+        ran.trace, component_model(study.parameters.schedule), allowance=OUTSIDE, data=message_of
     ).judgement
     if not conforms.passed:
         return conforms

@@ -103,6 +103,7 @@ class ComponentStudy:
     files: Mapping[str, Path] = field(default_factory=dict)  # where its model and its data lie
     patience: float = PATIENCE  # longest turn [s of wall clock]
     mutants: tuple[str, ...] = ()  # files and modules that mutants are made of; empty for those of its components
+    allowance: Allowance = Allowance()  # what its components may do beside the model, where conformance is judged
 
     kind = "components"
     trusted = False  # Whether components run in this process: only those that ship with Parcours do
@@ -187,11 +188,6 @@ class ComponentStudy:
     def fields(self, channel: str, payload: object) -> Mapping[str, object] | None:
         """Return a payload as the model's message. Raises BadRequest if it is none."""
         return plain(channel, payload)
-
-    @property
-    def allowance(self) -> Allowance:
-        """What conformance lets pass beside the model: nothing."""
-        return Allowance()
 
     def known(self, case: Case, settings: Settings) -> dict[str, Scalar]:
         """Return what formulas, constructors and programs may read: parameters and test inputs by name."""

@@ -184,7 +184,7 @@ class Components:
 def conformance_of(study: ComponentStudy, trace: Trace) -> str:
     """Return why a trace does not conform to the study's model; empty if it does, or if that is open."""
     try:
-        found = check(trace, study.model, allowance=study.allowance, fields=study.fields).judgement
+        found = check(trace, study.model, fields=study.fields, allowance=study.allowance).judgement
     except ParcoursError as error:
         return str(error)
     return found.why if found.verdict is Verdict.FAIL else ""

@@ -96,12 +96,13 @@ class Behaviour:
         }
 
     def initial(self, *, apart: bool = False) -> tuple[State, ...]:
-        """Return the initial states: one with all machines running, or `apart`, one for each machine running alone."""
+        """Return the initial states: all machines running, and if they may run `apart`, each of them running alone."""
         begin = self._steps.layout.initial()
         *own, stub = begin.states
         alone = [[name if at == slot else "" for at, name in enumerate(own)] for slot in range(len(own))]
         empty: Inbox = ((),) * len(self.reads)
-        return tuple(State((*states, stub), begin.values, empty) for states in (alone if apart else [own]))
+        each = [list(own), *alone] if apart and len(own) > 1 else [own]
+        return tuple(State((*states, stub), begin.values, empty) for states in each)
 
     def content(self, channel: str, fields: dict[str, object]) -> Message:
         """Return the observed fields of a message that guards can read, as the model's steps want them."""

@@ -46,8 +46,9 @@ class _Instance:
 class Checker:
     """Follows a running system. After the first deviation it stays there.
 
-    A component whose name carries a number, as Planner#2, runs one machine of its own; a component that the model
-    does not name is the environment, and what happens on channels that it does not name is passed over.
+    A component whose name carries a number, as Planner#2, is an instance for one visit, which runs one machine, or
+    for a whole case, which runs all; a component that the model does not name is the environment, and what happens on
+    channels that it does not name is passed over.
 
     Args:
         cefsm: a model without errors.
@@ -205,7 +206,7 @@ class Checker:
         try:
             return self._instances[name]
         except KeyError:
-            base, mark, _ = name.partition("#")  # Planner#2 is a numbered instance, which runs one machine
+            base, mark, _ = name.partition("#")  # Planner#2 may be an instance of one machine
             made = None
             if base in self._followed:
                 tracker = self._trackers.of(base, apart=bool(mark))

@@ -63,7 +63,7 @@ class Tracker:
         observes: whether transitions are observed, or only messages; then every step that sends and receives nothing
             is taken silently, and a set is closed under such steps.
         hidden: most states that closing a set may add. Beyond it the set is incomplete, and a deviation is in doubt.
-        apart: whether one machine of the component runs alone.
+        apart: whether one machine of the component may run alone.
     """
 
     def __init__(self, behaviour: Behaviour, observes: Observes, hidden: int, *, apart: bool = False) -> None:
@@ -259,7 +259,7 @@ class Trackers:
         self._made: dict[tuple[str, bool], Tracker] = {}
 
     def of(self, component: str, *, apart: bool = False) -> Tracker:
-        """Return the tracker of a component, or `apart`, of one that runs one of its machines only."""
+        """Return the tracker of a component, or `apart`, of one that may run one of its machines only."""
         key = component, apart
         if key not in self._made:
             observes, _, hidden = self.key
