@@ -14,6 +14,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from parcours.errors import BadResults
+from parcours.kernels import suspended
 from parcours.report.junit import CaseResult
 from parcours.report.pieces import Column, Table
 from parcours.report.writing import write_text
@@ -34,9 +35,9 @@ _OUTSIDE = Allowance(unmodelled=frozenset({"trajectory_request", "evaluation_req
 def judge_sampled(study: SystemStudy, number: int) -> Judgement:
     """Run a case in both forms and judge the component form's messages and facts."""
     ran = run_components(study, number)
-    conforms = check(
-        ran.trace, component_model(study.parameters.schedule), allowance=_OUTSIDE, data=message_of
-    ).judgement
+    with suspended():  # a mutant is judged by the original
+        model = component_model(study.parameters.schedule)
+        conforms = check(ran.trace, model, allowance=_OUTSIDE, data=message_of).judgement
     if not conforms.passed:
         return conforms
     facts, _, _ = study.track(number)
