@@ -16,8 +16,21 @@ from click.testing import CliRunner
 
 from parcours import kernels
 from parcours.cli import parcours
+from parcours.model.formulas import clauses
+from parcours.run.trace import Trace, TraceEvent
+from parcours.study.components.study import ComponentStudy
+from parcours.study.finding import find
+from parcours.study.mutation.comparing import compare
 from parcours.study.mutation.mutant import sampled
+from parcours.study.mutation.observing import AnyStudy
+from parcours.study.mutation.running import MutationRequest
 from parcours.study.mutation.source import Module, Sources
+from parcours.study.mutation.suites import Suite, random_cases, with_suite
+from parcours.study.mutation.twin import difference_of, fact_of
+from parcours.study.parameters import settings_of
+from parcours.study.protocol import Judged, Showing
+from parcours.suite import Case
+from parcours.verdict.judgement import Verdict
 
 BOX = """
 from parcours.study import took
@@ -247,3 +260,95 @@ def test_mutants_that_die_or_never_end_are_noticed_and_cost_only_themselves(tmp_
     end, seen = found["lift:Panel.call:3:relation"]  # floor <= 0
     assert end == "died" and "ended with exit code 3" in seen["component cases"][1]
     assert found["lift:Panel.call:1:relation"][0] == "ended"
+
+
+def test_a_survivor_says_in_which_field_of_which_message_it_parts_from_the_original(tmp_path: Path) -> None:
+    arguments = ["examples/lift", "--only", "Cabin.request:1:constant", "--no-data", "--twin", "0", "--workers", "1"]
+    run = CliRunner().invoke(parcours, ["mutate", *arguments, "--out", str(tmp_path), "--json"])
+    assert run.exit_code == 0, run.output
+    [one] = json.loads(run.stdout)["mutants"]
+    assert one["seen_by"].startswith("close.hold is ") and "; in lift/ITP" in one["seen_by"]
+
+
+def test_suites_are_compared_on_the_same_mutants_beside_as_many_random_tests(tmp_path: Path) -> None:
+    study = find("examples/lift")
+    assert isinstance(study, ComponentStudy)
+    settings = settings_of(study.parameters, {}, study.name)
+    request = MutationRequest([settings], "code", 0, only="Cabin.request", workers=1)
+    suites = (Suite("edge", "each_choice"), Suite("edge", "each_choice", data=False), Suite("random", "random"))
+    found, interrupted = compare(study, request, tmp_path, lambda what, done, n: None, suites)
+    rows = {str(row[0]): row for row in found.table().rows}
+    assert not interrupted and set(rows) == {"edge+each_choice", "edge+each_choice+no-data", "random+random"}
+    judged, unjudged = (found.noticed(suite) for suite in suites[:2])
+    assert {"lift:Cabin.request:1:constant"} <= judged - unjudged and unjudged < judged <= found.effective()
+    assert rows["edge+each_choice"][1] == rows["random+random"][1] == 8
+    assert len(list(tmp_path.glob("kernels-*"))) <= 1
+
+
+def test_random_walks_end_where_a_test_may_and_are_the_same_for_a_seed() -> None:
+    study = find("ramp_components")
+    assert isinstance(study, ComponentStudy)
+    cases = random_cases(study.model, 3)
+    assert list(cases) == list(random_cases(study.model, 3)) != list(random_cases(study.model, 4))
+    for case in list(cases.values())[:50]:
+        for _, path in case.combination.references:
+            assert path.is_closed
+    first = [case.interaction.name for case in cases.values()][: len({one.interaction.name for one in cases.values()})]
+    assert len(set(first)) == len(first)  # every interaction is as likely, whatever its number of cases
+
+
+def test_a_suite_without_data_oracles_keeps_its_cases_and_no_formula() -> None:
+    study = find("ramp_components")
+    assert isinstance(study, ComponentStudy)
+    bare = with_suite(study, Suite(data=False))
+    assert isinstance(bare, ComponentStudy)
+    assert not any(True for _ in clauses(bare.model)) and any(True for _ in clauses(study.model))
+    assert [case.id for case in bare.suite({}, 5)] == [case.id for case in study.suite({}, 5)]
+
+
+def test_a_trace_parts_from_another_in_a_transition_a_field_or_what_no_model_names() -> None:
+    class Plain:
+        def flatten(self, channel: str, payload: object) -> list[object]:
+            return [payload]
+
+    def trace(*payloads: object) -> Trace:
+        return Trace("simulated", tuple(TraceEvent(k, "send", "A", "", "c", k, "", one) for k, one in enumerate(payloads)))
+
+    def parts(one: Trace, other: Trace, view: object = lambda channel, payload: payload) -> str:
+        return difference_of(one, other, Plain(), view)  # type: ignore[arg-type]
+
+    before = {"points": [{"v": 1.0}, {"v": 2.0}]}
+    assert parts(trace(before), trace(before)) == ""
+    assert parts(trace(before), trace({"points": [{"v": 1.0}, {"v": 3.0}]})) == "c.points[1].v is 3.0, was 2.0"
+    assert parts(trace(before), trace({"points": [{"v": 1.0}]})) == "c.points has 1 items, had 2"
+    assert parts(trace(before), trace(before, before)) == "A send c in the place of nothing"
+    assert parts(trace(1), trace(2), lambda channel, payload: {"v": 0}) == "c: in what the model does not name"
+    assert fact_of((("x", "1"), ("y", "2")), (("x", "1"), ("y", "3"))) == "y is 3, was 2"
+
+
+class Talking:
+    """A study of another kind whose cases 0 and 100 show their messages."""
+
+    name = kind = doc = where = family = "talking"
+    parameters = ()
+
+    def suite(self, settings: object, seed: int, n: int | None = None) -> object:
+        return (Case("talking", k, "a", k, (), (), 1.0, seed) for k in range(n or 300))
+
+    def judge(self, case: Case, settings: object) -> Judged:
+        return Judged(case, Verdict.PASS, "", (), "")
+
+    def show(self, case: Case, settings: object) -> Judged:
+        return Judged(case, Verdict.FAIL if case.number else Verdict.PASS, "a message is wrong", (), "")
+
+
+def test_sampled_cases_of_a_study_that_shows_messages_are_a_stage_of_their_own() -> None:
+    subject = AnyStudy(Talking(), {}, 0)  # type: ignore[arg-type]
+    assert subject.stages == ("campaign oracles", "system messages")
+    cases = list(subject.cases(101))
+    said = [subject.observe(cases[k]).noticed for k in (0, 1, 100)]
+    assert said[0] == {"campaign oracles": "", "system messages": ""}
+    assert said[1] == {"campaign oracles": ""}
+    assert said[2] == {"campaign oracles": "", "system messages": "fail: a message is wrong"}
+    assert subject.observe(cases[100], judged=False).noticed == {"campaign oracles": ""}
+    assert isinstance(find("ramp_system"), Showing)

@@ -11,6 +11,8 @@ from parcours.cli.options import PATH, as_json, choice, count, fail_if, print_js
 
 if TYPE_CHECKING:
     from parcours.study.mutation.laboratory import Kind
+    from parcours.study.mutation.running import MutationRequest
+    from parcours.study.protocol import Study
 
 
 @click.command("mutate")
@@ -20,8 +22,10 @@ if TYPE_CHECKING:
 @count("--sample", least=0, default=200, help="How many mutants, drawn by the seed; 0 for all.")
 @click.option("--operators", default="", metavar="NAME,...", help="Mutants of these operators only.")
 @click.option("--only", default="", help="Only mutants whose id contains this: a module, a function, an id.")
-@click.option("--paths", default="", help="Criterion of internal paths, instead of the study's.")
+@click.option("--paths", default="", help="Criterion of internal paths, instead of the study's; or random.")
 @click.option("--combine", default="", help="Criterion by which blocks are combined, instead of the study's.")
+@click.option("--no-data", is_flag=True, help="Leave out formulas, reference implementations and relations.")
+@click.option("--compare", "comparing", is_flag=True, help="Compare criteria, data oracles off, and random tests.")
 @count("--cases", help="How many cases of the study, the first ones.  [default: the study's]")
 @count("--twin", least=0, default=200, help="In how many cases an effect is looked for, if the suite shows none.")
 @click.option("--list", "listed", is_flag=True, help="Print the mutants as diffs and run nothing.")
@@ -33,8 +37,8 @@ if TYPE_CHECKING:
 @as_json
 def command(
     studies: tuple[str, ...], of: Kind, settings: tuple[str, ...], sample: int, operators: str, only: str, paths: str,
-    combine: str, cases: int | None, twin: int, listed: bool, seed: int, workers: int, out: Path | None, fresh: bool,
-    fail_if: tuple[str, ...], as_json: bool,
+    combine: str, no_data: bool, comparing: bool, cases: int | None, twin: int, listed: bool, seed: int, workers: int,
+    out: Path | None, fresh: bool, fail_if: tuple[str, ...], as_json: bool,
 ) -> None:  # fmt: skip
     """Change a study's Python components in small ways, one at a time, and see which changes its tests notice.
 
@@ -50,12 +54,16 @@ def command(
     from parcours.study.finding import find
     from parcours.study.gate import check_condition, parse_condition
     from parcours.study.journal import discard
-    from parcours.study.mutation.observing import with_criteria
     from parcours.study.mutation.running import MutationRequest, mutants_of, mutate, sources_of
+    from parcours.study.mutation.suites import COMPARED, Suite, with_suite
     from parcours.study.parameters import pairs_of, settings_of
 
     found = [find(one) for one in studies]
-    with_criteria(found[0], paths, combine)
+    suite = Suite(paths, combine, not no_data)
+    with_suite(found[0], suite, seed)
+    if comparing and (suite != Suite() or len(found) > 1 or of != "code" or fail_if):
+        rule = "one study's code is compared under suites of its own, but other options name a study, a suite or a gate"
+        raise BadRequest("--compare", rule, "leave them out", slug="option-study")
     conditions = [parse_condition(text) for text in fail_if]
     pairs = pairs_of(settings)
     names_of = {study.name: {one.name for one in study.parameters} for study in found}
@@ -69,15 +77,19 @@ def command(
         for study in found
     ]
     names = tuple(one.strip() for one in operators.split(",") if one.strip())
-    request = MutationRequest(chosen, of, seed, paths, combine, cases, twin, sample, names, only, workers)
+    request = MutationRequest(chosen, of, seed, suite, cases, twin, sample, names, only, workers)
     if listed:
         for mutant in mutants_of(found[0], sources_of(found[0], request.of), request):
             click.echo(f"{mutant.id}  {mutant.place}\n{mutant.diff or mutant.change}\n")
         return
     if out is None:
         raise BadRequest("--out", "outcomes are kept in a folder, but none is named", slug="option-study")
-    for folder in (out, *(out / one.name for one in found[1:])) if fresh else ():
+    inner = [one.name for one in COMPARED] if comparing else [one.name for one in found[1:]]
+    for folder in (out, *(out / name for name in inner)) if fresh else ():
         discard(folder, ("run.json", "cases.jsonl", "kernels-*"))
+    if comparing:
+        _compare(found[0], request, out, as_json)
+        return
     with progress() as report:
         results, interrupted = mutate(found, request, out, report)
     if as_json:
@@ -86,15 +98,39 @@ def command(
         for table in results.tables():
             print_table(table)
             click.echo()
-        for mutant, _ in results.survivors():
-            also = "; would be seen by: golden twin" if of != "model" else ""
+        for mutant, outcome in results.survivors():
+            also = f"; seen by the golden twin: {results.seen_by(outcome)}" if of != "model" else ""
             click.echo(f"survived: {mutant.id} {mutant.place}{also}\n{mutant.diff or mutant.change}\n")
     if interrupted:
-        click.echo("interrupted; run the same command again to judge the rest", err=True)
-        raise click.exceptions.Exit(130)
+        _interrupted()
     failed = False
     for checked in (check_condition(condition, results) for condition in conditions):
         failed |= checked.failed
         click.echo(f"{'FAILED' if checked.failed else 'ok'}: {checked.name}: {checked.why}", err=True)
     if failed:
         raise click.exceptions.Exit(1)
+
+
+def _compare(study: Study, request: MutationRequest, out: Path, as_json: bool) -> None:
+    from parcours.cli.progress import progress
+    from parcours.errors import BadRequest
+    from parcours.report.terminal import print_table
+    from parcours.study.components.study import ComponentStudy
+    from parcours.study.mutation.comparing import compare
+
+    if not isinstance(study, ComponentStudy):
+        rule = f"criteria are for component studies, but {study.name} is another"
+        raise BadRequest("--compare", rule, slug="option-study")
+    with progress() as report:
+        comparison, interrupted = compare(study, request, out, report)
+    if as_json:
+        print_json(comparison.document())
+    else:
+        print_table(comparison.table())
+    if interrupted:
+        _interrupted()
+
+
+def _interrupted() -> None:
+    click.echo("interrupted; run the same command again to judge the rest", err=True)
+    raise click.exceptions.Exit(130)

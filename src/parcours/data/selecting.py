@@ -2,7 +2,8 @@
 
 The rows of a criterion stand in an endless table: its first `n_rows` satisfy the criterion, so do the next
 `n_rows`, and so on. Each Choice shuffles every repetition by seed, so that blocks meet in ever new
-pairings; so do pair-wise and t-wise, by exchanging the blocks of each column. Any row is found by its number
+pairings; so do pair-wise and t-wise, by exchanging the blocks of each column. Random rows satisfy nothing: they are
+what the others are measured against, in the number of Each Choice. Any row is found by its number
 alone; nothing is listed that was not asked for.
 """
 
@@ -98,6 +99,14 @@ def _each_choice(sizes: Sequence[int], numbers: NDArray[np.int64], seed: int) ->
     return table[where, :, numbers % places]
 
 
+def _random(sizes: Sequence[int], numbers: NDArray[np.int64], seed: int) -> Rows:
+    """Every block of a parameter is as likely in every row."""
+    words = uniforms(starts(seed, numbers, ROWS), 0, len(sizes)).reshape(len(numbers), len(sizes))
+    blocks = np.array(sizes)
+    found: Rows = np.minimum((words * blocks).astype(np.int64), blocks - 1)
+    return found
+
+
 def _base_choice(sizes: Sequence[int], numbers: NDArray[np.int64], seed: int) -> Rows:
     """The base row has the first block of every parameter; each further row changes one parameter."""
     rows = np.zeros((len(numbers), len(sizes)), dtype=np.int64)
@@ -149,6 +158,7 @@ def _combined(strength: int) -> Criterion:
 
 CRITERIA: Final[dict[str, Criterion]] = {
     "each_choice": Criterion(max, _each_choice),
+    "random": Criterion(max, _random),
     "base_choice": Criterion(lambda sizes: 1 + sum(size - 1 for size in sizes), _base_choice),
     "pairwise": _combined(2),
     **{f"{strength}-wise": _combined(strength) for strength in range(3, 7)},

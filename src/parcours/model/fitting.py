@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 from parcours.model.structure import MessageClass
 
 _KINDS: dict[str, tuple[type, ...]] = {"bool": (bool,), "int": (int,), "real": (int, float)}
+_EXACT: dict[str, type] = {"bool": bool, "int": int, "real": float}
 
 
 def misfit(classes: Mapping[str, MessageClass], declared: MessageClass, message: object, where: str = "it") -> str:
@@ -48,3 +49,42 @@ def _misfit(
     allowed = _KINDS.get(kind, (str,))
     fits = type(value) in allowed or (isinstance(value, allowed) and (kind == "bool" or not isinstance(value, bool)))
     return "" if fits else f"{where} must be {kind}, but is {value!r:.60}"
+
+
+def fitting(classes: Mapping[str, MessageClass], declared: MessageClass) -> Callable[[object], bool]:
+    """Return what says of messages whether all that they hold is plainly of a class, fast; if not, ask `misfit`."""
+    exact = {one.name: _EXACT.get(one.type, str) for one in declared.fields if not one.shape and one.type not in classes}
+    others = {one.name: _shaped(classes, one.type, one.shape) for one in declared.fields if one.name not in exact}
+
+    def fits(message: object) -> bool:
+        if type(message) is not dict:
+            return False
+        for name, value in message.items():
+            if type(value) is not exact.get(name):
+                test = others.get(name)
+                if test is None or not test(value):
+                    return False
+        return True
+
+    return fits
+
+
+def _shaped(classes: Mapping[str, MessageClass], kind: str, shape: tuple[int | str, ...]) -> Callable[[object], bool]:
+    if shape:
+        test, n = _shaped(classes, kind, shape[1:]), shape[0]
+
+        def fits(value: object) -> bool:
+            return type(value) is list and (isinstance(n, str) or len(value) == n) and all(map(test, value))
+
+        return fits
+    if kind in classes:
+        made: list[Callable[[object], bool]] = []  # when a message comes: a class may hold itself
+
+        def fits_class(value: object) -> bool:
+            if not made:
+                made.append(fitting(classes, classes[kind]))
+            return made[0](value)
+
+        return fits_class
+    wanted = _EXACT.get(kind, str)
+    return lambda value: type(value) is wanted

@@ -55,7 +55,8 @@ class Step(Protocol):
 class Component(Protocol):
     """A system under test, or a part of it. Times are whole nanoseconds since the host began.
 
-    `handle` and `wake` return lazy iterators: each `next` performs exactly one transition.
+    `handle` and `wake` return lazy iterators: each `next` performs exactly one transition. On the simulated host it may
+    have an attribute `deaf`: the channels whose messages wait for now.
     """
 
     @property

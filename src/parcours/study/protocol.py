@@ -247,3 +247,11 @@ class Strikeable(Protocol):
 
     def faults(self, request: FaultRequest, progress: Progress) -> FaultReport:
         """Strike, one fault at a time, and say what became of the cases."""
+
+
+@runtime_checkable
+class Showing(Protocol):
+    """A study whose cases can be run in a slower form that shows the messages of its components."""
+
+    def show(self, case: Case, settings: Settings) -> Judged:
+        """Execute a case of the study in that form, and judge what was sent by the model."""

@@ -36,7 +36,7 @@ class Key:
     """A key of a study.yaml whose value stands alone: nothing else in the file decides whether it is right."""
 
     field: str  # of the study that gets the value
-    kind: Literal["word", "time", "count"]
+    kind: Literal["word", "time", "count", "flag"]
     absent: Any = None  # the value where the key is missing
     words: tuple[str, ...] = ()  # those allowed, of kind `word`
 
@@ -124,6 +124,8 @@ class StudyReader(QuantityReader):
             node = top.get(name)
             if key.kind == "word":
                 fields[key.field] = self.named(node, name, key.words, key.absent)
+            elif key.kind == "flag":
+                fields[key.field] = self.named(node, name, ("true", "false"), "false") == "true"
             else:
                 fields[key.field] = (self.duration if key.kind == "time" else self.count)(node, name, key.absent)
         return top, fields

@@ -19,7 +19,8 @@ from parcours.model.configuration import content_of
 from parcours.model.expression import Assignment, Call, Expression, evaluate, names
 from parcours.model.expression.evaluation import Code, compiled
 from parcours.model.expression.explaining import explain
-from parcours.model.fitting import misfit
+from parcours.model.expression.programs import program
+from parcours.model.fitting import fitting, misfit
 from parcours.model.formulas import Clause, clauses, reverse
 from parcours.model.scope import Scopes, is_local
 from parcours.model.structure import BASE_TYPES, Cefsm, Component, Machine, Transition
@@ -104,9 +105,10 @@ class Contracts:
         self.clauses = tuple(clauses(cefsm))
         self._of: dict[tuple[str, str], list[tuple[Clause, Code]]] = {}
         for clause in self.clauses:
-            code = compiled(clause.formula.condition, clause.id)
+            code = program(clause.formula.condition, clause.id)
             self._of.setdefault((clause.of, clause.owner), []).append((clause, code))
         self.classes = {message.name: message for message in cefsm.messages}
+        self._fits = {name: fitting(self.classes, message) for name, message in self.classes.items()}
         self.channels = {channel.name: channel for channel in cefsm.carriers}
         self.asked = {
             channel.name: asked.name for channel in cefsm.channels if (asked := reverse(cefsm, channel)) is not None
@@ -144,7 +146,9 @@ class Contracts:
     def misfit(self, channel: str, message: Mapping[str, object]) -> str:
         """Return what in a message is not of the channel's class; empty if nothing is, or the class is not known."""
         declared = self.classes.get(self.channels[channel].message)
-        return "" if declared is None else misfit(self.classes, declared, message)
+        if declared is None or self._fits[declared.name](message):
+            return ""
+        return misfit(self.classes, declared, message)
 
     def mask(self, tally: Tally) -> str:
         """Return which checks were made at least once, as a bit for each in hexadecimal."""

@@ -154,6 +154,8 @@ class Control:
         self._next_report = REPORT_PERIOD
         self._executing = False
         self._early: object = None
+        self.reported: Report | None = None
+        """What it told the planner last."""
 
     def next_wake(self) -> int | None:
         """The next command or report is due, or a trajectory that came too early."""
@@ -199,7 +201,7 @@ class Control:
             yield reporting("p47", interval_done=False)
             return
         self._next_report += REPORT_PERIOD
-        update = Report(now, self._pose.copy(), int(self._state.lag))
+        self.reported = update = Report(now, self._pose.copy(), int(self._state.lag))
         yield reporting("p48", ("update", update), interval_done=True)
         yield reporting("p49", operation="reset_timer")
 

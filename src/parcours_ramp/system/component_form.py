@@ -1,7 +1,7 @@
 """One system case, component by component: RAMP as messages on the simulated-time host, in the same world.
 
-Without latencies this is the same planner as the compiled loop: same kernels, same streams, same bits. It shows which
-messages passed and which transitions were taken when, at a thousandth of the speed.
+This is the same planner as the compiled loop: same kernels, same streams, same bits. It shows which messages passed and
+which transitions were taken when, at a thousandth of the speed.
 """
 
 from __future__ import annotations
@@ -27,13 +27,14 @@ from parcours_navigation.measures.one_case import measures_of
 from parcours_ramp.components.model import component_model
 from parcours_ramp.planner import wire
 from parcours_ramp.planner.control import COMMAND_PERIOD, REPORT_PERIOD, Control
-from parcours_ramp.planner.latency import late_start
+from parcours_ramp.planner.latency import late_start, none
 from parcours_ramp.planner.messages import OBSTACLE_STATE, POSE, Obstacles, Report, Step, many, one
 from parcours_ramp.planner.path_modification import PathModification
 from parcours_ramp.planner.planner import Planner
 from parcours_ramp.planner.service import Sensing
 from parcours_ramp.planner.trajectory_evaluation import TrajectoryEvaluation
 from parcours_ramp.planner.trajectory_generator import TrajectoryGenerator
+from parcours_ramp.system.planner_paced import Guard, PacedControl, PacedPlanner, paced
 from parcours_ramp.system.ramp_facts import FACTS, TRANSITIONS
 from parcours_ramp.system.study import SystemStudy
 from parcours_ramp.system.workspace import SENSING_PERIOD, WORKSPACE, freeze, watch
@@ -47,13 +48,17 @@ class World:
 
     Args:
         before: called with the time [ns] before the world goes on to it.
+        sends: the channels on which it says what is sensed.
     """
 
     name = "World"
 
-    def __init__(self, study: SystemStudy, number: int, before: Callable[[int], None]) -> None:
+    def __init__(self, study: SystemStudy, number: int, before: Callable[[int], None],
+                 sends: tuple[str, ...] = ("odometry",)) -> None:  # fmt: skip
+        self._sends = sends
         self._study, self._origin = study, study.cases.obstacles(np.array([number]))[0]
         self._before = before
+        self._late = round(study.latencies.added_sensing * 1e9)
         self.reset()
 
     def reset(self) -> None:
@@ -62,6 +67,14 @@ class World:
         begin(self.world, self.obstacles)
         self._robot = self.world.robot
         self._next_report, self._next_sensing, self._next_command = REPORT_PERIOD, SENSING_PERIOD, 0
+        self._now = -1
+
+    def pass_to(self, now: int) -> None:
+        """Go on to the time `now` [ns], if it is later."""
+        if now > self._now:
+            self._now = now
+            self._before(now)
+            advance(self.world, self.obstacles, now)
 
     def next_wake(self) -> int | None:
         """The next time anybody wants to know the robot's pose or the obstacles."""
@@ -69,8 +82,7 @@ class World:
 
     def wake(self, now: int) -> Iterator[Step]:
         """Send the pose to Control, and the obstacles to Sensing when their message is due."""
-        self._before(now)
-        advance(self.world, self.obstacles, now)
+        self.pass_to(now)
         pose = one(POSE)
         measure_robot(self._robot, pose)
         sends: list[tuple[str, object]] = [("pose", Report(now, pose))]
@@ -81,8 +93,9 @@ class World:
         if self._next_sensing <= now:
             self._next_sensing += SENSING_PERIOD
             states = many(OBSTACLE_STATE, len(self.obstacles))
-            sense(self.obstacles, now, states)
-            sends.append(("odometry", Obstacles(now, states)))
+            sense(self.obstacles, now - self._late, states)
+            sensed = Obstacles(now - self._late, states)
+            sends += [(channel, sensed) for channel in self._sends]
         yield Step("", tuple(sends))
 
     def handle(self, channel: str | None, message: object, now: int) -> Iterator[Step]:
@@ -190,6 +203,7 @@ class Witness:
             event.transition for event in trace.events if event.kind == "take" and event.time < cast(int, self.ended)
         )
         facts["number"], facts["n_track"] = number, len(self._entries)
+        facts["n_late_cycles"] = sum(time < cast(int, self.ended) for time in getattr(self._planner, "late", ()))
         facts["n_planning_cycles"], facts["n_control_cycles"] = taken["p11"], taken["p12"]
         facts["transitions"] = [taken[name] for name in TRANSITIONS]
         track, places = self.track()
@@ -255,7 +269,8 @@ def run_components(
 ) -> ComponentRun:  # fmt: skip
     """Run one case of the study to its end, or for that long [s] if given.
 
-    The study's latencies are not applied: every message arrives at once and no work takes time. Without `recording` the
+    Its latencies are the study's (`PacedPlanner`); with `latency.none()`, the planner does its work at once, and its guard
+    belongs to it. Without `recording` the
     trace stays empty, and what the facts count of cycles and transitions stays 0; that is faster by a tenth. Under a
     plan of `faults`, a component that raises has died, and the case goes on.
 
@@ -264,18 +279,29 @@ def run_components(
         HostFailure: a component raised, without a plan of faults, or never came to an end.
     """
     setting, parameters = study.setting(), study.parameters
-    body = World(study, number, lambda now: witness.before(now))
+    is_timeless, has_guard = study.latencies == none(), study.parameters.schedule == "guarded"
+    sends = ("odometry", "sensed") if has_guard and not is_timeless else ("odometry",)
+    body = World(study, number, lambda now: witness.before(now), sends)
     goal = float(setting.goal_x), float(setting.goal_y)
     seed = study.cases.seed
     stream = np.zeros(1, np.uint64)
     opens = late_start(stream, np.uint64(seed), np.uint64(number)) if setting.starts_late else 0
-    planner, control = Planner(parameters, seed, number, start_pose(study), goal), Control(parameters, opens)
+    guards: tuple[Guard, ...] = ()
+    if is_timeless:
+        planner, control = Planner(parameters, seed, number, start_pose(study), goal), Control(parameters, opens)
+    else:
+        planner = PacedPlanner(parameters, seed, number, start_pose(study), goal, study.latencies, body.pass_to)
+        control = PacedControl(parameters, opens, body.pass_to)
+        guards = (Guard(planner, control, study.latencies),)
     witness = Witness(setting, body, planner, control)
     components = (
-        body, Sensing(), TrajectoryGenerator(parameters), TrajectoryEvaluation(parameters),
+        body, *guards, Sensing(), TrajectoryGenerator(parameters), TrajectoryEvaluation(parameters),
         PathModification(parameters, seed, number), planner, control, witness,
     )  # fmt: skip
-    host = SimulatedHost(components, system_links(), recording=recording, faults=faults, codec=wire)
+    host = SimulatedHost(
+        components, paced(system_links()) if guards else system_links(), recording=recording, faults=faults, codec=wire,
+        transport=guards[0].transport if guards else None,
+    )  # fmt: skip
     if seconds is not None:
         host.run(round(seconds * 1e9))
     else:

@@ -137,12 +137,24 @@ class RampSystem:
         """Execute one case in simulated time and judge it."""
         from parcours_navigation.study.judging import judge_system
 
+        study, command = self._of(case, settings)
+        return judge_system(study, study.cases, case, command)
+
+    def show(self, case: Case, settings: Settings) -> Judged:
+        """Execute one case component by component, and judge its messages, and its facts by the compiled loop's."""
+        from parcours_ramp.system.sampling import judge_sampled
+
+        study, command = self._of(case, settings)
+        judgement = judge_sampled(study, case.number)
+        return Judged(case, judgement.verdict, judgement.why, (), f"{command} --case {case.id} --judged 1")
+
+    def _of(self, case: Case, settings: Settings) -> tuple[SystemStudy, str]:
         protocol = "published" if case.abstract.startswith("published-") else "table-vii"
         study = dataclasses.replace(
             self.study({**settings, "protocol": protocol}, case.seed), time_limit=case.time_budget
         )
         command = f"parcours run ramp_system --schedule {settings['schedule']} --protocol {protocol} --seed {case.seed}"
-        return judge_system(study, study.cases, case, command)
+        return study, command
 
     def rejudge(self, recording: Path) -> Rejudged:
         """Judge a recording of a live case by what is recorded alone."""

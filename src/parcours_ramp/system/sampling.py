@@ -1,20 +1,20 @@
 """Cases of a campaign that are run again, component by component: do data and order conform, are the facts the same?
 
-    compiled loop, without latencies  ----> facts       the same to the bit
+    compiled loop  ----> facts               the same to the bit
     component form ----> facts, messages ----> conformance to the model, with its formulas over data
 
-The compiled loop sends no messages: what is judged here is what it computes by the same kernels. Latencies are left out
-in both forms.
+The compiled loop sends no messages: what is judged here is what it computes by the same kernels. Both draw the case's
+latencies from one stream, in one order.
 """
 
 from __future__ import annotations
 
-import dataclasses
 import json
 from collections.abc import Sequence
 from pathlib import Path
 
 from parcours.errors import BadResults
+from parcours.kernels import suspended
 from parcours.report.junit import CaseResult
 from parcours.report.pieces import Column, Table
 from parcours.report.writing import write_text
@@ -24,7 +24,6 @@ from parcours.verdict.judgement import Judgement, Verdict
 from parcours_navigation.study.campaigns import Campaign
 from parcours_navigation.study.results import CampaignResults
 from parcours_ramp.components.model import OUTSIDE, component_model
-from parcours_ramp.planner.latency import none
 from parcours_ramp.planner.viewing import message_of
 from parcours_ramp.system.component_form import run_components
 from parcours_ramp.system.study import SystemStudy
@@ -34,14 +33,13 @@ FILE = "sampled.json"
 
 def judge_sampled(study: SystemStudy, number: int) -> Judgement:
     """Run a case in both forms and judge the component form's messages and facts."""
-    timeless = dataclasses.replace(study, latencies=none())
-    ran = run_components(timeless, number)
-    conforms = check(
-        ran.trace, component_model(study.parameters.schedule), allowance=OUTSIDE, data=message_of
-    ).judgement
+    ran = run_components(study, number)
+    with suspended():  # a mutant is judged by the original
+        model = component_model(study.parameters.schedule)
+        conforms = check(ran.trace, model, allowance=OUTSIDE, data=message_of).judgement
     if not conforms.passed:
         return conforms
-    facts, _, _ = timeless.track(number)
+    facts, _, _ = study.track(number)
     assert ran.facts is not None
     for name in facts.dtype.names or ():
         if ran.facts[name].tobytes() != facts[name].tobytes():
@@ -94,6 +92,6 @@ class SampledCampaign(CampaignResults):
         """Return the table of sampled cases; nothing without any."""
         rows = tuple((number, one["verdict"], one["why"]) for number, one in self._sampled.items())
         columns = Column("case"), Column("verdict"), Column("why")
-        note = "Run again component by component, without latencies; messages judged by the model, facts compared."
+        note = "Run again component by component, with its latencies; messages judged by the model, facts compared."
         tables = [Table(f"Sampled cases, {name}", columns, rows, note)] if rows else []
         return Reported(tables, lambda: tables, {})

@@ -47,6 +47,7 @@ class SimulatedHost(Traffic):
         environment: the tester, which receives what is sent to it and injects: a function
             (channel, payload, time [ns]) -> sends, or a component called "environment".
         execution: (component, transition) -> how long it works on that [ns].
+        transport: channel -> how long a message that leaves now is on its way [ns]; none overtakes another.
         recording: whether what happens is written into the trace; without it the trace stays empty.
         faults: what shall go wrong; under a plan, a component that raises has died and all others go on.
         codec: the flat form of the messages, for faults that corrupt them.
@@ -65,6 +66,7 @@ class SimulatedHost(Traffic):
         *,
         environment: Component | Answer = silence,
         execution: Callable[[str, str], int] | None = None,
+        transport: Callable[[str], int] | None = None,
         recording: bool = True,
         faults: FaultPlan | None = None,
         codec: FlatCodec | None = None,
@@ -74,7 +76,7 @@ class SimulatedHost(Traffic):
         self._slots = {part.name: Slot(part, k) for k, part in enumerate((*components, tester))}
         self._environment = self._slots[tester.name]
         self._queues = {link.channel: Queue(link, k) for k, link in enumerate(links)}
-        self._execution = execution
+        self._execution, self._transport = execution, transport
         self._open = True
         self._recording = recording
         if tester.name != ENVIRONMENT or len(self._slots) != len(components) + 1:
@@ -216,12 +218,12 @@ class SimulatedHost(Traffic):
         except Exception as error:
             self._broke(slot, error)
             return False
-        first = slot.inbox[0] if slot.inbox else None
+        first = slot.first()
         is_due = wake is not None and (wake < now or (rung and wake == now))
         if is_due and (first is None or cast(int, wake) < first.arrived):
             return self._begin(slot, slot.component.wake, now)
         if first is not None:
-            slot.inbox.popleft()
+            slot.forget(first)
             self._record("receive", slot, first)
             self._make_room(first)
             return self._begin(slot, slot.component.handle, first.channel, first.payload, now)

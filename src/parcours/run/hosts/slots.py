@@ -58,6 +58,17 @@ class Slot:
         """The component's name."""
         return self.component.name
 
+    def first(self) -> Message | None:
+        """Return the message that has waited longest, of those that the component listens to; None if there is none."""
+        if not self.inbox:
+            return None
+        deaf = getattr(self.component, "deaf", ())
+        return next((one for one in self.inbox if one.channel not in deaf), None) if deaf else self.inbox[0]
+
+    def forget(self, message: Message) -> None:
+        """Take a message out of the inbox."""
+        del self.inbox[next(k for k, one in enumerate(self.inbox) if one is message)]
+
     def clear(self) -> None:
         """Forget everything but the component."""
         self.inbox.clear()

@@ -29,6 +29,7 @@ class Traffic(ABC):
     _environment: Slot
     _queues: dict[str, Queue]
     _striker: Striker | None
+    _transport: Callable[[str], int] | None
     _recording: bool
 
     def _clear(self) -> None:
@@ -99,6 +100,8 @@ class Traffic(ABC):
         if queue.link.kind is LinkKind.RENDEZVOUS and message.sender is not None and queue.link.receiver in self._slots:
             message.sender.waits = message.channel
         arrival = self._clock.now() + effect.copies[0]
+        if self._transport is not None:
+            arrival += self._transport(message.channel)
         if not effect.reorder:
             queue.last_arrival = arrival = max(arrival, queue.last_arrival)
         for later in effect.copies:

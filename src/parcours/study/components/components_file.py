@@ -33,6 +33,7 @@ KEYS = {
     "combine": Key("criterion", "word", "each_choice", tuple(CRITERIA)),
     "serialisation": Key("policy", "word", "", tuple(POLICIES)),
     "cases": Key("n_cases", "count"),
+    "alone": Key("alone", "flag"),
     "time_budget": Key("time_budget", "time", 20.0),
     "patience": Key("patience", "time", PATIENCE),
 }

@@ -10,9 +10,10 @@ compared:
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Generator, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
     from parcours.study.components.study import ComponentStudy
 
 FURTHER = 12  # more rows of an abstract case that are tried for a block that its own rows leave without effect
+GLANCE = 400  # executions after which a glance at where data lands ends
 _MORE = 1  # other values that are tried in the place of one, beside one of every other block
 
 Spot = tuple[int, int]  # the column of an input, and one of its blocks
@@ -128,16 +130,49 @@ def landing_of(study: ComponentStudy, plan: Plan, settings: Settings, progress: 
     return Landing(plan.inputs, plan.criterion, {id: found[id] for id in plan.abstracts})
 
 
-def _all(study: ComponentStudy, plan: Plan, settings: Settings) -> Iterator[tuple[str, Landed]]:
+@dataclass(frozen=True, slots=True)
+class Glance:
+    """Which blocks reached a component in any case, as far as a few executions tell."""
+
+    blocks: int  # of valid values
+    unreached: tuple[str, ...]  # those that were not seen to change a message, by name
+    n_runs: int
+    is_whole: bool  # whether every case of the plan was looked at for them
+
+
+def glance(study: ComponentStudy, plan: Plan, settings: Settings) -> Glance:
+    """Return which blocks reach no component, in at most some `GLANCE` executions in simulated time.
+
+    What `landing_of` finds out abstract case by abstract case, for all of them together.
+    """
+    inputs = plan.inputs
+    left = {(column, block) for column, size in enumerate(inputs.sizes) for block in range(size)}
+    blocks, runs, is_whole = len(left), 0, True
+    with contextlib.closing(_all(study, plan, settings, left)) as found:
+        for id, landed in found:
+            left -= landed.landed
+            runs += landed.n_runs
+            is_whole &= not landed.why
+            if not left or runs >= GLANCE:
+                is_whole &= not left or id == plan.abstracts[-1]
+                break
+    names = tuple(inputs.in_words([spot]) for spot in sorted(left))
+    return Glance(blocks, names, runs, is_whole)
+
+
+def _all(
+    study: ComponentStudy, plan: Plan, settings: Settings, only: set[Spot] | None = None
+) -> Generator[tuple[str, Landed], None, None]:
+    """Yield where the data of each abstract case lands; `only`: of these blocks, which may become fewer meanwhile."""
     exercise = study.exercise(settings)
     if study.trusted:
         for id in plan.abstracts:
-            yield id, _Search(study, exercise, in_process(exercise), plan, id).landed()
+            yield id, _Search(study, exercise, in_process(exercise), plan, id, only).landed()
         return
 
     def work(id: str) -> Landed:
         execute = in_process(exercise, watch=watched(study.patience), checked=study.messages.checked)
-        return _Search(study, exercise, execute, plan, id).landed()
+        return _Search(study, exercise, execute, plan, id, only).landed()
 
     for id, answer in run_apart(plan.abstracts, work, study.patience):
         yield id, answer.result if isinstance(answer, Done) else Landed(why=answer)
@@ -146,7 +181,11 @@ def _all(study: ComponentStudy, plan: Plan, settings: Settings) -> Iterator[tupl
 class _Search:
     """Executes the cases of one abstract case with one value after the other replaced."""
 
-    def __init__(self, study: ComponentStudy, exercise: Exercise, execute: Execute, plan: Plan, abstract: str) -> None:
+    def __init__(
+        self, study: ComponentStudy, exercise: Exercise, execute: Execute, plan: Plan, abstract: str,
+        only: set[Spot] | None = None,
+    ) -> None:  # fmt: skip
+        self._only = only
         self._codec, self._exercise, self._execute = study.nodes().codec, exercise, execute
         self._inputs = plan.inputs
         place, n = plan.abstracts.index(abstract), len(plan.abstracts)
@@ -163,7 +202,9 @@ class _Search:
         for number in self._rows:
             case = self._plan.case(number)
             held |= set(self._spots(case))
-            landed |= self._landing(case, landed)
+            landed |= self._landing(case, landed if self._only is None else landed | (held - self._only))
+        if self._only is not None:
+            return Landed(frozenset(held), frozenset(landed), (), self._n_runs)
         everything = {(column, block) for column, size in enumerate(self._inputs.sizes) for block in range(size)}
         for number in self._more:
             felt = {column for column, _ in landed}

@@ -22,12 +22,14 @@ from parcours.run.noise import Noise, noise_of
 from parcours.run.port import Reported
 from parcours.run.trace import SHOWN, Trace
 from parcours.study.components.executing import Functional, Timing
+from parcours.study.components.landing import Glance
 from parcours.study.protocol import Measure
 from parcours.suite import Case
 from parcours.verdict.contracts import judged
 from parcours.verdict.judgement import Judgement, Verdict
 from parcours.verdict.timing import NEVER, parse_bound
 
+LANDING = "landing.json"
 FILE = "components.json"
 _FORMAT = "components/3"
 PER_VISIT, PER_CASE = "per-visit", "per-case"  # how many instances of a component a functional case has
@@ -201,6 +203,24 @@ def data_table(results: Sequence[ComponentResult], checks: Sequence[str], title:
     return Table(title, columns, rows)
 
 
+def write_landing(folder: Path, found: Glance) -> None:
+    """Keep where test data landed beside the results of a run."""
+    write_text(folder / LANDING, json.dumps(asdict(found), indent=1) + "\n")
+
+
+def read_landing(folder: Path) -> Glance | None:
+    """Return where test data landed in a run; None if that was not looked at. Raises BadResults if it is damaged."""
+    path = folder / LANDING
+    if not path.exists():
+        return None
+    try:
+        document = json.loads(path.read_bytes())
+        return Glance(int(document["blocks"]), tuple(map(str, document["unreached"])), int(document["n_runs"]),
+                      bool(document["is_whole"]))  # fmt: skip
+    except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
+        raise _unreadable(path, error) from error
+
+
 _KINDS = {"guard": "guards", "actions": "actions", "operations": "actions", "message": "messages"}
 
 
@@ -230,8 +250,10 @@ class StudyResults:
     """The results of one run as every command wants them (`parcours.study.protocol.Results`)."""
 
     def __init__(
-        self, study: str, found: ComponentResults, replay: Callable[[str], Page], checks: Sequence[str] = ()
-    ) -> None:
+        self, study: str, found: ComponentResults, replay: Callable[[str], Page], checks: Sequence[str] = (),
+        landed: Glance | None = None,
+    ) -> None:  # fmt: skip
+        self._landed = landed
         self.study, self.found, self._replay, self.checks = study, found, replay, checks
         self.label = found.host
         self.planned = found.planned
@@ -239,6 +261,16 @@ class StudyResults:
     def cases(self) -> Sequence[CaseResult]:
         """Return the verdict of every finished case."""
         return [one.junit() for one in self.found.results]
+
+    def landing(self, title: str) -> Table | None:
+        """Return how many blocks of test data reached a component, and which did not; None if that is not known."""
+        if self._landed is None:
+            return None
+        one = self._landed
+        never = ", ".join(one.unreached) + ("" if one.is_whole else f" (in {one.n_runs} executions)")
+        columns = Column("blocks"), Column("reached a component"), Column("reached nothing", ",d"), Column("which")
+        row = (f"{one.blocks}", f"{one.blocks - len(one.unreached)} of {one.blocks}", len(one.unreached), never)
+        return Table(title, columns, (row,), "`parcours data landing` says where each block lands.")
 
     def measures(self) -> Mapping[str, Measure]:
         """Return the rates of verdicts, and the median duration of timing cases [s]."""

@@ -19,6 +19,7 @@ from parcours.run.trace import Trace, TraceEvent
 from parcours.study.components import executing, results
 from parcours.study.components.archive import Archive
 from parcours.study.components.executing import Execute, Exercise, Functional, Timing, TimingGroup
+from parcours.study.components.landing import glance
 from parcours.study.components.isolation import Done, longest, run_apart, watched
 from parcours.study.hosting import Hosted, started
 from parcours.study.journal import Journal, read_journal, read_question, write_question
@@ -58,6 +59,9 @@ def run_study(study: ComponentStudy, request: Request, progress: Progress) -> Ru
     instances = str(settings["instances"])
     found = results.results_of_journal(request.out, host, len(cases) + n_timed, read_journal(request.out), instances)
     results.write_components(request.out, found)
+    is_clean = not interrupted and all(one.verdict == "pass" for one in found.results if not one.bound)
+    if is_clean and host == "simulated" and study.inputs.domains and not request.chosen:
+        results.write_landing(request.out, glance(study, plan, settings))
     total = len(cases) + n_timed
     if interrupted:
         text = f"interrupted: {len(found.results)} of {total} cases are finished and kept in {request.out}"
@@ -242,8 +246,9 @@ def read_results(study: ComponentStudy, folder: Path) -> Results:
         rule = f"results of {study.name} are expected, but it holds {foreign}"
         raise BadResults(str(folder), rule, slug="results-study")
     return results.StudyResults(
-        study.name, found, lambda case: _page(study, folder, case), contracts_of(study.model).checks
-    )
+        study.name, found, lambda case: _page(study, folder, case), contracts_of(study.model).checks,
+        results.read_landing(folder),
+    )  # fmt: skip
 
 
 def _page(study: ComponentStudy, folder: Path, id: str) -> Page:
@@ -271,7 +276,7 @@ def report_results(folders: Mapping[str, Results]) -> Reported:
         pieces.append(tables[-1])
         data = results.data_table(found.results, result.checks, f"Data, {where}")
         failures = results.failure_table(found.results, f"Cases that did not pass, {where}")
-        for table in (data, failures):
+        for table in (data, result.landing(f"Test data, {where}"), failures):
             if table is not None:
                 tables.append(table)
                 pieces.append(table)

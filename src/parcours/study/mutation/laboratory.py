@@ -14,9 +14,10 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib.machinery import SourceFileLoader
+from itertools import islice
 from pathlib import Path
 from types import CodeType
 from typing import Literal
@@ -34,9 +35,9 @@ from parcours.study.mutation.observing import (
     allowed,
     strikes_of,
     subject_of,
-    with_criteria,
 )
 from parcours.study.mutation.source import Module, Sources, place_of
+from parcours.study.mutation.suites import Suite, with_suite
 from parcours.study.parameters import Settings
 from parcours.suite import Case
 
@@ -54,8 +55,7 @@ class Build:
     where: str  # the study
     settings: Settings
     seed: int
-    paths: str  # criterion of internal paths; the study's if empty
-    combine: str  # criterion by which blocks are combined; the study's if empty
+    suite: Suite  # how its cases are selected and judged
     cases: int | None  # of the suite; None for as many as the study has
     twin: int  # cases in which an effect is looked for
     modules: tuple[Module, ...]
@@ -77,11 +77,12 @@ class Outcome:
     end: str
     seen: Mapping[str, tuple[str, str]] = field(default_factory=dict)  # stage -> the first case that saw it, and why
     cases: int = 0  # in how many cases its function ran; 0 if none reaches it
+    at: Mapping[str, int] = field(default_factory=dict)  # stage -> the place of that case in the suite, from 0
 
     def joined(self, other: Outcome) -> Outcome:
         """Return what became of the mutant in the cases of two studies."""
         end = other.end if self.end == "ended" else self.end
-        return Outcome(end, {**other.seen, **self.seen}, self.cases + other.cases)
+        return Outcome(end, {**other.seen, **self.seen}, self.cases + other.cases, {**other.at, **self.at})
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,7 +144,7 @@ class Bench:
         from parcours.study.finding import find
 
         self._places = install(build).places if build.of == "code" else {}
-        study = with_criteria(find(build.where), build.paths, build.combine)
+        study = with_suite(find(build.where), build.suite, build.seed)
         self.patience = float(getattr(study, "patience", 5.0))
         self.subject: Subject = subject_of(study, build.settings, build.seed)
         self._build = build
@@ -162,6 +163,12 @@ class Bench:
             said = next(iter(self._originals[0].noticed.values()))
             raise HostFailure(self._cases[0].id, f"a case of the original must pass, but none does: {said}",
                               "repair the study first", slug="mutants-original")  # fmt: skip
+        self._beyond: list[tuple[Case, Observation]] = []
+        """The twin's cases beyond the suite, with what the original does there."""
+        if build.of == "code" and build.twin > len(self._cases):
+            for case in islice(self.subject.cases(build.twin), len(self._cases), None):
+                self._beyond.append((case, self.subject.observe(case, judged=False)))
+                tell(("cases of the golden twin", len(self._cases) + len(self._beyond), build.twin))
 
     def refused(self) -> Refused | None:
         """Return the mutants at the place that the compiler complains of; None if it accepts all."""
@@ -224,38 +231,38 @@ class Bench:
     def _judged_code(self, number: int) -> Outcome:
         """Run a mutant until every stage has seen it, or in all cases; one that shows nothing in more of them."""
         seen: dict[str, tuple[str, str]] = {}
+        at: dict[str, int] = {}
         ran, place = 0, self._place(number)
-        for case, original in zip(self._cases, self._originals, strict=True):
+        for k, (case, original) in enumerate(zip(self._cases, self._originals, strict=True)):
             if place not in original.places:
                 continue
             ran += 1
             found = self.subject.observe(case, number, allowed(original))
+            had_effect = TWIN in seen
             self._note(case, original, found, seen)
             if not found.ended:
                 why = "its loops go round and round"
-                return Outcome("timeout", {self.subject.stages[0]: (case.id, why), TWIN: (case.id, why), **seen}, ran)
+                seen = {self.subject.stages[0]: (case.id, why), TWIN: (case.id, why), **seen}
+            at = {stage: at.get(stage, k) for stage in seen}
+            if not found.ended:
+                return Outcome("timeout", seen, ran, at)
+            if TWIN in seen and not had_effect:
+                seen[TWIN] = (case.id, self.subject.difference(case, number, allowed(original))[:_LONG])
             if len(seen) == len(self.subject.stages) + 1:
                 break
         if not seen:
-            for case in self._more():
-                original = self.subject.observe(case)
+            for case, original in self._beyond:
                 if place not in original.places:
                     continue
                 ran += 1
-                if self.subject.observe(case, number, allowed(original)).print != original.print:
-                    seen[TWIN] = (case.id, "")
+                rounds = allowed(original)
+                if self.subject.observe(case, number, rounds, judged=False).print != original.print:
+                    seen[TWIN] = (case.id, self.subject.difference(case, number, rounds)[:_LONG])
                     break
-        return Outcome("ended", seen, ran)
+        return Outcome("ended", seen, ran, at)
 
     def _place(self, number: int) -> int:
         return self._places[place_of(self._build.built[number - 1])]
-
-    def _more(self) -> Iterator[Case]:
-        n = len(self._cases)
-        if self._build.twin > n:
-            for k, case in enumerate(self.subject.cases(self._build.twin)):
-                if k >= n:
-                    yield case
 
 
 def install(build: Build) -> Sources:

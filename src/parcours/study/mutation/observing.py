@@ -16,17 +16,17 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from parcours.abtc import Event
-from parcours.data import CRITERIA
-from parcours.errors import BadRequest, ParcoursError, require_known
+from parcours.errors import ParcoursError
 from parcours.kernels import choose, places_run, refused_lines, rounds_left, suspended
-from parcours.paths import internal_paths
 from parcours.run.faults import corrupted
 from parcours.run.heartbeat import write_place
 from parcours.run.port import Component, Send, Step
 from parcours.run.trace import Trace
 from parcours.study.components import executing
 from parcours.study.components.isolation import watched
+from parcours.study.mutation.twin import difference_of, fact_of, print_of
 from parcours.study.parameters import Settings
+from parcours.study.protocol import Showing
 from parcours.suite import Case
 from parcours.verdict.conformance import check
 from parcours.verdict.judgement import Judgement, Verdict
@@ -39,11 +39,13 @@ if TYPE_CHECKING:
     from parcours.study.components.study import ComponentStudy
     from parcours.study.protocol import Study
 
-CASES, CONFORMANCE, ORACLES, TWIN = "component cases", "conformance", "campaign oracles", "golden twin"
-STAGES = (CASES, CONFORMANCE, ORACLES, TWIN)
+CASES, CONFORMANCE, TWIN = "component cases", "conformance", "golden twin"
+ORACLES, MESSAGES = "campaign oracles", "system messages"
+STAGES = (CASES, CONFORMANCE, ORACLES, MESSAGES, TWIN)
 _PLENTY = 2**62
 _TRIES = 50  # changes of a message that are tried
 _CAMPAIGN = 300  # cases of a campaign if nothing is said
+_SHOWING = 100  # one case of so many is run again in the form that shows its messages
 _MARGIN, _FREE = 10, 100_000  # A mutant's loops may go round so much more often than the original's, and so often
 
 
@@ -74,25 +76,11 @@ class Subject(Protocol):
     def cases(self, n: int | None) -> Iterator[Case]:
         """Yield the first n cases; as many as the study has if None."""
 
-    def observe(self, case: Case, number: int = 0, rounds: int = _PLENTY) -> Observation:
+    def observe(self, case: Case, number: int = 0, rounds: int = _PLENTY, *, judged: bool = True) -> Observation:
         """Execute a case on a mutant, by default on the original, and judge it."""
 
-
-def with_criteria(study: Study, paths: str, combine: str) -> Study:
-    """Return a study whose cases are selected by other criteria; those that are empty stay.
-
-    Raises BadRequest: it is no component study.
-    """
-    from parcours.study.components.study import ComponentStudy
-
-    if not (paths or combine):
-        return study
-    if not isinstance(study, ComponentStudy):
-        rule = f"criteria are for component studies, but {study.name} is another"
-        raise BadRequest("--paths, --combine", rule, slug="option-study")
-    require_known(combine or study.criterion, list(CRITERIA), "criterion", slug="unknown-criterion")
-    internal_paths(study.model, paths or study.paths)
-    return dataclasses.replace(study, paths=paths or study.paths, criterion=combine or study.criterion)
+    def difference(self, case: Case, number: int, rounds: int) -> str:
+        """Return what a mutant does otherwise first in a case: a channel and a field, a transition, a fact."""
 
 
 def subject_of(study: Study, settings: Settings, seed: int) -> Subject:
@@ -127,7 +115,7 @@ class Components:
         return (case for case in self._study.suite(self._settings, self._seed, n)
                 if not self._exercise.contradiction(case))  # fmt: skip
 
-    def observe(self, case: Case, number: int = 0, rounds: int = _PLENTY) -> Observation:
+    def observe(self, case: Case, number: int = 0, rounds: int = _PLENTY, *, judged: bool = True) -> Observation:
         """Execute a case in simulated time, in this process."""
         self._refused.clear()
         choose(number, rounds)
@@ -140,10 +128,22 @@ class Components:
         finally:
             left, places = rounds_left(), places_run()
             choose(0)
-        judgement = executing.judge_trace(self._exercise, case, trace)
-        noticed = {CASES: _why(judgement), CONFORMANCE: conformance_of(self._study, trace)}
+        noticed = {}
+        if judged:
+            judgement = executing.judge_trace(self._exercise, case, trace)
+            noticed = {CASES: _why(judgement), CONFORMANCE: conformance_of(self._study, trace)}
         print, refused = print_of(trace, self._study.recorded), tuple(self._refused)
         return Observation(noticed, print, rounds - left, places, left >= 0, refused)
+
+    def difference(self, case: Case, number: int, rounds: int) -> str:
+        """Return the first event that differs, and in which field of its message."""
+        original = self.trace(case)
+        choose(number, rounds)
+        try:
+            mutant = self._execute(case).trace
+        finally:
+            choose(0)
+        return difference_of(original, mutant, self._study.recorded, self._study.fields)
 
     def struck(self, case: Case, strike: Strike) -> Observation | None:
         """Return what becomes of a case under a fault; None if it does not strike there."""
@@ -192,30 +192,6 @@ def conformance_of(study: ComponentStudy, trace: Trace) -> str:
 
 def _why(judgement: Judgement) -> str:
     return "" if judgement.passed else f"{judgement.verdict}: {judgement.why}"
-
-
-def print_of(trace: Trace, codec: Codec) -> bytes:
-    """Return a digest of what a trace says and of its payloads' bytes; times are left out."""
-    digest = hashlib.sha256()
-    for event in trace.events:
-        said = (event.kind, event.component, event.transition, event.channel, event.text)
-        digest.update("\0".join(said).encode("utf-8", "backslashreplace") + b"\1")
-        if event.payload is not None:
-            _add(digest, _flat(codec, event.channel, event.payload))
-    return digest.digest()[:16]
-
-
-def _flat(codec: Codec, channel: str, payload: object) -> Sequence[object]:
-    try:
-        return codec.flatten(channel, payload)
-    except (ParcoursError, TypeError, ValueError, AttributeError, KeyError, IndexError, OverflowError):
-        return (repr(payload),)  # a mutant may send anything
-
-
-def _add(digest: Any, values: Sequence[object]) -> None:
-    for value in values:
-        digest.update(value.tobytes() if isinstance(value, np.ndarray | np.generic) else repr(value).encode())
-        digest.update(b"\2")
 
 
 def strikes_of(study: ComponentStudy) -> Iterator[tuple[str, Strike]]:
@@ -288,29 +264,51 @@ class _Aside:
 class AnyStudy:
     """A study of any other kind, by its door: its verdicts and facts."""
 
-    stages: tuple[str, ...] = (ORACLES,)
-
     def __init__(self, study: Study, settings: Settings, seed: int) -> None:
         self._study, self._settings, self._seed = study, settings, seed
+        self.stages: tuple[str, ...] = (ORACLES, MESSAGES) if isinstance(study, Showing) else (ORACLES,)
 
     def cases(self, n: int | None) -> Iterator[Case]:
         """Yield the first cases; a few hundred at most if nothing is said."""
         return islice(self._study.suite(self._settings, self._seed, n), n or _CAMPAIGN)
 
-    def observe(self, case: Case, number: int = 0, rounds: int = _PLENTY) -> Observation:
-        """Execute a case and judge it by the study's own oracles."""
+    def observe(self, case: Case, number: int = 0, rounds: int = _PLENTY, *, judged: bool = True) -> Observation:
+        """Execute a case and judge it by the study's own oracles; some show their messages, too."""
         write_place(case.id)
         choose(number, rounds)
         refused: list[tuple[str, int]] = []
+        noticed = {}
         try:
             why, facts = self._judged(case)
+            noticed[ORACLES] = why
+            if judged and MESSAGES in self.stages and case.number % _SHOWING == 0:
+                noticed[MESSAGES] = self._shown(case)
         except Exception as error:
             refused = refused_lines(error)
             why, facts = f"error: {type(error).__name__}: {error}", ()
+            noticed[MESSAGES if noticed else ORACLES] = why
         left, places = rounds_left(), places_run()
         choose(0)
         digest = hashlib.sha256(repr((why, facts)).encode()).digest()[:16]
-        return Observation({ORACLES: why}, digest, rounds - left, places, left >= 0, tuple(refused))
+        return Observation(noticed, digest, rounds - left, places, left >= 0, tuple(refused))
+
+    def _shown(self, case: Case) -> str:
+        assert isinstance(self._study, Showing)
+        judged = self._study.show(case, self._settings)
+        return _why(Judgement(judged.verdict, judged.why))
+
+    def difference(self, case: Case, number: int, rounds: int) -> str:
+        """Return the first fact that differs."""
+        with suspended():
+            before = self._judged(case)[1]
+        choose(number, rounds)
+        try:
+            after = self._judged(case)[1]
+        except Exception as error:
+            return f"{type(error).__name__}: {error}"
+        finally:
+            choose(0)
+        return fact_of(before, after)
 
     def _judged(self, case: Case) -> tuple[str, object]:
         judged = self._study.judge(case, self._settings)

@@ -31,8 +31,9 @@ def outcome_of(entry: Mapping[str, object]) -> Outcome:
     """Return the outcome that a line of a journal holds."""
     seen = cast("Mapping[str, Sequence[str]]", entry["seen"])
     return Outcome(
-        str(entry["end"]), {stage: (by[0], by[1]) for stage, by in seen.items()}, int(cast(int, entry["cases"]))
-    )
+        str(entry["end"]), {stage: (by[0], by[1]) for stage, by in seen.items()}, int(cast(int, entry["cases"])),
+        dict(cast("Mapping[str, int]", entry.get("at", {}))),
+    )  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,6 +65,12 @@ class MutationResults:
     def survivors(self) -> list[tuple[Mutant, Outcome]]:
         """Return the mutants with a visible effect that no stage noticed."""
         return [(mutant, outcome) for mutant, outcome in self.effective() if set(outcome.seen) <= {TWIN}]
+
+    @staticmethod
+    def seen_by(outcome: Outcome) -> str:
+        """Return which oracle would have seen a survivor: where the golden twin sees it part from the original."""
+        case, what = outcome.seen.get(TWIN, ("", ""))
+        return "; ".join(part for part in (what, f"in {case}" if case else "") if part)
 
     def measures(self) -> Mapping[str, Measure]:
         """Return the score, the share of mutants with an effect that some stage noticed; and each stage's."""
@@ -116,10 +123,14 @@ class MutationResults:
         scores = {name: float(one.values.mean()) if len(one.values) else None for name, one in self.measures().items()}
         mutants = [
             {"id": one.id, "operator": one.operator, "file": one.file, "line": one.line, "change": one.change,
-             "diff": one.diff, **(entry_of(self.outcomes[one.id]) if one.id in self.outcomes else {"end": ""})}
+             "diff": one.diff, **self._twin(one), **(entry_of(self.outcomes[one.id]) if one.id in self.outcomes else {"end": ""})}
             for one in self.mutants
         ]  # fmt: skip
         return {"study": self.study, "scores": scores, "mutants": mutants}
+
+    def _twin(self, mutant: Mutant) -> dict[str, object]:
+        outcome = self.outcomes.get(mutant.id)
+        return {"seen_by": self.seen_by(outcome)} if outcome is not None and set(outcome.seen) == {TWIN} else {}
 
 
 def _share(part: int, whole: int) -> float | None:

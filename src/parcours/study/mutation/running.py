@@ -18,6 +18,7 @@ from parcours.study.mutation.mutant import Mutant, sampled
 from parcours.study.mutation.observing import strikes_of
 from parcours.study.mutation.results import MutationResults, entry_of, outcome_of
 from parcours.study.mutation.source import Sources, modules_of
+from parcours.study.mutation.suites import Suite
 from parcours.study.parameters import Settings
 from parcours.study.protocol import Progress
 
@@ -32,8 +33,7 @@ class MutationRequest:
     settings: Sequence[Settings]  # of each study: a value for each of its parameters
     of: Kind  # what is changed
     seed: int  # of the cases, and of the sample
-    paths: str = ""  # criterion of internal paths; the study's if empty
-    combine: str = ""  # criterion by which blocks are combined; the study's if empty
+    suite: Suite = Suite()  # how the cases of the first study are selected and judged
     cases: int | None = None  # of the suite; None for as many as the study has
     twin: int = 0  # cases in which an effect is looked for
     sample: int = 0  # how many mutants; 0 for all
@@ -82,12 +82,13 @@ def mutants_of(study: Study, sources: Sources, request: MutationRequest) -> list
 
 
 def mutate(
-    studies: Sequence[Study], request: MutationRequest, out: Path, progress: Progress
-) -> tuple[MutationResults, bool]:  # fmt: skip
+    studies: Sequence[Study], request: MutationRequest, out: Path, progress: Progress, kernels: Path | None = None
+) -> tuple[MutationResults, bool]:
     """Run the mutants that are missing in a folder; return all outcomes, and whether Ctrl-C ended the run.
 
     Args:
         studies: the first, whose mutants they are, and others whose cases run on them too.
+        kernels: the folder for machine code, if several runs share it.
     """
     sources = sources_of(studies[0], request.of)
     mutants = mutants_of(studies[0], sources, request)
@@ -98,14 +99,14 @@ def mutate(
             folder = out if study is studies[0] else out / study.name
             decides = {one.name: settings[one.name] for one in study.parameters if one.decides}
             texts = {one.name: hashlib.sha256(one.text.encode()).hexdigest()[:16] for one in sources.modules}
-            criteria = (request.paths, request.combine) if study is studies[0] else ("", "")
-            question = {"form": "mutation/1", "of": request.of, "seed": request.seed, "settings": decides,
-                        "criteria": criteria, "cases": request.cases, "twin": request.twin, "modules": texts,
-                        "files": dict(getattr(study, "digests", {}))}  # fmt: skip
+            suite = request.suite if study is studies[0] else Suite()
+            question = {"form": "mutation/2", "of": request.of, "seed": request.seed, "settings": decides,
+                        "criteria": [suite.paths, suite.combine, suite.data], "cases": request.cases,
+                        "twin": request.twin, "modules": texts, "files": dict(getattr(study, "digests", {}))}  # fmt: skip
             write_question(folder, study.name, study.where, question)
             with Journal(folder) as journal:
                 try:
-                    _judge(study, settings, criteria, request, sources, mutants, journal, folder, progress)
+                    _judge(study, settings, suite, request, sources, mutants, journal, kernels or folder, progress)
                 except KeyboardInterrupt:
                     interrupted = True
                 for one in mutants:
@@ -118,7 +119,7 @@ def mutate(
 
 
 def _judge(
-    study: Study, settings: Settings, criteria: tuple[str, str], request: MutationRequest, sources: Sources,
+    study: Study, settings: Settings, suite: Suite, request: MutationRequest, sources: Sources,
     mutants: Sequence[Mutant], journal: Journal, out: Path, progress: Progress,
 ) -> None:  # fmt: skip
     what = f"mutants in {study.name}"
@@ -130,7 +131,7 @@ def _judge(
         if not left:
             return
         model = sources.model_names
-        build = Build(request.of, study.where, dict(settings), request.seed, *criteria, request.cases, request.twin,
+        build = Build(request.of, study.where, dict(settings), request.seed, suite, request.cases, request.twin,
                       tuple(sources.modules), *model, built, out.absolute())  # fmt: skip
         again = False
 
