@@ -24,6 +24,15 @@ def shifted(channel, message):
 def same(channel, message):
     return message if channel == "close" else None
 
+class Counting:  # one for each instance
+    def __init__(self, case):
+        self.asked, self.case = 0, case
+
+    def __call__(self, order):
+        self.asked += 1
+        assert self.case.number >= 0
+        return {"shut": None, "order": self.asked} if self.asked > 1 else {"shut": None}
+
 def broken(channel, message):
     raise ValueError("no idea")
 """
@@ -49,6 +58,13 @@ def lift(tmp_path: Path) -> Path:
 def test_sound_components_agree_with_their_reference(lift: Path) -> None:
     add(lift, "references: {door: twins.py:door, arrived: {function: twins.py:arrived, tolerance: 0.5}}")
     assert {verdict for verdict, _ in verdicts(lift)} == {"pass"}
+
+
+def test_a_class_is_made_for_each_instance_and_remembers(lift: Path) -> None:
+    add(lift, "references: {door: twins.py:Counting}")
+    found = {why for _, why in verdicts(lift)}
+    assert any("by twins.py:Counting, .order is missing" in why for why in found)  # where a door is asked twice
+    assert any("all" in why or "is what" in why for why in found)
 
 
 def test_an_answer_that_the_reference_does_not_give_is_found(lift: Path) -> None:
@@ -101,6 +117,7 @@ def test_a_difference_is_named_by_its_place() -> None:
     assert difference({"a": 1.0, "more": 2}, {"a": 1.0 + 1e-12}, 1e-9) == ""
     assert difference([1], [1, 2], 0.0) == " has 1 items, but must have 2"
     assert difference({}, {"a": 1}, 0.0) == ".a is missing"
+    assert difference({"a": 1, "b": [2]}, {"a": None, "b": [None]}, 0.0) == ""
 
 
 def add(folder: Path, text: str) -> None:

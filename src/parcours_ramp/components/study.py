@@ -33,6 +33,7 @@ from parcours_ramp.components.node_program import RampCodec
 from parcours_ramp.components.oracles import ORACLES
 from parcours_ramp.components.planner_reference import judge_planner
 from parcours_ramp.components.references import references
+from parcours_ramp.components.relations import relations
 from parcours_ramp.components.tester import ComponentTester
 from parcours_ramp.planner.viewing import message_of
 from parcours_ramp.planner.whole import DECIDING
@@ -129,7 +130,7 @@ def component_study() -> RampComponents:
     return RampComponents(
         "ramp_components", component_model(), None, component_inputs(), where="ramp_components", own=(percent,),
         alone=True, files=component_files(), mutants=DECIDING, allowance=OUTSIDE,
-        oracles=references(component_model()),
+        oracles=references(component_model()), relations=relations(),
         doc="RAMP's six components: 67 abstract cases, and 60 against limits (Tables III to VIII)",
     )  # fmt: skip
 

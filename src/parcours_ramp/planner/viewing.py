@@ -14,7 +14,7 @@ import numpy as np
 from parcours.errors import BadRequest
 from parcours.kernels import Record, kernel
 from parcours_ramp.planner import messages
-from parcours_ramp.planner.messages import POSE, SAMPLE
+from parcours_ramp.planner.messages import LEG, POSE, SAMPLE
 from parcours_ramp.planner.path_modification import CROSSOVER, OPERATORS
 from parcours_ramp.planner.route import HOLONOMIC, HYBRID
 from parcours_ramp.planner.trajectory import pose_at
@@ -22,7 +22,7 @@ from parcours_ramp.planner.trajectory import pose_at
 _WAYS = {HYBRID: "hybrid", HOLONOMIC: "holonomic"}  # any other is a transition
 _POSE_FIELDS = tuple(POSE.names or ())
 _REALS = ("duration", "skipped", "curve_end", "rest_length", "rest_turn", "first_heading", "fitness", "t_collision")
-_LEG_FIELDS = ("begin", "end", "x", "y", "dx", "dy", "stray")
+_LEG_FIELDS = tuple(LEG.names or ())
 
 
 def message_of(channel: str, payload: object) -> Mapping[str, object] | None:

@@ -1,7 +1,7 @@
 """Cases of a campaign that are run again, component by component: do data and order conform, are the facts the same?
 
     compiled loop  ----> facts               the same to the bit
-    component form ----> facts, messages ----> conformance to the model, with its formulas over data
+    component form ----> facts, messages ----> conformance to the model, with its formulas over data; references
 
 The compiled loop sends no messages: what is judged here is what it computes by the same kernels. Both draw the case's
 latencies from one stream, in one order.
@@ -19,11 +19,13 @@ from parcours.report.junit import CaseResult
 from parcours.report.pieces import Column, Table
 from parcours.report.writing import write_text
 from parcours.study.protocol import Progress, Reported
+from parcours.suite import Case
 from parcours.verdict.conformance import check
 from parcours.verdict.judgement import Judgement, Verdict
 from parcours_navigation.study.campaigns import Campaign
 from parcours_navigation.study.results import CampaignResults
 from parcours_ramp.components.model import OUTSIDE, component_model
+from parcours_ramp.components.references import references
 from parcours_ramp.planner.viewing import message_of
 from parcours_ramp.system.component_form import run_components
 from parcours_ramp.system.study import SystemStudy
@@ -39,6 +41,13 @@ def judge_sampled(study: SystemStudy, number: int) -> Judgement:
         conforms = check(ran.trace, model, allowance=OUTSIDE, data=message_of).judgement
     if not conforms.passed:
         return conforms
+    case = Case("sampled", number, "component-form", 0, (), (), study.time_limit, study.cases.seed)
+    known = {"numbers": dataclasses.asdict(study.parameters)}
+    with suspended():
+        for reference in references(model):
+            referred = reference.judge(case, ran.trace, known)
+            if not referred.passed:
+                return referred
     facts, _, _ = study.track(number)
     assert ran.facts is not None
     for name in facts.dtype.names or ():
@@ -92,6 +101,9 @@ class SampledCampaign(CampaignResults):
         """Return the table of sampled cases; nothing without any."""
         rows = tuple((number, one["verdict"], one["why"]) for number, one in self._sampled.items())
         columns = Column("case"), Column("verdict"), Column("why")
-        note = "Run again component by component, with its latencies; messages judged by the model, facts compared."
+        note = (
+            "Run again component by component, with its latencies; messages judged by the model and references, "
+            "facts compared."
+        )
         tables = [Table(f"Sampled cases, {name}", columns, rows, note)] if rows else []
         return Reported(tables, lambda: tables, {})

@@ -122,6 +122,9 @@ def states(way: Way, driven: list[Profile], ends: list[float], duration: float) 
         if len(here):
             made, speed = profile.at(here - begins[i])
             rows += _states(piece, made, speed)
+    for end in ends[:-1]:  # where a piece ends at a sample, rounding decides which one it is on
+        for k in np.flatnonzero(abs(times - end) < _OPEN):
+            rows[k] = {**rows[k], "heading": None, "w": None}
     if ends[-1] < LONGEST:
         rows[-1] = {**rows[-1], "v": 0.0, "w": 0.0}
     return rows
@@ -196,4 +199,8 @@ def legs(way: Way, driven: list[Profile], ends: list[float]) -> list[Message] | 
 
 
 def _leg(begin: float, end: float, at: complex, by: complex, stray: float) -> Message:
-    return {"begin": begin, "end": end, "x": at.real, "y": at.imag, "dx": by.real, "dy": by.imag, "stray": stray}
+    per_square = 0.0 if not by else 1 / abs(by) ** 2 if abs(by) > 1e-6 else None
+    return {
+        "begin": begin, "end": end, "x": at.real, "y": at.imag, "dx": by.real, "dy": by.imag, "per_square": per_square,
+        "stray": stray,
+    }  # fmt: skip

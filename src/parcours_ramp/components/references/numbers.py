@@ -20,7 +20,7 @@ Places = NDArray[np.complex128]
 
 
 class UndecidedError(Exception):
-    """Rounding decides: it turns by pi, to either side."""
+    """Rounding decides: it turns by pi, to either side, or looks for a place that it is at."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,8 +56,6 @@ def wrapped(angle: float) -> float:
 def told(heading: float) -> float | None:
     """Return a heading, or None where rounding decides whether it is -pi or pi."""
     return None if abs(math.pi - abs(heading)) < 1e-7 else heading
-
-
 
 
 def unit(heading: float) -> complex:

@@ -12,6 +12,7 @@ from parcours_ramp.components.references.numbers import SAMPLE, Numbers, Profile
 NEAR = 0.01  # [m], [rad], [m/s]
 GENTLE = 0.3  # Up to here a change of heading needs no stop [rad]
 SLOW = 0.4  # A corner must allow for this share of the top speed
+_OPEN = 1e-6  # The direction to what is nearer than this is a matter of rounding [m]
 SHORTEST = 0.1  # ... and have segments of this length [m]
 
 
@@ -113,7 +114,7 @@ def rounded(before: float, after: float, turn: float, v: float, early: bool, n: 
 
 def lay(knots: list[complex], start: complex, heading: float, speed: float, kind: str, stop_first: bool,
         n: Numbers) -> Way | None:  # fmt: skip
-    """Return the way of one kind; None if there is none."""
+    """Return the way of one kind; None if there is none. Raises UndecidedError."""
     v = speed if speed >= NEAR else 0.0
     last = len(knots) - 1
     k = next((k for k in range(1, last) if abs(knots[k] - start) >= NEAR), last)
@@ -130,6 +131,8 @@ def lay(knots: list[complex], start: complex, heading: float, speed: float, kind
         way.smooth = False
         at = at + braking * unit(heading)
         to = knots[k] - at
+        if abs(to) < _OPEN:  # it looks for a knot that it has come to rest on
+            raise UndecidedError
         turn = wrapped(cmath.phase(to) - heading)
         way.spin(at, heading, turn)
         heading = wrapped(heading + turn)
@@ -240,7 +243,7 @@ def profiles(way: Way, n: Numbers) -> list[Profile]:
 def plan(knots: list[complex], start: complex, heading: float, speed: float, kind: str, n: Numbers) -> Way:
     """Return the way that is driven: the kind asked for, else with stops at knots, else with a stop at once.
 
-    One that stands at its goal, or is too near to stop, brakes and stays.
+    One that stands at its goal, or is too near to stop, brakes and stays. Raises UndecidedError.
     """
     otherwise = "holonomic" if kind == "holonomic" else "hybrid"
     tries = [(kind, False), ("holonomic", False), (otherwise, True), ("holonomic", True)]

@@ -1,0 +1,93 @@
+"""Metamorphic relations of RAMP's services: what is asked is changed, and what is answered must change so, or stay."""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from parcours.study.components.references import Relation
+from parcours_ramp.components.references.numbers import told, wrapped
+from parcours_ramp.planner.messages import PREDICTION, EvaluationRequest, TrajectoryRequest, many
+
+_FAR = 50.0  # [m]
+_HOUR = 3_600_000_000_000  # [ns]
+_SENSING = "sensing"  # In this cycle the tester asks for ways, and the planner never does
+
+Message = Mapping[str, Any]
+
+
+@functools.cache
+def relations() -> tuple[Relation, ...]:
+    """Return the relations of RAMP's component study."""
+    named = {
+        "the order of obstacles, and one far away": ("crowded", "unchanged"),
+        "an hour later": ("later", "unchanged"),
+        "mirrored ways": ("mirrored", "mirrored_answer"),
+    }
+    return tuple(
+        Relation(name, f"{__name__}:{change}", f"{__name__}:{expect}", Path(), 1e-7)
+        for name, (change, expect) in named.items()
+    )
+
+
+def crowded(channel: str, payload: object) -> object:
+    """Turn the order of the predicted obstacles round, and add one far away."""
+    if not isinstance(payload, EvaluationRequest):
+        return payload
+    n = len(payload.predictions)
+    predictions = many(PREDICTION, n + 1)
+    for k in range(n):
+        predictions[n - k] = payload.predictions[k]
+    if n:
+        predictions[0] = payload.predictions[0]
+        predictions[0].x += _FAR
+    return payload._replace(predictions=predictions if n else payload.predictions)
+
+
+def later(channel: str, payload: object) -> object:
+    """Let trajectories and obstacles be those of an hour later."""
+    if not isinstance(payload, EvaluationRequest):
+        return payload
+    trajectories, predictions = payload.trajectories.copy(), payload.predictions.copy()
+    trajectories["begins"] += _HOUR
+    predictions["stamp"] += _HOUR
+    return payload._replace(trajectories=trajectories, predictions=predictions)
+
+
+def unchanged(channel: str, message: object) -> object:
+    """All is as before."""
+    return message
+
+
+def mirrored(channel: str, payload: object) -> object:
+    """Exchange x and y of the ways that are asked for."""
+    if not isinstance(payload, TrajectoryRequest) or payload.obstacles is not None:
+        return payload
+    paths, starts = payload.paths.copy(), payload.starts.copy()
+    for one, other in ((paths, payload.paths), (starts, payload.starts)):
+        one["x"], one["y"] = other["y"], other["x"]
+    starts["heading"], starts["w"] = math.pi / 2 - payload.starts["heading"], -payload.starts["w"]
+    return payload._replace(paths=paths, starts=starts)
+
+
+def mirrored_answer(channel: str, message: object) -> object:
+    """Exchange x and y of the trajectories that answer; of everything else nothing is said."""
+    if channel != "trajectory_response" or not isinstance(message, Mapping) or message["cycle"] != _SENSING:
+        return None
+    return {"trajectories": [_mirrored(one) for one in message["trajectories"]]}
+
+
+def _mirrored(one: Message) -> Message:
+    swapped = {"x": "y", "y": "x", "dx": "dy", "dy": "dx"}
+    legs = [{swapped.get(name, name): value for name, value in leg.items()} for leg in one["legs"]]
+    points = [
+        {"x": s["y"], "y": s["x"], "heading": _turned(s["heading"]), "v": s["v"], "w": -s["w"]} for s in one["points"]
+    ]
+    return {**one, "points": points, "legs": legs, "first_heading": _turned(one["first_heading"])}
+
+
+def _turned(heading: float) -> float | None:
+    return told(wrapped(math.pi / 2 - heading))
