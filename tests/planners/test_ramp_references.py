@@ -33,7 +33,8 @@ def trace_of(schedule: str) -> Trace:
 def wrong(trace: Trace, schedule: str) -> str:
     study = study_of(schedule)
     begin = pose_of(start_pose(study))
-    return judge_control(trace, study.parameters, timed=True) or judge_planner(trace, study.parameters, begin)
+    goal = float(study.setting().goal_x), float(study.setting().goal_y)
+    return judge_control(trace, study.parameters, timed=True) or judge_planner(trace, study.parameters, begin, goal)
 
 
 @pytest.mark.parametrize("schedule", ["original", "guarded"])

@@ -26,7 +26,7 @@ from parcours.suite import Case, Plan
 from parcours.verdict.conformance import Allowance
 from parcours.verdict.judgement import Judgement, Verdict
 from parcours.verdict.timing import Bound
-from parcours_ramp.components.components import parameters_of, robot_of, view
+from parcours_ramp.components.components import GOAL, parameters_of, robot_of, view
 from parcours_ramp.components.control_reference import judge_control
 from parcours_ramp.components.model import OUTSIDE, component_files, component_inputs, component_model
 from parcours_ramp.components.motion_reference import pose_of
@@ -97,7 +97,7 @@ class RampComponents(ComponentStudy):
             return expected
         parameters = parameters_of(case)
         begin = pose_of(robot_of(case, parameters))
-        wrong = judge_control(trace, parameters, timed=False) or judge_planner(trace, parameters, begin)
+        wrong = judge_control(trace, parameters, timed=False) or judge_planner(trace, parameters, begin, GOAL)
         return Judgement(Verdict.FAIL, wrong) if wrong else expected
 
     @property
