@@ -25,24 +25,29 @@ _NEVER = 9999.0
 _SEEN = "obstacles that the guard has seen"  # they wait behind a control cycle
 
 
-def judge_planner(trace: Trace, parameters: Parameters, begin: Pose | None = None) -> str:
+def judge_planner(
+    trace: Trace, parameters: Parameters, begin: Pose | None = None, goal: tuple[float, float] | None = None
+) -> str:
     """Return the first thing that a Planner of the trace did otherwise; empty if nothing.
 
     Args:
         begin: where the robot is before the first report, if that is known.
+        goal: where it is to go [m], if that is known.
     """
     found: dict[str, _Planner] = {}
     for position, event in enumerate(trace.events):
         if event.component.partition("#")[0] != "Planner":
             continue
-        known = found.setdefault(event.component, _Planner(parameters, begin))
+        known = found.setdefault(event.component, _Planner(parameters, begin, goal))
         for wrong in known.observe(event):
             return f"event {position}, {event.channel or event.transition} of {event.component}: {wrong}"
     return ""
 
 
 class _Planner:
-    def __init__(self, parameters: Parameters, begin: Pose | None) -> None:
+    def __init__(self, parameters: Parameters, begin: Pose | None, goal: tuple[float, float] | None) -> None:
+        self.begin, self.goal = begin, goal
+        self.dragged: bool | None = None  # whether the last commitment was moved onto the robot noticeably
         self.parameters, self.guarded = parameters, parameters.schedule == "guarded"
         self.latest, self.t_latest, self.lag = begin, 0, 0
         self.drift: tuple[float, float] | None = (0.0, 0.0)
@@ -60,6 +65,7 @@ class _Planner:
         self.paths: list[Any] = []
         self.members: dict[int, Any] = {}  # the population, as it was last sent: id -> trajectory
         self.fitness: dict[int, float] = {}
+        self.stray = False  # whether paths were modified that it keeps
         self.joined: list[tuple[float, bool]] = []  # fitness of candidates since, and whether they are feasible
 
     def observe(self, event: TraceEvent) -> list[str]:
@@ -102,6 +108,7 @@ class _Planner:
 
     def answer(self, channel: str, payload: Any) -> list[str]:
         if channel == "modification_response":
+            self.stray = True  # what others made of a path may lead anywhere
             self.paths, self.to_try = [payload.paths[k] for k in range(len(payload.paths))], len(payload.paths)
         elif channel == "trajectory_response":
             self.answered = payload.trajectories
@@ -213,6 +220,7 @@ class _Planner:
         if self.latest is not None and not _same(distance * math.cos(direction) - self.nearest[1] * math.cos(self.nearest[0]),
                      distance * math.sin(direction) - self.nearest[1] * math.sin(self.nearest[0])):  # fmt: skip
             wrong = wrong or f"the nearest obstacle is {self.nearest[1]:.6g} m away towards {self.nearest[0]:.6g} rad"
+        wrong = wrong or self.leads(asked["first"])
         moves = OPERATORS[int(asked["operator"])] == "move"
         if self.halted and self.knows and not moves:
             wrong = wrong or "halted, it must ask for `move`"
@@ -235,6 +243,7 @@ class _Planner:
             wrong.append(f"the robot is {self.lag} ns late, but it allows for {int(best['lag'])} ns")
         if int(best["begins"]) > now or ((not self.guarded or self.halted) and int(best["begins"]) != now):
             wrong.append(f"it begins at {int(best['begins'])} ns, but now is {now} ns")
+        self.dragged = None if self.drift is None else max(map(abs, self.drift)) > 0.01
         self.moving, self.begins, self.t_control, self.drift = best, int(best["begins"]), now, (0.0, 0.0)
         self.t_next = -1
         self.cycle, self.serial, self.stage = "control", 0, 0
@@ -273,6 +282,7 @@ class _Planner:
         for k, path in enumerate(payload.paths):
             if not _same(float(path["x"][0]) - starts[k].x, float(path["y"][0]) - starts[k].y):
                 wrong = wrong or f"way {k} must begin where it starts"
+            wrong = wrong or self.leads(path)
         if self.cycle == "planning" and self.to_try:
             wrong = wrong or _as_modified(payload.paths[0], kinds[0], self.paths[len(self.paths) - self.to_try])
         if self.cycle == "control":
@@ -302,12 +312,33 @@ class _Planner:
             self.t_next = self.begins + latest * 100_000_000 if not early else -1
         if len(kinds) > 1 and (not early if TRANSITION in kinds else latest not in ats):
             return "its ways are switches if, and only if, it leaves the motion under way before it must"
+        if self.dragged and len(kinds) < self.parameters.population:
+            return "the motion under way was moved onto the robot, so that all members need new ways"
+        at, moving = (self.t_next - self.begins) // 100_000_000, self.moving
+        goes_on = float(moving["rest_length"]) == 0.0 or float(moving["curve_end"]) > at * SAMPLE + 1e-6
+        if self.t_next >= 0 and self.dragged is False and goes_on and at < int(moving["n"]):
+            if len(kinds) != self.parameters.population - 1:
+                return "the member that is followed goes on, so that all others need new ways"
         anchor = planned(self.moving, latest * SAMPLE)
         for path, kind in zip(payload.paths, kinds, strict=True):
             if kind == TRANSITION and int(path["n"]) < MAX_KNOTS and not _same(
                 float(path["x"][1]) - anchor.x, float(path["y"][1]) - anchor.y
             ):
                 return f"its ways must lead by {anchor.x:.6g}, {anchor.y:.6g} m, where they would begin at the latest"
+        return ""
+
+    def leads(self, path: Any) -> str:
+        """Judge where a path leads: by the arena to the goal; one path of the first ones leads straight ahead."""
+        n, begin = int(path["n"]), self.begin
+        points = [(float(path["x"][k]), float(path["y"][k])) for k in range(n)]
+        if self.goal is not None and points[-1] != self.goal:
+            return f"its paths must lead to the goal, {self.goal}, but one leads to {points[-1]}"
+        if not self.stray and begin is not None:
+            ahead = begin.x + math.cos(begin.heading), begin.y + math.sin(begin.heading)
+            for x, y in points[2 if n > 2 and self.cycle != "planning" else 1 : -1]:
+                inside = 0.0 <= x <= self.parameters.arena and 0.0 <= y <= self.parameters.arena
+                if not inside and not _same(x - ahead[0], y - ahead[1]):
+                    return f"its paths must stay in the arena, but one leads by {x:.6g}, {y:.6g} m"
         return ""
 
     def first_switch(self) -> int:
@@ -367,6 +398,9 @@ class _Planner:
                 wrong.append(f"the fittest, {best}, may not be replaced")
         if self.cycle == "control" and self.answered is not None and self.stage == 2:
             wrong += self.renewed(trajectories)
+        late = [int(one["begins"]) for one in trajectories if self.t_next >= 0 and int(one["begins"]) != self.t_next]
+        if late:
+            wrong.append(f"all must begin at the next control cycle, at {self.t_next} ns, but {late[0]} ns is among them")
         self.members = dict(zip(ids, trajectories.copy(), strict=True))
         self.fitness = {}
         return wrong
@@ -378,9 +412,6 @@ class _Planner:
         wrong = []
         if len(kept) > 1 or any(int(one["id"]) != int(self.moving["id"]) for one in kept):
             wrong.append("all but the member that is followed must have the trajectories that were generated")
-        late = [int(one["begins"]) for one in trajectories if self.t_next >= 0 and int(one["begins"]) != self.t_next]
-        if late:
-            wrong.append(f"all must begin at the next control cycle, at {self.t_next} ns, but {late[0]} ns is among them")
         return wrong
 
     def looks(self, payload: Any, now: int) -> list[str]:

@@ -25,7 +25,7 @@ from parcours.study.parameters import Parameter, Settings
 from parcours.suite import Case, Plan
 from parcours.verdict.judgement import Judgement, Verdict
 from parcours.verdict.timing import Bound
-from parcours_ramp.components.components import parameters_of, robot_of, view
+from parcours_ramp.components.components import GOAL, parameters_of, robot_of, view
 from parcours_ramp.components.control_reference import judge_control
 from parcours_ramp.components.model import OUTSIDE, component_files, component_inputs, component_model
 from parcours_ramp.components.motion_reference import pose_of
@@ -99,7 +99,8 @@ class RampComponents(ComponentStudy):
         if trace.clock == "simulated":
             parameters = parameters_of(case)
             begin = pose_of(robot_of(case, parameters))
-            if wrong := judge_control(trace, parameters, timed=False) or judge_planner(trace, parameters, begin):
+            wrong = judge_control(trace, parameters, timed=False) or judge_planner(trace, parameters, begin, GOAL)
+            if wrong:
                 return Judgement(Verdict.FAIL, wrong)
         referred = super().oracle(case, trace, settings)
         return expected if referred.passed else referred

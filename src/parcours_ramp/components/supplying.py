@@ -14,6 +14,7 @@ from parcours.elementary import sin_cos
 from parcours.errors import HostFailure
 from parcours.kernels import Record
 from parcours.suite import Case
+from parcours_ramp.components.components import GOAL
 from parcours_ramp.planner import messages
 from parcours_ramp.planner.parameters import Parameters
 from parcours_ramp.planner.path_modification import CHANGE, INSERT
@@ -60,10 +61,12 @@ class Supply:
         return makers[channel]()
 
     def update(self) -> tuple[str, object]:
-        """Return a report of the robot somewhat beside where it began, and late."""
+        """Return a report of the robot somewhat beside where it began, and late; one time in three it stands."""
         pose, draw = self._begin.copy(), self._stream.uniform
         pose.x, pose.y, pose.w = pose.x + draw(-0.02, 0.03), pose.y + draw(-0.02, 0.03), draw(-0.05, 0.05)
         pose.heading += draw(-0.1, 0.1)
+        if self._stream.random() < 1.0 / 3.0:
+            pose.v = pose.w = 0.0
         return "update", messages.Report(20_000_000, pose, int(draw(0.0, 5e6)))
 
     def beside(self, pose: Record) -> Record:
@@ -81,6 +84,7 @@ class Supply:
         """Return the answers that end a planning cycle: a modified path, its trajectory, how fit it is."""
         tag, path = messages.Tag("planning", serial), messages.many(messages.PATH, 1)
         path[0] = self._path()
+        path[0].x[path[0].n - 1], path[0].y[path[0].n - 1] = GOAL
         ways = messages.many(messages.TRAJECTORY, 1)
         ways[0] = self._trajectory()
         return (
