@@ -39,8 +39,9 @@ if TYPE_CHECKING:
     from parcours.study.components.study import ComponentStudy
     from parcours.study.protocol import Study
 
-CASES, CONFORMANCE, ORACLES, TWIN = "component cases", "conformance", "campaign oracles", "golden twin"
-STAGES = (CASES, CONFORMANCE, ORACLES, TWIN)
+CHECK, CASES, CONFORMANCE, ORACLES = "model check", "component cases", "conformance", "campaign oracles"
+TWIN = "golden twin"
+STAGES = (CHECK, CASES, CONFORMANCE, ORACLES, TWIN)
 _PLENTY = 2**62
 _TRIES = 50  # changes of a message that are tried
 _CAMPAIGN = 300  # cases of a campaign if nothing is said
