@@ -148,5 +148,6 @@ components:
 """)
     for level, said in ((2, ""), (7, 'fill excludes drain: level is 7, so "level >= 3" of drain holds, too')):
         told = Reported({"level": level}, ())  # whether it was ready is not reported: its own guard cannot be judged
-        violation, _ = Contracts(model).judge(Trace("simulated", (TraceEvent(0, "take", "Pump#0", "fill", payload=told),)))
+        taken = TraceEvent(0, "take", "Pump#0", "fill", payload=told)
+        violation, _ = Contracts(model).judge(Trace("simulated", (taken,)))
         assert said in str(violation or "") and bool(said) == bool(violation)

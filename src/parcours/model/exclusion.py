@@ -80,6 +80,8 @@ def exclusion_findings(scopes: Scopes, component: Component, machine: Machine, o
             remedy = "correct the guards, or take the pair out of `exclusive`"
             yield Finding(origin, two.line or one.line, "error", "not-exclusive", rule, remedy)
         elif answer.holds is None:
-            rule = f"could not decide whether {both} exclude each other, as {machine.name!r} says; traces are judged by it"
+            rule = (
+                f"could not decide whether {both} exclude each other, as {machine.name!r} says; traces are judged by it"
+            )
             remedy = "compare each variable with constants only"
             yield Finding(origin, two.line or one.line, "warning", "undecided-exclusion", rule, remedy)

@@ -205,7 +205,9 @@ class _SchemaReader(NodeReader):
 
     def machine(self, name: str, node: Node, line: int) -> Machine:
         what = f"machine {name!r}"
-        items = self.record(node, what, ("initial", "transitions"), ("states", "final", "invariants", "tags", "exclusive"))
+        items = self.record(
+            node, what, ("initial", "transitions"), ("states", "final", "invariants", "tags", "exclusive")
+        )
         initial = self.label(items.get("initial"), f"'initial' of {what}")
         entries = self.entries(items.get("transitions"), f"transitions of {name!r}", self.label)
         transitions = tuple(self.transition(*entry) for entry in entries)

@@ -307,7 +307,7 @@ class Monitor:
     ) -> Iterator[Violation]:
         for clause, code in self._contracts.of(kind, owner):
             if (wrong := self._wrong(clause.id, clause.formula.condition, code, known)) is not None:
-                yield Violation(event, position, clause.id, f'{wrong}, so "{clause.formula.text}" does not hold')
+                yield Violation(event, position, clause.id, f"{wrong}, so {clause.said} does not hold")
 
     def _wrong(self, id: str, condition: Expression, code: Code, known: Mapping[str, object]) -> str | None:
         try:

@@ -190,8 +190,10 @@ class Bench:
         """Check models that say something else, and judge clean traces by them."""
         assert isinstance(self.subject, Components)
         judges = {id: self.subject.judge_of(self._models[id]) for id in ids}
-        refused = {id: errors(self._models[id])[:1] for id in ids}
-        seen = {id: {CHECK: ("", one.message[:_LONG]) for one in refused[id]} for id in ids}
+        seen: dict[str, dict[str, tuple[str, str]]] = {id: {} for id in ids}
+        for id in ids:
+            if refused := errors(self._models[id]):
+                seen[id][CHECK] = "", refused[0].message[:_LONG]
         for case, original in zip(self._cases, self._originals, strict=True):
             trace = self.subject.trace(case)
             for id in ids:
