@@ -76,6 +76,8 @@ def _of_machine(machine: Machine, lacks: Set[str]) -> Iterator[Loss]:
         yield Loss(where, machine.line, f"its final states {', '.join(map(repr, machine.final))} are not marked")
     for state, invariant in machine.invariants:
         yield Loss(f"state {state!r}", machine.line, f'its invariant "{invariant}" is not written')
+    for group in machine.exclusive:
+        yield Loss(where, machine.line, f"that {' and '.join(group)} exclude each other is not written")
     for state, tag in machine.tags if "tags" in lacks else ():
         yield Loss(f"state {state!r}", machine.line, f"its tag {tag!r} is not written")
     if "states" in lacks:

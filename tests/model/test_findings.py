@@ -18,7 +18,10 @@ from parcours.model import (
     check_text,
     findings,
     parse_model,
+    to_text,
+    write_model,
 )
+from parcours_formats.losses import ASPECTS, unsaid
 
 SOUND = """\
 parcours: model/1
@@ -180,6 +183,15 @@ CASES = [
         "'s4' can repeat in 'open' without end, beside s1",
     ),
     ("undecided-guard", "warning", "guard: load < 3", "guard: load * load * load == 343", "could not decide"),
+    ("unknown-transition", "error", "initial: idle\n", "initial: idle\n        exclusive: [[c1, c9]]\n", "'c9'"),
+    (
+        "exclusive",
+        "error",
+        "initial: idle\n",
+        "initial: idle\n        exclusive: [[c1, c2]]\n",
+        "leave idle and waiting",
+    ),
+    ("exclusive", "error", "initial: idle\n", "initial: idle\n        exclusive: [[c1]]\n", "c1 are 1"),
     (
         "undecided-choice",
         "warning",
@@ -201,6 +213,34 @@ def test_one_change_brings_one_finding(rule: str, severity: str, old: str, new: 
     assert (check_text(text).model is None) == (
         severity == "error" or any(": error: " in each for each in found.values())
     )
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ("event: order(it), guard: it.amount <= 0", ""),
+        ("event: order(it), guard: it.amount < 2", "error: 's1' and 's4' of 'serve' must exclude each other, but their"
+         " guards hold together: when job.amount = 1;"),
+        ("event: order", "hold together: when job.amount = 1;"),
+        ("event: alarm(job), guard: \"job.words == 'x'\"", "hold together: when job of s4.words = 'x', job.am"),
+        ("event: order, guard: load * load == 49 && load != 7", "warning: could not decide whether 's1' and 's4'"),
+    ],
+)  # fmt: skip
+def test_transitions_that_exclude_each_other_are_proved_to(change: str, said: str) -> None:
+    text = SOUND.replace("initial: open\n", "initial: open\n        exclusive: [[s1, s4]]\n")
+    text = text.replace("s4: {from: open, to: open, event: meet}", f"s4: {{from: open, to: open, {change}}}")
+    found = [str(one) for one in check_text(text, "pair.yaml").findings if "exclusi" in one.rule]
+    assert len(found) == bool(said) and all(said in one for one in found)
+
+
+def test_the_model_is_written_with_what_it_excludes() -> None:
+    text = SOUND.replace("initial: open\n", "initial: open\n        exclusive: [[s2, s3]]\n").replace(
+        "event: alarm}", "event: alarm, guard: load >= 3}"
+    )
+    model = parse_model(text)
+    assert parse_model(write_model(model)) == model
+    assert "exclusive: s2, s3" in to_text(model)
+    assert "that s2 and s3 exclude each other is not written" in "".join(map(str, unsaid(model, ASPECTS)))
 
 
 def test_a_finding_names_the_line() -> None:

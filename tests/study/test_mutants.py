@@ -203,6 +203,7 @@ def test_a_model_that_sends_something_else_finds_clean_runs_at_fault(tmp_path: P
     found = outcomes("examples/lift", "--of", "model", "--operators", "message,guard", out=tmp_path)
     assert found["Panel:p1:1:message"] == ["conformance"]  # request dropped
     assert {"Cabin:c1:1:guard", "Door:d1:2:guard"} <= set(found)
+    assert found["Door:d1:2:guard"] == ["model check"]  # dropped: no clean run contradicts it, but d2 excludes d1
 
 
 def test_messages_lost_and_doubled_on_the_way_are_noticed(tmp_path: Path) -> None:

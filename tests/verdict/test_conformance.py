@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import get_args
 
 import pytest
 
 from parcours.errors import BadRequest
 from parcours.model import parse_model
+from parcours.model.structure import Machine, Transition
 from parcours.run.trace import Kind, Trace, TraceEvent
 from parcours.verdict.conformance import Checker, Conformance, check
 from parcours.verdict.judgement import Verdict
@@ -44,6 +46,10 @@ components:
           serve: {from: cooking, to: idle, message: bill(ordered * 2)}
           tell: {from: idle, to: idle, message: news(1)}
 """)
+
+
+SERVER = SHOP.component("Server")
+CAT = Machine("cat", "asleep", ("asleep",), (Transition("stroke", "asleep", "asleep"),))
 
 
 def trace(*lines: str) -> Trace:
@@ -204,6 +210,15 @@ def test_what_the_model_does_not_name_is_counted_and_passed_over() -> None:
 def test_a_numbered_instance_runs_one_machine_of_its_own() -> None:
     assert check(trace("Server#0 take tell", "Server#0 send news 0", "Server#2 take tell", "Server#2 send news 1"), SHOP).judgement.passed  # noqa: E501  # fmt: skip
     found_at(check(trace("Server#0 take serve"), SHOP), 0, "serve cannot be taken here")
+
+
+def test_a_numbered_instance_may_run_all_machines_for_a_whole_case() -> None:
+    both = ("Server#0 take stroke", "Server#0 receive order 0", "Server#0 take accept", "Server#0 take stroke")
+    begun = ("Client#1 take buy", "Client#1 send order 0", *both)
+    two = replace(SHOP, components=(SHOP.components[0], replace(SERVER, machines=(*SERVER.machines, CAT))))
+    assert check(trace(*begun), two).judgement.passed
+    found_at(check(trace(*begun, "Server#0 take accept"), two), 6, "accept cannot be taken here")
+    found_at(check(trace("Server#0 take stroke", "Server#0 take serve"), two), 1, "serve cannot be taken here")
 
 
 def test_between_instances_the_tester_hands_on_in_an_order_of_its_own() -> None:

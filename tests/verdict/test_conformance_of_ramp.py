@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import pytest
 
-from parcours.verdict.conformance import Allowance, check
+from parcours.study.components.executing import in_process
+from parcours.verdict.conformance import check
 from parcours.verdict.conformance.tracking import Observes
-from parcours_ramp.components.model import component_model
-from parcours_ramp.components.study import component_plan, run_functional
+from parcours_ramp.components.model import OUTSIDE, component_model
+from parcours_ramp.components.study import component_plan, component_study, run_functional
 from parcours_ramp.planner.viewing import message_of
 from parcours_ramp.system.component_form import run_components
 from parcours_ramp.system.study import system_study
 
 MS = 1_000_000
-RAMP = Allowance(unmodelled=frozenset({"trajectory_request", "evaluation_request"}), conversations=True)
 TIMEOUTS = {"update": 40 * MS, "modification_request": 60 * MS, "trajectory_response": 5 * MS}
 
 
@@ -28,13 +28,23 @@ def test_no_component_case_deviates_in_what_it_takes_or_sends() -> None:
             assert found.n_events == len(trace.events)
 
 
+def test_nor_does_one_with_an_instance_for_the_whole_case() -> None:
+    study = component_study()
+    settings = {one.name: one.default for one in study.parameters}
+    execute = in_process(study.exercise(settings))
+    assert settings["instances"] == "per-case"
+    for case in study.suite(settings, 7, 67):
+        found = check(execute(case).trace, study.model, allowance=study.allowance, data=message_of)
+        assert found.judgement.passed, f"{case.id}: {found.judgement.why}"
+
+
 @pytest.mark.parametrize("schedule", ["guarded", "original"])
 @pytest.mark.parametrize("observes", ["transitions", "messages"])
 def test_no_system_case_deviates(schedule: str, observes: Observes) -> None:
     for number in range(2):
         trace = run_components(system_study(schedule), number, 4.0).trace
         found = check(
-            trace, component_model(schedule), observes=observes, allowance=RAMP, quiescence=TIMEOUTS, data=message_of
+            trace, component_model(schedule), observes=observes, allowance=OUTSIDE, quiescence=TIMEOUTS, data=message_of
         )
         assert found.judgement.passed, found.judgement.why
         assert found.n_outside > 0

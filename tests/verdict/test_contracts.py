@@ -129,3 +129,25 @@ def test_conformance_finds_the_same() -> None:
     assert found.judgement.verdict is Verdict.FAIL
     assert "reply/speed" in found.judgement.why
     assert check(Trace("simulated", tuple(trip(3))), MODEL, fields=read).judgement.verdict is Verdict.PASS
+
+
+def test_a_transition_taken_while_one_that_it_excludes_was_enabled_is_named() -> None:
+    model = parse_model("""
+parcours: model/1
+name: pump
+components:
+  Pump:
+    variables: {level: {type: int, role: input}, ready: {type: bool, role: input}}
+    machines:
+      m:
+        initial: idle
+        exclusive: [[fill, drain]]
+        transitions:
+          fill: {from: idle, to: idle, guard: ready && level < 3}
+          drain: {from: idle, to: idle, guard: level >= 3}
+""")
+    for level, said in ((2, ""), (7, 'fill excludes drain: level is 7, so "level >= 3" of drain holds, too')):
+        told = Reported({"level": level}, ())  # whether it was ready is not reported: its own guard cannot be judged
+        taken = TraceEvent(0, "take", "Pump#0", "fill", payload=told)
+        violation, _ = Contracts(model).judge(Trace("simulated", (taken,)))
+        assert said in str(violation or "") and bool(said) == bool(violation)

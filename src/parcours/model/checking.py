@@ -7,12 +7,14 @@ from itertools import pairwise
 
 from parcours.errors import BadModel
 from parcours.model.declarations import temporal_findings, variable_findings
+from parcours.model.exclusion import MAX_PAIRS, exclusion_findings
 from parcours.model.expression import BOOL, Assignment, Expression, Type, type_of
 from parcours.model.expression.typing import accepts
 from parcours.model.finding import Finding, advice, errors_among
 from parcours.model.formulas import clauses
 from parcours.model.nodes import is_identifier, is_label
 from parcours.model.scope import Scopes, variable_type
+from parcours.model.solutions import Budget
 from parcours.model.structure import BASE_TYPES, ENVIRONMENT, Cefsm, Component, Machine, Transition, Variable
 from parcours.model.suspicion import suspicions
 
@@ -55,7 +57,7 @@ class _Check:
         self.cefsm, self.origin = cefsm, origin
         self.findings: list[Finding] = []
         self.unsound: set[str] = set()
-        self.scopes = Scopes(cefsm)
+        self.scopes, self.budget = Scopes(cefsm), Budget()
         self.classes = self.scopes.classes
         self.channels = {channel.name: channel for channel in cefsm.channels}
         self.components = [component.name for component in cefsm.components]
@@ -81,6 +83,7 @@ class _Check:
                 for transition in machine.transitions:
                     self.communication(component, transition)
                     self.computation(component, transition)
+                self.exclusion(component, machine)
 
     def names(self) -> None:
         model = self.cefsm
@@ -200,6 +203,27 @@ class _Check:
             if state not in known:
                 rule = f"{state!r} must be a state of {machine.name!r}, but is not among its 'states'"
                 self.error(line, "unknown-state", rule, self.advice(state, machine.states))
+
+    def exclusion(self, component: Component, machine: Machine) -> None:
+        known = {each.id: each for each in machine.transitions}
+        for group in machine.exclusive:
+            unknown = [id for id in group if id not in known]
+            for id in unknown:
+                rule = f"{id!r} must be a transition of {machine.name!r}, but is none"
+                self.error(machine.line, "unknown-transition", rule, self.advice(id, list(known)))
+            if unknown:
+                continue
+            states = list(dict.fromkeys(known[id].source for id in group))
+            if len(set(group)) < 2 or len(states) > 1:
+                given = f"leave {' and '.join(states)}" if len(states) > 1 else f"are {len(set(group))}"
+                rule = "transitions that exclude each other must be two or more that leave one state"
+                self.error(machine.line, "exclusive", f"{rule}, but {', '.join(group) or 'these'} {given}")
+        if sum(len(group) * (len(group) - 1) // 2 for group in machine.exclusive) > MAX_PAIRS:
+            rule = f"at most {MAX_PAIRS} pairs of transitions exclude each other, but {machine.name!r} names more"
+            self.error(machine.line, "exclusive", rule, "split the machine")
+        # What is wrong otherwise is said first: guards of unknown names cannot be asked.
+        if not errors_among(self.findings):
+            self.findings += exclusion_findings(self.scopes, component, machine, self.origin, self.budget)
 
     def communication(self, component: Component, transition: Transition) -> None:
         used = [(send.channel, "sends on") for send in transition.sends]

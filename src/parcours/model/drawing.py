@@ -48,6 +48,9 @@ def to_text(cefsm: Cefsm) -> str:
             ends = f", may end in {', '.join(machine.final)}" if machine.final else ""
             lines += textwrap.wrap(f"{machine.name}, starts in {machine.initial}{ends}", WIDTH, initial_indent="  ")
             lines += textwrap.wrap(_invariants(machine), WIDTH, initial_indent="    ", subsequent_indent="      ")
+            said = "; ".join(", ".join(group) for group in machine.exclusive)
+            said = f"exclusive: {said}" if said else ""
+            lines += textwrap.wrap(said, WIDTH, initial_indent="    ", subsequent_indent="      ")
             lines += _machine_table(machine)
     if cefsm.channels:
         rows = [

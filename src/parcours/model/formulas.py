@@ -20,6 +20,9 @@ from parcours.model.expression import Type
 from parcours.model.scope import Classes, Scopes
 from parcours.model.structure import Cefsm, Channel, Formula
 
+_QUOTED = 160
+"""Longest formula that a verdict quotes [characters]."""
+
 _OLD, _LAST, _RECEIVED = "old values", "last messages", "messages received by "
 """Classes that stand for `old`, `last` and `received`: no class of a model has a blank in its name."""
 
@@ -39,6 +42,12 @@ class Clause:
     def id(self) -> str:
         """Its name in reports: `trajectory_response/speed`."""
         return f"{self.owner}/{self.formula.name}"
+
+    @property
+    def said(self) -> str:
+        """The formula as a verdict quotes it: in full, or if it is long, by its line in the model's file."""
+        text, line = self.formula.text, self.formula.line
+        return f'"{text}"' if len(text) <= _QUOTED or not line else f"the formula (line {line} of the model)"
 
 
 def clauses(cefsm: Cefsm) -> Iterator[Clause]:

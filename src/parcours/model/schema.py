@@ -213,7 +213,9 @@ class _SchemaReader(NodeReader):
 
     def machine(self, name: str, node: Node, line: int) -> Machine:
         what = f"machine {name!r}"
-        items = self.record(node, what, ("initial", "transitions"), ("states", "final", "invariants", "tags"))
+        items = self.record(
+            node, what, ("initial", "transitions"), ("states", "final", "invariants", "tags", "exclusive")
+        )
         initial = self.label(items.get("initial"), f"'initial' of {what}")
         entries = self.entries(items.get("transitions"), f"transitions of {name!r}", self.label)
         transitions = tuple(self.transition(*entry) for entry in entries)
@@ -227,6 +229,7 @@ class _SchemaReader(NodeReader):
         invariants = self.entries(items.get("invariants"), f"invariants of {name!r}", self.label)
         tagged = self.entries(items.get("tags"), f"tags of {name!r}", self.label)
         read = ((state, self.condition(condition, state)) for state, condition, _ in invariants)
+        groups = self.listed(items.get("exclusive"), f"'exclusive' of {what}")
         return Machine(
             name,
             initial,
@@ -236,7 +239,12 @@ class _SchemaReader(NodeReader):
             invariants=tuple((state, condition) for state, condition in read if condition is not None),
             line=line,
             tags=tuple((state, tag) for state, each, _ in tagged for tag in self.tags(each, f"state {state!r}")),
+            exclusive=tuple(self.group(each, what) for each in groups),
         )
+
+    def group(self, node: Node, what: str) -> tuple[str, ...]:
+        what = f"a group of 'exclusive' of {what}"
+        return tuple(self.label(each, f"a transition of {what}") for each in self.listed(node, what))
 
     def tags(self, node: Node | None, what: str) -> tuple[str, ...]:
         return tuple(self.label(each, f"a tag of {what}") for each in self.listed(node, f"'tags' of {what}"))

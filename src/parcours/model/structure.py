@@ -141,7 +141,8 @@ class Machine:
     """One extended finite state machine. States and transitions keep the order of the file.
 
     `final` are the states where a test may end; empty leaves it to the graph. `invariants` are (state,
-    condition on clocks): the state must be left before its condition fails. `tags` are (state, tag).
+    condition on clocks): the state must be left before its condition fails. `tags` are (state, tag). `exclusive` are
+    groups of transitions that leave one state, of which no two guards hold together.
     """
 
     name: str
@@ -152,6 +153,7 @@ class Machine:
     invariants: tuple[tuple[str, Expression], ...] = ()
     line: int = field(default=0, compare=False)
     tags: tuple[tuple[str, str], ...] = ()
+    exclusive: tuple[tuple[str, ...], ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,15 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Set
 from itertools import combinations, islice
 
-from parcours.model.expression import Expression, Name
-from parcours.model.expression.syntax import substitute
+from parcours.model.exclusion import MAX_PAIRS, together
+from parcours.model.expression import Expression
 from parcours.model.finding import Finding
 from parcours.model.scope import Scopes
 from parcours.model.solutions import Answer, Budget, Question
 from parcours.model.structure import ENVIRONMENT, Cefsm, Component, Machine, Transition
-
-MAX_PAIRS = 500
-"""Most pairs of transitions compared in one state."""
 
 
 def suspicions(cefsm: Cefsm, origin: str, unsound: Set[str] = frozenset()) -> list[Finding]:
@@ -99,10 +96,7 @@ class _Search:
             if _channel(one) == _channel(two)
         ]
         for one, two in pairs[:MAX_PAIRS]:
-            guards = [one.guard] if one.guard is not None else []
-            if two.guard is not None:
-                guards.append(_renamed(two.guard, two, one))
-            answer = self.ask(component, one if one.event and one.event.name else two, guards)
+            answer = together(self.scopes, component, one, two, self.budget)
             both = f"{one.id!r} and {two.id!r}"
             if answer.holds:
                 example = f", for example when {answer}" if answer.values else ""
@@ -134,14 +128,6 @@ class _Search:
 
 def _channel(transition: Transition) -> str:
     return transition.event.channel if transition.event is not None else ""
-
-
-def _renamed(guard: Expression, owner: Transition, other: Transition) -> Expression:
-    # Both receive the same message, perhaps under different names.
-    if owner.event is None or other.event is None or not (owner.event.name and other.event.name):
-        return guard
-    old, new = Name(owner.event.name), Name(other.event.name)
-    return substitute(guard, lambda part: new if part == old else None)
 
 
 def _closure(start: str, edges: Iterable[tuple[str, str]]) -> set[str]:

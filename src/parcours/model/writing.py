@@ -61,6 +61,8 @@ def _machine(machine: Machine) -> list[str]:
     for state in dict.fromkeys(state for state, _ in machine.tags):
         own = _listed(_text(tag) for owner, tag in machine.tags if owner == state)
         lines.append(f"          {_text(state)}: {own}")
+    if machine.exclusive:
+        lines.append(f"        exclusive: {_listed(_listed(map(_text, group)) for group in machine.exclusive)}")
     lines.append("        transitions:" if machine.transitions else "        transitions: {}")
     lines += [f"          {_text(transition.id)}: {_transition(transition)}" for transition in machine.transitions]
     return lines

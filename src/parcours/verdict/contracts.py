@@ -9,6 +9,7 @@ with what its component knew: the message that it received, the one that it answ
 
 from __future__ import annotations
 
+import contextlib
 import functools
 from collections import Counter, deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -16,6 +17,7 @@ from dataclasses import dataclass, field
 
 from parcours.errors import BadModel, BadRequest
 from parcours.model.configuration import content_of
+from parcours.model.exclusion import excluded
 from parcours.model.expression import Assignment, Call, Expression, evaluate, names
 from parcours.model.expression.evaluation import Code, compiled
 from parcours.model.expression.explaining import explain
@@ -129,6 +131,10 @@ class Contracts:
             for send in transition.sends
             for content in [content_of(scopes, self.channels[send.channel].message, component, transition, send)]
         }
+        self.excluded: dict[str, list[tuple[str, Expression, Code]]] = {}
+        for one, two, guard in (found for each in cefsm.components for found in excluded(each)):
+            told = two.id, guard, compiled(guard, f"guard of {two.id}")
+            self.excluded.setdefault(one.id, []).append(told)
         self.checks = (*self._checks(),)
         """Everything that can be judged, by name: formulas, guards, actions and messages, in the order of the model."""
 
@@ -305,7 +311,7 @@ class Monitor:
     ) -> Iterator[Violation]:
         for clause, code in self._contracts.of(kind, owner):
             if (wrong := self._wrong(clause.id, clause.formula.condition, code, known)) is not None:
-                yield Violation(event, position, clause.id, f'{wrong}, so "{clause.formula.text}" does not hold')
+                yield Violation(event, position, clause.id, f"{wrong}, so {clause.said} does not hold")
 
     def _wrong(self, id: str, condition: Expression, code: Code, known: Mapping[str, object]) -> str | None:
         try:
@@ -335,6 +341,12 @@ class Monitor:
             what = f"guard of {transition.id}"
             if (wrong := self._wrong(what, guard, compiled(guard, what), before)) is not None:
                 yield Violation(event, self._position, what, f'{wrong}, so "{guard}" does not hold')
+        for id, other, code in self._contracts.excluded.get(transition.id, ()):
+            with contextlib.suppress(BadModel):  # it reads what nobody told, or has no value
+                if code(before):
+                    values = ", ".join(f"{name} is {before[name]!r}" for name in sorted(names(other)))
+                    rule = f'{values}, so "{other}" of {id} holds, too, but they exclude each other'
+                    yield Violation(event, self._position, f"{transition.id} excludes {id}", rule)
         if told is None:
             if transition.actions:
                 self.tally.unjudged[f"actions of {transition.id}"] += 1

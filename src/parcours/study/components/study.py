@@ -35,7 +35,7 @@ from parcours.study.loading import members_of
 from parcours.study.parameters import Parameter, Scalar, Settings, natural_values
 from parcours.study.protocol import Finding, Judged, Progress, Rejudged, Reported, Request, Results, Run
 from parcours.suite import Case, Plan, combine
-from parcours.verdict.conformance import Allowance
+from parcours.verdict.conformance import NOTHING, Allowance
 from parcours.verdict.contracts import contracts_of, plain
 from parcours.verdict.judgement import Judgement, Verdict
 from parcours.verdict.timing import NEVER, Bound
@@ -103,7 +103,7 @@ class ComponentStudy:
     files: Mapping[str, Path] = field(default_factory=dict)  # where its model and its data lie
     patience: float = PATIENCE  # longest turn [s of wall clock]
     mutants: tuple[str, ...] = ()  # files and modules that mutants are made of; empty for those of its components
-    allowance: Allowance = Allowance()  # what its components may do beside the model, where conformance is judged
+    allowance: Allowance = NOTHING  # what its components may do beside the model, where conformance is judged
 
     kind = "components"
     trusted = False  # Whether components run in this process: only those that ship with Parcours do

@@ -24,10 +24,12 @@ from typing import Literal
 
 from parcours.errors import HostFailure
 from parcours.kernels import keep_kernels_in, kernel_cache
+from parcours.model.checking import errors
 from parcours.run.workers import Crew, Done, Lost, failure_of, tell
 from parcours.study.components.isolation import longest
 from parcours.study.mutation.models import model_mutants
 from parcours.study.mutation.observing import (
+    CHECK,
     TWIN,
     Components,
     Observation,
@@ -192,14 +194,17 @@ class Bench:
         return [judge(number) for number in numbers]
 
     def _judged_models(self, ids: Sequence[str]) -> list[Outcome]:
-        """Judge clean traces by models that say something else."""
+        """Check models that say something else, and judge clean traces by them."""
         assert isinstance(self.subject, Components)
         judges = {id: self.subject.judge_of(self._models[id]) for id in ids}
         seen: dict[str, dict[str, tuple[str, str]]] = {id: {} for id in ids}
+        for id in ids:
+            if refused := errors(self._models[id]):
+                seen[id][CHECK] = "", refused[0].message[:_LONG]
         for case, original in zip(self._cases, self._originals, strict=True):
             trace = self.subject.trace(case)
             for id in ids:
-                if len(seen[id]) < len(self.subject.stages):
+                if not seen[id].keys() >= set(self.subject.stages):
                     for stage, why in judges[id](case, trace).items():
                         if why and not original.noticed[stage]:
                             seen[id].setdefault(stage, (case.id, why[:_LONG]))

@@ -39,9 +39,9 @@ if TYPE_CHECKING:
     from parcours.study.components.study import ComponentStudy
     from parcours.study.protocol import Study
 
-CASES, CONFORMANCE, TWIN = "component cases", "conformance", "golden twin"
+CHECK, CASES, CONFORMANCE, TWIN = "model check", "component cases", "conformance", "golden twin"
 ORACLES, MESSAGES = "campaign oracles", "system messages"
-STAGES = (CASES, CONFORMANCE, ORACLES, MESSAGES, TWIN)
+STAGES = (CHECK, CASES, CONFORMANCE, ORACLES, MESSAGES, TWIN)
 _PLENTY = 2**62
 _TRIES = 50  # changes of a message that are tried
 _CAMPAIGN = 300  # cases of a campaign if nothing is said

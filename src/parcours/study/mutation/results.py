@@ -12,7 +12,7 @@ import numpy as np
 from parcours.report.pieces import Cell, Column, Table
 from parcours.study.mutation.laboratory import Kind, Outcome
 from parcours.study.mutation.mutant import Mutant
-from parcours.study.mutation.observing import CASES, CONFORMANCE, STAGES, TWIN
+from parcours.study.mutation.observing import CASES, CHECK, CONFORMANCE, STAGES, TWIN
 from parcours.study.protocol import Measure
 
 _NOTE = (
@@ -56,6 +56,7 @@ class MutationResults:
         """The stages in their order, the golden twin last."""
         found = {stage for _, one in self.finished() for stage in one.seen}
         always = {CASES, CONFORMANCE} if self.of != "code" or CASES in found else set()
+        always |= {CHECK} if self.of == "model" else set()
         return [one for one in STAGES if one in found | always]
 
     def effective(self) -> list[tuple[Mutant, Outcome]]:
@@ -96,7 +97,7 @@ class MutationResults:
                    Column("cumulated", ".1%"))  # fmt: skip
         ends = ", ".join(f"{count} {end}" for end, count in counts.items() if end != "ended")
         if self.of == "model":
-            title = f"Mutants of the model of {self.study}: by which of {n} wrong models are clean runs at fault?"
+            title = f"Mutants of the model of {self.study}: which of {n} wrong models are noticed by clean runs?"
             return [Table(title, columns, tuple(rows)), self._operators()]
         unseen = [outcome.cases for _, outcome in self.finished() if not outcome.seen]
         said = f"{len(self.outcomes)} of {len(self.mutants)} ran: {n} have an effect"
