@@ -123,7 +123,8 @@ class MutationResults:
         scores = {name: float(one.values.mean()) if len(one.values) else None for name, one in self.measures().items()}
         mutants = [
             {"id": one.id, "operator": one.operator, "file": one.file, "line": one.line, "change": one.change,
-             "diff": one.diff, **self._twin(one), **(entry_of(self.outcomes[one.id]) if one.id in self.outcomes else {"end": ""})}
+             "diff": one.diff, **self._twin(one),
+             **(entry_of(self.outcomes[one.id]) if one.id in self.outcomes else {"end": ""})}
             for one in self.mutants
         ]  # fmt: skip
         return {"study": self.study, "scores": scores, "mutants": mutants}

@@ -1,7 +1,8 @@
 """The suites of a study that are compared on the same mutants: criteria, data oracles off, random tests.
 
 A random test is a random walk through each machine, combined as any paths are, with values of random blocks: no
-requirement was looked at. There are `_MANY` times as many walks as the `edge` criterion has paths, of which those count that meet.
+requirement was looked at. There are `_MANY` times as many walks as the `edge` criterion has
+paths, of which those count that meet.
 """
 
 from __future__ import annotations
@@ -46,6 +47,9 @@ class Suite:
         return "+".join(part for part in parts if part) or "study"
 
 
+WHOLE = Suite()
+"""As the study is."""
+
 COMPARED = (
     Suite("edge", "each_choice"), Suite("edge", "each_choice", data=False), Suite("edge-pair", "each_choice"),
     Suite("prime", "each_choice"), Suite("edge", "pairwise"), Suite(RANDOM, RANDOM),
@@ -60,7 +64,7 @@ def with_suite(study: Study, suite: Suite, seed: int = 0) -> Study:
     """
     from parcours.study.components.study import ComponentStudy
 
-    if suite == Suite():
+    if suite == WHOLE:
         return study
     if not isinstance(study, ComponentStudy):
         rule = f"criteria are for component studies, but {study.name} is another"
@@ -73,15 +77,11 @@ def with_suite(study: Study, suite: Suite, seed: int = 0) -> Study:
     made = dataclasses.replace(
         study, model=model, paths=study.paths if is_random else suite.paths or study.paths,
         criterion=suite.combine or study.criterion,
-        oracles=study.oracles if suite.data else _plain(study), relations=study.relations if suite.data else (),
+        oracles=tuple(one for one in study.oracles if suite.data or not isinstance(one, Reference)), relations=study.relations if suite.data else (),
     )  # fmt: skip
     if is_random:
         made.__dict__["abstracts"] = random_cases(study.model, seed, study.policy)
     return made
-
-
-def _plain(study: ComponentStudy) -> tuple[object, ...]:
-    return tuple(one for one in study.oracles if not isinstance(one, Reference))
 
 
 def _without_formulas(model: Cefsm) -> Cefsm:
