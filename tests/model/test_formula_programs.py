@@ -28,7 +28,9 @@ FORMULAS = [
 numbers = st.one_of(
     st.integers(-3, 3), st.floats(-4, 4), st.sampled_from([0.0, -0.0, 1e308, -1e308, math.inf, math.nan, 2**62, 2**63])
 )
-anything: st.SearchStrategy[object] = st.one_of(numbers, st.booleans(), st.sampled_from(["up", "", "x"]), st.just([]), st.just({"v": 1.0}))
+anything: st.SearchStrategy[object] = st.one_of(
+    numbers, st.booleans(), st.sampled_from(["up", "", "x"]), st.just([]), st.just({"v": 1.0})
+)
 usual = st.one_of(numbers, numbers, numbers, anything)
 items = st.lists(
     st.one_of(st.fixed_dictionaries({"v": usual}), st.fixed_dictionaries({"v": st.floats(-2, 2)})), max_size=4

@@ -272,7 +272,16 @@ def patient_lift(folder: Path) -> Path:
 
 
 def test_a_survivor_says_in_which_field_of_which_message_it_parts_from_the_original(tmp_path: Path) -> None:
-    arguments = [str(patient_lift(tmp_path)), "--only", "Cabin.request:1:constant", "--no-data", "--twin", "0", "--workers", "1"]
+    arguments = [
+        str(patient_lift(tmp_path)),
+        "--only",
+        "Cabin.request:1:constant",
+        "--no-data",
+        "--twin",
+        "0",
+        "--workers",
+        "1",
+    ]
     run = CliRunner().invoke(parcours, ["mutate", *arguments, "--out", str(tmp_path / "out"), "--json"])
     assert run.exit_code == 0, run.output
     [one] = json.loads(run.stdout)["mutants"]

@@ -6,8 +6,8 @@ messages and input variables under which the guards of a case hold, and an oracl
 
 from __future__ import annotations
 
-import dataclasses
 import copy
+import dataclasses
 import functools
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field

@@ -32,7 +32,7 @@ def outcome_of(entry: Mapping[str, object]) -> Outcome:
     seen = cast("Mapping[str, Sequence[str]]", entry["seen"])
     return Outcome(
         str(entry["end"]), {stage: (by[0], by[1]) for stage, by in seen.items()}, int(cast(int, entry["cases"])),
-        dict(cast("Mapping[str, int]", entry.get("at", {}))),
+        dict(cast("Mapping[str, int]", entry.get("at", {}))), int(cast(int, entry.get("suite", 0))),
     )  # fmt: skip
 
 

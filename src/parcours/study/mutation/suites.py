@@ -23,7 +23,6 @@ from parcours.streams import hashed
 from parcours.study.components.references import Reference
 
 if TYPE_CHECKING:
-    from parcours.study.components.study import ComponentStudy
     from parcours.study.protocol import Study
 
 RANDOM = "random"
@@ -76,8 +75,8 @@ def with_suite(study: Study, suite: Suite, seed: int = 0) -> Study:
     model = study.model if suite.data else _without_formulas(study.model)
     made = dataclasses.replace(
         study, model=model, paths=study.paths if is_random else suite.paths or study.paths,
-        criterion=suite.combine or study.criterion,
-        oracles=tuple(one for one in study.oracles if suite.data or not isinstance(one, Reference)), relations=study.relations if suite.data else (),
+        criterion=suite.combine or study.criterion, relations=study.relations if suite.data else (),
+        oracles=tuple(one for one in study.oracles if suite.data or not isinstance(one, Reference)),
     )  # fmt: skip
     if is_random:
         made.__dict__["abstracts"] = random_cases(study.model, seed, study.policy)
