@@ -15,8 +15,8 @@ from parcours.verdict.conformance import Allowance, Conformance, Expectation, ch
 from parcours.verdict.conformance.tracking import Observes
 from parcours.verdict.judgement import Verdict
 from parcours_ramp.components.model import component_model
-from parcours_ramp.planner.messages import Step, Tag, TrajectoryResponse
 from parcours_ramp.planner.latency import none
+from parcours_ramp.planner.messages import Step, Tag, TrajectoryResponse
 from parcours_ramp.system import component_form
 from parcours_ramp.system.study import system_study
 

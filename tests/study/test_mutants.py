@@ -324,6 +324,16 @@ def test_a_suite_without_data_oracles_keeps_its_cases_and_no_formula() -> None:
     assert [case.id for case in bare.suite({}, 5)] == [case.id for case in study.suite({}, 5)]
 
 
+def test_a_mixed_suite_has_the_same_abstract_cases_and_its_first_are_of_all_interactions() -> None:
+    study = find("ramp_components")
+    assert isinstance(study, ComponentStudy)
+    mixed = with_suite(study, Suite("edge-pair", mixed=True), 2)
+    assert isinstance(mixed, ComponentStudy)
+    plain = with_suite(study, Suite("edge-pair"))
+    assert isinstance(plain, ComponentStudy) and set(mixed.abstracts) == set(plain.abstracts)
+    assert len({case.interaction.name for case in list(mixed.abstracts.values())[:6]}) == 6
+
+
 def test_a_trace_parts_from_another_in_a_transition_a_field_or_what_no_model_names() -> None:
     class Plain:
         def flatten(self, channel: str, payload: object) -> list[object]:

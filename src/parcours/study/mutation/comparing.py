@@ -74,10 +74,12 @@ def compare(
 ) -> tuple[Comparison, bool]:  # fmt: skip
     """Run the mutants of a study under each suite, in one build; return what came of it, and whether Ctrl-C ended it.
 
-    Of random tests there are as many as the largest other suite has.
+    Of random tests there are as many as the largest other suite has. If a number of cases is asked for, a suite's are drawn
+    from all interactions alike.
     """
     found: dict[Suite, tuple[MutationResults, int]] = {}
-    for suite in suites:
+    for one in suites:
+        suite = dataclasses.replace(one, mixed=request.cases is not None)
         most = max((cases for _, cases in found.values()), default=0)
         asked = max(most, 1) if suite.paths == RANDOM else request.cases
         chosen = with_suite(study, suite, request.seed)

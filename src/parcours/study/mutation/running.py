@@ -101,7 +101,7 @@ def mutate(
             texts = {one.name: hashlib.sha256(one.text.encode()).hexdigest()[:16] for one in sources.modules}
             suite = request.suite if study is studies[0] else WHOLE
             question = {"form": "mutation/2", "of": request.of, "seed": request.seed, "settings": decides,
-                        "criteria": [suite.paths, suite.combine, suite.data], "cases": request.cases,
+                        "criteria": [suite.paths, suite.combine, suite.data, suite.mixed], "cases": request.cases,
                         "twin": request.twin, "modules": texts,
                         "files": dict(getattr(study, "digests", {}))}  # fmt: skip
             write_question(folder, study.name, study.where, question)

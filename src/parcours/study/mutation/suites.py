@@ -10,7 +10,7 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import itertools
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
 from parcours.abtc import AbstractCase, abstract_cases
@@ -38,6 +38,7 @@ class Suite:
     paths: str = ""  # criterion of internal paths, or random; the study's if empty
     combine: str = ""  # criterion by which blocks are combined; the study's if empty
     data: bool = True  # whether formulas, references and relations judge
+    mixed: bool = False  # whether its abstract cases come in a random order, so that the first are a fair sample
 
     @property
     def name(self) -> str:
@@ -80,6 +81,8 @@ def with_suite(study: Study, suite: Suite, seed: int = 0) -> Study:
     )  # fmt: skip
     if is_random:
         made.__dict__["abstracts"] = random_cases(study.model, seed, study.policy)
+    elif suite.mixed:
+        made.__dict__["abstracts"] = _mixed(made.abstracts, seed)
     return made
 
 
@@ -107,6 +110,10 @@ def random_cases(model: Cefsm, seed: int, policy: str = "") -> dict[str, Abstrac
     if not cases:
         rule = "walks must meet in some case, but with this seed none do"
         raise BadRequest("random tests", rule, "take another seed", slug="random-cases")
+    return _mixed(cases, seed)
+
+
+def _mixed(cases: Mapping[str, AbstractCase], seed: int) -> dict[str, AbstractCase]:
     lots = {id: hashlib.sha256(f"{seed} {id}".encode()).digest() for id in cases}
     drawn: dict[str, list[str]] = {}  # an interaction as often as any other, whatever its number of cases
     for id in sorted(cases, key=lots.__getitem__):
