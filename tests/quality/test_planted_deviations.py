@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -14,9 +15,12 @@ from parcours.verdict.conformance import Allowance, Conformance, Expectation, ch
 from parcours.verdict.conformance.tracking import Observes
 from parcours.verdict.judgement import Verdict
 from parcours_ramp.components.model import component_model
+from parcours_ramp.planner.latency import none
 from parcours_ramp.planner.messages import Step, Tag, TrajectoryResponse
 from parcours_ramp.system import component_form
 from parcours_ramp.system.study import system_study
+
+TIMELESS = dataclasses.replace(system_study("guarded"), latencies=none())
 
 RAMP = Allowance(unmodelled=frozenset({"trajectory_request", "evaluation_request"}), conversations=True)
 """What RAMP does beside Table II: its planner asks in planning and control cycles, too."""
@@ -231,7 +235,7 @@ def run(plant: Plant, monkeypatch: pytest.MonkeyPatch, title: str) -> Trace:
     if title == "it answers late":
         host = functools.partial(SimulatedHost, execution=lagging(8 * MS))
         monkeypatch.setattr(component_form, "SimulatedHost", host)
-    return component_form.run_components(system_study("guarded"), 0, WATCHED * 1e-9).trace
+    return component_form.run_components(TIMELESS, 0, WATCHED * 1e-9).trace
 
 
 def checked(trace: Trace, observes: Observes = "transitions") -> Conformance:
@@ -265,7 +269,7 @@ def test_a_planted_deviation_is_found_where_it_happens(title: str, monkeypatch: 
 
 @pytest.mark.parametrize("observes", ["transitions", "messages"])
 def test_the_system_without_a_plant_does_not_deviate(observes: Observes) -> None:
-    trace = component_form.run_components(system_study("guarded"), 0, WATCHED * 1e-9).trace
+    trace = component_form.run_components(TIMELESS, 0, WATCHED * 1e-9).trace
     assert checked(trace, observes).judgement.passed
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 import pytest
@@ -12,7 +12,7 @@ from parcours.run.faults import parse_plan
 from parcours.run.hosts.battery import DUTIES, Factory, Host
 from parcours.run.hosts.simulated import SimulatedHost
 from parcours.run.hosts.slots import Answer
-from parcours.run.port import Component, Link
+from parcours.run.port import Component, Link, Step
 from parcours.run.trace import Trace, TraceEvent
 
 
@@ -130,3 +130,55 @@ def test_the_battery_finds_a_component_state_that_outlives_reset() -> None:
 
     with pytest.raises(HostFailure, match="reset leaves no residue"):
         DUTIES["resets_without_residue"](Forgetful)
+
+
+class Sleeper:
+    """Takes news up only while it is awake: every 10 us."""
+
+    name = "B"
+
+    def __init__(self) -> None:
+        self.heard: list[tuple[int, object]] = []
+        self.reset()
+
+    def reset(self) -> None:
+        self._wakes, self._asleep = 10_000, True
+
+    @property
+    def deaf(self) -> tuple[str, ...]:
+        return ("news",) if self._asleep else ()
+
+    def next_wake(self) -> int | None:
+        return self._wakes
+
+    def wake(self, now: int) -> Iterator[Step]:
+        self._asleep = not self._asleep
+        self._wakes = now if not self._asleep else now + 10_000
+        yield from ()
+
+    def handle(self, channel: str | None, message: object, now: int) -> Iterator[Step]:
+        self.heard.append((now, message))
+        yield from ()
+
+
+def test_what_a_component_is_deaf_to_waits_and_only_the_newest_of_a_topic_is_kept() -> None:
+    sleeper = Sleeper()
+    links = (Link("news", "environment", "B", 1), Link("call", "environment", "B", 1))
+    host = SimulatedHost((sleeper,), links)
+    for at, channel, message in ((1_000, "news", "old"), (2_000, "news", "new"), (3_000, "call", "now")):
+        host.inject(channel, message, at)
+    host.run(15_000)
+    assert sleeper.heard == [(3_000, "now"), (10_000, "new")]
+    assert [event.text for event in host.trace().events if event.kind == "drop"] == ["overrun"]
+
+
+def test_messages_take_their_time_and_none_overtakes_another() -> None:
+    heard = Sleeper()
+    takes = {"call": iter([5_000, 1_000, 0])}
+    host = SimulatedHost(
+        (heard,), (Link("call", "environment", "B", 8),), transport=lambda channel: next(takes[channel])
+    )
+    for at, message in ((1_000, "first"), (2_000, "second"), (9_000, "third")):
+        host.inject("call", message, at)
+    host.run(9_500)
+    assert heard.heard == [(6_000, "first"), (6_000, "second"), (9_000, "third")]

@@ -19,7 +19,8 @@ def assert_same(study: SystemStudy, number: int) -> np.void:
     for name in facts.dtype.names or ():
         assert ran.facts[name].tobytes() == facts[name].tobytes(), name
     assert ran.track.tobytes() == track.tobytes() and ran.places.tobytes() == places.tobytes()
-    return facts[0]
+    first: np.void = facts[0]
+    return first
 
 
 @pytest.mark.parametrize("protocol", ["table-vii", "published"])
@@ -39,6 +40,13 @@ def test_so_do_a_whole_case_that_is_watched_on_and_cases_with_delays_added(sched
     for name, seconds in (("added_sensing", 0.25), ("added_planning", 0.1), ("added_stop", 0.5), ("transport", 0.05)):
         for number in (1, 2):
             assert_same(dataclasses.replace(short, latencies=Latencies(**{name: seconds})), number)  # type: ignore[arg-type]
+
+
+def test_so_do_cases_in_which_a_newer_trajectory_is_on_its_way_when_control_begins() -> None:
+    study = system_study("original", seed=3, protocol="published")
+    slow = dataclasses.replace(study, latencies=Latencies(transport=0.15), time_limit=1.2, watched_on=0.0)
+    for number in range(12):
+        assert_same(slow, number)
 
 
 def test_messages_with_latencies_are_judged_and_most_old_obstacle_lists_are_dropped() -> None:

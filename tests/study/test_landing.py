@@ -18,10 +18,12 @@ from parcours.model.expression import parse_expression
 from parcours.model.model_file import parse_model
 from parcours.study import took
 from parcours.study.components.battery import check_study
-from parcours.study.components.landing import Landing, landing_of
+from parcours.study.components.landing import Landing, glance, landing_of
 from parcours.study.components.study import NO_INPUTS, ComponentStudy
 from parcours.study.components.systems import python_system
 from parcours.study.finding import find
+from parcours.study.parameters import settings_of
+from parcours.study.protocol import Request
 
 LIFT = Path(__file__).parents[2] / "examples" / "lift"
 
@@ -154,6 +156,25 @@ def test_a_component_that_hangs_or_dies_leaves_its_abstract_case_undecided() -> 
     found = landing(broken)
     assert list(found.undecided) == visiting(house, "Bell")
     assert list(found.abstracts((0, 0))) == visiting(house, "Bolt")
+
+
+def test_a_run_and_its_report_say_which_blocks_reached_nothing(tmp_path: Path) -> None:
+    house = study(WORD, SPARE)
+    request = Request(settings_of(house.parameters, {}, house.name), 1, tmp_path)
+    house.run(request, lambda what, done, total: None)
+    [table] = [one for one in house.report({"out": house.read(tmp_path)}).tables if one.title.startswith("Test data")]
+    [row] = table.rows
+    assert row[:3] == ("5", "3 of 5", 2) and row[3] == "spare = [0, 1], spare = (1, 2]"
+
+
+def test_a_glance_ends_when_every_block_has_landed() -> None:
+    house = study(WORD)
+    found = glance(house, house.plan(1), {})
+    assert (
+        found.unreached == ()
+        and found.is_whole
+        and found.n_runs < sum(one.n_runs for one in landing(house).of.values())
+    )
 
 
 def test_a_study_without_inputs_is_refused() -> None:

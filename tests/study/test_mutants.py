@@ -263,16 +263,34 @@ def test_mutants_that_die_or_never_end_are_noticed_and_cost_only_themselves(tmp_
     assert found["lift:Panel.call:1:relation"][0] == "ended"
 
 
+def patient_lift(folder: Path) -> Path:
+    """Copy the lift; only a formula of its model says how long the door waits."""
+    lift = folder / "lift"
+    shutil.copytree("examples/lift", lift)
+    model = (lift / "model.yaml").read_text()
+    (lift / "model.yaml").write_text(re.sub(r"close\([0-9.]+\)", "close", model))
+    return lift
+
+
 def test_a_survivor_says_in_which_field_of_which_message_it_parts_from_the_original(tmp_path: Path) -> None:
-    arguments = ["examples/lift", "--only", "Cabin.request:1:constant", "--no-data", "--twin", "0", "--workers", "1"]
-    run = CliRunner().invoke(parcours, ["mutate", *arguments, "--out", str(tmp_path), "--json"])
+    arguments = [
+        str(patient_lift(tmp_path)),
+        "--only",
+        "Cabin.request:1:constant",
+        "--no-data",
+        "--twin",
+        "0",
+        "--workers",
+        "1",
+    ]
+    run = CliRunner().invoke(parcours, ["mutate", *arguments, "--out", str(tmp_path / "out"), "--json"])
     assert run.exit_code == 0, run.output
     [one] = json.loads(run.stdout)["mutants"]
     assert one["seen_by"].startswith("close.hold is ") and "; in lift/ITP" in one["seen_by"]
 
 
 def test_suites_are_compared_on_the_same_mutants_beside_as_many_random_tests(tmp_path: Path) -> None:
-    study = find("examples/lift")
+    study = find(str(patient_lift(tmp_path)))
     assert isinstance(study, ComponentStudy)
     settings = settings_of(study.parameters, {}, study.name)
     request = MutationRequest([settings], "code", 0, only="Cabin.request", workers=1)
@@ -307,13 +325,25 @@ def test_a_suite_without_data_oracles_keeps_its_cases_and_no_formula() -> None:
     assert [case.id for case in bare.suite({}, 5)] == [case.id for case in study.suite({}, 5)]
 
 
+def test_a_mixed_suite_has_the_same_abstract_cases_and_its_first_are_of_all_interactions() -> None:
+    study = find("ramp_components")
+    assert isinstance(study, ComponentStudy)
+    mixed = with_suite(study, Suite("edge-pair", mixed=True), 2)
+    assert isinstance(mixed, ComponentStudy)
+    plain = with_suite(study, Suite("edge-pair"))
+    assert isinstance(plain, ComponentStudy) and set(mixed.abstracts) == set(plain.abstracts)
+    assert len({case.interaction.name for case in list(mixed.abstracts.values())[:6]}) == 6
+
+
 def test_a_trace_parts_from_another_in_a_transition_a_field_or_what_no_model_names() -> None:
     class Plain:
         def flatten(self, channel: str, payload: object) -> list[object]:
             return [payload]
 
     def trace(*payloads: object) -> Trace:
-        return Trace("simulated", tuple(TraceEvent(k, "send", "A", "", "c", k, "", one) for k, one in enumerate(payloads)))
+        return Trace(
+            "simulated", tuple(TraceEvent(k, "send", "A", "", "c", k, "", one) for k, one in enumerate(payloads))
+        )
 
     def parts(one: Trace, other: Trace, view: object = lambda channel, payload: payload) -> str:
         return difference_of(one, other, Plain(), view)  # type: ignore[arg-type]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import pytest
 
 from parcours.study.components.executing import in_process
@@ -9,12 +11,18 @@ from parcours.verdict.conformance import check
 from parcours.verdict.conformance.tracking import Observes
 from parcours_ramp.components.model import OUTSIDE, component_model
 from parcours_ramp.components.study import component_plan, component_study, run_functional
+from parcours_ramp.planner.latency import none
 from parcours_ramp.planner.viewing import message_of
 from parcours_ramp.system.component_form import run_components
-from parcours_ramp.system.study import system_study
+from parcours_ramp.system.study import SystemStudy, system_study
 
 MS = 1_000_000
 TIMEOUTS = {"update": 40 * MS, "modification_request": 60 * MS, "trajectory_response": 5 * MS}
+
+
+def timeless(schedule: str) -> SystemStudy:
+    """Return the study without latencies: how long an answer may take is known."""
+    return dataclasses.replace(system_study(schedule), latencies=none())
 
 
 def test_no_component_case_deviates_in_what_it_takes_or_sends() -> None:
@@ -42,7 +50,7 @@ def test_nor_does_one_with_an_instance_for_the_whole_case() -> None:
 @pytest.mark.parametrize("observes", ["transitions", "messages"])
 def test_no_system_case_deviates(schedule: str, observes: Observes) -> None:
     for number in range(2):
-        trace = run_components(system_study(schedule), number, 4.0).trace
+        trace = run_components(timeless(schedule), number, 4.0).trace
         found = check(
             trace, component_model(schedule), observes=observes, allowance=OUTSIDE, quiescence=TIMEOUTS, data=message_of
         )
@@ -51,7 +59,7 @@ def test_no_system_case_deviates(schedule: str, observes: Observes) -> None:
 
 
 def test_the_planner_asks_more_than_the_table_says() -> None:
-    trace = run_components(system_study("guarded"), 0, 0.2).trace
+    trace = run_components(timeless("guarded"), 0, 0.2).trace
     found = check(trace, component_model())
     assert found.deviation is not None
     assert found.deviation.component == "Planner"

@@ -55,13 +55,13 @@ def command(
     from parcours.study.gate import check_condition, parse_condition
     from parcours.study.journal import discard
     from parcours.study.mutation.running import MutationRequest, mutants_of, mutate, sources_of
-    from parcours.study.mutation.suites import COMPARED, Suite, with_suite
+    from parcours.study.mutation.suites import COMPARED, WHOLE, Suite, with_suite
     from parcours.study.parameters import pairs_of, settings_of
 
     found = [find(one) for one in studies]
     suite = Suite(paths, combine, not no_data)
     with_suite(found[0], suite, seed)
-    if comparing and (suite != Suite() or len(found) > 1 or of != "code" or fail_if):
+    if comparing and (suite != WHOLE or len(found) > 1 or of != "code" or fail_if):
         rule = "one study's code is compared under suites of its own, but other options name a study, a suite or a gate"
         raise BadRequest("--compare", rule, "leave them out", slug="option-study")
     conditions = [parse_condition(text) for text in fail_if]

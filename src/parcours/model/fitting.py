@@ -53,7 +53,9 @@ def _misfit(
 
 def fitting(classes: Mapping[str, MessageClass], declared: MessageClass) -> Callable[[object], bool]:
     """Return what says of messages whether all that they hold is plainly of a class, fast; if not, ask `misfit`."""
-    exact = {one.name: _EXACT.get(one.type, str) for one in declared.fields if not one.shape and one.type not in classes}
+    exact = {
+        one.name: _EXACT.get(one.type, str) for one in declared.fields if not one.shape and one.type not in classes
+    }
     others = {one.name: _shaped(classes, one.type, one.shape) for one in declared.fields if one.name not in exact}
 
     def fits(message: object) -> bool:

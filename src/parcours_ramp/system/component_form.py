@@ -18,7 +18,7 @@ from parcours.kernels import Record
 from parcours.run.faults import FaultPlan
 from parcours.run.hosts.component_faults import Death
 from parcours.run.hosts.simulated import SimulatedHost
-from parcours.run.port import Link, links
+from parcours.run.port import Component, Link, links
 from parcours.run.trace import Trace
 from parcours_navigation.arena.observing import freeze_later, measure_robot, sense
 from parcours_navigation.arena.world import WORLD, advance, begin
@@ -269,8 +269,8 @@ def run_components(
 ) -> ComponentRun:  # fmt: skip
     """Run one case of the study to its end, or for that long [s] if given.
 
-    Its latencies are the study's (`PacedPlanner`); with `latency.none()`, the planner does its work at once, and its guard
-    belongs to it. Without `recording` the
+    Its latencies are the study's (`PacedPlanner`); with `latency.none()`, the planner does its work at once, and
+    its guard belongs to it. Without `recording` the
     trace stays empty, and what the facts count of cycles and transitions stays 0; that is faster by a tenth. Under a
     plan of `faults`, a component that raises has died, and the case goes on.
 
@@ -291,10 +291,10 @@ def run_components(
         planner, control = Planner(parameters, seed, number, start_pose(study), goal), Control(parameters, opens)
     else:
         planner = PacedPlanner(parameters, seed, number, start_pose(study), goal, study.latencies, body.pass_to)
-        control = PacedControl(parameters, opens, body.pass_to)
+        planner.expected = (control := PacedControl(parameters, opens, body.pass_to)).expect
         guards = (Guard(planner, control, study.latencies),)
     witness = Witness(setting, body, planner, control)
-    components = (
+    components: tuple[Component, ...] = (
         body, *guards, Sensing(), TrajectoryGenerator(parameters), TrajectoryEvaluation(parameters),
         PathModification(parameters, seed, number), planner, control, witness,
     )  # fmt: skip

@@ -43,6 +43,8 @@ class PacedPlanner(Planner):
     ) -> None:  # fmt: skip
         self._latencies, self._world = latencies.record(), world
         self._clock_of = np.uint64(seed), np.uint64(case), _CLOCK
+        self.expected: Callable[[int], None] = lambda due: None
+        """Called when a trajectory leaves, with the time [ns] at which it will arrive."""
         super().__init__(parameters, seed, case, begin, goal)
 
     def reset(self) -> None:
@@ -85,6 +87,11 @@ class PacedPlanner(Planner):
             self._next_guard = max(first + GUARD_PERIOD, now - now % GUARD_PERIOD + GUARD_PERIOD)
             self._planner.halted = 1 if is_imminent(self._planner, now, self._parameters) else 0
             yield messages.Step("", (("imminent_collision", bool(self._planner.halted)),))
+
+    def control(self, now: int) -> Iterator[messages.Step]:
+        """Run a control cycle at `now` [ns], as far as it needs no answer."""
+        self.expected(now + int(self._latencies.transport))
+        yield from super().control(now)
 
     def _take(self, channel: str, message: object, now: int) -> Iterator[messages.Step]:
         if isinstance(message, messages.Obstacles):
@@ -134,6 +141,11 @@ class PacedControl(Control):
             self._world(now)
         return super().handle("imminent_collision" if channel == "halt" else channel, message, now)
 
+    def expect(self, due: int) -> None:
+        """Forget a trajectory that waits for control to begin if a newer one, on its way, arrives only after that."""
+        if due > self._opens:
+            self._early = None
+
     def wake(self, now: int) -> Iterator[messages.Step]:
         """Do what is due."""
         self._world(now)
@@ -171,7 +183,7 @@ class Guard(Timeless):
 
 
 def paced(links: tuple[Link, ...]) -> tuple[Link, ...]:
-    """Return the links of a planner that is a thread: only the newest message waits for it, and its guard sees first."""
+    """Return the links of a planner that is a thread: only the newest message waits for it; its guard sees first."""
     kept = (
         Link(one.channel, one.sender, one.receiver, 1 if one.channel in _CALLBACKS else one.capacity, one.kind)
         for one in links

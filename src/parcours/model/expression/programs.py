@@ -80,7 +80,7 @@ def program(expression: Expression, where: str = "expression") -> Code:
     except (RecursionError, MemoryError, SyntaxError):  # nested too deeply
         return slow
     for function in made.values():
-        function.__globals__.update(made)  # type: ignore[attr-defined]
+        function.__globals__.update(made)
     fast = made["_0"]
 
     def evaluated(known: Mapping[str, Value]) -> Value:

@@ -19,8 +19,8 @@ from parcours.run.trace import Trace, TraceEvent
 from parcours.study.components import executing, results
 from parcours.study.components.archive import Archive
 from parcours.study.components.executing import Execute, Exercise, Functional, Timing, TimingGroup
-from parcours.study.components.landing import glance
 from parcours.study.components.isolation import Done, longest, run_apart, watched
+from parcours.study.components.landing import glance
 from parcours.study.hosting import Hosted, started
 from parcours.study.journal import Journal, read_journal, read_question, write_question
 from parcours.study.parameters import Settings

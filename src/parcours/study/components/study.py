@@ -6,6 +6,7 @@ messages and input variables under which the guards of a case hold, and an oracl
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 import functools
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -27,7 +28,7 @@ from parcours.study.components.references import Relation
 from parcours.study.components.results import PER_CASE, PER_VISIT
 from parcours.study.components.selecting import Selection, select_cases
 from parcours.study.components.simple import is_full
-from parcours.study.components.stimuli import Chooser, Formulas
+from parcours.study.components.stimuli import Chooser, Formulas, Stimuli
 from parcours.study.components.systems import PATIENCE, PythonPart, System
 from parcours.study.components.tester import StudyTester, Tester
 from parcours.study.hosting import HOSTS, Nodes
@@ -41,6 +42,7 @@ from parcours.verdict.judgement import Judgement, Verdict
 from parcours.verdict.timing import NEVER, Bound
 
 NO_INPUTS = InputModel("no inputs", ())  # the test inputs of a study that has none: each abstract case is one case
+_CHOICES = 10_000  # cases whose stimuli are remembered
 _TIMED = 5  # abstract cases that are timed for each limit, evenly spread
 
 Oracle = Callable[[Case, Trace, Settings], Judgement]
@@ -197,7 +199,7 @@ class ComponentStudy:
         """Return the tester of a case."""
         assert self.system is not None
         known, visits = self.known(case, settings), self.visits(case, settings, timed=timed)
-        stimuli = self._chooser.stimuli(visits.events, known, visits.again).of
+        stimuli = copy.deepcopy(self._stimuli(case, settings, timed=timed).of)  # components may change a message
         components = {component.name: component for component in self.model.components}
         early = {at: [visits.events[one] for one in those] for at, those in visits.early.items()}
         return StudyTester(self.system, components, case, settings, known, stimuli, early)
@@ -205,12 +207,24 @@ class ComponentStudy:
     def contradiction(self, case: Case, settings: Settings) -> str:
         """Return why no choice of the tester's can make this case run with its data and formulas; empty if one can."""
         try:
-            visits = self.visits(case, settings)
+            self.visits(case, settings)
         except BadSuite as error:
             return f"{error.rule}; {error.remedy}"
-        if self.system is None:
-            return ""
-        return self._chooser.stimuli(visits.events, self.known(case, settings), visits.again).infeasible
+        return "" if self.system is None else self._stimuli(case, settings).infeasible
+
+    def _stimuli(self, case: Case, settings: Settings, *, timed: bool = False) -> Stimuli:
+        """Return what the tester chooses for a case; it is remembered, since some choices take a second to find."""
+        key = case.abstract, case.values, timed, tuple(sorted(settings.items()))
+        if key not in self._chosen:
+            if len(self._chosen) >= _CHOICES:
+                self._chosen.clear()
+            visits = self.visits(case, settings, timed=timed)
+            self._chosen[key] = self._chooser.stimuli(visits.events, self.known(case, settings), visits.again)
+        return self._chosen[key]
+
+    @functools.cached_property
+    def _chosen(self) -> dict[object, Stimuli]:
+        return {}
 
     @functools.lru_cache(maxsize=256)  # noqa: B019 - a study lives as long as its process
     def _events(self, abstract: str) -> tuple[Event, ...]:

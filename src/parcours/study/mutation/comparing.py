@@ -74,20 +74,22 @@ def compare(
 ) -> tuple[Comparison, bool]:  # fmt: skip
     """Run the mutants of a study under each suite, in one build; return what came of it, and whether Ctrl-C ended it.
 
-    Of random tests there are as many as the largest other suite has.
+    Of random tests there are as many as the largest other suite has. If a number of cases is asked for, a suite's are drawn
+    from all interactions alike.
     """
     found: dict[Suite, tuple[MutationResults, int]] = {}
-    for suite in suites:
+    for one in suites:
+        suite = dataclasses.replace(one, mixed=request.cases is not None)
         most = max((cases for _, cases in found.values()), default=0)
         asked = max(most, 1) if suite.paths == RANDOM else request.cases
         chosen = with_suite(study, suite, request.seed)
         assert isinstance(chosen, ComponentStudy)
         n = len(chosen.plan(request.seed, asked))
-        if request.cases:
-            n = min(n, request.cases)
+        n = min(n, request.cases or n)
         ours = dataclasses.replace(request, suite=suite, cases=n)
         results, interrupted = mutate((study,), ours, out / suite.name, progress, out)
-        found[suite] = results, n
+        # Cases that contradict themselves are left out, which only those who ran the suite know.
+        found[suite] = results, max((one.suite for one in results.outcomes.values()), default=n) or n
         if interrupted:
             return Comparison(study.name, found), True
     return Comparison(study.name, found), False

@@ -80,11 +80,12 @@ class Outcome:
     seen: Mapping[str, tuple[str, str]] = field(default_factory=dict)  # stage -> the first case that saw it, and why
     cases: int = 0  # in how many cases its function ran; 0 if none reaches it
     at: Mapping[str, int] = field(default_factory=dict)  # stage -> the place of that case in the suite, from 0
+    suite: int = 0  # how many cases the suite has
 
     def joined(self, other: Outcome) -> Outcome:
         """Return what became of the mutant in the cases of two studies."""
         end = other.end if self.end == "ended" else self.end
-        return Outcome(end, {**other.seen, **self.seen}, self.cases + other.cases, {**other.at, **self.at})
+        return Outcome(end, {**other.seen, **self.seen}, self.cases + other.cases, {**other.at, **self.at}, self.suite)
 
 
 @dataclass(frozen=True, slots=True)
@@ -250,7 +251,7 @@ class Bench:
                 seen = {self.subject.stages[0]: (case.id, why), TWIN: (case.id, why), **seen}
             at = {stage: at.get(stage, k) for stage in seen}
             if not found.ended:
-                return Outcome("timeout", seen, ran, at)
+                return Outcome("timeout", seen, ran, at, len(self._cases))
             if TWIN in seen and not had_effect:
                 seen[TWIN] = (case.id, self.subject.difference(case, number, allowed(original))[:_LONG])
             if len(seen) == len(self.subject.stages) + 1:
@@ -264,7 +265,7 @@ class Bench:
                 if self.subject.observe(case, number, rounds, judged=False).print != original.print:
                     seen[TWIN] = (case.id, self.subject.difference(case, number, rounds)[:_LONG])
                     break
-        return Outcome("ended", seen, ran, at)
+        return Outcome("ended", seen, ran, at, len(self._cases))
 
     def _place(self, number: int) -> int:
         return self._places[place_of(self._build.built[number - 1])]

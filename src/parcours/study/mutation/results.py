@@ -32,7 +32,7 @@ def outcome_of(entry: Mapping[str, object]) -> Outcome:
     seen = cast("Mapping[str, Sequence[str]]", entry["seen"])
     return Outcome(
         str(entry["end"]), {stage: (by[0], by[1]) for stage, by in seen.items()}, int(cast(int, entry["cases"])),
-        dict(cast("Mapping[str, int]", entry.get("at", {}))),
+        dict(cast("Mapping[str, int]", entry.get("at", {}))), int(cast(int, entry.get("suite", 0))),
     )  # fmt: skip
 
 
@@ -124,7 +124,8 @@ class MutationResults:
         scores = {name: float(one.values.mean()) if len(one.values) else None for name, one in self.measures().items()}
         mutants = [
             {"id": one.id, "operator": one.operator, "file": one.file, "line": one.line, "change": one.change,
-             "diff": one.diff, **self._twin(one), **(entry_of(self.outcomes[one.id]) if one.id in self.outcomes else {"end": ""})}
+             "diff": one.diff, **self._twin(one),
+             **(entry_of(self.outcomes[one.id]) if one.id in self.outcomes else {"end": ""})}
             for one in self.mutants
         ]  # fmt: skip
         return {"study": self.study, "scores": scores, "mutants": mutants}

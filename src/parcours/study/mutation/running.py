@@ -18,7 +18,7 @@ from parcours.study.mutation.mutant import Mutant, sampled
 from parcours.study.mutation.observing import strikes_of
 from parcours.study.mutation.results import MutationResults, entry_of, outcome_of
 from parcours.study.mutation.source import Sources, modules_of
-from parcours.study.mutation.suites import Suite
+from parcours.study.mutation.suites import WHOLE, Suite
 from parcours.study.parameters import Settings
 from parcours.study.protocol import Progress
 
@@ -33,7 +33,7 @@ class MutationRequest:
     settings: Sequence[Settings]  # of each study: a value for each of its parameters
     of: Kind  # what is changed
     seed: int  # of the cases, and of the sample
-    suite: Suite = Suite()  # how the cases of the first study are selected and judged
+    suite: Suite = WHOLE  # how the cases of the first study are selected and judged
     cases: int | None = None  # of the suite; None for as many as the study has
     twin: int = 0  # cases in which an effect is looked for
     sample: int = 0  # how many mutants; 0 for all
@@ -99,10 +99,11 @@ def mutate(
             folder = out if study is studies[0] else out / study.name
             decides = {one.name: settings[one.name] for one in study.parameters if one.decides}
             texts = {one.name: hashlib.sha256(one.text.encode()).hexdigest()[:16] for one in sources.modules}
-            suite = request.suite if study is studies[0] else Suite()
+            suite = request.suite if study is studies[0] else WHOLE
             question = {"form": "mutation/2", "of": request.of, "seed": request.seed, "settings": decides,
-                        "criteria": [suite.paths, suite.combine, suite.data], "cases": request.cases,
-                        "twin": request.twin, "modules": texts, "files": dict(getattr(study, "digests", {}))}  # fmt: skip
+                        "criteria": [suite.paths, suite.combine, suite.data, suite.mixed], "cases": request.cases,
+                        "twin": request.twin, "modules": texts,
+                        "files": dict(getattr(study, "digests", {}))}  # fmt: skip
             write_question(folder, study.name, study.where, question)
             with Journal(folder) as journal:
                 try:

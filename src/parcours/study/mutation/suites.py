@@ -1,7 +1,8 @@
 """The suites of a study that are compared on the same mutants: criteria, data oracles off, random tests.
 
 A random test is a random walk through each machine, combined as any paths are, with values of random blocks: no
-requirement was looked at. There are `_MANY` times as many walks as the `edge` criterion has paths, of which those count that meet.
+requirement was looked at. There are `_MANY` times as many walks as the `edge` criterion has
+paths, of which those count that meet.
 """
 
 from __future__ import annotations
@@ -9,7 +10,7 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import itertools
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
 from parcours.abtc import AbstractCase, abstract_cases
@@ -22,7 +23,6 @@ from parcours.streams import hashed
 from parcours.study.components.references import Reference
 
 if TYPE_CHECKING:
-    from parcours.study.components.study import ComponentStudy
     from parcours.study.protocol import Study
 
 RANDOM = "random"
@@ -38,6 +38,7 @@ class Suite:
     paths: str = ""  # criterion of internal paths, or random; the study's if empty
     combine: str = ""  # criterion by which blocks are combined; the study's if empty
     data: bool = True  # whether formulas, references and relations judge
+    mixed: bool = False  # whether its abstract cases come in a random order, so that the first are a fair sample
 
     @property
     def name(self) -> str:
@@ -45,6 +46,9 @@ class Suite:
         parts = (self.paths.replace(" ", "-"), self.combine, "" if self.data else "no-data")
         return "+".join(part for part in parts if part) or "study"
 
+
+WHOLE = Suite()
+"""As the study is."""
 
 COMPARED = (
     Suite("edge", "each_choice"), Suite("edge", "each_choice", data=False), Suite("edge-pair", "each_choice"),
@@ -60,7 +64,7 @@ def with_suite(study: Study, suite: Suite, seed: int = 0) -> Study:
     """
     from parcours.study.components.study import ComponentStudy
 
-    if suite == Suite():
+    if suite == WHOLE:
         return study
     if not isinstance(study, ComponentStudy):
         rule = f"criteria are for component studies, but {study.name} is another"
@@ -72,16 +76,14 @@ def with_suite(study: Study, suite: Suite, seed: int = 0) -> Study:
     model = study.model if suite.data else _without_formulas(study.model)
     made = dataclasses.replace(
         study, model=model, paths=study.paths if is_random else suite.paths or study.paths,
-        criterion=suite.combine or study.criterion,
-        oracles=study.oracles if suite.data else _plain(study), relations=study.relations if suite.data else (),
+        criterion=suite.combine or study.criterion, relations=study.relations if suite.data else (),
+        oracles=tuple(one for one in study.oracles if suite.data or not isinstance(one, Reference)),
     )  # fmt: skip
     if is_random:
         made.__dict__["abstracts"] = random_cases(study.model, seed, study.policy)
+    elif suite.mixed:
+        made.__dict__["abstracts"] = _mixed(made.abstracts, seed)
     return made
-
-
-def _plain(study: ComponentStudy) -> tuple[object, ...]:
-    return tuple(one for one in study.oracles if not isinstance(one, Reference))
 
 
 def _without_formulas(model: Cefsm) -> Cefsm:
@@ -108,6 +110,10 @@ def random_cases(model: Cefsm, seed: int, policy: str = "") -> dict[str, Abstrac
     if not cases:
         rule = "walks must meet in some case, but with this seed none do"
         raise BadRequest("random tests", rule, "take another seed", slug="random-cases")
+    return _mixed(cases, seed)
+
+
+def _mixed(cases: Mapping[str, AbstractCase], seed: int) -> dict[str, AbstractCase]:
     lots = {id: hashlib.sha256(f"{seed} {id}".encode()).digest() for id in cases}
     drawn: dict[str, list[str]] = {}  # an interaction as often as any other, whatever its number of cases
     for id in sorted(cases, key=lots.__getitem__):
