@@ -122,7 +122,9 @@ class _Here:
         event, part = turn.event, self._instances[turn.event.reference]
         if self._prepare is not None:
             self._prepare(event, part.component)
-        settled = tuple(part.settle(self._handing(part.component, one), one, self._clock) for one in self._beside(event))
+        settled = tuple(
+            part.settle(self._handing(part.component, one), one, self._clock) for one in self._beside(event)
+        )
         if event.receives is None:
             outcome = part.turn(event.transition, self._clock,
                                 prompt=lambda now: self._prompt(event, part.component, now))  # fmt: skip

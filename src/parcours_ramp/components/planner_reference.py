@@ -161,7 +161,9 @@ class _Planner:
         if self.latest is not None:
             wanted = speed_limit(self.latest, self.obstacles.states, self.parameters)
         if not math.isclose(wanted, self.limit, rel_tol=1e-9, abs_tol=1e-9):
-            return [f"beside these obstacles the robot may drive at {wanted:.6g} m/s, but was told {self.limit:.6g} m/s"]
+            return [
+                f"beside these obstacles the robot may drive at {wanted:.6g} m/s, but was told {self.limit:.6g} m/s"
+            ]
         if not self.was_halted:
             self.knows = True
             self.compensate()
@@ -304,7 +306,9 @@ class _Planner:
         latest, first = self.latest_switch(), self.first_switch()
         ats = [k for k in range(first, latest + 1) if _agrees(planned(self.moving, k * SAMPLE), start)]
         if not ats:
-            return f"its ways must begin on the motion under way, 0.1 s apart until {latest * SAMPLE:g} s, not at {start}"
+            return (
+                f"its ways must begin on the motion under way, 0.1 s apart until {latest * SAMPLE:g} s, not at {start}"
+            )
         early = [k for k in ats if k != latest]
         if TRANSITION in kinds or latest not in ats:
             self.t_next = self.begins + early[0] * 100_000_000 if len(early) == 1 else -1
@@ -321,8 +325,10 @@ class _Planner:
                 return "the member that is followed goes on, so that all others need new ways"
         anchor = planned(self.moving, latest * SAMPLE)
         for path, kind in zip(payload.paths, kinds, strict=True):
-            if kind == TRANSITION and int(path["n"]) < MAX_KNOTS and not _same(
-                float(path["x"][1]) - anchor.x, float(path["y"][1]) - anchor.y
+            if (
+                kind == TRANSITION
+                and int(path["n"]) < MAX_KNOTS
+                and not _same(float(path["x"][1]) - anchor.x, float(path["y"][1]) - anchor.y)
             ):
                 return f"its ways must lead by {anchor.x:.6g}, {anchor.y:.6g} m, where they would begin at the latest"
         return ""
@@ -349,7 +355,9 @@ class _Planner:
         if not self.guarded:
             return longest
         most = self.parameters.alpha_max * SAMPLE
-        slow = (k for k in range(longest, self.first_switch() - 1, -1) if abs(planned(self.moving, k * SAMPLE).w) <= most)
+        slow = (
+            k for k in range(longest, self.first_switch() - 1, -1) if abs(planned(self.moving, k * SAMPLE).w) <= most
+        )
         return next(slow, longest)
 
     def sends_evaluation_request(self, payload: Any, now: int) -> list[str]:
@@ -364,7 +372,10 @@ class _Planner:
         if payload.window is not None:
             return [*wrong, *self.looks(payload, now)]
         if self.cycle == "planning":
-            return [*wrong, self.carried(payload.trajectories[0], self.answered[0] if self.answered is not None else None)]
+            return [
+                *wrong,
+                self.carried(payload.trajectories[0], self.answered[0] if self.answered is not None else None),
+            ]
         return [*wrong, *self.populated(payload.trajectories)]
 
     def passed_on(self, predictions: Any) -> str:
@@ -400,7 +411,9 @@ class _Planner:
             wrong += self.renewed(trajectories)
         late = [int(one["begins"]) for one in trajectories if self.t_next >= 0 and int(one["begins"]) != self.t_next]
         if late:
-            wrong.append(f"all must begin at the next control cycle, at {self.t_next} ns, but {late[0]} ns is among them")
+            wrong.append(
+                f"all must begin at the next control cycle, at {self.t_next} ns, but {late[0]} ns is among them"
+            )
         self.members = dict(zip(ids, trajectories.copy(), strict=True))
         self.fitness = {}
         return wrong
@@ -434,7 +447,9 @@ class _Planner:
             n = min(round(parameters.control_period / SAMPLE) + 1, int(moving["n"]))
             wanted = now, 0, n, 0.0, parameters.may_leave
         if tuple(payload.window) != wanted:
-            wrong.append(f"it must look at begin, samples, margin, leave {wanted}, but looks at {tuple(payload.window)}")
+            wrong.append(
+                f"it must look at begin, samples, margin, leave {wanted}, but looks at {tuple(payload.window)}"
+            )
         if self.guarded and self.cycle == "sensing" and self.obstacles is not None and not wrong:
             found = meets(moving, begins, first, last, margin, payload.drift, self.obstacles, parameters)
             if found and not self.halted:
@@ -442,6 +457,7 @@ class _Planner:
             if found is False and self.halted and not self.was_halted:
                 wrong.append("it meets nobody, but the robot is halted")
         return wrong
+
 
 def _same(dx: float, dy: float) -> bool:
     return math.hypot(dx, dy) <= _NEAR

@@ -92,7 +92,7 @@ class RampComponents(ComponentStudy):
         return message_of(channel, payload)
 
     def oracle(self, case: Case, trace: Trace, settings: Settings) -> Judgement:
-        """Judge by Table VIII, then by what references say: of the services, in simulated time of Control and Planner."""
+        """Judge by Table VIII, then by references: of services, and in simulated time of Control and Planner."""
         expected = ORACLES[interaction_of(case)](trace)
         if not expected.passed:
             return expected

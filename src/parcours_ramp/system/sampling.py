@@ -9,6 +9,7 @@ latencies from one stream, in one order.
 
 from __future__ import annotations
 
+import dataclasses
 import json
 from collections.abc import Sequence
 from pathlib import Path
