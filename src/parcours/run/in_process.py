@@ -122,7 +122,9 @@ class _Here:
         event, part = turn.event, self._instances[turn.event.reference]
         if self._prepare is not None:
             self._prepare(event, part.component)
-        settled = tuple(part.settle(self._handing(part.component, one), one, self._clock) for one in self._beside(event))
+        settled = tuple(
+            part.settle(self._handing(part.component, one), one, self._clock) for one in self._beside(event)
+        )
         if event.receives is None:
             outcome = part.turn(event.transition, self._clock,
                                 prompt=lambda now: self._prompt(event, part.component, now))  # fmt: skip
@@ -135,7 +137,7 @@ class _Here:
         return replace(
             outcome,
             sends=self._all_checked(outcome.sends),
-            asides=tuple((at, *self._all_checked([send])) for at, send in outcome.asides),
+            asides=tuple((at, self._all_checked([send])[0]) for at, send in outcome.asides),
             settled=tuple(one._replace(sends=self._all_checked(one.sends)) for one in settled),
         )
 
