@@ -80,7 +80,7 @@ FAULTS: dict[str, tuple[str, Callable[[Any], Any], Callable[[Any], bool], str]] 
     "the margin is zero": ("evaluation_request", with_margin, lambda m: m.window is not None, "margin, leave"),
     "the drift is left out": ("evaluation_request", lambda m: m._replace(drift=(0.0, 0.0)),
                               lambda m: np.hypot(*m.drift) > 1e-3, "beside its plan"),
-    "the heading is old": ("evaluation_request", lambda m: m._replace(heading=m.heading + 1), lambda m: True, "heading"),
+    "the heading is old": ("evaluation_request", lambda m: m._replace(heading=9.0), lambda m: True, "heading"),
     "a halt is claimed": ("evaluation_request", lambda m: m._replace(halted=not m.halted), lambda m: True, "halted is"),
     "a prediction is lost": ("evaluation_request", lambda m: m._replace(predictions=m.predictions[1:]),
                              lambda m: len(m.predictions) > 1, "pass on the predictions"),

@@ -12,7 +12,6 @@ from parcours.model.structure import Cefsm
 from parcours.verdict.conformance import Allowance
 from parcours_ramp.planner.parameters import original
 
-
 OUTSIDE = Allowance(unmodelled=frozenset({"trajectory_request", "evaluation_request"}), conversations=True)
 """What a planner asks within a planning or control cycle, which Table II leaves out."""
 

@@ -73,9 +73,11 @@ class _Planner(Told):
         wrong = self.opens(payload, "planning")
         asked = payload.modification
         direction, distance = float(asked["direction"]), float(asked["distance"])
-        if self.latest is not None and not _same(distance * math.cos(direction) - self.nearest[1] * math.cos(self.nearest[0]),
-                     distance * math.sin(direction) - self.nearest[1] * math.sin(self.nearest[0])):  # fmt: skip
-            wrong = wrong or f"the nearest obstacle is {self.nearest[1]:.6g} m away towards {self.nearest[0]:.6g} rad"
+        towards, away = self.nearest
+        dx = distance * math.cos(direction) - away * math.cos(towards)
+        dy = distance * math.sin(direction) - away * math.sin(towards)
+        if self.latest is not None and not _same(dx, dy):
+            wrong = wrong or f"the nearest obstacle is {away:.6g} m away towards {towards:.6g} rad"
         wrong = wrong or self.leads(asked["first"])
         moves = OPERATORS[int(asked["operator"])] == "move"
         if self.halted and self.knows and not moves:
@@ -174,9 +176,9 @@ class _Planner(Told):
             return "the motion under way was moved onto the robot, so that all members need new ways"
         at, moving = (self.t_next - self.begins) // 100_000_000, self.moving
         goes_on = float(moving["rest_length"]) == 0.0 or float(moving["curve_end"]) > at * SAMPLE + 1e-6
-        if self.t_next >= 0 and self.dragged is False and goes_on and at < int(moving["n"]):
-            if len(kinds) != self.parameters.population - 1:
-                return "the member that is followed goes on, so that all others need new ways"
+        goes_on = goes_on and self.t_next >= 0 and self.dragged is False and at < int(moving["n"])
+        if goes_on and len(kinds) != self.parameters.population - 1:
+            return "the member that is followed goes on, so that all others need new ways"
         anchor = planned(self.moving, latest * SAMPLE)
         for path, kind in zip(payload.paths, kinds, strict=True):
             if (

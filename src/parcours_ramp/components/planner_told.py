@@ -45,6 +45,7 @@ class Told:
         self.joined: list[tuple[float, bool]] = []  # fitness of candidates since, and whether they are feasible
 
     def observe(self, event: TraceEvent) -> list[str]:
+        """Take note of an event and return what is wrong with it."""
         if event.kind == "receive":
             return self.receive(event.channel, event.payload)
         if event.kind == "send":
@@ -57,6 +58,7 @@ class Told:
     # What it takes up, one conversation after the other.
 
     def receive(self, channel: str, payload: Any) -> list[str]:
+        """Take up a message, or let it wait; an answer counts in its own conversation only."""
         tag = getattr(payload, "tag", None)
         if tag is not None:
             return self.answer(channel, payload) if (tag.cycle, tag.serial) == (self.cycle, self.serial) else []
@@ -64,6 +66,7 @@ class Told:
         return self.go_on()
 
     def go_on(self) -> list[str]:
+        """Take up what waits, until a conversation is open."""
         while self.waiting and not self.cycle:
             channel, payload = self.waiting.popleft()
             if channel == "update":
@@ -74,6 +77,7 @@ class Told:
         return []
 
     def take_report(self, report: Any) -> None:
+        """Take note of where the robot is, and of how late."""
         more, self.lag = report.lag - self.lag, report.lag
         self.latest, self.t_latest = pose_of(report.pose), report.stamp
         if self.halted:
@@ -83,6 +87,7 @@ class Told:
             self.t_next += more if self.t_next >= 0 else 0
 
     def answer(self, channel: str, payload: Any) -> list[str]:
+        """Take up the answer of a service."""
         if channel == "modification_response":
             self.stray = True  # what others made of a path may lead anywhere
             self.paths, self.to_try = [payload.paths[k] for k in range(len(payload.paths))], len(payload.paths)
@@ -97,6 +102,7 @@ class Told:
         return self.go_on()
 
     def evaluated(self, payload: Any) -> None:
+        """Take up an evaluation."""
         if self.cycle == "planning":
             self.to_try -= 1
             self.joined.append((float(payload.fitness[0]), bool(payload.feasible[0])))
@@ -110,6 +116,7 @@ class Told:
                 self.cycle = ""
 
     def take(self, transition: str, now: int) -> list[str]:
+        """Take note of a transition and return what is wrong."""
         wrong = []
         if transition in ("p11", "p12", "p15"):
             self.answered = None
@@ -131,6 +138,7 @@ class Told:
         return wrong
 
     def guards(self) -> list[str]:
+        """Judge the limit that obstacles demand, and find the drift with which they are looked at."""
         if not self.guarded or self.obstacles is None or self.seen:
             return []
         wanted = self.limit
@@ -158,6 +166,7 @@ class Told:
         self.drift = self.latest.x - there.x, self.latest.y - there.y
 
     def note_nearest(self) -> None:
+        """Find the nearest obstacle."""
         if self.latest is None or self.obstacles is None:
             return
         places = [pose_of(state["pose"]) for state in self.obstacles.states]
