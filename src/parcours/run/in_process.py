@@ -137,7 +137,7 @@ class _Here:
         return replace(
             outcome,
             sends=self._all_checked(outcome.sends),
-            asides=tuple((at, *self._all_checked([send])) for at, send in outcome.asides),
+            asides=tuple((at, self._all_checked([send])[0]) for at, send in outcome.asides),
             settled=tuple(one._replace(sends=self._all_checked(one.sends)) for one in settled),
         )
 

@@ -24,7 +24,7 @@ raised: the component broke the port's contract."""
 
 
 class Settled(NamedTuple):
-    """A message that was handed over before a turn, beside what the turn awaits, and what the component sent upon it."""
+    """A message that was handed over before a turn, beside the awaited one, and what the component sent upon it."""
 
     time: int
     message: Send
@@ -101,7 +101,7 @@ class Instance:
         return self._outcome("taken", clock, step, received)
 
     def settle(self, begin: Begin, message: Send, clock: Clock) -> Settled:
-        """Do at once whatever `begin` starts, the handing over of a message: it puts the instance where a case wants it.
+        """Do at once what `begin` starts, the handing over of a message: it puts the instance where a case wants it.
 
         Work under way stays; transitions that are taken are passed over, what is sent with them is not.
         """

@@ -13,10 +13,6 @@ from parcours.verdict.conformance import Allowance
 from parcours_ramp.planner.parameters import original
 
 OUTSIDE = Allowance(unmodelled=frozenset({"trajectory_request", "evaluation_request"}), conversations=True)
-"""What RAMP does that Table II leaves out: it also asks its services in planning and control cycles."""
-
-
-OUTSIDE = Allowance(unmodelled=frozenset({"trajectory_request", "evaluation_request"}), conversations=True)
 """What a planner asks within a planning or control cycle, which Table II leaves out."""
 
 

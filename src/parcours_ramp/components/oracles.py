@@ -49,7 +49,9 @@ def path_is_modified(trace: Trace) -> Judgement:
     for event in trace.events:
         if event.kind == "receive" and isinstance(event.payload, messages.ModificationRequest):
             asked[event.component] = event.payload
-        elif event.kind == "send" and "#" in event.component and event.channel == "modification_response":
+        elif (
+            event.kind == "send" and "#" in event.component and isinstance(event.payload, messages.ModificationResponse)
+        ):
             before = asked[event.component].modification.first
             moved.append(max((_moved(before, after) for after in event.payload.paths), default=0.0))
     holds = bool(moved) and min(moved) > SAME_PATH

@@ -7,22 +7,20 @@ knows (paths of its members, what it draws by lot) is learned from what it says 
 from __future__ import annotations
 
 import math
-from collections import deque
 from typing import Any
 
 import numpy as np
 
-from parcours.run.trace import Trace, TraceEvent
-from parcours_ramp.components.guard_reference import meets, speed_limit
+from parcours.run.trace import Trace
+from parcours_ramp.components.guard_reference import meets
 from parcours_ramp.components.motion_reference import SAMPLE, Pose, planned, pose_of
+from parcours_ramp.components.planner_told import Told
 from parcours_ramp.planner.messages import MAX_KNOTS
 from parcours_ramp.planner.parameters import Parameters
 from parcours_ramp.planner.path_modification import OPERATORS
 from parcours_ramp.planner.route import HYBRID, TRANSITION
 
 _NEAR = 1e-5  # corners are looked up in a table [m]
-_NEVER = 9999.0
-_SEEN = "obstacles that the guard has seen"  # they wait behind a control cycle
 
 
 def judge_planner(
@@ -44,152 +42,8 @@ def judge_planner(
     return ""
 
 
-class _Planner:
-    def __init__(self, parameters: Parameters, begin: Pose | None, goal: tuple[float, float] | None) -> None:
-        self.begin, self.goal = begin, goal
-        self.dragged: bool | None = None  # whether the last commitment was moved onto the robot noticeably
-        self.parameters, self.guarded = parameters, parameters.schedule == "guarded"
-        self.latest, self.t_latest, self.lag = begin, 0, 0
-        self.drift: tuple[float, float] | None = (0.0, 0.0)
-        self.halted = self.rested = self.knows = self.hit = False
-        self.limit = math.inf
-        self.moving: Any = None  # the motion under way, as it was sent
-        self.begins, self.t_control, self.t_next = 0, 0, -1
-        self.nearest = (0.0, _NEVER)  # direction [rad] and distance [m] of an obstacle
-        self.cycle, self.serial, self.to_try, self.stage = "", 0, 0, 0
-        self.waiting: deque[tuple[str, Any]] = deque()
-        self.obstacles: Any = None  # the list that is looked at
-        self.seen = self.was_halted = False  # whether the guard has seen it before; whether the robot was halted then
-        self.predictions: list[Any] = []
-        self.answered: Any = None
-        self.paths: list[Any] = []
-        self.members: dict[int, Any] = {}  # the population, as it was last sent: id -> trajectory
-        self.fitness: dict[int, float] = {}
-        self.stray = False  # whether paths were modified that it keeps
-        self.joined: list[tuple[float, bool]] = []  # fitness of candidates since, and whether they are feasible
-
-    def observe(self, event: TraceEvent) -> list[str]:
-        if event.kind == "receive":
-            return self.receive(event.channel, event.payload)
-        if event.kind == "send":
-            check = getattr(self, f"sends_{event.channel}", None)
-            return [] if check is None else [one for one in check(event.payload, event.time) if one]
-        if event.kind == "take":
-            return self.take(event.transition, event.time)
-        return []
-
-    # What it takes up, one conversation after the other.
-
-    def receive(self, channel: str, payload: Any) -> list[str]:
-        tag = getattr(payload, "tag", None)
-        if tag is not None:
-            return self.answer(channel, payload) if (tag.cycle, tag.serial) == (self.cycle, self.serial) else []
-        self.waiting.append((channel, payload))
-        return self.go_on()
-
-    def go_on(self) -> list[str]:
-        while self.waiting and not self.cycle:
-            channel, payload = self.waiting.popleft()
-            if channel == "update":
-                self.take_report(payload)
-            elif channel in ("obstacles", _SEEN):
-                self.cycle, self.serial, self.obstacles, self.seen = "sensing", 0, payload, channel == _SEEN
-                self.was_halted = self.halted
-        return []
-
-    def take_report(self, report: Any) -> None:
-        more, self.lag = report.lag - self.lag, report.lag
-        self.latest, self.t_latest = pose_of(report.pose), report.stamp
-        if self.halted:
-            self.t_next = -1  # it may hasten the next control cycle
-        elif more:
-            self.begins += more
-            self.t_next += more if self.t_next >= 0 else 0
-
-    def answer(self, channel: str, payload: Any) -> list[str]:
-        if channel == "modification_response":
-            self.stray = True  # what others made of a path may lead anywhere
-            self.paths, self.to_try = [payload.paths[k] for k in range(len(payload.paths))], len(payload.paths)
-        elif channel == "trajectory_response":
-            self.answered = payload.trajectories
-            if self.cycle == "sensing":
-                self.predictions.append(payload.trajectories[0])
-        else:
-            self.evaluated(payload)
-        if self.cycle == "planning" and channel != "trajectory_response" and not self.to_try:
-            self.cycle = ""
-        return self.go_on()
-
-    def evaluated(self, payload: Any) -> None:
-        if self.cycle == "planning":
-            self.to_try -= 1
-            self.joined.append((float(payload.fitness[0]), bool(payload.feasible[0])))
-        elif self.stage == 1:  # of the motion under way
-            self.hit = bool(payload.t_collision[0] < _NEVER)
-            self.stage = 2
-        else:
-            self.fitness = dict(zip(self.members, map(float, payload.fitness), strict=False))
-            self.joined = []
-            if self.cycle == "control":
-                self.cycle = ""
-
-    def take(self, transition: str, now: int) -> list[str]:
-        wrong = []
-        if transition in ("p11", "p12", "p15"):
-            self.answered = None
-        if transition == "p15":
-            wrong = self.guards()
-            self.predictions = []
-        elif transition == "p17" or transition == "p12":
-            self.stage = 0
-            if transition == "p17":
-                self.note_nearest()
-        elif transition == "p19":
-            self.cycle = ""
-            self.go_on()
-        if transition == "p12" and self.cycle == "sensing":  # due before these obstacles came
-            wrong = self.guards()
-            self.waiting.appendleft((_SEEN, self.obstacles))
-        if transition == "p11" and not self.halted:
-            self.compensate()
-        return wrong
-
-    def guards(self) -> list[str]:
-        if not self.guarded or self.obstacles is None or self.seen:
-            return []
-        wanted = self.limit
-        if self.latest is not None:
-            wanted = speed_limit(self.latest, self.obstacles.states, self.parameters)
-        if not math.isclose(wanted, self.limit, rel_tol=1e-9, abs_tol=1e-9):
-            return [
-                f"beside these obstacles the robot may drive at {wanted:.6g} m/s, but was told {self.limit:.6g} m/s"
-            ]
-        if not self.was_halted:
-            self.knows = True
-            self.compensate()
-        return []
-
-    def compensate(self) -> None:
-        """Find by how much the robot is beside its plan."""
-        if self.moving is not None and self.t_latest < self.begins:
-            return
-        if self.latest is None or self.moving is None:
-            self.drift = None  # it is not known
-            return
-        if not self.guarded and abs(self.latest.w) > 0.1 and abs(self.latest.v) > 0.01:
-            return
-        there = planned(self.moving, (self.t_latest - self.begins) * 1e-9)
-        self.drift = self.latest.x - there.x, self.latest.y - there.y
-
-    def note_nearest(self) -> None:
-        if self.latest is None or self.obstacles is None:
-            return
-        places = [pose_of(state["pose"]) for state in self.obstacles.states]
-        ways = [(one.x - self.latest.x, one.y - self.latest.y) for one in places]
-        if ways:
-            x, y = min(ways, key=lambda way: math.hypot(*way))
-            self.nearest = math.atan2(y, x), math.hypot(x, y)
-        self.knows = bool(ways)
+class _Planner(Told):
+    """What one Planner says, against what it was told."""
 
     # What it says.
 
@@ -219,9 +73,11 @@ class _Planner:
         wrong = self.opens(payload, "planning")
         asked = payload.modification
         direction, distance = float(asked["direction"]), float(asked["distance"])
-        if self.latest is not None and not _same(distance * math.cos(direction) - self.nearest[1] * math.cos(self.nearest[0]),
-                     distance * math.sin(direction) - self.nearest[1] * math.sin(self.nearest[0])):  # fmt: skip
-            wrong = wrong or f"the nearest obstacle is {self.nearest[1]:.6g} m away towards {self.nearest[0]:.6g} rad"
+        towards, away = self.nearest
+        dx = distance * math.cos(direction) - away * math.cos(towards)
+        dy = distance * math.sin(direction) - away * math.sin(towards)
+        if self.latest is not None and not _same(dx, dy):
+            wrong = wrong or f"the nearest obstacle is {away:.6g} m away towards {towards:.6g} rad"
         wrong = wrong or self.leads(asked["first"])
         moves = OPERATORS[int(asked["operator"])] == "move"
         if self.halted and self.knows and not moves:
@@ -320,9 +176,9 @@ class _Planner:
             return "the motion under way was moved onto the robot, so that all members need new ways"
         at, moving = (self.t_next - self.begins) // 100_000_000, self.moving
         goes_on = float(moving["rest_length"]) == 0.0 or float(moving["curve_end"]) > at * SAMPLE + 1e-6
-        if self.t_next >= 0 and self.dragged is False and goes_on and at < int(moving["n"]):
-            if len(kinds) != self.parameters.population - 1:
-                return "the member that is followed goes on, so that all others need new ways"
+        goes_on = goes_on and self.t_next >= 0 and self.dragged is False and at < int(moving["n"])
+        if goes_on and len(kinds) != self.parameters.population - 1:
+            return "the member that is followed goes on, so that all others need new ways"
         anchor = planned(self.moving, latest * SAMPLE)
         for path, kind in zip(payload.paths, kinds, strict=True):
             if (
@@ -434,7 +290,7 @@ class _Planner:
         if self.moving is None:
             self.moving, self.begins = moving, int(moving["begins"])
         wrong = []
-        begins, first, last, margin, may_leave = payload.window
+        begins, first, last, margin, _ = payload.window
         if int(moving["begins"]) != self.begins or float(moving["duration"]) != float(self.moving["duration"]):
             wrong.append("it must look at the motion under way")
         parameters = self.parameters

@@ -90,11 +90,11 @@ class ComponentTester:
         return self.beside(event)
 
     def beside(self, event: Event) -> Sequence[Send]:
-        """Return what sets the model's input variables: the robot's pose and limit, imminent collision for p43 and p44.
+        """Return what sets the model's input variables: the robot's pose and limit, imminent collision.
 
-        A planner is told where the robot is; it ends its planning cycle before a control cycle, and that before the next
-        sensing cycle, by answers which Table II leaves out; an answer to an earlier request, which it has to ignore,
-        comes again before the one it waits for.
+        A planner is told where the robot is; it ends its planning cycle before a control cycle, and that before the
+        next sensing cycle, by answers which Table II leaves out; an answer to an earlier request, which it has to
+        ignore, comes again before the one it waits for.
         """
         supply = self._supply(event)
         if event.position in self._plans:

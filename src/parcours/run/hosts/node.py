@@ -186,8 +186,9 @@ class _Life:
         elif turn.given is not None:
             outcome = instance.turn(turn.transition, clock, prompt=self._handing(component, turn.given))
         else:
-            outcome = instance.turn(turn.transition, clock,
-                                    prompt=lambda now: self._node_program.prompt(turn.prompt, component, now))  # fmt: skip
+            outcome = instance.turn(
+                turn.transition, clock, prompt=lambda now: self._node_program.prompt(turn.prompt, component, now)
+            )
         return replace(outcome, settled=settled) if settled else outcome
 
     def _handing(self, component: Component, message: Wire) -> Begin:

@@ -38,7 +38,7 @@ class Tester(Stimuli, Protocol):
         """Set the input variables of a component of this process."""
 
     def beside(self, event: Event) -> Sequence[Send]:
-        """Return the messages that reach the event's instance just before it, beside the one that the event receives."""
+        """Return the messages that reach the event's instance just before it, beside the one that it receives."""
 
 
 class Sent(msgspec.Struct, frozen=True):
