@@ -74,8 +74,8 @@ def compare(
 ) -> tuple[Comparison, bool]:  # fmt: skip
     """Run the mutants of a study under each suite, in one build; return what came of it, and whether Ctrl-C ended it.
 
-    Of random tests there are as many as the largest other suite has. If a number of cases is asked for, a suite's are drawn
-    from all interactions alike.
+    Of random tests there are as many as the largest other suite has. If a number of cases is asked for, a suite's are
+    drawn from all interactions alike.
     """
     found: dict[Suite, tuple[MutationResults, int]] = {}
     for one in suites:
