@@ -58,7 +58,8 @@ class Comparison:
                 row += [chance.count, chance.share]
             rows.append(tuple(row))
         columns = (
-            Column("suite"), Column("cases", ",d"), Column("original passes", ",d"), Column("noticed", ",d"), Column("score", ".1%"),
+            Column("suite"), Column("cases", ",d"), Column("original passes", ",d"), Column("noticed", ",d"),
+            Column("score", ".1%"),
             Column("from", ".1%"), Column("to", ".1%"), Column("random, as many", ",d"), Column("random score", ".1%"),
         )  # fmt: skip
         return Table(f"{n} mutants of {self.study} with an effect, by suite", columns, tuple(rows), _NOTE)
