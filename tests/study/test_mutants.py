@@ -300,7 +300,8 @@ def test_suites_are_compared_on_the_same_mutants_beside_as_many_random_tests(tmp
     assert not interrupted and set(rows) == {"edge+each_choice", "edge+each_choice+no-data", "random+random"}
     judged, unjudged = (found.noticed(suite) for suite in suites[:2])
     assert {"lift:Cabin.request:1:constant"} <= judged - unjudged and unjudged < judged <= found.effective()
-    assert rows["edge+each_choice"][1] == rows["random+random"][1] == 8
+    assert rows["edge+each_choice"][1:3] == (8, 8)
+    assert 0 < int(str(rows["random+random"][2])) <= int(str(rows["random+random"][1])) <= 8
     assert len(list(tmp_path.glob("kernels-*"))) <= 1
 
 

@@ -17,7 +17,8 @@ from parcours.verdict.statistics import wilson
 
 _NOTE = (
     "Scores are shares of the mutants that have an effect in any of these suites, with Wilson's 95 % interval. Random"
-    " tests are random walks with random blocks: the first of them, as many as the suite has cases."
+    " tests are random walks with random blocks: the first of them, as many as the suite has cases. A case that the"
+    " original does not pass notices nothing."
 )
 
 
@@ -46,9 +47,10 @@ class Comparison:
         n = len(self.effective())
         random = next((suite for suite in self.found if suite.paths == RANDOM), None)
         rows: list[tuple[Cell, ...]] = []
-        for suite, (_, cases) in self.found.items():
+        for suite, (results, cases) in self.found.items():
             rate = wilson(len(self.noticed(suite)), n)
-            row: list[Cell] = [suite.name, cases, rate.count, rate.share, rate.low, rate.high]
+            sound = max((one.sound for one in results.outcomes.values()), default=0)
+            row: list[Cell] = [suite.name, cases, sound, rate.count, rate.share, rate.low, rate.high]
             if random is None or suite == random:
                 row += [None, None]
             else:
@@ -56,7 +58,8 @@ class Comparison:
                 row += [chance.count, chance.share]
             rows.append(tuple(row))
         columns = (
-            Column("suite"), Column("cases", ",d"), Column("noticed", ",d"), Column("score", ".1%"),
+            Column("suite"), Column("cases", ",d"), Column("original passes", ",d"), Column("noticed", ",d"),
+            Column("score", ".1%"),
             Column("from", ".1%"), Column("to", ".1%"), Column("random, as many", ",d"), Column("random score", ".1%"),
         )  # fmt: skip
         return Table(f"{n} mutants of {self.study} with an effect, by suite", columns, tuple(rows), _NOTE)
@@ -74,8 +77,8 @@ def compare(
 ) -> tuple[Comparison, bool]:  # fmt: skip
     """Run the mutants of a study under each suite, in one build; return what came of it, and whether Ctrl-C ended it.
 
-    Of random tests there are as many as the largest other suite has. If a number of cases is asked for, a suite's are drawn
-    from all interactions alike.
+    Of random tests there are as many as the largest other suite has. If a number of cases is asked for, a suite's are
+    drawn from all interactions alike.
     """
     found: dict[Suite, tuple[MutationResults, int]] = {}
     for one in suites:

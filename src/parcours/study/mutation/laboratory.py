@@ -81,11 +81,13 @@ class Outcome:
     cases: int = 0  # in how many cases its function ran; 0 if none reaches it
     at: Mapping[str, int] = field(default_factory=dict)  # stage -> the place of that case in the suite, from 0
     suite: int = 0  # how many cases the suite has
+    sound: int = 0  # how many of them the original passes; the others notice nothing
 
     def joined(self, other: Outcome) -> Outcome:
         """Return what became of the mutant in the cases of two studies."""
         end = other.end if self.end == "ended" else self.end
-        return Outcome(end, {**other.seen, **self.seen}, self.cases + other.cases, {**other.at, **self.at}, self.suite)
+        return Outcome(end, {**other.seen, **self.seen}, self.cases + other.cases, {**other.at, **self.at}, self.suite,
+                       self.sound)  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,6 +168,7 @@ class Bench:
             said = next(iter(self._originals[0].noticed.values()))
             raise HostFailure(self._cases[0].id, f"a case of the original must pass, but none does: {said}",
                               "repair the study first", slug="mutants-original")  # fmt: skip
+        self._sound = sum(not one.noticed[self.subject.stages[0]] for one in self._originals)
         self._beyond: list[tuple[Case, Observation]] = []
         """The twin's cases beyond the suite, with what the original does there."""
         if build.of == "code" and build.twin > len(self._cases):
@@ -251,7 +254,7 @@ class Bench:
                 seen = {self.subject.stages[0]: (case.id, why), TWIN: (case.id, why), **seen}
             at = {stage: at.get(stage, k) for stage in seen}
             if not found.ended:
-                return Outcome("timeout", seen, ran, at, len(self._cases))
+                return Outcome("timeout", seen, ran, at, len(self._cases), self._sound)
             if TWIN in seen and not had_effect:
                 seen[TWIN] = (case.id, self.subject.difference(case, number, allowed(original))[:_LONG])
             if len(seen) == len(self.subject.stages) + 1:
@@ -265,7 +268,7 @@ class Bench:
                 if self.subject.observe(case, number, rounds, judged=False).print != original.print:
                     seen[TWIN] = (case.id, self.subject.difference(case, number, rounds)[:_LONG])
                     break
-        return Outcome("ended", seen, ran, at, len(self._cases))
+        return Outcome("ended", seen, ran, at, len(self._cases), self._sound)
 
     def _place(self, number: int) -> int:
         return self._places[place_of(self._build.built[number - 1])]

@@ -33,6 +33,7 @@ def outcome_of(entry: Mapping[str, object]) -> Outcome:
     return Outcome(
         str(entry["end"]), {stage: (by[0], by[1]) for stage, by in seen.items()}, int(cast(int, entry["cases"])),
         dict(cast("Mapping[str, int]", entry.get("at", {}))), int(cast(int, entry.get("suite", 0))),
+        int(cast(int, entry.get("sound", 0))),
     )  # fmt: skip
 
 
