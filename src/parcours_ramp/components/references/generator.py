@@ -63,9 +63,10 @@ def prediction(obstacle: Message, stamp: float) -> Message:
         chord = v * time * (math.sin(w * time / 2) / (w * time / 2) if turns else 1.0)
         places.append(at + chord * unit(heading + (w * time / 2 if turns else 0.0)))
     bend = abs(v * w) / 8 if turns and not stands else 0.0
+    straight = math.sqrt(0.04 / bend) if bend else math.inf
     return {
         "points": _points(places), "heading": heading, "speed": 0.0 if stands else v, "turn": w,
-        "radius": obstacle["radius"], "stamp": stamp, "bend": bend, "straight": math.sqrt(0.04 / bend) if bend else math.inf,
+        "radius": obstacle["radius"], "stamp": stamp, "bend": bend, "straight": straight,
     }  # fmt: skip
 
 
