@@ -136,8 +136,8 @@ def _states(piece: Piece, made: Floats, speed: Floats) -> list[Message]:
     rest = np.zeros(len(made))
     if piece.kind == "spin":
         side = math.copysign(1.0, piece.turn)
-        headings = piece.heading + side * made
-        return [_state(piece.at, told(wrapped(h)), 0.0, w) for h, w in zip(headings, side * speed, strict=True)]
+        turned = piece.heading + side * made
+        return [_state(piece.at, told(wrapped(h)), 0.0, w) for h, w in zip(turned, side * speed, strict=True)]
     if piece.kind == "straight":
         places = piece.at + made * piece.towards
         return [_state(z, told(piece.heading), v, w) for z, v, w in zip(places, speed, rest, strict=True)]
@@ -164,7 +164,8 @@ def place_on_corner(piece: Piece, made: Floats) -> Floats:
         x = (low + high) / 2
         short = x * np.sqrt(1 + x**2) + np.arcsinh(x) < wanted
         low, high = np.where(short, x, low), np.where(short, high, x)
-    return (low + high) / 2 * c / s / 2 + 0.5
+    u: Floats = (low + high) / 2 * c / s / 2 + 0.5
+    return u
 
 
 def legs(way: Way, driven: list[Profile], ends: list[float]) -> list[Message] | None:
