@@ -23,35 +23,25 @@ Message = Mapping[str, Any]
 def relations() -> tuple[Relation, ...]:
     """Return the relations of RAMP's component study."""
     named = {
-        "the order of obstacles, and one far away": ("crowded", "unchanged"),
-        "an hour later": ("later", "unchanged"),
-        "mirrored ways": ("mirrored", "mirrored_answer"),
+        "an hour later, with one more obstacle far away": ("crowded", "unchanged", "evaluation_response"),
+        "mirrored ways": ("mirrored", "mirrored_answer", "trajectory_response"),
     }
     return tuple(
-        Relation(name, f"{__name__}:{change}", f"{__name__}:{expect}", Path(), 1e-7)
-        for name, (change, expect) in named.items()
+        Relation(name, f"{__name__}:{change}", f"{__name__}:{expect}", Path(), 1e-7, (channel,))
+        for name, (change, expect, channel) in named.items()
     )
 
 
 def crowded(channel: str, payload: object) -> object:
-    """Turn the order of the predicted obstacles round, and add one far away."""
-    if not isinstance(payload, EvaluationRequest):
+    """Let all be an hour later; turn the order of the predicted obstacles round, and add one far away."""
+    if not isinstance(payload, EvaluationRequest) or not len(payload.predictions):
         return payload
-    n = len(payload.predictions)
+    n, trajectories = len(payload.predictions), payload.trajectories.copy()
     predictions = many(PREDICTION, n + 1)
+    predictions[0] = payload.predictions[0]
+    predictions[0].x += _FAR
     for k in range(n):
         predictions[n - k] = payload.predictions[k]
-    if n:
-        predictions[0] = payload.predictions[0]
-        predictions[0].x += _FAR
-    return payload._replace(predictions=predictions if n else payload.predictions)
-
-
-def later(channel: str, payload: object) -> object:
-    """Let trajectories and obstacles be those of an hour later."""
-    if not isinstance(payload, EvaluationRequest):
-        return payload
-    trajectories, predictions = payload.trajectories.copy(), payload.predictions.copy()
     trajectories["begins"] += _HOUR
     predictions["stamp"] += _HOUR
     return payload._replace(trajectories=trajectories, predictions=predictions)

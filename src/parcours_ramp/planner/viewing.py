@@ -1,7 +1,7 @@
 """RAMP's payloads as messages of the model: plain mappings from the fields that components/model.yaml declares.
 
-Numbers that only the kernels pass on among themselves (pieces, slacks, epochs) are left out. A trajectory is shown in its
-published form, a state every 0.1 s.
+Numbers that only the kernels pass on among themselves (pieces, slacks, epochs) are left out. A trajectory is shown in
+its published form, a state every 0.1 s.
 """
 
 from __future__ import annotations

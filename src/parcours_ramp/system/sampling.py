@@ -102,9 +102,6 @@ class SampledCampaign(CampaignResults):
         """Return the table of sampled cases; nothing without any."""
         rows = tuple((number, one["verdict"], one["why"]) for number, one in self._sampled.items())
         columns = Column("case"), Column("verdict"), Column("why")
-        note = (
-            "Run again component by component, with its latencies; messages judged by the model and references, "
-            "facts compared."
-        )
+        note = "Run again by components, with its latencies; messages judged by model and references, facts compared."
         tables = [Table(f"Sampled cases, {name}", columns, rows, note)] if rows else []
         return Reported(tables, lambda: tables, {})

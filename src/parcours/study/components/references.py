@@ -127,6 +127,7 @@ class Relation:
     expect: str
     folder: Path
     tolerance: float = TOLERANCE
+    channels: tuple[str, ...] = ()  # whose messages `expect` is asked about; all if empty
 
     def supplied(self, supply: Callable[[Event], object]) -> Callable[[Event], object]:
         """Return what supplies the changed messages."""
@@ -152,6 +153,8 @@ class Relation:
             if before is None or after is None or before.channel != after.channel:
                 there, here = (one.channel if one is not None else "nothing" for one in (before, after))
                 return f"relation {self.name}: {there} was sent, but in the changed case {here}"
+            if self.channels and before.channel not in self.channels:
+                continue
             was, now = (view(one.channel, one.payload) or one.payload for one in (before, after))
             wanted = function(before.channel, was)  # type: ignore[operator]
             if wanted is not None and (found := difference(now, wanted, self.tolerance)):

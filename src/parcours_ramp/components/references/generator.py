@@ -63,9 +63,10 @@ def prediction(obstacle: Message, stamp: float) -> Message:
         chord = v * time * (math.sin(w * time / 2) / (w * time / 2) if turns else 1.0)
         places.append(at + chord * unit(heading + (w * time / 2 if turns else 0.0)))
     bend = abs(v * w) / 8 if turns and not stands else 0.0
+    straight = math.sqrt(0.04 / bend) if bend else math.inf
     return {
         "points": _points(places), "heading": heading, "speed": 0.0 if stands else v, "turn": w,
-        "radius": obstacle["radius"], "stamp": stamp, "bend": bend, "straight": math.sqrt(0.04 / bend) if bend else math.inf,
+        "radius": obstacle["radius"], "stamp": stamp, "bend": bend, "straight": straight,
     }  # fmt: skip
 
 
@@ -135,8 +136,8 @@ def _states(piece: Piece, made: Floats, speed: Floats) -> list[Message]:
     rest = np.zeros(len(made))
     if piece.kind == "spin":
         side = math.copysign(1.0, piece.turn)
-        headings = piece.heading + side * made
-        return [_state(piece.at, told(wrapped(h)), 0.0, w) for h, w in zip(headings, side * speed, strict=True)]
+        turned = piece.heading + side * made
+        return [_state(piece.at, told(wrapped(h)), 0.0, w) for h, w in zip(turned, side * speed, strict=True)]
     if piece.kind == "straight":
         places = piece.at + made * piece.towards
         return [_state(z, told(piece.heading), v, w) for z, v, w in zip(places, speed, rest, strict=True)]
@@ -163,7 +164,8 @@ def place_on_corner(piece: Piece, made: Floats) -> Floats:
         x = (low + high) / 2
         short = x * np.sqrt(1 + x**2) + np.arcsinh(x) < wanted
         low, high = np.where(short, x, low), np.where(short, high, x)
-    return (low + high) / 2 * c / s / 2 + 0.5
+    u: Floats = (low + high) / 2 * c / s / 2 + 0.5
+    return u
 
 
 def legs(way: Way, driven: list[Profile], ends: list[float]) -> list[Message] | None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import cmath
 import math
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Literal
 
 from parcours_ramp.components.references.numbers import SAMPLE, Numbers, Profile, UndecidedError, unit, wrapped
@@ -199,7 +200,7 @@ def follow(way: Way, knots: list[complex], k: int, at: complex, to: complex, hea
 
 def estimate(way: Way, knots: list[complex], heading: float) -> None:
     """Note length and turning of what is not generated."""
-    for one, other in zip(knots, knots[1:], strict=False):
+    for one, other in pairwise(knots):
         if abs(other - one) >= NEAR:
             way.rest_length += abs(other - one)
             way.rest_turn += abs(wrapped(cmath.phase(other - one) - heading))
