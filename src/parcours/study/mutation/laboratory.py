@@ -135,7 +135,7 @@ def _built(build: Build, ids: tuple[str, ...], workers: int) -> None:
                 # Where the model is changed, what runs is the original: a judge that hangs has noticed nothing.
                 stages = () if build.of == "model" else (bench.subject.stages[0], TWIN)
                 for id in items[k]:
-                    tell((id, Outcome(answer.how, {stage: ("", why) for stage in stages})))
+                    tell((id, Outcome(answer.how, dict.fromkeys(stages, ("", why)))))
             else:
                 raise failure_of(items[k][0], answer, "mutants-build")
 
