@@ -25,6 +25,7 @@ from typing import Literal
 from parcours.errors import HostFailure
 from parcours.kernels import keep_kernels_in, kernel_cache
 from parcours.model.checking import errors
+from parcours.run.heartbeat import write_place
 from parcours.run.workers import Crew, Done, Lost, failure_of, tell
 from parcours.study.components.isolation import longest
 from parcours.study.mutation.models import model_mutants
@@ -135,8 +136,10 @@ def _built(build: Build, ids: tuple[str, ...], workers: int) -> None:
                     tell(report)
             elif isinstance(answer, Lost):
                 why = f"its process {'hung' if answer.how == 'hung' else answer.ending}, in {answer.place or 'a case'}"
+                # Where the model is changed, what runs is the original: a judge that hangs has noticed nothing.
+                stages = () if build.of == "model" else (bench.subject.stages[0], TWIN)
                 for id in items[k]:
-                    tell((id, Outcome(answer.how, {bench.subject.stages[0]: ("", why), TWIN: ("", why)})))
+                    tell((id, Outcome(answer.how, dict.fromkeys(stages, ("", why)))))
             else:
                 raise failure_of(items[k][0], answer, "mutants-build")
 
@@ -203,12 +206,14 @@ class Bench:
         judges = {id: self.subject.judge_of(self._models[id]) for id in ids}
         seen: dict[str, dict[str, tuple[str, str]]] = {id: {} for id in ids}
         for id in ids:
+            write_place(f"check of {id}")
             if refused := errors(self._models[id]):
                 seen[id][CHECK] = "", refused[0].message[:_LONG]
         for case, original in zip(self._cases, self._originals, strict=True):
             trace = self.subject.trace(case)
             for id in ids:
                 if not seen[id].keys() >= set(self.subject.stages):
+                    write_place(f"{case.id}, judged by {id}")
                     for stage, why in judges[id](case, trace).items():
                         if why and not original.noticed[stage]:
                             seen[id].setdefault(stage, (case.id, why[:_LONG]))

@@ -268,7 +268,7 @@ class Trackers:
 
 
 _recent: list[Trackers] = []
-_RECENT = 4
+_RECENT = 16
 
 
 def trackers(cefsm: Cefsm, observes: Observes, allowance: Allowance, hidden: int) -> Trackers:
