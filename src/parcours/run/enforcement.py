@@ -18,7 +18,7 @@ from parcours.errors import BadRequest
 from parcours.run.clocks import ClockName, uninterrupted
 from parcours.run.instance import Outcome
 from parcours.run.port import ENVIRONMENT, Send
-from parcours.run.trace import SHOWN, Kind, Trace, TraceEvent
+from parcours.run.trace import BESIDE, SHOWN, Kind, Trace, TraceEvent
 
 PATIENCE = 5_000_000_000
 """How long a turn may take on the real clock [ns] before it counts as not coming."""
@@ -310,10 +310,10 @@ class _Enforcement:
         event = turn.event
         for time, (channel, payload), sends in outcome.settled:
             number = self._number()
-            self._record("send", None, time, channel=channel, message=number, payload=payload)
-            self._record("receive", event, time, channel=channel, message=number, payload=payload)
+            self._record("send", None, time, channel=channel, message=number, text=BESIDE, payload=payload)
+            self._record("receive", event, time, channel=channel, message=number, text=BESIDE, payload=payload)
             for sent, one in sends:
-                self._record("send", event, time, channel=sent, message=self._number(), payload=one)
+                self._record("send", event, time, channel=sent, message=self._number(), text=BESIDE, payload=one)
         self._aside(event, outcome.asides[: outcome.early])
         if outcome.received >= 0 and event.receives is not None:
             self._record("receive", event, outcome.received, channel=event.receives.channel, message=turn.message,

@@ -29,6 +29,12 @@ FORMAT = "trace/2"
 SHOWN = "shown"
 """The text of the note with which a gated case ends where an instance shows something of itself: channel, payload."""
 
+BESIDE = "beside"
+"""The text of what a tester hands to a component between two turns of a case, and of what this sends upon it.
+
+Which transitions it took then is not seen, so only the data of such messages can be judged.
+"""
+
 REPEAT = "repeat"
 """The text of the note that parts one repeat of an exercise from the next: no duration reaches across it."""
 

@@ -27,7 +27,7 @@ from parcours.model.formulas import Clause, clauses, reverse
 from parcours.model.scope import Scopes, is_local
 from parcours.model.structure import BASE_TYPES, Cefsm, Component, Machine, Transition
 from parcours.run.port import Reported
-from parcours.run.trace import REPEAT, Trace, TraceEvent
+from parcours.run.trace import BESIDE, REPEAT, Trace, TraceEvent
 
 View = Callable[[str, object], Mapping[str, object] | None]
 """A payload as the model's message: (channel, payload) -> its fields; None if they cannot be seen.
@@ -48,10 +48,8 @@ class Violation:
     why: str
 
     def __str__(self) -> str:
-        what = self.event.transition or self.event.channel
-        return (
-            f"event {self.position}, {what} of {self.event.component or 'the environment'}: {self.clause}: {self.why}"
-        )
+        what, whose = self.event.transition or self.event.channel, self.event.component or "the environment"
+        return f"event {self.position}, {what} of {whose}: {self.clause}: {self.why}"
 
 
 @dataclass(slots=True)
@@ -62,12 +60,12 @@ class Tally:
     unjudged: Counter[str] = field(default_factory=Counter)
 
 
+_MOST_WAITING = 1000  # messages of a channel that are counted while no transition takes them up
+
+
 def plain(channel: str, payload: object) -> Mapping[str, object] | None:
     """Return a payload that is a mapping already; None of others."""
     return payload if isinstance(payload, Mapping) else None
-
-
-_MOST_WAITING = 1000  # messages of a channel that are counted while no transition takes them up
 
 
 @dataclass(slots=True)
@@ -112,9 +110,8 @@ class Contracts:
         self.classes = {message.name: message for message in cefsm.messages}
         self._fits = {name: fitting(self.classes, message) for name, message in self.classes.items()}
         self.channels = {channel.name: channel for channel in cefsm.carriers}
-        self.asked = {
-            channel.name: asked.name for channel in cefsm.channels if (asked := reverse(cefsm, channel)) is not None
-        }
+        pairs = ((channel.name, reverse(cefsm, channel)) for channel in cefsm.channels)
+        self.asked = {name: asked.name for name, asked in pairs if asked is not None}
         # What a model says a message holds, where that can be known: variables that are messages have no value in it.
         carried = {each.name for one in cefsm.components for each in one.variables if each.type not in BASE_TYPES}
         self.sites: dict[tuple[str, str], tuple[Component, Machine, Transition]] = {
@@ -123,7 +120,6 @@ class Contracts:
             for machine in component.machines
             for each in machine.transitions
         }
-
         scopes = Scopes(cefsm)
         self.contents = {
             (transition.id, send.channel): tuple(each for each in content.fields if not names(each[1]) & carried)
@@ -168,8 +164,7 @@ class Contracts:
         """Return the first violation in a whole trace, None if there is none, and what was judged."""
         monitor = Monitor(self, view)
         for event in trace.events:
-            if (found := monitor.observe(event)) is not None:
-                return found, monitor.tally
+            monitor.observe(event)
         return monitor.finish(), monitor.tally
 
 
@@ -226,7 +221,8 @@ class Monitor:
         if event.kind == "receive":
             yield from self._settle(instance)
             instance.received[event.channel] = message
-            instance.waiting.setdefault(event.channel, deque(maxlen=_MOST_WAITING)).append(message)
+            if event.text != BESIDE:
+                instance.waiting.setdefault(event.channel, deque(maxlen=_MOST_WAITING)).append(message)
             return
         known = {**instance.values, "it": message, "received": instance.received}
         if event.channel in instance.sent:
@@ -344,8 +340,8 @@ class Monitor:
         for id, other, code in self._contracts.excluded.get(transition.id, ()):
             with contextlib.suppress(BadModel):  # it reads what nobody told, or has no value
                 if code(before):
-                    values = ", ".join(f"{name} is {before[name]!r}" for name in sorted(names(other)))
-                    rule = f'{values}, so "{other}" of {id} holds, too, but they exclude each other'
+                    told_of = ", ".join(f"{name} is {before[name]!r}" for name in sorted(names(other)))
+                    rule = f'{told_of}, so "{other}" of {id} holds, too, but they exclude each other'
                     yield Violation(event, self._position, f"{transition.id} excludes {id}", rule)
         if told is None:
             if transition.actions:

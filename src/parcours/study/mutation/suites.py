@@ -20,7 +20,6 @@ from parcours.model.structure import Cefsm, Machine, Transition
 from parcours.paths import internal_paths
 from parcours.paths.internal import InternalPath
 from parcours.streams import hashed
-from parcours.study.components.references import Reference
 
 if TYPE_CHECKING:
     from parcours.study.protocol import Study
@@ -77,7 +76,7 @@ def with_suite(study: Study, suite: Suite, seed: int = 0) -> Study:
     made = dataclasses.replace(
         study, model=model, paths=study.paths if is_random else suite.paths or study.paths,
         criterion=suite.combine or study.criterion, relations=study.relations if suite.data else (),
-        oracles=tuple(one for one in study.oracles if suite.data or not isinstance(one, Reference)),
+        oracles=tuple(one for one in study.oracles if suite.data or not getattr(one, "of_data", False)),
     )  # fmt: skip
     if is_random:
         made.__dict__["abstracts"] = random_cases(study.model, seed, study.policy)
@@ -99,8 +98,11 @@ def _without_formulas(model: Cefsm) -> Cefsm:
         )
         for component in model.components
     )  # fmt: skip
-    channels = tuple(dataclasses.replace(channel, ensures=()) for channel in model.channels)
-    return dataclasses.replace(model, components=components, channels=channels)
+    channels, signals = (
+        tuple(dataclasses.replace(channel, ensures=()) for channel in carriers)
+        for carriers in (model.channels, model.signals)
+    )
+    return dataclasses.replace(model, components=components, channels=channels, signals=signals)
 
 
 def random_cases(model: Cefsm, seed: int, policy: str = "") -> dict[str, AbstractCase]:

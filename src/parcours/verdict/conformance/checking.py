@@ -10,7 +10,7 @@ from typing import get_args
 from parcours.errors import BadRequest, one_of, require_known
 from parcours.model.configuration import Message
 from parcours.model.structure import Cefsm
-from parcours.run.trace import TraceEvent
+from parcours.run.trace import BESIDE, TraceEvent
 from parcours.verdict.conformance.behaviour import Allowance
 from parcours.verdict.conformance.channels import Channels
 from parcours.verdict.conformance.findings import Deviation, Expectation
@@ -118,7 +118,9 @@ class Checker:
             return self.deviation
         before, self._time = self._time, event.time
         kind = event.kind
-        if kind == "take":
+        if event.text == BESIDE and kind in ("send", "receive"):
+            pass  # the model's transitions are not seen then
+        elif kind == "take":
             if self._observes == "transitions" and (instance := self._instance(event.component)):
                 self._take(instance, event)
         elif kind == "send":

@@ -99,6 +99,8 @@ def rounded(before: float, after: float, turn: float, v: float, early: bool, n: 
     top speed are possible, else the fastest.
     """
     shorter = min(before, after)
+    if abs(shorter - SHORTEST) < _OPEN:  # switches come at such distances before a knot: rounding decides
+        raise UndecidedError
     if shorter < SHORTEST:
         return 0.0, 0.0
     shares = [0.10 + 0.05 * k for k in range(16)]
