@@ -140,12 +140,13 @@ def choose(number: int, rounds: int = 2**62) -> None:
 
 @contextlib.contextmanager
 def suspended() -> Iterator[None]:
-    """Let the original run for a while."""
-    number, _words[_CHOSEN] = _words[_CHOSEN], 0
+    """Let the original run for a while, as long as it likes."""
+    number, left = _words[_CHOSEN], _words[_LEFT]
+    _words[_CHOSEN], _words[_LEFT] = 0, 2**62
     try:
         yield
     finally:
-        _words[_CHOSEN] = number
+        _words[_CHOSEN], _words[_LEFT] = number, left
 
 
 def rounds_left() -> int:

@@ -192,7 +192,7 @@ def test_a_control_whose_reports_are_no_numbers_is_found(monkeypatch: pytest.Mon
 
     results = run_spoiled(monkeypatch, "Control", ("tick",), replaced("update", change), "ITP4")
     reporting = [r for r in results if "tp42" in r.case.abstract]
-    all_fail(reporting, "motion states")
+    all_fail(reporting, "update/as sensed: it.x is nan")
 
 
 def test_a_planner_that_ignores_obstacle_messages_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -274,7 +274,7 @@ def test_a_control_whose_reports_never_change_is_found(monkeypatch: pytest.Monke
         return _at_origin(message)
 
     results = run_spoiled(monkeypatch, "Control", ("tick",), replaced("update", change), "ITP6")
-    all_fail(results, "the last 0 m from the first")
+    all_fail(results, "update/as sensed: it.x is 0")
 
 
 def _at_origin(report: Report) -> Report:

@@ -45,6 +45,9 @@ FIELDS = {
     tuple[Turn, ...]: st.lists(TURNS, max_size=3).map(tuple),
     tuple[Wire, ...]: st.lists(WIRES, max_size=3).map(tuple),
     tuple[tuple[int, Wire], ...]: st.lists(st.tuples(NUMBERS, WIRES), max_size=3).map(tuple),
+    tuple[tuple[int, Wire, tuple[Wire, ...]], ...]: st.lists(
+        st.tuples(NUMBERS, WIRES, st.lists(WIRES, max_size=2).map(tuple)), max_size=2
+    ).map(tuple),
     Wire | None: st.none() | WIRES,
     tuple[str, ...] | None: st.none() | st.lists(st.text(), max_size=3).map(tuple),
     dict[str, Scalar] | None: st.none()

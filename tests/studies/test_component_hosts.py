@@ -20,7 +20,7 @@ from parcours.run.hosts.live_enforcement import DrivenInstances
 from parcours.run.hosts.node_program import nodes_of
 from parcours.run.hosts.processes import ProcessTransport
 from parcours.run.port import links
-from parcours.run.trace import Trace, TraceEvent, held, transitions
+from parcours.run.trace import BESIDE, Trace, TraceEvent, held, transitions
 from parcours.study.hosting import started
 from parcours.suite import Case
 from parcours.verdict.judgement import Verdict
@@ -117,7 +117,9 @@ def payloads(trace: Trace) -> dict[tuple[str, str, str], list[bytes]]:
     """Return what was sent, taken up and shown, by whom, bit by bit; without what is told of the time."""
     found: dict[tuple[str, str, str], list[bytes]] = defaultdict(list)
     for event in trace.events:
-        if event.payload is None or event.channel in ("", "cmd_vel"):  # a command depends on when it is given
+        if (
+            event.payload is None or event.text == BESIDE or event.channel in ("", "cmd_vel")
+        ):  # a command depends on when it is given
             continue
         values = list(flatten(event.channel, event.payload))
         for k, entry in enumerate(FORMS[event.channel]):

@@ -29,7 +29,7 @@ def test_cases_with_their_latencies_leave_the_same_bits_in_both_forms(schedule: 
     study = dataclasses.replace(system_study(schedule, seed=11, protocol=protocol), time_limit=3.0, watched_on=0.0)  # type: ignore[arg-type]
     facts = [assert_same(study, number) for number in range(0, 900, 75)]
     assert sum(int(one["n_late_cycles"]) for one in facts) > 20
-    assert protocol == "published" or sum(int(one["n_halts"]) for one in facts) > 0
+    assert (schedule, protocol) != ("original", "table-vii") or sum(int(one["n_halts"]) for one in facts) > 0
 
 
 @pytest.mark.parametrize("schedule", SCHEDULES)

@@ -76,7 +76,7 @@ def program(expression: Expression, where: str = "expression") -> Code:
         body = writer.of(expression)
         text = "\n".join([*writer.functions, f"def _0(known):\n return {body}"])
         made: dict[str, Code] = {}
-        exec(compile(text, f"<{where}>", "exec"), {**_GLOBALS, "__builtins__": {}}, made)  # text of ours, see above
+        exec(compile(text, "<formula>", "exec"), {**_GLOBALS, "__builtins__": {}}, made)  # text of ours, see above
     except (RecursionError, MemoryError, SyntaxError):  # nested too deeply
         return slow
     for function in made.values():
