@@ -117,9 +117,8 @@ def payloads(trace: Trace) -> dict[tuple[str, str, str], list[bytes]]:
     """Return what was sent, taken up and shown, by whom, bit by bit; without what is told of the time."""
     found: dict[tuple[str, str, str], list[bytes]] = defaultdict(list)
     for event in trace.events:
-        if (
-            event.payload is None or event.text == BESIDE or event.channel in ("", "cmd_vel")
-        ):  # a command depends on when it is given
+        is_timed = event.channel == "cmd_vel"  # a command depends on when it is given
+        if event.payload is None or event.text == BESIDE or is_timed or not event.channel:
             continue
         values = list(flatten(event.channel, event.payload))
         for k, entry in enumerate(FORMS[event.channel]):

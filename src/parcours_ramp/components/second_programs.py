@@ -26,5 +26,8 @@ class SecondPrograms:
             return Judgement(Verdict.PASS, "")
         parameters = parameters_of(case)
         begin = pose_of(robot_of(case, parameters))
-        wrong = judge_control(trace, parameters, timed=False) or judge_planner(trace, parameters, begin, GOAL)
+        try:
+            wrong = judge_control(trace, parameters, timed=False) or judge_planner(trace, parameters, begin, GOAL)
+        except Exception as error:  # a component may say anything
+            return Judgement(Verdict.ERROR, f"no second program can follow it: {type(error).__name__}: {error}")
         return Judgement(Verdict.FAIL, wrong) if wrong else Judgement(Verdict.PASS, "")
