@@ -62,6 +62,7 @@ class _Planner(Told):
 
     def sends_imminent_collision(self, imminent: Any, now: int) -> list[str]:
         was, self.halted = self.halted, bool(imminent)
+        self.t_next = -1  # a report that waits may hasten the next control cycle
         if not self.guarded:
             return []
         if was == self.halted:
@@ -104,6 +105,7 @@ class _Planner(Told):
         self.dragged = None if self.drift is None else max(map(abs, self.drift)) > 0.01
         self.moving, self.begins, self.t_control, self.drift = best, int(best["begins"]), now, (0.0, 0.0)
         self.t_next = -1
+        self.n_commitments += 1
         self.cycle, self.serial, self.stage = "control", 0, 0
         return wrong
 
@@ -263,7 +265,8 @@ class _Planner(Told):
                 wrong.append(f"{new} are new, but only {len(self.joined)} candidates were looked at")
             if best not in ids and not any(fitness > self.fitness[best] for fitness, _ in self.joined):
                 wrong.append(f"the fittest, {best}, may not be replaced")
-        if self.cycle == "control" and self.answered is not None and self.stage == 2:
+        is_first = self.n_commitments == 1  # later ones depend on which members have been dragged since
+        if self.cycle == "control" and self.answered is not None and self.stage == 2 and is_first:
             wrong += self.renewed(trajectories)
         late = [int(one["begins"]) for one in trajectories if self.t_next >= 0 and int(one["begins"]) != self.t_next]
         if late:

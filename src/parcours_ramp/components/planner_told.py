@@ -31,6 +31,7 @@ class Told:
         self.limit = math.inf
         self.moving: Any = None  # the motion under way, as it was sent
         self.begins, self.t_control, self.t_next = 0, 0, -1
+        self.n_commitments = 0
         self.nearest = (0.0, NEVER)  # direction [rad] and distance [m] of an obstacle
         self.cycle, self.serial, self.to_try, self.stage = "", 0, 0, 0
         self.waiting: deque[tuple[str, Any]] = deque()
