@@ -31,6 +31,7 @@ from parcours.study.components.isolation import longest
 from parcours.study.mutation.models import model_mutants
 from parcours.study.mutation.observing import (
     CHECK,
+    PATIENCE,
     TWIN,
     Components,
     Observation,
@@ -153,7 +154,7 @@ class Bench:
 
         self._places = install(build).places if build.of == "code" else {}
         study = with_suite(find(build.where), build.suite, build.seed)
-        self.patience = float(getattr(study, "patience", 5.0))
+        self.patience = PATIENCE * float(getattr(study, "patience", 5.0))
         self.subject: Subject = subject_of(study, build.settings, build.seed)
         self._build = build
         if build.of != "code":
