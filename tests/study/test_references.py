@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from parcours.study import above, below
 from parcours.study.components.references import difference
 from parcours.study.finding import find
 from parcours.study.parameters import Scalar
@@ -118,6 +119,31 @@ def test_a_difference_is_named_by_its_place() -> None:
     assert difference([1], [1, 2], 0.0) == " has 1 items, but must have 2"
     assert difference({}, {"a": 1}, 0.0) == ".a is missing"
     assert difference({"a": 1, "b": [2]}, {"a": None, "b": [None]}, 0.0) == ""
+
+
+def test_a_number_of_which_only_the_way_is_known_must_move_that_way() -> None:
+    wanted = {"duration": above(2.0), "speeds": [below(0.5), None]}
+
+    def found(duration: object, speed: float) -> str:
+        return difference({"duration": duration, "speeds": [speed, 9.0]}, wanted, 0.0)
+
+    assert found(2.1, 0.4) == ""
+    assert found(2.0, 0.4) == ".duration is 2.0, but must be more than 2.0"
+    assert found(3, 0.5) == ".speeds[0] is 0.5, but must be less than 0.5"
+    assert found("long", 0.4) == ".duration is 'long', but must be more than 2.0"
+
+
+def test_a_relation_may_say_the_way_only(lift: Path) -> None:
+    add(lift, "relations: {moved: {change: twins.py:same, expect: twins.py:higher}}")
+    same = TWINS.replace('return message if channel == "close" else None', "return message")
+    higher = """
+def higher(channel, message):
+    from parcours.study import above
+    return {"floor": above(message["floor"])} if "floor" in message else None
+"""
+    (lift / "twins.py").write_text(same + higher)
+    found = [why for verdict, why in verdicts(lift) if verdict == "fail"]
+    assert any(".floor is" in why and "must be more than" in why for why in found)
 
 
 def add(folder: Path, text: str) -> None:

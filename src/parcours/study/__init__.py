@@ -10,6 +10,7 @@ from parcours.study.components.simple import Took, took
 if TYPE_CHECKING:
     from parcours.study.campaign.rules import Fact, Rule
     from parcours.study.campaign.study import CampaignStudy
+    from parcours.study.components.references import above, below
     from parcours.study.components.study import ComponentStudy, Limit
     from parcours.study.components.systems import python_system
     from parcours.study.finding import judge_case
@@ -21,11 +22,12 @@ _ROOMS = {
     "CampaignStudy": "campaign.study", "ComponentStudy": "components.study", "Fact": "campaign.rules",
     "Judged": "protocol", "Limit": "components.study", "Measure": "protocol", "Parameter": "parameters",
     "Reported": "protocol", "Request": "protocol", "Results": "protocol", "Rule": "campaign.rules", "Run": "protocol",
-    "Settings": "parameters", "Study": "protocol", "judge_case": "finding", "python_system": "components.systems",
+    "Settings": "parameters", "Study": "protocol", "above": "components.references",
+    "below": "components.references", "judge_case": "finding", "python_system": "components.systems",
 }  # fmt: skip
 __all__ = [
     "CampaignStudy", "ComponentStudy", "Fact", "Judged", "Limit", "Measure", "Parameter", "Reported", "Request",
-    "Results", "Rule", "Run", "Settings", "Study", "Took", "judge_case", "python_system", "took",
+    "Results", "Rule", "Run", "Settings", "Study", "Took", "above", "below", "judge_case", "python_system", "took",
 ]  # fmt: skip
 
 

@@ -30,6 +30,31 @@ TOLERANCE = 1e-9
 """How far numbers may be apart that count as equal, absolutely or as a share of the greater one."""
 
 
+@dataclass(frozen=True, slots=True)
+class Beyond:
+    """What a wanted number may be of which only the side of another number is known."""
+
+    bound: float
+    is_above: bool
+
+    def __str__(self) -> str:
+        return f"{'more' if self.is_above else 'less'} than {self.bound!r}"
+
+
+def above(bound: float) -> Beyond:
+    """Want any number greater than this one.
+
+    >>> difference({"duration": 2.0}, {"duration": above(2.5)}, 1e-9)
+    '.duration is 2.0, but must be more than 2.5'
+    """
+    return Beyond(bound, True)
+
+
+def below(bound: float) -> Beyond:
+    """Want any number less than this one."""
+    return Beyond(bound, False)
+
+
 def difference(given: object, wanted: object, tolerance: float, where: str = "") -> str:
     """Return the first place where a message differs from the wanted one; empty if none does.
 
@@ -52,10 +77,17 @@ def difference(given: object, wanted: object, tolerance: float, where: str = "")
         pairs = enumerate(zip(given, wanted, strict=True))
         found = (difference(one, other, tolerance, f"{where}[{k}]") for k, (one, other) in pairs)
         return next((one for one in found if one), "")
-    numbers = all(isinstance(one, int | float) and not isinstance(one, bool) for one in (given, wanted))
+    if isinstance(wanted, Beyond):
+        kept = _is_number(given) and (given > wanted.bound if wanted.is_above else given < wanted.bound)  # type: ignore[operator]
+        return "" if kept else f"{where or 'it'} is {given!r:.80}, but must be {wanted}"
+    numbers = _is_number(given) and _is_number(wanted)
     if numbers and math.isclose(given, wanted, rel_tol=tolerance, abs_tol=tolerance):  # type: ignore[arg-type]
         return ""
     return "" if given == wanted else f"{where or 'it'} is {given!r:.80}, but must be {wanted!r:.80}"
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
 
 
 @dataclass(frozen=True)
