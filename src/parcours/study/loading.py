@@ -64,6 +64,8 @@ def file_of(target: str, folder: Path) -> Path | None:
 def _module(target: str, where: str, folder: Path) -> ModuleType:
     path = file_of(target, folder)
     if path is None:
+        if where in sys.modules and where not in NEIGHBOURS.get(str(folder.resolve()), {}):
+            return sys.modules[where]
         with _importable(folder):
             return _guarded(target, lambda: importlib.import_module(where))
     path = path.absolute()
