@@ -116,7 +116,7 @@ def test_what_is_wrong_in_the_file_is_said(lift: Path, text: str, said: str) -> 
 def test_a_difference_is_named_by_its_place() -> None:
     assert difference({"a": [1, {"b": True}]}, {"a": [1, {"b": False}]}, 0.0) == ".a[1].b is True, but must be False"
     assert difference({"a": 1.0, "more": 2}, {"a": 1.0 + 1e-12}, 1e-9) == ""
-    assert difference([1], [1, 2], 0.0) == " has 1 items, but must have 2"
+    assert difference([1], [1, 2], 0.0) == "it has 1 items, but must have 2"
     assert difference({}, {"a": 1}, 0.0) == ".a is missing"
     assert difference({"a": 1, "b": [2]}, {"a": None, "b": [None]}, 0.0) == ""
 

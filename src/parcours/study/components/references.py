@@ -55,7 +55,7 @@ def below(bound: float) -> Beyond:
     return Beyond(bound, False)
 
 
-def difference(given: object, wanted: object, tolerance: float, where: str = "") -> str:
+def difference(given: object, wanted: object, tolerance: float) -> str:
     """Return the first place where a message differs from the wanted one; empty if none does.
 
     What the wanted one lacks, or has as None, may be anything.
@@ -63,27 +63,35 @@ def difference(given: object, wanted: object, tolerance: float, where: str = "")
     >>> difference({"way": [1.0, 2.5]}, {"way": [1.0, 2.0]}, 1e-9)
     '.way[1] is 2.5, but must be 2.0'
     """
+    found = _parted(given, wanted, tolerance)
+    return f"it{found}" if found.startswith(" ") else found
+
+
+def _parted(given: object, wanted: object, tolerance: float) -> str:
+    """Return where it differs and what is there, such as `.way[1] is 2.5, but must be 2.0`."""
     if wanted is None:
         return ""
-    if isinstance(wanted, Mapping) and isinstance(given, Mapping):
-        absent = next((f"{where}.{name} is missing" for name in wanted if name not in given), "")
-        if absent:
-            return absent
-        found = (difference(given[name], one, tolerance, f"{where}.{name}") for name, one in wanted.items())
-        return next((one for one in found if one), "")
-    if isinstance(wanted, list | tuple) and isinstance(given, list | tuple):
+    if _is_number(given) and _is_number(wanted):
+        if math.isclose(given, wanted, rel_tol=tolerance, abs_tol=tolerance):  # type: ignore[arg-type]
+            return ""
+    elif isinstance(wanted, list | tuple) and isinstance(given, list | tuple):
         if len(given) != len(wanted):
-            return f"{where} has {len(given)} items, but must have {len(wanted)}"
-        pairs = enumerate(zip(given, wanted, strict=True))
-        found = (difference(one, other, tolerance, f"{where}[{k}]") for k, (one, other) in pairs)
-        return next((one for one in found if one), "")
-    if isinstance(wanted, Beyond):
-        kept = _is_number(given) and (given > wanted.bound if wanted.is_above else given < wanted.bound)  # type: ignore[operator]
-        return "" if kept else f"{where or 'it'} is {given!r:.80}, but must be {wanted}"
-    numbers = _is_number(given) and _is_number(wanted)
-    if numbers and math.isclose(given, wanted, rel_tol=tolerance, abs_tol=tolerance):  # type: ignore[arg-type]
+            return f" has {len(given)} items, but must have {len(wanted)}"
+        for k, (one, other) in enumerate(zip(given, wanted, strict=True)):
+            if found := _parted(one, other, tolerance):
+                return f"[{k}]{found}"
         return ""
-    return "" if given == wanted else f"{where or 'it'} is {given!r:.80}, but must be {wanted!r:.80}"
+    elif isinstance(wanted, Mapping) and isinstance(given, Mapping):
+        for name, one in wanted.items():
+            if name not in given:
+                return f".{name} is missing"
+            if found := _parted(given[name], one, tolerance):
+                return f".{name}{found}"
+        return ""
+    elif isinstance(wanted, Beyond):
+        kept = _is_number(given) and (given > wanted.bound if wanted.is_above else given < wanted.bound)  # type: ignore[operator]
+        return "" if kept else f" is {given!r:.80}, but must be {wanted}"
+    return "" if given == wanted else f" is {given!r:.80}, but must be {wanted!r:.80}"
 
 
 def _is_number(value: object) -> bool:
