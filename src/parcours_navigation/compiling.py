@@ -24,10 +24,39 @@ def _oracle() -> None:
     survived(SystemCases(0), np.zeros(1, np.int64))
 
 
+def _requirements() -> None:
+    from parcours_navigation.requirements.requirement import Monitor, requirements_of
+
+    Monitor(requirements_of({"any": "always clearance > 0"}), 2)
+
+
+def _route() -> None:
+    from parcours_navigation.guests.scenario import Scenario
+    from parcours_navigation.study.study import NavigationStudy
+    from parcours_navigation.worlds.family import WorldCases
+    from parcours_navigation.worlds.file import find_world
+
+    NavigationStudy("a-star", WorldCases(0, find_world("doorway")), Scenario(time_limit=0.5))(0, 1)
+
+
+def _worlds() -> None:
+    from parcours_navigation.guests.scenario import Scenario
+    from parcours_navigation.study.study import NavigationStudy
+    from parcours_navigation.worlds.family import WorldCases
+    from parcours_navigation.worlds.file import find_world
+
+    NavigationStudy("stand-still", WorldCases(0, find_world("doorway")), Scenario(time_limit=0.1))(0, 1)
+
+
 PARTS = {
+    "worlds": Part(_worlds, 40.0),
     "ORCA": Part(partial(_planner, "orca"), 14.0),
     "DWA": Part(partial(_planner, "dwa"), 13.0),
     "MPPI": Part(partial(_planner, "mppi"), 12.0),
+    "requirements": Part(_requirements, 5.0),
+    "MPC": Part(partial(_planner, "mpc"), 18.0),
+    "TEB": Part(partial(_planner, "teb"), 18.0),
+    "A*": Part(_route, 9.0),
     "solvability": Part(_oracle, 9.0),
 }
 """Name -> part (entry points `parcours.compiled`)."""

@@ -8,7 +8,7 @@ radians; headings run counter-clockwise from x (REP 103).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from typing import Literal, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +30,37 @@ class Limits:
 
 
 @dataclass(frozen=True, slots=True)
+class Robot:
+    """How the robot moves and what shape it has. Whatever it is, a `Command` or a `Velocity` drives it."""
+
+    kind: Literal["unicycle", "differential", "car", "holonomic"] = "unicycle"
+    footprint: Floats | None = None  # convex polygon in its own frame [m], shape (n, 2); None for a disc
+    track_width: float = 0.0  # between the wheels of a differential drive [m]
+    wheelbase: float = 0.0  # between the axles of a car, whose place is that of the rear one [m]
+    steering: float = 0.0  # greatest angle of a car's front wheels [rad]
+    steering_rate: float = 0.0  # [rad/s]
+
+
+@dataclass(frozen=True, slots=True)
+class Scan:
+    """A planar laser scan from the robot's place; beam k points to heading + first + k * step."""
+
+    ranges: Floats  # [m], inf where nothing is in reach, shape (n_beams,)
+    first: float  # [rad]
+    step: float  # [rad]
+    reach: float  # [m]
+
+
+@dataclass(frozen=True, slots=True)
+class Map:
+    """The ground as an occupancy grid."""
+
+    cells: NDArray[np.uint8]  # 0 free, 100 occupied, 255 unknown, as ROS has them; shape (rows, columns), y upwards
+    resolution: float  # side of a cell [m]
+    origin: tuple[float, float]  # lower left corner of cells[0, 0] [m]
+
+
+@dataclass(frozen=True, slots=True)
 class Task:
     """What is the same from the begin to the end of one case."""
 
@@ -40,6 +71,9 @@ class Task:
     period: float  # time between two observations [s]
     arena: float  # obstacles begin in the square [0, arena]^2 [m]; nobody is held back at its border
     seed: int  # for planners that draw random numbers; differs from case to case, and replays with it
+    robot: Robot = Robot()  # what kind of robot it is
+    goal_heading: float | None = None  # which way to look there [rad]; None if any will do
+    heading_tolerance: float = 0.0  # as near as this counts [rad]
 
 
 @dataclass(slots=True)
@@ -50,12 +84,23 @@ class Observation:
     robot: Floats  # x, y, heading, speed, yaw rate [m, m, rad, m/s, rad/s], shape (5,)
     obstacles: Floats  # one row each: x, y, heading, speed, yaw rate, radius [m, m, rad, m/s, rad/s, m], shape (n, 6)
     task: Task  # the task, for planners that are plain functions
+    scan: Scan | None = None  # None where the world gives none
+    map: Map | None = None
+    path: Floats | None = None  # a way to follow, points x, y [m], shape (n, 2)
 
 
 class Command(NamedTuple):
     """Speeds to hold until the next command: forward [m/s] and yaw rate [rad/s]. A plain pair will do."""
 
     v: float
+    w: float
+
+
+class Velocity(NamedTuple):
+    """Speeds of a holonomic robot in its own frame, ahead and to the left [m/s], and yaw rate [rad/s]; or a triple."""
+
+    vx: float
+    vy: float
     w: float
 
 
@@ -67,12 +112,19 @@ class Trajectory:
     points: Floats
 
 
-Answer = Command | tuple[float, float] | Trajectory | None
+Answer = Command | tuple[float, float] | Velocity | tuple[float, float, float] | Trajectory | None
 """What `observe` returns; None leaves what was commanded before."""
 
 
+SENSES = ("scan", "map", "path")
+"""What a planner may declare to need, in an attribute `needs`: a world that does not give it is refused by name."""
+
+
 class Planner(Protocol):
-    """A planner with a memory. One object serves many cases: `reset` comes before each."""
+    """A planner with a memory. One object serves many cases: `reset` comes before each.
+
+    It may have an attribute `needs`, some of SENSES.
+    """
 
     def reset(self, task: Task) -> None:
         """Forget the last case and begin this one."""

@@ -12,6 +12,15 @@ def _loop() -> None:
         system_study(schedule, seed=0)(0, 1)
 
 
+def _judged_loop() -> None:
+    from dataclasses import replace
+
+    from parcours_navigation.requirements.requirement import requirements_of
+    from parcours_ramp.system.study import system_study
+
+    replace(system_study("guarded", seed=0), requirements=requirements_of({"any": "always clearance > 0"}))(0, 1)
+
+
 def _components() -> None:
     from parcours_ramp.components.study import component_plan, interaction_of, run_functional
 
@@ -29,6 +38,7 @@ def _covering_arrays() -> None:
 
 PARTS = {
     "RAMP": Part(_loop, 30.0),
+    "RAMP with requirements": Part(_judged_loop, 8.0),
     "covering arrays": Part(_covering_arrays, 10.0),
     "RAMP's components": Part(_components, 1.0),  # shares its kernels with the loop, so it comes last
 }  # Name -> part (entry points `parcours.compiled`)

@@ -62,7 +62,7 @@ FAULTS = [
     ("navigation.arena.world", "least_distance(x0, y0, x1, y1)", "np.hypot(x1, y1)", CONTACT, LINES),
     ("navigation.arena.world", "if clearance > 0.0:", "if np.hypot(x1, y1) > reach:", CONTACT, HEAD_ON),
     ("navigation.arena.world", "obstacle.x - x, obstacle", "obstacle.x - robot.x, obstacle", CONTACT, LINES),
-    ("navigation.arena.world", "_bring(obstacle, world.now)", "_bring(obstacle, world.now - TICK)", CONTACT, ARCS),
+    ("navigation.arena.world", "bring(obstacle, world.now)", "bring(obstacle, world.now - TICK)", CONTACT, ARCS),
     ("navigation.arena.world", "stood and (now < obstacle.start or before", "(now < obstacle.start or now",
      CONTACT, STOPS),
     ("navigation.arena.world", "now + TICK * int(", "now + 2 * TICK * int(", CONTACT, AGAIN),

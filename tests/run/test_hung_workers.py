@@ -2,40 +2,53 @@
 
 from __future__ import annotations
 
+import contextlib
 import multiprocessing
+import os
 import time
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from parcours.run import heartbeat as heartbeat
-from parcours.run.campaign import run_tasks
+from parcours.run.strangers import computed
+
+DTYPE = np.dtype([("number", "i8")])
 
 
 @dataclass(frozen=True)
 class Neighbours:
-    """Task 0 stays at one place until the others are done; the others take next to no time."""
+    """Case 0 stays at one place until the others are done; the others take next to no time."""
 
     folder: Path
     allowed: float
+    lost: tuple[heartbeat.LostCase, ...] = ()
+    heartbeat_words: int = 3
 
-    def __call__(self, number: int, lost: tuple[heartbeat.LostCase, ...]) -> None:
+    def without(self, lost: tuple[heartbeat.LostCase, ...]) -> Neighbours:
+        return replace(self, lost=lost)
+
+    def __call__(self, number: int, count: int) -> np.ndarray:
         with (self.folder / "begun").open("a") as file:
             file.write(f"{number}\n")
-        if number or lost:
-            return
-        words = heartbeat.words(3)
-        words[heartbeat.TIME], words[heartbeat.LIMIT], words[heartbeat.CASE] = 0.0, self.allowed, 0.0
-        while not (self.folder / "others are done").exists():
-            time.sleep(0.01)
-        words[heartbeat.CASE] = heartbeat.NO_CASE
+        if number == 0 and not self.lost:
+            heartbeat.enter(number, self.allowed)
+            while not (self.folder / "others are done").exists():
+                time.sleep(0.01)
+            heartbeat.leave()
+        return np.array([(number,)], DTYPE)
+
+
+def cases(n: int) -> list[range]:
+    return [range(k, k + 1) for k in range(n)]
 
 
 def test_fast_neighbours_do_not_make_a_slow_case_hung(tmp_path: Path) -> None:
     n = 400  # turns of the loop; 305 looks of 0.1 s at one place are as long as the slow case may stay there
     done = set()
-    for number in run_tasks(Neighbours(tmp_path, 20.0), range(n), 2, str, heartbeat_words=3, forks=True):
+    for number, _ in computed(Neighbours(tmp_path, 20.0), cases(n), 2, str, forks=True):
         done.add(number)
         if len(done | {0}) == n:
             (tmp_path / "others are done").touch()
@@ -44,14 +57,47 @@ def test_fast_neighbours_do_not_make_a_slow_case_hung(tmp_path: Path) -> None:
 
 
 def test_a_case_that_stays_too_long_is_lost_and_its_task_done_without_it(tmp_path: Path) -> None:
-    assert list(run_tasks(Neighbours(tmp_path, 0.1), [0], 1, str, heartbeat_words=3, forks=True)) == [0]
+    [(number, rows)] = computed(Neighbours(tmp_path, 0.1), cases(1), 1, str, forks=True)
+    assert number == 0 and rows["number"].tolist() == [0]
     assert (tmp_path / "begun").read_text().split() == ["0", "0"]
 
 
 def test_a_stopped_machine_counts_as_one_look() -> None:
+    with worker(limit=0.1) as (watch, _, _):
+        assert [watch.has_hung() for _ in range(10)] == [False] * 7 + [True] * 3
+
+
+def test_only_what_goes_forward_is_a_sign_of_life() -> None:
+    with worker(limit=0.1) as (watch, words, _):
+        seen = []
+        for time_said in (0.0, 5.0, 3.0, 4.0, 1e300, float("nan"), 5.0, -1.0, 2.0, 4.0, 4.5, 4.9):
+            words[heartbeat.TIME] = time_said
+            seen.append(watch.has_hung())
+        assert seen == [False] * 8 + [True] * 4
+        words[heartbeat.TIME] = 6.0
+        assert not watch.has_hung()
+
+
+def test_what_was_said_of_cases_cannot_be_taken_back() -> None:
+    with worker(limit=0.1) as (watch, words, pipe):
+        words[heartbeat.CASE], words[heartbeat.TIME] = 17.0, 3.0
+        assert watch.lost("died", "so") == heartbeat.LostCase(4, 3, "died", "so")
+        words[heartbeat.TIME] = float("nan")
+        assert watch.lost("died", "so") == heartbeat.LostCase(4, 0, "died", "so")
+        heartbeat._ENTRY.pack_into(entry := bytearray(16), 0, heartbeat.NO_CASE, 0.0)
+        os.write(pipe, entry)
+        assert watch.lost("died", "so") is None
+
+
+@contextlib.contextmanager
+def worker(limit: float) -> Iterator[tuple[heartbeat.Watch, np.ndarray, int]]:
+    """Yield the watch of a worker that has said it is on case 4, its words, and its end of the pipe."""
     block = heartbeat.new_block(multiprocessing, 3)
-    words = np.frombuffer(block)
-    watch = heartbeat.Watch(block)
-    words[heartbeat.TIME], words[heartbeat.LIMIT], words[heartbeat.CASE] = 0.0, 0.1, 4.0
-    seen = [watch.has_hung() for _ in range(10)]
-    assert seen == [False] * 7 + [True] * 3
+    ours, theirs = os.pipe()
+    os.set_blocking(ours, False)
+    os.write(theirs, heartbeat._ENTRY.pack(-4711.0, 0.0) + heartbeat._ENTRY.pack(4.0, limit))
+    try:
+        yield heartbeat.Watch(block, ours), np.frombuffer(block), theirs
+    finally:
+        os.close(ours)
+        os.close(theirs)

@@ -92,7 +92,8 @@ def test_a_condition_compares_a_measure_or_a_statistic_of_it_with_a_number(
     "text",
     ["", "stuck", "stuck >", "> 1%", "stuck = 1", "stuck == 1", "stuck > one", "1% < stuck", "stuck > 1% and late > 1%",
      "mean(stuck > 1", "stuck) > 1", "mean() > 1", "mode(stuck) > 1", "p100(it) > 1", "p(it) > 1", "(it) > 1",
-     "stuck > 1% with confidence", "stuck > 1% with 95 confidence", "stuck > 1 %%", "stuck > nan", "stuck > 1_0"],
+     "stuck > 1% with confidence", "stuck > 1% with 95 confidence", "stuck > 1 %%", "stuck > nan", "stuck > 1_0",
+     "violated() > 1", "violated(9) > 1"],
 )  # fmt: skip
 def test_what_is_no_condition_is_refused_with_what_to_write(text: str) -> None:
     said = re.escape(repr(text))

@@ -88,12 +88,17 @@ def parse_input_model(text: str, origin: str, constants: Dict[str, float] | None
     (('x1', 'x2'), ['apart(1, 2): abs(x1 - x2) >= 0.2'])
     """
     root, findings = read_document(text, origin)
-    if root is None:
+    if root is None or findings:
         raise _complaint(findings)
+    return input_model_of(root, origin, constants)
+
+
+def input_model_of(root: Node, origin: str, constants: Dict[str, float] | None = None) -> InputModel:
+    """Return the input model that a document describes, which may be part of another one. Raises as `parse_...`."""
     reader = _Reader(origin, constants or {})
     model = reader.model(root)
-    if findings or reader.findings:
-        raise _complaint(findings + reader.findings)
+    if reader.findings:
+        raise _complaint(reader.findings)
     return model
 
 

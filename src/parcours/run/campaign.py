@@ -1,36 +1,31 @@
 """Computes the shards that are missing of a campaign, in any number of workers, into a folder.
 
 The results are the same bytes for any number of workers, any order, and however often it was interrupted. A worker that
-dies costs the task it was on and nothing else; one that hangs on a case is ended, and its task goes on without it.
+dies costs the task it was on and nothing else.
 """
 
 from __future__ import annotations
 
 import contextlib
-import importlib
 import signal
 import threading
 from collections import Counter
 from collections.abc import Callable, Generator, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol, cast, runtime_checkable
+from typing import Protocol, runtime_checkable
 
-from parcours.errors import BadRequest, HostFailure, ParcoursError
+from parcours.errors import BadRequest, ParcoursError
 from parcours.run.atomic import sweep
-from parcours.run.heartbeat import LostCase, RunsStrangers
-from parcours.run.store import Campaign, Rows, Store, create
+from parcours.run.heartbeat import RunsStrangers
+from parcours.run.store import Campaign, Keeping, Store, create
+from parcours.run.strangers import Simulate, computed, lost_before, resolve
 from parcours.run.workers import Crew, Done, Lost, described, failure_of
 
-Simulate = Callable[[int, int], Rows]
-"""(first case, how many) -> their results, shape (how many,)."""
-
-Task = Callable[[int, tuple[LostCase, ...]], None]
-"""Does what has a number, without the cases that were lost on earlier attempts at it."""
+Task = Callable[[int], None]
+"""Does what has a number."""
 
 _ATTEMPTS = 2
-_FROM_OUTSIDE = (-signal.SIGKILL, -signal.SIGTERM)
-"""Status of a process that something else has ended: for want of memory, say."""
 
 Progress = Callable[[int, int], None]
 """Called with (cases finished, cases in all) at the start and after every shard."""
@@ -96,7 +91,7 @@ def run_campaign(
     """
     if workers < 1:
         raise BadRequest("workers", f"at least one is needed, but {workers} were asked for", slug="count-range")
-    function = _resolve(simulate) if isinstance(simulate, str) else simulate
+    function = resolve(simulate) if isinstance(simulate, str) else simulate
     store = create(folder, campaign)
     missing = store.missing()
     finished = campaign.n_cases - sum(len(campaign.cases(shard)) for shard in missing)
@@ -128,12 +123,10 @@ class _ComputeShard:
     simulate: Simulate | str
     store: Store
 
-    def __call__(self, shard: int, lost: tuple[LostCase, ...]) -> None:
-        function: object = _resolve(self.simulate) if isinstance(self.simulate, str) else self.simulate
+    def __call__(self, shard: int) -> None:
+        function = resolve(self.simulate) if isinstance(self.simulate, str) else self.simulate
         cases = self.store.campaign.cases(shard)
-        if lost and isinstance(function, RunsStrangers):
-            function = function.without(lost)
-        self.store.write(shard, cast(Simulate, function)(cases.start, len(cases)))
+        self.store.write(shard, function(cases.start, len(cases)))
 
 
 def _done(
@@ -141,42 +134,46 @@ def _done(
 ) -> Generator[int, None, None]:
     """Yield each shard once it is computed: here if one process is enough, else in workers."""
     runs: object = function
-    words = runs.heartbeat_words if isinstance(runs, RunsStrangers) else 0
-    if not missing or (not words and (workers == 1 or len(missing) == 1)):
+    if not missing:
+        return
+    if isinstance(runs, RunsStrangers) and runs.heartbeat_words:
+        store = task.store
+        forks = isinstance(runs, Prepares) and runs.prepare()
+        spans = [store.campaign.cases(shard) for shard in missing]
+        n = min(workers, len(missing))
+        keeping = Keeping(store)
+        try:
+            for k, rows in computed(task.simulate, spans, n, lambda k: name(missing[k]), forks=forks):
+                keeping.write(missing[k], rows)
+                yield missing[k]
+        finally:
+            keeping.put_back()
+        return
+    if workers == 1 or len(missing) == 1:
         for shard in missing:
             try:
-                task(shard, ())
+                task(shard)
             except Exception as error:
                 raise failure_of(name(shard), described(error)) from error
             yield shard
         return
     forks = isinstance(runs, Prepares) and runs.prepare()
-    n = min(workers, len(missing))
-    yield from run_tasks(task, missing, n, name, heartbeat_words=words, forks=forks)
+    yield from run_tasks(task, missing, min(workers, len(missing)), name, forks=forks)
 
 
 def run_tasks(
-    task: Task,
-    numbers: Sequence[int],
-    workers: int,
-    name: Callable[[int], str],
-    *,
-    heartbeat_words: int = 0,
-    forks: bool = False,
+    task: Task, numbers: Sequence[int], workers: int, name: Callable[[int], str], *, forks: bool = False
 ) -> Generator[int, None, None]:
-    """Yield each number once `task(number, lost)` has returned in some worker, in order of completion.
+    """Yield each number once `task(number)` has returned in some worker, in order of completion.
 
     A task whose worker dies is given to a fresh worker once. After a failure no further task is started, those
     in progress are finished, and then the failure is raised. Leaving the iterator early stops the workers.
-    With `heartbeat_words`, a task whose worker hung or died in a case is started again as often as it takes, without
-    the cases that were lost; what ended a worker from outside is believed to be the case's doing the second time only.
 
     Args:
-        task: picklable, unless workers are forked; called with the cases that were lost on earlier attempts at it.
+        task: picklable, unless workers are forked.
         numbers: what to run, in the order in which to start.
         workers: how many processes, at least 1.
         name: what to call a task in a message.
-        heartbeat_words: size of the array that a worker shares (`parcours.run.heartbeat`), or 0 for none.
         forks: whether workers are forked of this process; see `Crew`.
 
     Raises:
@@ -184,38 +181,25 @@ def run_tasks(
         ParcoursError: an error of ours that a task raised.
         BadRequest: the task cannot be sent to another process.
     """
-    tries, deaths = Counter[int](), Counter[int]()
-    lost: dict[int, tuple[LostCase, ...]] = {}
+    tries = Counter[int]()
     failure: ParcoursError | None = None
-    with contextlib.closing(Crew(task, workers, forks=forks, n_words=heartbeat_words)) as crew:
-        crew.pending.extend((number, (number, ())) for number in numbers)
+    with contextlib.closing(Crew(task, workers, forks=forks)) as crew:
+        crew.pending.extend((number, (number,)) for number in numbers)
         for number, answer in crew.answers():
             if isinstance(answer, Done):
                 yield number
             elif not isinstance(answer, Lost):
                 failure = failure or failure_of(name(number), answer)
-            elif answer.case is not None:
-                case = answer.case
-                deaths[case.number] += 1
-                if answer.how == "hung" or answer.status not in _FROM_OUTSIDE or deaths[case.number] == _ATTEMPTS:
-                    lost[number] = (*lost.get(number, ()), case)
-                crew.pending.appendleft((number, (number, lost.get(number, ()))))
             else:
                 tries[number] += 1
                 if tries[number] < _ATTEMPTS:
-                    crew.pending.appendleft((number, (number, lost.get(number, ()))))
+                    crew.pending.appendleft((number, (number,)))
                 else:
-                    failure = failure or _died(name(number), answer)
+                    failure = failure or lost_before(name(number), f"{answer.ending}, {_ATTEMPTS} times")
             if failure is not None:
                 crew.pending.clear()
     if failure is not None:
         raise failure
-
-
-def _died(name: str, lost: Lost) -> HostFailure:
-    rule = f"was started {_ATTEMPTS} times, but its worker {lost.ending} each time"
-    remedy = "run these cases with one worker to see why; all other shards are kept"
-    return HostFailure(name, rule, remedy, slug="worker-died")
 
 
 @contextlib.contextmanager
@@ -233,13 +217,3 @@ def terminable() -> Iterator[None]:
         yield
     finally:
         signal.signal(signal.SIGTERM, before)
-
-
-def _resolve(dotted: str) -> Simulate:
-    module, _, attribute = dotted.partition(":")
-    try:
-        function: Simulate = getattr(importlib.import_module(module), attribute)
-    except (ImportError, AttributeError, ValueError) as error:
-        rule = f"must be 'module:function' of something importable, but: {error}"
-        raise BadRequest(f"simulate {dotted!r}", rule, slug="simulate-name") from error
-    return function

@@ -1,13 +1,19 @@
-"""Memory that a worker shares with its parent, and in which it says where it is: which case, since when, or in words.
+"""How a worker says where it is: which case, since when, or in words; and how its parent sees that it is stuck.
 
-Foreign code may hang where no signal reaches it, or take its process down. So what runs such code writes here where it
-is; the parent ends a worker that stays too long, and knows what it was at.
+Foreign code may hang where no signal reaches it, or take its process down. So what runs such code says where it is; the
+parent ends a worker that stays too long, and knows what it was at. Foreign code may also write where it must not: what
+the parent believes of cases comes through a pipe, from which nothing said can be taken back, and the shared words can
+only say that a case goes on.
 """
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
 import math
+import os
+import struct
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, Protocol, Self, runtime_checkable
 
@@ -15,10 +21,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 CASE, TIME, LIMIT = range(3)
-"""The words: number of the case, or NO_CASE; how far it is [ns]; how long it may stay there [s of wall clock]."""
+"""The words: number of the case, or NO_CASE; how far it is [ns]; how long it may stay there [s of wall clock]. The
+parent looks at TIME only."""
 
 NO_CASE = -1.0
-"""The word CASE while no foreign code is run."""
+"""The number while no foreign code is run."""
 
 POLL = 0.1
 """How often a parent looks [s]."""
@@ -26,23 +33,29 @@ POLL = 0.1
 _TEXT = 512
 """For the place in words [bytes]."""
 
+_ENTRY = struct.Struct("dd")
+"""What goes through the pipe: the number of a case, and how long it may stay at one place [s]. The first entry is the
+process itself, as a number below 0."""
+
+_FARTHEST = 1e15  # no case is farther [ns]
+
 Words = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
 class LostCase:
-    """A case that cannot be computed, because it hung or took its process down.
+    """A case that cannot be computed, because it hung, took its process down, or changed what others rely on.
 
     Attributes:
         number: of the case.
         time: how far it had come [ns].
-        how: which of the two.
+        how: which of them.
         detail: in words, for its facts.
     """
 
     number: int
     time: int
-    how: Literal["hung", "died"]
+    how: Literal["hung", "died", "tampered"]
     detail: str
 
 
@@ -58,8 +71,18 @@ class RunsStrangers(Protocol):
         """Return the same function, which does not run the lost cases but gives their facts as errors."""
 
 
+@runtime_checkable
+class Renumbered(Protocol):
+    """A function of consecutive cases that stand for cases of other numbers."""
+
+    @property
+    def numbers(self) -> Sequence[int]:
+        """The number of the case that each stands for."""
+
+
 _shared: Words | None = None
 _place: Any = None
+_pipe = -1
 
 
 def new_block(context: Any, n_words: int) -> Any:
@@ -67,10 +90,14 @@ def new_block(context: Any, n_words: int) -> Any:
     return context.RawArray(ctypes.c_double, [NO_CASE] * max(n_words, 3) + [0.0] * (_TEXT // 8))
 
 
-def share(block: Any) -> None:
-    """Make the parent's memory this process's own; called once when a worker starts."""
-    global _shared, _place
-    _shared, _place = _parts(np.frombuffer(block))
+def share(block: Any, pipe: int = -1) -> None:
+    """Make the parent's memory and the pipe to it this process's own; called once when a worker starts."""
+    global _shared, _place, _pipe
+    _shared = _parts(np.frombuffer(block))[0]
+    # Bytes of Python's own: the last words of a process in which nothing of NumPy's works any more go there.
+    _place = memoryview(block).cast("B")[-_TEXT:]
+    _pipe = pipe
+    enter(-float(os.getpid()), math.inf)
 
 
 def _parts(block: Words) -> tuple[Words, NDArray[np.uint8]]:
@@ -89,7 +116,22 @@ def words(size: int) -> Words:
 def write_place(text: str) -> None:
     """Say in words what is started now; does nothing in a process that is no worker."""
     if _place is not None:
-        _place[:] = np.frombuffer(text.encode()[: _TEXT - 1].ljust(_TEXT, b"\0"), np.uint8)
+        _place[:] = text.encode("utf-8", "replace")[: _TEXT - 1].ljust(_TEXT, b"\0")
+
+
+def enter(number: float, limit: float) -> None:
+    """Say that a case is started now, or goes on, and that it may stay at one place for `limit` [s of wall clock].
+
+    A number of NO_CASE says that no case is at work. Does nothing in a process that is no worker.
+    """
+    if _pipe >= 0:
+        with contextlib.suppress(OSError):  # closed by foreign code: the canaries will say so
+            os.write(_pipe, _ENTRY.pack(number, limit))
+
+
+def leave() -> None:
+    """Say that no case is at work."""
+    enter(NO_CASE, math.inf)
 
 
 class Watch:
@@ -99,13 +141,19 @@ class Watch:
 
     Args:
         block: shared with the worker.
+        pipe: the end of the worker's pipe to read from, which does not block; -1 for none.
         patience: how long the worker may give no sign of life while it is on no case [s].
     """
 
-    def __init__(self, block: Any, patience: float = math.inf) -> None:
+    def __init__(self, block: Any, pipe: int = -1, patience: float = math.inf) -> None:
         self._words, self._place = _parts(np.frombuffer(block))
-        self._patience = patience
-        self._seen = (NO_CASE, 0.0, b"")
+        self._pipe, self._patience = pipe, patience
+        self._case, self._limit = NO_CASE, math.inf
+        self.process = 0
+        """Id of the worker, 0 as long as it has said nothing."""
+        self.entered = False
+        """Whether it has said that it is on a case, since it was given its item."""
+        self._time, self._seen = -math.inf, b""
         self._looks = 0
 
     def has_hung(self) -> bool:
@@ -113,24 +161,49 @@ class Watch:
 
         Each call counts as POLL: a caller lets at least that time pass between two.
         """
-        now = (float(self._words[CASE]), float(self._words[TIME]), self._place.tobytes())
-        self._looks = self._looks + 1 if now == self._seen else 0
-        self._seen = now
-        limit = self._patience if now[0] == NO_CASE else 1.5 * float(self._words[LIMIT]) + 0.5
+        moved, time, place = self._read(), float(self._words[TIME]), self._place.tobytes()
+        if moved:
+            self._time = -math.inf
+        # Time goes forward only, so whatever else foreign code writes there is no sign of life.
+        moved = moved or self._time < time < _FARTHEST or (self._case < 0.0 and place != self._seen)
+        self._time, self._seen = max(self._time, time if time < _FARTHEST else -math.inf), place
+        self._looks = 0 if moved else self._looks + 1
+        limit = self._patience if self._case < 0.0 else 1.5 * self._limit + 0.5
         return self._looks * POLL > limit
+
+    def _read(self) -> bool:
+        """Read what has come through the pipe; return whether there was anything."""
+        moved = False
+        with contextlib.suppress(OSError):
+            while self._pipe >= 0 and (said := os.read(self._pipe, 4096 * _ENTRY.size)):
+                whole = len(said) // _ENTRY.size
+                if whole:
+                    self.process = self.process or -int(_ENTRY.unpack_from(said)[0])
+                    self._case, self._limit = _ENTRY.unpack_from(said, (whole - 1) * _ENTRY.size)
+                    moved = True
+                    self.entered = self.entered or any(
+                        number >= 0.0 for number, _ in _ENTRY.iter_unpack(said[: whole * _ENTRY.size])
+                    )
+        return moved
 
     def restart(self) -> None:
         """Count from here: the worker has given another sign of life."""
         self._looks = 0
+
+    def begin(self) -> None:
+        """Count from here, and forget all cases: the worker is given another item."""
+        self._read()
+        self._case, self._looks, self.entered = NO_CASE, 0, False
 
     @property
     def place(self) -> str:
         """Where the worker was last, in its words."""
         return self._place.tobytes().rstrip(b"\0").decode("utf-8", "ignore")
 
-    def lost(self, how: Literal["hung", "died"], detail: str) -> LostCase | None:
+    def lost(self, how: Literal["hung", "died", "tampered"], detail: str) -> LostCase | None:
         """Return the case on which the worker was when it ended; None if it was on none."""
-        number = float(self._words[CASE])
-        if number == NO_CASE:
+        self._read()
+        if not 0.0 <= self._case < 2.0**53:
             return None
-        return LostCase(int(number), int(self._words[TIME]), how, detail)
+        time = float(self._words[TIME])
+        return LostCase(int(self._case), int(time) if 0.0 <= time < _FARTHEST else 0, how, detail)

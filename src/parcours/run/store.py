@@ -10,9 +10,13 @@ from __future__ import annotations
 import hashlib
 import io
 import json
+import os
+import tempfile
+import weakref
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import IO
 
 import numpy as np
 from numpy.lib.recfunctions import repack_fields
@@ -189,6 +193,52 @@ class Store:
             raise BadResults(str(self.folder), rule, "resume the campaign", slug="results-unfinished")
         parts = list(self)
         return np.concatenate(parts) if parts else np.zeros(0, self.campaign.dtype)
+
+
+_copies: weakref.WeakSet[IO[bytes]] = weakref.WeakSet()
+
+
+def _close_copies() -> None:
+    """Let no worker reach them."""
+    for copy in list(_copies):
+        copy.close()
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_close_copies)
+
+
+class Keeping:
+    """Keeps what is written while strangers' code runs, who may delete or change it, and puts it back in the end."""
+
+    def __init__(self, store: Store) -> None:
+        self._store = store
+        self._manifest = (store.folder / _MANIFEST).read_bytes()
+        self._copy: IO[bytes] = tempfile.TemporaryFile(dir=store.folder)  # noqa: SIM115 -- closed by put_back; has no name there
+        self._rows: dict[int, int] = {}
+        _copies.add(self._copy)
+
+    def write(self, shard: int, rows: Rows) -> None:
+        """Write a shard as `Store.write` does."""
+        self._store.folder.mkdir(parents=True, exist_ok=True)
+        self._store.write(shard, rows)
+        self._rows[shard] = self._copy.tell()
+        np.lib.format.write_array(self._copy, rows, allow_pickle=False)
+
+    def put_back(self) -> None:
+        """Write again what is not there any more as it was written."""
+        store = self._store
+        store.folder.mkdir(parents=True, exist_ok=True)
+        path = store.folder / _MANIFEST
+        if not path.exists() or path.read_bytes() != self._manifest:
+            write_atomically(path, self._manifest)
+        for shard, at in self._rows.items():
+            try:
+                store.read(shard)
+            except BadResults:
+                self._copy.seek(at)
+                store.write(shard, np.lib.format.read_array(self._copy, allow_pickle=False))
+        self._copy.close()
 
 
 def create(folder: Path, campaign: Campaign) -> Store:

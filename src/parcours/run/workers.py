@@ -4,29 +4,37 @@ parent                                  worker (one of several, replaced when it
   | item ------------------------------->|  task(*item)
   |<------------- ("heard", a value) ... |  tell(a value)
   |<- ("done", result) or ("raised", it) |
-  | shared memory: where the worker is   |  write_place, words
+  |<- pipe: which case it is at          |  enter, leave
+  | shared memory: how far, in words     |  words, write_place
   | end of the line ------------------->|  ends: also when the parent was killed
+
+Strangers' code is kept farther away: a keeper stands between (`parcours.run.keeper`), answers are read without running
+what they name, and a worker in which it has changed what others rely on ends itself (`parcours.run.canaries`).
 """
 
 from __future__ import annotations
 
 import contextlib
+import io
 import math
 import multiprocessing
 import os
+import pickle
 import signal
+import struct
 import sys
 import time
 import traceback
 from collections import deque
 from collections.abc import Callable, Generator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from multiprocessing.connection import Connection, wait
-from pickle import PicklingError
 from typing import Any, Generic, Literal, TypeVar
 
 from parcours.errors import BadRequest, HostFailure, ParcoursError
+from parcours.run import canaries as canaries
 from parcours.run.heartbeat import POLL, LostCase, Watch, new_block, share, write_place
+from parcours.run.keeper import can_keep, keep, memory_for_each
 
 R = TypeVar("R")
 _GRACE = 3.0
@@ -42,19 +50,23 @@ class Done(Generic[R]):
 
 @dataclass(frozen=True, slots=True)
 class Lost:
-    """Why an item has no result: its process hung and was ended, or died.
+    """Why an item has no result: its process hung and was ended, died, or ended itself as it was tampered with.
 
     Attributes:
-        how: which of the two.
+        how: which of them.
         status: exit status of the process; negative for a signal.
         place: where it was, in its own words.
         case: on which it was, if it said so.
+        entered: whether it had begun a case at all.
+        fresh: whether the item was its first.
     """
 
-    how: Literal["hung", "died"]
+    how: Literal["hung", "died", "tampered"]
     status: int
     place: str
     case: LostCase | None
+    entered: bool = field(default=False, compare=False)
+    fresh: bool = field(default=False, compare=False)
 
     @property
     def ending(self) -> str:
@@ -68,26 +80,40 @@ class _Worker:
     def __init__(self, crew: Crew[Any]) -> None:
         context: Any = multiprocessing.get_context("fork" if crew.forks else "spawn")
         self.line, theirs = context.Pipe()
+        self.said, says = context.Pipe(duplex=False)
+        lifeline, self.life = context.Pipe(duplex=False)
         block = new_block(context, crew.n_words)
         # A forked worker holds the parent's ends too, and would not see them close when the parent is killed.
-        held = [self.line, *(worker.line for worker in crew.staff)] if crew.forks else []
-        arguments = (theirs, crew.task, block, held, crew.own_group)
-        self.process = context.Process(target=_serve, args=arguments, daemon=True)
+        mine = [self, *crew.staff] if crew.forks else []
+        held = [end for worker in mine for end in (worker.line, worker.said, worker.life) if not end.closed]
+        self.kept = crew.strangers and can_keep()
+        run: Callable[..., None] = _serve_kept if self.kept else _serve
+        arguments: tuple[Any, ...] = (theirs, crew.task, block, says, lifeline, held, crew.own_group, crew.strangers)
+        if self.kept:
+            arguments = (memory_for_each(crew.size), *arguments)
+        self.process = context.Process(target=run, args=arguments, daemon=True)
         try:
             self.process.start()
-        except (AttributeError, TypeError, ImportError, ValueError, PicklingError) as error:
+        except (AttributeError, TypeError, ImportError, ValueError, pickle.PicklingError) as error:
             rule = f"what runs in workers must be importable there, but: {error}"
             remedy = "name it 'module:function', or use one worker"
             raise BadRequest("workers", rule, remedy, slug="not-picklable") from error
-        theirs.close()
-        self.watch = Watch(block, crew.patience)
+        for end in (theirs, says, lifeline):
+            end.close()
+        os.set_blocking(self.said.fileno(), False)
+        # A descriptor of the process itself: the line is kept open by whatever it has started.
+        self.ended: int = os.pidfd_open(self.process.pid) if can_keep() else self.process.sentinel
+        self.watch = Watch(block, self.said.fileno(), crew.patience)
         self.key: int | None = None
+        self.n_items = 0
         self.hung = False
-        self._own_group = crew.own_group
+        self._own_group, self._strangers = crew.own_group, crew.strangers
+        self._said = bytearray()
 
     def start(self, key: int, item: tuple[Any, ...]) -> None:
         self.key = key
-        self.watch.restart()
+        self.n_items += 1
+        self.watch.begin()
         with contextlib.suppress(OSError):  # it is dead: the next wait finds the end of its line
             self.line.send(item)
 
@@ -95,22 +121,71 @@ class _Worker:
         self.hung = self.watch.has_hung()
         return self.hung
 
+    def heard(self) -> tuple[str, Any] | None:
+        """Return what it says, None if it has not said all of it. Raises EOFError, OSError, UnpicklingError."""
+        if not self._strangers:
+            return self.line.recv()  # type: ignore[no-any-return]
+        if not self.has_whole():
+            said = os.read(self.line.fileno(), _CHUNK)  # never waits: half a message may be all that comes
+            if not said:
+                raise EOFError
+            self._said += said
+            if not self._said.startswith(_MARK[: len(self._said)]):
+                raise pickle.UnpicklingError("not a message")
+            if not self.has_whole():
+                return None
+        (length,) = _LENGTH.unpack_from(self._said, len(_MARK))
+        end = _BEGUN + length
+        whole = bytes(self._said[_BEGUN:end])
+        del self._said[:end]
+        return _plain(whole)
+
+    def has_whole(self) -> bool:
+        """Return whether a whole message of it was read that was not heard yet."""
+        n = len(self._said)
+        return n >= _BEGUN and n - _BEGUN >= _LENGTH.unpack_from(self._said, len(_MARK))[0]
+
+    def wait(self, seconds: float) -> None:
+        """Give it that long to end [s]."""
+        if self.process.exitcode is None:
+            wait([self.ended], seconds)
+
     def kill(self) -> None:
-        if self._own_group:
+        self.life.close()
+        if self.kept:  # its keeper ends all that it has started, unless it is ended itself
+            with contextlib.suppress(OSError):
+                os.kill(self.process.pid, signal.SIGCONT)
+            self.wait(_GRACE)
+            if self.process.exitcode in (None, -signal.SIGKILL) and self.watch.process:
+                with contextlib.suppress(OSError):
+                    os.killpg(self.watch.process, signal.SIGKILL)
+        elif self._own_group:
             with contextlib.suppress(OSError):
                 os.killpg(self.process.pid, signal.SIGKILL)  # what it started, too
         self.process.kill()
+        self.process.join()
 
     def lost(self) -> Lost:
         """End it if need be, and return how it ended."""
         if not self.hung:
-            self.process.join(_GRACE)
+            self.wait(_GRACE)
         self.kill()
-        self.process.join()
-        self.line.close()
-        how: Literal["hung", "died"] = "hung" if self.hung else "died"
-        lost = Lost(how, self.process.exitcode or 0, self.watch.place, None)
-        return replace(lost, case=self.watch.lost(how, "" if self.hung else lost.ending))
+        status, place = self.process.exitcode or 0, self.watch.place
+        how: Literal["hung", "died", "tampered"] = "hung" if self.hung else "died"
+        if how == "died" and status == canaries.TAMPERED and place.startswith(canaries.CHANGED):
+            how = "tampered"
+        lost = Lost(how, status, place, None)
+        case = self.watch.lost(how, {"hung": "", "died": lost.ending}.get(how, place))
+        lost = replace(lost, case=case, entered=self.watch.entered, fresh=self.n_items == 1)
+        self.close()
+        return lost
+
+    def close(self) -> None:
+        """Close all ends of this side, once the process has ended."""
+        for end in (self.line, self.said, self.life):
+            end.close()
+        if can_keep():
+            os.close(self.ended)
 
 
 class Crew(Generic[R]):
@@ -126,20 +201,21 @@ class Crew(Generic[R]):
         n_words: size of the array that a worker shares (`parcours.run.heartbeat`).
         patience: how long a worker may give no sign of life while it is on no case [s of wall clock].
         own_group: a worker leads a process group, which ends with it: for tasks that start programs.
+        strangers: the task runs code of others, which may do anything: a worker ends with all that it has started.
         once: a worker does one item only, so that whatever it leaves behind in its process is gone with it.
         heard: called with what a task says by `tell`.
     """
 
     def __init__(
         self, task: Callable[..., R], size: int, *, forks: bool = False, n_words: int = 0,
-        patience: float = math.inf, own_group: bool = False, once: bool = False,
+        patience: float = math.inf, own_group: bool = False, strangers: bool = False, once: bool = False,
         heard: Callable[[Any], None] = lambda value: None,
     ) -> None:  # fmt: skip
         self.task, self.forks, self.n_words = task, forks and can_fork(), n_words
-        self.patience, self.own_group = patience, own_group
+        self.patience, self.own_group, self.strangers = patience, own_group, strangers
         self.staff: list[_Worker] = []
         self.pending: deque[tuple[int, tuple[Any, ...]]] = deque()
-        self._size, self._once, self._heard = size, once, heard
+        self.size, self._once, self._heard = size, once, heard
         self._looks = n_words > 0 or patience < math.inf
 
     def answers(self) -> Generator[tuple[int, Done[R] | Lost | Exception], None, None]:
@@ -152,21 +228,22 @@ class Crew(Generic[R]):
             for worker in self.staff:
                 if worker.key is None and self.pending:
                     worker.start(*self.pending.popleft())
-            while self.pending and len(self.staff) < self._size:
+            while self.pending and len(self.staff) < self.size:
                 self.staff.append(_Worker(self))
                 self.staff[-1].start(*self.pending.popleft())
             busy = [worker for worker in self.staff if worker.key is not None]
             if not busy:
                 return
-            ready = wait([worker.line for worker in busy], POLL if self._looks else None)
+            ends: list[Any] = [end for worker in busy for end in (worker.line, worker.ended)]
+            ready = wait(ends, POLL if self._looks else None)
             looks = self._looks and time.monotonic() - looked >= POLL  # neighbours that finish often end the wait early
             looked = time.monotonic() if looks else looked
             for worker in busy:
                 answer = None
-                if worker.line in ready:
+                if worker.line in ready or worker.line.poll():
                     answer = self._answer(worker)
-                elif looks and (worker.has_hung() or worker.process.exitcode is not None):
-                    answer = self._lost(worker)  # its line may be kept open by a child of its own
+                elif worker.ended in ready or (looks and worker.has_hung()):
+                    answer = self._lost(worker)
                 if answer is not None:
                     key, worker.key = worker.key, None
                     assert key is not None
@@ -175,15 +252,23 @@ class Crew(Generic[R]):
                     yield key, answer
 
     def _answer(self, worker: _Worker) -> Done[R] | Lost | Exception | None:
-        try:
-            kind, value = worker.line.recv()
-        except (EOFError, OSError):
-            return self._lost(worker)
-        if kind == "heard":
+        while True:
+            try:
+                said = worker.heard()
+            except (EOFError, OSError):
+                return self._lost(worker)
+            except Exception:  # strangers have written there
+                worker.kill()
+                return self._lost(worker)
+            if said is None:
+                return None
+            kind, value = said
+            if kind != "heard":
+                return Done(value) if kind == "done" else value
             worker.watch.restart()
             self._heard(value)
-            return None
-        return Done(value) if kind == "done" else value
+            if not worker.has_whole():
+                return None
 
     def _lost(self, worker: _Worker, *, ended: bool = False) -> Lost:
         self.staff.remove(worker)
@@ -199,9 +284,9 @@ class Crew(Generic[R]):
                 worker.kill()
         until = time.monotonic() + _GRACE
         for worker in self.staff:
-            worker.process.join(max(until - time.monotonic(), 0.0))
+            worker.wait(max(until - time.monotonic(), 0.0))
             worker.kill()  # foreign code may have left threads that do not end
-            worker.process.join()
+            worker.close()
         self.staff.clear()
 
 
@@ -218,55 +303,120 @@ def failure_of(where: str, error: Exception, slug: str = "shard-raised") -> Parc
 
 
 _line: Connection | None = None
+_strangers = False
+_MARK, _LENGTH, _CHUNK = b"parcours", struct.Struct("<Q"), 1 << 20  # of a message whose sender may be anybody
+_BEGUN = len(_MARK) + _LENGTH.size
 
 
 def tell(value: object) -> None:
     """Say something to the parent in the middle of an item; that is a sign of life, too."""
     if _line is not None:
-        _line.send(("heard", value))
+        _say(("heard", value))
+
+
+def _say(message: tuple[str, object]) -> None:
+    """Send a message to the parent. Raises what pickle does if it cannot be sent."""
+    assert _line is not None
+    if not _strangers:
+        _line.send(message)
+        return
+    packed = pickle.dumps(message, protocol=4)
+    left = memoryview(_MARK + _LENGTH.pack(len(packed)) + packed)
+    while left:
+        left = left[os.write(_line.fileno(), left) :]
+
+
+def is_worker() -> bool:
+    """Return whether this process does tasks for another one."""
+    return _line is not None
+
+
+class _Plain(pickle.Unpickler):
+    """Reads values of ours, of NumPy's and plain ones, and calls nothing else."""
+
+    def find_class(self, module: str, name: str) -> Any:
+        package = module.partition(".")[0]
+        if (module, name) in _PLAIN or (package == "numpy" and name in _OF_NUMPY) or package.startswith("parcours"):
+            found = super().find_class(module, name) if module in sys.modules else None
+            if isinstance(found, type) or name in _FUNCTIONS:
+                return found
+        raise pickle.UnpicklingError(f"{module}.{name}")
+
+
+_FUNCTIONS = ("_rebuild", "_reconstruct", "_frombuffer", "scalar")
+_PLAIN = {("builtins", name) for name in ("Exception", "set", "frozenset", "complex", "bytearray", "slice")}
+_OF_NUMPY = ("_reconstruct", "_frombuffer", "scalar", "ndarray", "dtype")
+
+
+def _plain(said: bytes) -> tuple[str, Any]:
+    """Return the kind and the value of what a worker said whom nobody trusts."""
+    kind, value = _Plain(io.BytesIO(said)).load()
+    if kind not in ("done", "raised", "heard") or (kind == "raised" and not isinstance(value, Exception)):
+        raise pickle.UnpicklingError(f"{kind!r}")
+    return kind, value
+
+
+def _serve_kept(memory: int, line: Connection, *more: Any) -> None:
+    """Serve with a keeper around it."""
+    *_, says, lifeline, held, _, _ = more
+    for end in held:
+        end.close()
+    others = (line.fileno(), says.fileno())
+    keep(lifeline.fileno(), others, memory, lambda: _serve(line, *more))
 
 
 def _serve(
-    line: Connection, task: Callable[..., object], block: Any, held: Sequence[Connection], own_group: bool
-) -> None:
+    line: Connection, task: Callable[..., object], block: Any, says: Connection, lifeline: Connection,
+    held: Sequence[Connection], own_group: bool, strangers: bool,
+) -> None:  # fmt: skip
     """Do the task until the line ends: also when the parent was killed, so that no worker is left behind."""
-    global _line
-    _line, pid = line, os.getpid()
-    if own_group:
+    global _line, _strangers
+    _line, _strangers, pid = line, strangers, os.getpid()
+    if own_group and os.getpgid(0) != pid:
         os.setpgrp()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's to handle
     signal.signal(signal.SIGTERM, signal.SIG_DFL)  # a forked worker has the parent's handler
     multiprocessing.current_process().daemon = False  # a task may have workers of its own
-    for theirs in held:
-        theirs.close()
+    for end in held:
+        end.close()
     with contextlib.suppress(OSError, ValueError):
         os.dup2(sys.stderr.fileno(), 1)  # standard output is the parent's, who may write JSON there
     sys.stdout = sys.stderr
-    share(block)
+    share(block, says.fileno())
+    if strangers and os.name == "posix":
+        canaries.place((line.fileno(), says.fileno()))
     with contextlib.suppress(EOFError, OSError):
         while True:
             item = line.recv()
             write_place("")
-            answer = _tried(task, item)
+            answer = _tried(task, item, strangers)
             if os.getpid() != pid:
                 os._exit(0)  # a child that a component forked came back into our code: it answers for nobody
+            if strangers:
+                canaries.require_unchanged()
             try:
-                line.send(answer)
-            except (TypeError, AttributeError, PicklingError) as error:
-                line.send(("raised", Exception(f"{type(error).__name__}: {error}")))
+                _say(answer)
+            except (TypeError, AttributeError, pickle.PicklingError) as error:
+                _say(("raised", Exception(f"{type(error).__name__}: {error}")))
 
 
-def _tried(task: Callable[..., object], item: tuple[Any, ...]) -> tuple[str, object]:
+def _tried(task: Callable[..., object], item: tuple[Any, ...], strangers: bool) -> tuple[str, object]:
     try:
         return "done", task(*item)
-    except Exception as error:
+    except BaseException as error:
+        if not strangers and not isinstance(error, Exception):
+            raise
         return "raised", described(error)
 
 
-def described(error: Exception) -> Exception:
+def described(error: BaseException) -> Exception:
     """Return an error of ours as it is, and of any other its type, its text and the place that raised it."""
-    if isinstance(error, ParcoursError):
+    if isinstance(error, ParcoursError) and type(error).__module__.partition(".")[0].startswith("parcours"):
         return error
-    last = traceback.extract_tb(error.__traceback__)[-1]
-    place = f"in {last.name}, {last.filename.rpartition('/')[2]}:{last.lineno}"
-    return Exception(f"{type(error).__name__}: {error} ({place})")
+    frames = [(frame.f_code, line) for frame, line in traceback.walk_tb(error.__traceback__)]
+    code, line = frames[-1]
+    try:
+        said = f"{type(error).__name__}: {error}"
+    except BaseException:
+        said = type(error).__name__
+    return Exception(f"{said} (in {code.co_name}, {code.co_filename.rpartition('/')[2]}:{line})")

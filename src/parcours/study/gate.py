@@ -2,6 +2,7 @@
 
     condition = [statistic "("] measure [")"] ("<" | "<=" | ">" | ">=") number ["%"] ["with" number "% confidence"]
     statistic = "mean" | "median" | "min" | "max" | "p" number
+    measure   = name | ("violated" | "robustness") "(" requirement ")"
 
 A rate is the share of the cases; of a quantity the mean is taken if nothing is said. The interval is printed beside the
 figure (Wilson's of a rate, Student's of a mean, by ranks of a quantile). The condition is asked of the figure itself,
@@ -25,8 +26,10 @@ from parcours.study.protocol import Measure, Results
 from parcours.verdict.judgement import Verdict
 from parcours.verdict.statistics import holm, mcnemar, wilson
 
+_STATISTIC = r"(?P<statistic>mean|median|min|max|p[0-9]{1,2}(?:\.[0-9]+)?)"
+_MEASURE = r"(?:(?:violated|robustness)\s*\(\s*[A-Za-z_][A-Za-z0-9_.-]*\s*\)|[A-Za-z_][A-Za-z0-9_]*)"
 _CONDITION = re.compile(
-    r"\s*(?:(?P<statistic>mean|median|min|max|p[0-9]{1,2}(?:\.[0-9]+)?)\s*\(\s*)?(?P<measure>[A-Za-z_][A-Za-z0-9_]*)\s*\)?"
+    rf"\s*(?:{_STATISTIC}\s*\(\s*(?P<inner>{_MEASURE})\s*\)|(?P<measure>{_MEASURE}))"
     r"\s*(?P<relation><=|>=|<|>)\s*(?P<limit>-?[0-9]+(?:\.[0-9]*)?(?:[eE][-+]?[0-9]+)?)\s*(?P<percent>%)?"
     r"(?:\s+with\s+(?P<confidence>[0-9]+(?:\.[0-9]+)?)\s*%\s+confidence)?\s*"
 )
@@ -112,7 +115,7 @@ def _figure(values: NDArray[np.float64], statistic: str, confidence: float) -> F
 def parse_condition(text: str) -> Condition:
     """Return the condition of a text. Raises BadRequest if it is not one."""
     match = _CONDITION.fullmatch(text)
-    if match is None or (match["statistic"] is None) != (")" not in text.partition("with")[0]):
+    if match is None:
         rule = f"must be a measure compared with a number, but is {text!r}"
         remedy = 'write "failed > 1%", "errors > 0" or "p95(duration) > 0.02"'
         raise BadRequest("--fail-if", rule, remedy, slug="gate-form")
@@ -121,7 +124,8 @@ def parse_condition(text: str) -> Condition:
         rule = f"a confidence must be from 50 % to below 100 %, but is {match['confidence']} %"
         raise BadRequest("--fail-if", rule, slug="gate-form")
     limit = float(match["limit"]) / (100.0 if match["percent"] else 1.0)
-    return Condition(text.strip(), match["measure"], match["relation"], limit, match["statistic"] or "", confidence)
+    measure = "".join((match["inner"] or match["measure"]).split())
+    return Condition(text.strip(), measure, match["relation"], limit, match["statistic"] or "", confidence)
 
 
 @dataclass(frozen=True, slots=True)

@@ -60,7 +60,7 @@ def begin(world: Record, obstacles: Record) -> None:
 
 
 @kernel
-def _bring(obstacle: Record, now: int) -> None:
+def bring(obstacle: Record, now: int) -> None:
     """Put the obstacle where it is at `now` [ns], unless it is there already."""
     before = obstacle.now
     obstacle.now = now
@@ -100,6 +100,12 @@ def _meet(world: Record, obstacle: Record, x0: float, y0: float, x1: float, y1: 
     if world.solid:
         obstacle.stop = min(obstacle.stop, world.now)
         obstacle.v = obstacle.w = 0.0
+    note_contact(world, when, closer)
+
+
+@kernel
+def note_contact(world: Record, when: int, closer: int) -> None:
+    """Count a contact at `when` [ns] by who closed the gap."""
     if world.t_contact == NEVER:
         world.t_contact = when
     if closer == ROBOT_CLOSED:
@@ -129,13 +135,13 @@ def advance(world: Record, obstacles: Record, until: int) -> None:
         for i in range(len(obstacles)):
             obstacle = obstacles[i]
             if world.now > obstacle.apart:
-                _bring(obstacle, world.now - TICK)
+                bring(obstacle, world.now - TICK)
                 gap_x, gap_y = obstacle.x - x, obstacle.y - y
-                _bring(obstacle, world.now)
+                bring(obstacle, world.now)
                 _meet(world, obstacle, gap_x, gap_y, obstacle.x - robot.x, obstacle.y - robot.y)
         if world.t_goal == NEVER:
             to_x, to_y = world.goal_x - robot.x, world.goal_y - robot.y
             if to_x * to_x + to_y * to_y < world.goal_tolerance * world.goal_tolerance:
                 world.t_goal = world.now
     for i in range(len(obstacles)):
-        _bring(obstacles[i], world.now)
+        bring(obstacles[i], world.now)

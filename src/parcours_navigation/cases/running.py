@@ -2,28 +2,69 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from parcours.data import InputModel
 from parcours.run.store import Campaign
-from parcours_navigation.cases.family import SystemCases
+from parcours.suite import Case
+from parcours_navigation.requirements.requirement import Requirements
 
 Track = tuple[NDArray[np.void], NDArray[np.void], NDArray[np.float64]]
 """Of one case: facts, array of FACTS of shape (1,); track, array of TRACK, shape (n,); places, shape (n, k, 2) [m]."""
+
+
+class Family(Protocol):
+    """A numbered, endless family of cases."""
+
+    @property
+    def seed(self) -> int:
+        """The campaign's."""
+
+    @property
+    def protocol(self) -> str:
+        """How obstacles move, in a word."""
+
+    @property
+    def inputs(self) -> InputModel:
+        """What is drawn for each case."""
+
+    def id(self, number: int) -> str:
+        """Return the stable id of a case."""
+
+    def number(self, id: str) -> int | None:
+        """Return the number of a case by its id."""
+
+    def vector(self, number: int) -> tuple[int, ...]:
+        """Return the start vector of a case."""
+
+    def values(self, numbers: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Return the drawn values of the cases, shape (n, n_inputs)."""
+
+    def suite(self, n_cases: int | None = None) -> Iterator[Case]:
+        """Yield the cases."""
+
+    def end(self, time_limit: float) -> float:
+        """Return when a test of that length ends [s]."""
 
 
 class CaseStudy(Protocol):
     """A planner on one family of cases, whatever loop runs it; callable as a campaign's `simulate`."""
 
     @property
-    def cases(self) -> SystemCases:
+    def cases(self) -> Family:
         """The family of cases."""
 
     @property
     def answers(self) -> str:
         """In words how long the planner's work takes in the simulated world; empty: as the scenario says."""
+
+    @property
+    def requirements(self) -> Requirements:
+        """What is required of every case beside the sound outcome."""
 
     @property
     def heartbeat_words(self) -> int:

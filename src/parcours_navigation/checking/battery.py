@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 from parcours.errors import require_known
 from parcours.report.pieces import Cell, Column, Table
+from parcours.run import canaries as canaries
 from parcours.run.workers import Crew, Done, Lost, failure_of, tell
 from parcours_navigation.checking import conduct, form, geometry, memory
 from parcours_navigation.checking.remark import Level, OutOfPatience, Remark, error, warning
@@ -147,8 +148,8 @@ def check_apart(
 ) -> Report:
     """Return what `run_battery` finds of a planner in a process of its own, also where it ends or blocks that process.
 
-    The process is ended when a check takes `grace` [s] longer than its patience. Raises BadRequest if the planner's
-    name leads nowhere, or a check is unknown.
+    The process is ended when a check takes `grace` [s] longer than its patience, and ends itself after a check in which
+    the planner has changed it. Raises BadRequest if the planner's name leads nowhere, or a check is unknown.
     """
     wanted = list(CHECKS) if names is None else list(names)
     done = -1  # while it is loaded
@@ -158,7 +159,8 @@ def check_apart(
         done = said[1]
         progress(*said)
 
-    with contextlib.closing(Crew(_check, 1, patience=patience + grace, heard=heard)) as crew:
+    crew = Crew(_check, 1, forks=True, patience=patience + grace, strangers=True, heard=heard)
+    with contextlib.closing(crew):
         crew.pending.append((0, (planner, names, patience)))
         [(_, answer)] = crew.answers()
     if isinstance(answer, Done):
@@ -168,8 +170,10 @@ def check_apart(
     if answer.how == "hung":
         seen = f"no sign of life for {patience + grace:g} s, and no signal ended it"
         found = error("process-hangs", seen, "look for endless loops in compiled code, or give it more patience")
+    elif answer.how == "tampered":
+        found = error("process-changed", f"it {answer.place}", "leave modules, descriptors and limits as they are")
     else:
-        seen = f"it ended the process that it was checked in, with exit code {answer.status}"
+        seen = f"it ended the process that it was checked in: it {answer.ending}"
         found = error("process-dies", seen, "look for crashes of compiled code, and for calls of os._exit")
     check = wanted[done] if 0 <= done < len(wanted) else ""
     where, made = f"in {check}" if check else "while it was loaded", max(done, 0)
@@ -178,7 +182,13 @@ def check_apart(
 
 
 def _check(planner: str, names: Sequence[str] | None, patience: float) -> Report:
-    return run_battery(load_subject(planner), names, patience=patience, progress=lambda *said: tell(said))
+    def said(*what: object) -> None:
+        canaries.require_unchanged()
+        tell(what)
+
+    subject = load_subject(planner)
+    canaries.accept()
+    return run_battery(subject, names, patience=patience, progress=said)
 
 
 def report_lines(report: Report) -> str:

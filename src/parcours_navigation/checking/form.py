@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import inspect
 import io
-import traceback
 from collections.abc import Iterator
 
 from parcours.errors import BadRequest
@@ -14,6 +13,7 @@ from parcours_navigation.checking.remark import OutOfPatience, Remark, error, no
 from parcours_navigation.checking.scenes import copied, script, standard_task
 from parcours_navigation.checking.subject import Speeds, Subject, load_subject, replayed
 from parcours_navigation.guests.answers import BadAnswer, read_answer
+from parcours_navigation.guests.raised import place, said
 
 _PATIENCE = 60.0
 """How long a process of its own may take to answer a script [s]."""
@@ -93,12 +93,14 @@ def same_in_own_process(subject: Subject) -> Iterator[Remark]:
         yield note("not-found-elsewhere", "it has no name that another process could find it by, so that was not tried")
         return
     task = standard_task()
-    with contextlib.closing(Crew(_answer_script, 1, patience=_PATIENCE)) as crew:
+    with contextlib.closing(Crew(_answer_script, 1, patience=_PATIENCE, strangers=True)) as crew:
         crew.pending.append((0, (subject.name,)))
         [(_, answer)] = crew.answers()
     if isinstance(answer, Lost):
-        if answer.how == "died":
-            seen = f"a process of its own died with exit code {answer.status} before it had answered"
+        if answer.how == "tampered":
+            yield error("process-changed", f"it {answer.place}", "leave modules, descriptors and limits as they are")
+        elif answer.how == "died":
+            seen = f"a process of its own died before it had answered: it {answer.ending}"
             yield error("process-dies", seen, "look for crashes of compiled code, and for calls of sys.exit")
         else:
             remedy = "look for waiting and endless loops in reset and observe"
@@ -150,6 +152,5 @@ def where_raised(raised: BaseException) -> str:
     >>> where_raised(ValueError("no way"))
     'ValueError: no way'
     """
-    frames = traceback.extract_tb(raised.__traceback__)
-    place = f" (in {frames[-1].name}, {frames[-1].filename.rpartition('/')[2]}:{frames[-1].lineno})" if frames else ""
-    return f"{type(raised).__name__}: {raised}{place}".replace("\n", " ")
+    name, where = place(raised)
+    return f"{said(raised)} (in {name}, {where})" if where else said(raised)

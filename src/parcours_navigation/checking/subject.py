@@ -15,10 +15,10 @@ from parcours.errors import BadRequest
 from parcours_navigation.arena.obstacles import OBSTACLE
 from parcours_navigation.arena.world import NEVER, WORLD, advance, begin
 from parcours_navigation.checking.scenes import observation
-from parcours_navigation.guests import tracking
 from parcours_navigation.guests.answers import read_answer
 from parcours_navigation.guests.planners import SHIPPED, load_planner, source_digest
 from parcours_navigation.protocol import HEADING, Floats, Observation, Task, X, Y
+from parcours_navigation.stage import tracking
 
 Speeds = tuple[float, float]
 """Forward speed [m/s] and yaw rate [rad/s]."""
@@ -66,7 +66,7 @@ class Slot:
         """
         answer = self.answer(observation)
         if answer is not None:
-            v, w, self._followed = read_answer(answer)
+            v, w, self._followed, _ = read_answer(answer)
             self._held = v, w
         if self._followed is not None:
             x, y, heading = (float(observation.robot[k]) for k in (X, Y, HEADING))

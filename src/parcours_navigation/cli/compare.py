@@ -20,16 +20,22 @@ from parcours.cli.options import PATH, as_json, count, print_json, seed, workers
        help="How many of the first cases are run again, to be scored as the code of published benchmarks "
        "does.")  # fmt: skip
 @count("--timed", default=3, least=0, help="On how many of the first cases decisions are timed.")
+@click.option("--require", multiple=True, help="What must hold of every case: 'keeps-away: always clearance > 0.05'. "
+              "Can be given several times.")  # fmt: skip
+@click.option("--fail", multiple=True, help="A case of which this holds has failed: 'travelled > 4 or time > 30'.")
 @seed
 @workers
+@click.option("--world", default="", metavar="NAME|FILE",
+              help="A shipped world or a .yaml file, instead of the paper's arena.")  # fmt: skip
 @click.option("--out", type=PATH, default=Path("out/compare"), show_default=True,
               help="Folder for the campaigns; resumed if it holds some.")  # fmt: skip
 @click.option("--html", type=PATH, help="Write one self-contained page.")
 @click.option("--markdown", is_flag=True, help="Print the tables of results as Markdown, and nothing else.")
 @as_json
 def command(
-    planners: tuple[str, ...], cases: int, protocol: str, command_delay: float, measured: int, timed: int, seed: int,
-    workers: int, out: Path, html: Path | None, markdown: bool, as_json: bool,
+    planners: tuple[str, ...], cases: int, protocol: str, command_delay: float, world: str, measured: int, timed: int,
+    require: tuple[str, ...], fail: tuple[str, ...], seed: int, workers: int, out: Path, html: Path | None,
+    markdown: bool, as_json: bool,
 ) -> None:  # fmt: skip
     """Run PLANNERS on the same cases, and test each against the first; or compare folders of runs that are there.
 
@@ -56,6 +62,7 @@ def command(
     from parcours_navigation.comparison.page import compare_page
     from parcours_navigation.comparison.running import Interrupted, run_comparison
     from parcours_navigation.comparison.tables import to_markdown_page
+    from parcours_navigation.requirements.requirement import read_requirements
 
     if markdown and as_json:
         rule = "either --json or --markdown can be printed, but both are asked for"
@@ -64,8 +71,9 @@ def command(
     try:
         with progress() as show:
             results = run_comparison(
-                planners, out.absolute(), n_cases=cases, seed=seed, workers=workers, protocol=protocol,  # type: ignore[arg-type]
-                command_delay=command_delay, measured=measured, timed=timed, progress=show,
+                planners, out.absolute(), n_cases=cases, seed=seed, workers=workers, world=world, protocol=protocol,  # type: ignore[arg-type]
+                command_delay=command_delay, measured=measured, timed=timed,
+                requirements=read_requirements("\n".join(require), "\n".join(fail)), progress=show,
             )  # fmt: skip
     except Interrupted as stopped:
         click.echo(str(stopped), err=True)

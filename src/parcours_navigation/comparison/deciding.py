@@ -6,7 +6,7 @@ import contextlib
 import math
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,12 +14,14 @@ from parcours.errors import ParcoursError
 from parcours.run import heartbeat as heartbeat
 from parcours.run.workers import Crew, Done, Lost, failure_of
 from parcours_navigation.arena.obstacles import move
+from parcours_navigation.cases.family import SystemCases
 from parcours_navigation.comparison.results import DecisionTimes
 from parcours_navigation.facts import TRACK_PERIOD
 from parcours_navigation.guests.deadline import FIRST_CASE
-from parcours_navigation.guests.host import planner_seed
-from parcours_navigation.guests.planners import load_planner
-from parcours_navigation.protocol import Observation, Task
+from parcours_navigation.guests.host import Host, planner_seed
+from parcours_navigation.guests.planner_facts import FACTS
+from parcours_navigation.guests.planners import Plugin, load_planner
+from parcours_navigation.protocol import Answer, Observation, Task
 from parcours_navigation.study.study import NavigationStudy
 
 
@@ -37,7 +39,10 @@ def decision_times(
     faults: list[str] = []
     forks = len(numbers) > 0 and study.prepare()
     try:
-        work = Crew(_TimeCase(study, patience), 1, forks=forks, n_words=study.heartbeat_words)
+        work = Crew(
+            _TimeCase(study, patience), 1, forks=forks, n_words=study.heartbeat_words, strangers=True,
+            patience=study.patience_to_load,
+        )  # fmt: skip
         with contextlib.closing(work) as crew:
             crew.pending.extend((number, (number,)) for number in numbers)
             for number, answer in crew.answers():
@@ -45,7 +50,8 @@ def decision_times(
                     taken += answer.result[0]
                     faults += [answer.result[1]] if answer.result[1] else []
                 elif isinstance(answer, Lost):
-                    faults.append("did not answer" if answer.how == "hung" else f"died: its process {answer.ending}")
+                    how = {"hung": "did not answer", "died": f"died: its process {answer.ending}"}
+                    faults.append(how.get(answer.how, answer.place))
                 else:
                     raise failure_of(f"the timing of case {number}", answer)
                 if time.monotonic() - begun > patience:
@@ -70,9 +76,9 @@ class _TimeCase:
 
     def __call__(self, number: int) -> tuple[list[float], str]:
         """Return the times of one case [us], and what went wrong, or ""."""
-        words = heartbeat.words(self.study.heartbeat_words)
-        _at(words, number, -1.0, FIRST_CASE * self.study.scenario.call_timeout)  # it is loaded here
-        plugin = load_planner(self.study.located)
+        plugin = load_planner(self.study.found_as)
+        if not isinstance(self.study.cases, SystemCases):
+            return self._in_world(plugin, number)
         facts, track, _ = self.study.track(number)
         if facts[0]["error"]:
             return [], f"failed: {facts[0]['reason'].decode('utf-8', 'replace')}"
@@ -82,12 +88,12 @@ class _TimeCase:
         try:
             for count in (1, len(seen)):
                 taken = []
-                _at(words, number, -1.0, limit)
+                heartbeat.enter(number, limit)
                 if plugin.reset is not None:
                     plugin.reset(seen[0].task)
                 begun = time.perf_counter()
                 for observation in seen[:count]:
-                    _at(words, number, observation.time, FIRST_CASE * limit if count == 1 else limit)
+                    heartbeat.enter(number, FIRST_CASE * limit if count == 1 else limit)
                     before = time.perf_counter()
                     plugin.observe(observation)
                     after = time.perf_counter()
@@ -97,18 +103,30 @@ class _TimeCase:
         except BaseException as raised:  # also SystemExit
             wrong = f"raised {type(raised).__name__}"
         finally:
-            words[heartbeat.CASE] = heartbeat.NO_CASE
+            heartbeat.leave()
         return taken, wrong
 
+    def _in_world(self, plugin: Plugin, number: int) -> tuple[list[float], str]:
+        """Return the times of the decisions of one case of a world, run with the planner; the first does not count."""
+        taken: list[float] = []
 
-def _at(words: heartbeat.Words, number: int, now: float, limit: float) -> None:
-    """Tell the parent where this process is: the case, the time in it, and how long it may stay there [s]."""
-    words[heartbeat.TIME], words[heartbeat.LIMIT], words[heartbeat.CASE] = now * 1e9, limit, number
+        def observe(observation: Observation) -> Answer:
+            before = time.perf_counter()
+            answer = plugin.observe(observation)
+            taken.append((time.perf_counter() - before) * 1e6)
+            return answer
+
+        facts = np.zeros(1, FACTS)
+        host = Host(replace(plugin, observe=observe), self.study.setting(), self.study.heartbeat_words)
+        host.run(self.study.staged(np.array([number])), self.study.cases.seed, facts)
+        wrong = facts[0]["reason"].decode("utf-8", "replace") if facts[0]["error"] else ""
+        return taken[1:], f"failed: {wrong}" if wrong else ""
 
 
 def _observations(study: NavigationStudy, number: int, track: np.ndarray) -> list[Observation]:
     """Return what the planner saw where its track has an entry."""
     scenario = study.scenario
+    assert isinstance(study.cases, SystemCases)
     task = Task(
         scenario.goal, scenario.goal_tolerance, study.cases.robot_radius, scenario.limits, scenario.period,
         scenario.arena, planner_seed(study.cases.seed, number),

@@ -13,6 +13,7 @@ from parcours import __version__
 from parcours.verdict.statistics import Rate, quantiles, wilson
 from parcours_navigation.comparison.analysis import Analysis, PairTest, Standing
 from parcours_navigation.comparison.pairing import RateDifference
+from parcours_navigation.comparison.requiring import requirement_document
 from parcours_navigation.comparison.results import Floats
 
 FORMAT = "comparison/1"
@@ -23,7 +24,7 @@ _AT = (0.05, 0.25, 0.5, 0.75, 0.95)
 def comparison_document(found: Analysis) -> dict[str, object]:
     """Return the whole comparison as JSON values; what is not known is null."""
     can, cannot, made = found.solvable, found.unsolvable, found.results
-    document = {
+    document: dict[str, object] = {
         "parcours": FORMAT,
         "version": __version__,
         "cases": made.n_cases,
@@ -39,6 +40,8 @@ def comparison_document(found: Analysis) -> dict[str, object]:
         "tests_of_all_pairs": [_test(test) for test in found.every_test],
         "reached_where_other_did_not": found.beats.tolist(),
     }
+    if made.requirements:
+        document["requirements"] = requirement_document(made)
     return cast("dict[str, object]", _plain(document))
 
 

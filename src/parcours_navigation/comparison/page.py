@@ -8,6 +8,7 @@ from parcours.report.rates import intervals, shares
 from parcours.report.standings import arrivals, dominance
 from parcours_navigation.comparison import tables
 from parcours_navigation.comparison.analysis import Analysis
+from parcours_navigation.comparison.requiring import requirement_tables
 from parcours_navigation.outcomes import Outcome
 
 SLICES: dict[str, tuple[tuple[Outcome, ...], Tone]] = {
@@ -52,6 +53,7 @@ def compare_page(found: Analysis) -> Page:
         Section("How the cases ended", "", ended, "outcomes"),
         Section("The paper's results", "", (tables.paper_table(found),), "paper"),
         Section("Who beats whom", "", _rivalry(found), "tests"),
+        *(Section("Requirements", "", pieces, "requirements") for pieces in [requirement_tables(made)] if pieces),
         Section("Times and clearances", "", _times(found), "times"),
         Section("The way driven", "", (tables.measure_table(found),), "measures"),
         Section("Start vectors", "", (tables.vector_table(found),), "vectors"),

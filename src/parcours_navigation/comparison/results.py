@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 from parcours_navigation.arena.solvability import SOLVABLE, UNSOLVABLE
 from parcours_navigation.facts import NEVER
 from parcours_navigation.outcomes import Outcome, outcomes, published, touched
+from parcours_navigation.requirements.requirement import NO_REQUIREMENTS, Requirements
+from parcours_navigation.requirements.tables import Violations
 from parcours_navigation.study.distribution import measured, reached, sct_of
 
 Facts = NDArray[np.void]
@@ -45,6 +47,8 @@ class Contender:
     measures: Facts | None = None  # array of MEASURES, shape (n_cases,), NaN where its own error ended the case
     published: Facts | None = None  # array of PUBLISHED of the first cases, shape (n,), NaN likewise
     untimed: str = ""  # what went wrong while decisions were timed
+    robustness: Floats | None = None  # of each requirement in each case, shape (n_cases, n); None if none are asked
+    required: tuple[Violations, ...] = ()  # what became of each requirement and pass rule
 
     @property
     def outcomes(self) -> NDArray[np.int64]:
@@ -116,6 +120,7 @@ class Results:
     command_delay: float = 0.0  # from an answer to the robot, for planners that answer at once [s]
     oracle: Facts | None = None  # array of SOLVABILITY, shape (n_cases,); None if not asked
     survival: Floats | None = None  # how long a standing robot survives in each case, as a share
+    requirements: Requirements = NO_REQUIREMENTS  # of every case, beside the sound outcome
 
     @property
     def solvable(self) -> Flags | None:

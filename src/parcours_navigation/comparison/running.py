@@ -12,18 +12,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parcours.errors import BadRequest
-from parcours.run.campaign import Simulate, run_campaign
+from parcours.run.campaign import run_campaign
 from parcours.run.heartbeat import LostCase
 from parcours.run.store import Campaign, create
-from parcours_navigation.cases.family import TIME_LIMIT, WATCHED_ON, Protocol, SystemCases
+from parcours.run.strangers import Simulate
+from parcours_navigation.cases.family import LONGEST, TIME_LIMIT, WATCHED_ON, Protocol, SystemCases
 from parcours_navigation.cases.running import CaseStudy
 from parcours_navigation.comparison.deciding import decision_times
 from parcours_navigation.comparison.results import AT_ONCE, Contender, Results
 from parcours_navigation.facts import FACTS
 from parcours_navigation.guests.planners import own_loop
 from parcours_navigation.guests.scenario import Scenario
+from parcours_navigation.guests.staging import Cases
 from parcours_navigation.measures.one_case import measures_as_published
 from parcours_navigation.measures.table import PUBLISHED
+from parcours_navigation.requirements.judging import robustness
+from parcours_navigation.requirements.requirement import NO_REQUIREMENTS, Requirements
+from parcours_navigation.requirements.tables import violations_of
+from parcours_navigation.study.asking import world_cases
 from parcours_navigation.study.distribution import GOAL, oracle, survived
 from parcours_navigation.study.study import NavigationStudy, study_of
 
@@ -43,9 +49,11 @@ def run_comparison(
     seed: int = 1,
     workers: int = 1,
     protocol: Protocol = "table-vii",
+    world: str = "",
     command_delay: float = 0.0,
     measured: int = 200,
     timed: int = 3,
+    requirements: Requirements = NO_REQUIREMENTS,
     progress: Progress = lambda what, done, total: None,
 ) -> Results:
     """Run planners on the same cases and return what became of them. Interrupted work is resumed.
@@ -54,10 +62,12 @@ def run_comparison(
         names: of planners (`guests.planners`); the others are tested against the first.
         folder: gets one campaign a planner, and one of its cases as published code measures them.
         n_cases, seed, protocol: which cases.
+        world: in which they are, a shipped name or a file; nothing: the paper's arena.
         workers: processes.
         command_delay: from a planner's answer to the robot [s]; a planner with a loop of its own keeps its durations.
         measured: how many of the first cases are run again, to be measured as published benchmark code does.
         timed: on how many of the first cases without a planner's error its decisions are timed.
+        requirements: of every case, beside the sound outcome.
         progress: called as each part goes on.
 
     Raises:
@@ -65,8 +75,8 @@ def run_comparison(
         BadResults: the folder holds the campaign of other planners or cases under these names.
         Interrupted: Ctrl-C.
     """
-    cases = SystemCases(seed, protocol)
-    entries = _entries(names, cases, command_delay)
+    cases = world_cases({"world": world}, seed) if world else SystemCases(seed, protocol)
+    entries = _entries(names, cases, command_delay, requirements)
     plans: dict[str, tuple[Campaign, Path]] = {}
     for name, study in entries.items():  # refuse what cannot be resumed before anything is computed
         plans[name] = study.campaign(n_cases), folder / folder_name(name)
@@ -90,13 +100,15 @@ def run_comparison(
         contenders.append(
             Contender(
                 name, _fields(kept, FACTS), study.answers or at_once, _reasons(kept), decisions,
-                kept["measures"].copy(), published.get(name), untimed,
+                kept["measures"].copy(), published.get(name), untimed, robustness(kept, requirements).copy(),
+                violations_of(kept, requirements),
             )
         )  # fmt: skip
     vectors, numbers = tuple(str(cases.vector(number)) for number in range(n_cases)), np.arange(n_cases)
     known = oracle(cases, numbers, lambda done, total: progress("which cases are solvable", done, total))
     survival = survived(cases, numbers)
-    return Results(tuple(contenders), protocol, seed, n_cases, vectors, command_delay, known, survival)
+    made = tuple(contenders)
+    return Results(made, cases.protocol, seed, n_cases, vectors, command_delay, known, survival, requirements)
 
 
 def folder_name(planner: str) -> str:
@@ -116,7 +128,9 @@ def _fields(rows: NDArray[np.void], wanted: np.dtype[np.void]) -> NDArray[np.voi
     return plain
 
 
-def _entries(names: Sequence[str], cases: SystemCases, command_delay: float) -> dict[str, CaseStudy]:
+def _entries(
+    names: Sequence[str], cases: Cases, command_delay: float, requirements: Requirements
+) -> dict[str, CaseStudy]:
     """Return the study of each name, refusing names that cannot stand side by side."""
     taken: dict[str, str] = {}
     for name in names:
@@ -125,9 +139,11 @@ def _entries(names: Sequence[str], cases: SystemCases, command_delay: float) -> 
             raise BadRequest("compare", rule, "name other planners", slug="compare-twice")
     if not names:
         raise BadRequest("compare", "at least one planner is needed, but none given", slug="compare-none")
-    at_once = Scenario(time_limit=TIME_LIMIT, watched_on=WATCHED_ON)
+    limit = TIME_LIMIT if isinstance(cases, SystemCases) else LONGEST  # a world has a limit of its own
+    at_once = Scenario(time_limit=limit, watched_on=WATCHED_ON)
     given = replace(at_once, command_delay=command_delay)
-    return {name: study_of(name, cases, given if own_loop(name) is None else at_once) for name in names}
+    scenes = {name: given if own_loop(name) is None else at_once for name in names}
+    return {name: study_of(name, cases, scene, requirements) for name, scene in scenes.items()}
 
 
 def _run(
@@ -166,6 +182,15 @@ class Reproducing:
         """How many words a worker shares with its parent."""
         return self.study.heartbeat_words
 
+    @property
+    def patience_to_load(self) -> float:
+        """How long a worker may give no sign of life while it is on no case [s]."""
+        return float(getattr(self.study, "patience_to_load", np.inf))
+
+    def prepare(self) -> bool:
+        """Compile what every case needs; return whether workers may be forked then."""
+        return self.study.prepare()
+
     def without(self, lost: tuple[LostCase, ...]) -> Self:
         """Return the same, which does not run the lost cases."""
         return replace(self, lost=lost)
@@ -185,9 +210,15 @@ class Reproducing:
         facts, track, places = self.study.track(number)
         if facts[0]["error"]:
             return None
-        cases = self.study.cases
-        radii, until = np.full(places.shape[1], cases.obstacle_radius), int(facts[0]["t_end"])
-        return measures_as_published(track, places, radii, robot_radius=cases.robot_radius, goal=GOAL, until=until)
+        cases, until = self.study.cases, int(facts[0]["t_end"])
+        if isinstance(cases, SystemCases):
+            radii, radius, goal = np.full(places.shape[1], cases.obstacle_radius), cases.robot_radius, GOAL
+        else:
+            assert isinstance(self.study, NavigationStudy)
+            [one] = self.study.staged(np.array([number]))
+            radii, radius = one.scene.obstacles["radius"], one.task.robot_radius
+            goal = (one.task, *one.goals)[-1].goal
+        return measures_as_published(track, places, radii, robot_radius=radius, goal=goal, until=until)
 
     def campaign(self, campaign: Campaign, n_cases: int) -> Campaign:
         """Return the campaign that runs the first cases of a campaign again."""

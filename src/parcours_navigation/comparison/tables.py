@@ -12,6 +12,7 @@ from parcours.report.terminal import to_markdown
 from parcours.verdict.statistics import Rate, quantiles
 from parcours_navigation.comparison.analysis import Analysis, PairTest, Score, finite
 from parcours_navigation.comparison.pairing import RateDifference
+from parcours_navigation.comparison.requiring import requirement_tables
 from parcours_navigation.comparison.results import QUESTIONS, RULES, STUCK, Floats
 from parcours_navigation.outcomes import VERDICT_OF, Outcome
 from parcours_navigation.study.distribution import distribution_table
@@ -219,7 +220,8 @@ def _spread(values: Floats) -> Cell:
 
 def to_markdown_page(found: Analysis) -> str:
     """Return the paper's results, the outcomes and the measures in Markdown, ready for a document."""
-    tables, made = (paper_table(found), outcome_table(found), measure_table(found)), found.results
+    made = found.results
+    tables = (paper_table(found), outcome_table(found), *requirement_tables(made), measure_table(found))
     head = f"Seed {made.seed}, protocol {made.protocol}, {made.n_cases} cases, the same for all."
     return "\n\n".join([head, *(f"**{t.title}**\n\n{to_markdown(t)}\n\n{t.note}" for t in tables)])
 

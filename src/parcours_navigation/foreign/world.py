@@ -16,10 +16,13 @@ from numpy.typing import NDArray
 from parcours.run.binding.structure import System
 from parcours.run.binding.worlds import body, odometry
 from parcours_navigation.arena.obstacles import OBSTACLE
+from parcours_navigation.arena.robot import ROBOT
 from parcours_navigation.arena.world import TICK
 from parcours_navigation.cases.family import Protocol, SystemCases
 from parcours_navigation.facts import FACTS, NEVER
-from parcours_navigation.guests.loop import TIME, begin_case, freeze, goal_time, hold, memory_size, observed
+from parcours_navigation.stage.memory import TIME, lay, observed, size_of
+from parcours_navigation.stage.memory import Scene as Stage
+from parcours_navigation.stage.moving import begin_case, freeze, goal_time, hold
 
 Values = dict[str, object]
 
@@ -36,8 +39,6 @@ PLACES = {
 
 LIMITS = {"radius": 0.2, "v_max": 0.33, "w_max": 0.5 * math.pi, "a_max": 1.0, "alpha_max": 2.0 * math.pi / 3.0}
 """What the robot is where the binding says nothing [m, m/s, rad/s, m/s2, rad/s2]."""
-
-_WORDS = OBSTACLE.itemsize // 8
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,12 +59,12 @@ class Scene:
             return f"system/empty/{self.number}"
         return "system/" + SystemCases(self.seed, self.protocol).id(self.number).partition("/")[2]
 
-    def obstacles(self, radius: float) -> NDArray[np.float64]:
-        """Return the OBSTACLE records that a robot of some radius [m] meets, as float64 words."""
+    def obstacles(self, radius: float) -> NDArray[np.void]:
+        """Return the obstacles that a robot of some radius [m] meets, array of OBSTACLE, shape (n,)."""
         if self.protocol == "empty":
-            return np.zeros(0)
+            return np.zeros(0, OBSTACLE)
         found = SystemCases(self.seed, self.protocol, min(radius, 0.5)).obstacles(np.array([self.number]))[0]
-        return np.ascontiguousarray(found).view(np.float64)
+        return np.ascontiguousarray(found)
 
 
 def robot_values(x: float, y: float, heading: float, v: float, w: float, radius: float) -> Values:
@@ -82,11 +83,15 @@ class ForeignWorld:
     def __init__(self, system: System, scene: Scene) -> None:
         limits = LIMITS | dict(system.robot)
         obstacles = scene.obstacles(limits["radius"])
-        self._scene, self._radius, self._n = scene, limits["radius"], len(obstacles) // _WORDS
-        self._memory = np.zeros(memory_size(self._n, 0))
-        most = [limits[name] for name in ("v_max", "w_max", "a_max", "alpha_max", "radius")]
-        setting = np.array([*START, 0.0, *GOAL[:2], system.tolerance, *most])
-        begin_case(self._memory, scene.number, 0.0, obstacles, setting, 0)
+        self._scene, self._radius, self._n = scene, limits["radius"], len(obstacles)
+        robot = np.zeros(1, ROBOT)
+        robot[["x", "y", "heading"]] = START
+        for name in ("v_max", "w_max", "a_max", "alpha_max", "radius"):
+            robot[name] = limits[name]
+        stage = Stage(obstacles, robot, np.array([[*GOAL[:2], np.nan]]), system.tolerance)
+        self._memory = np.zeros(size_of(stage, 0))
+        lay(self._memory, scene.number, 0.0, stage, 0)
+        begin_case(self._memory)
         self._until = round(system.duration * 1e9) // TICK * TICK
         self._hold = None if math.isinf(system.command.hold) else round(system.command.hold * 1e9)
         self._command, self._expires = (0.0, 0.0), NEVER
@@ -130,13 +135,13 @@ class ForeignWorld:
             now: since the case began [ns].
             wall: since 1970 [s].
         """
-        x, y, heading, v, w = observed(self._memory, self._n)[0].tolist()
+        x, y, heading, v, w = observed(self._memory)[0].tolist()
         robot = robot_values(x, y, heading, v, w, self._radius)
         return {**robot, "time": now * 1e-9, "wall_time": wall, "obstacles": self._n}
 
     def items(self) -> list[Values]:
         """Return the names of each obstacle with their values, as it stood at the last tick."""
-        _, obstacles = observed(self._memory, self._n)
+        obstacles = observed(self._memory)[1][: self._n]
         return [{**body("obstacle", *row), "obstacle.index": k} for k, row in enumerate(obstacles.tolist())]
 
     def facts(self) -> NDArray[np.void]:

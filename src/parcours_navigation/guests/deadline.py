@@ -14,10 +14,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from parcours.run.heartbeat import CASE, LIMIT, NO_CASE, TIME
+from parcours.run.heartbeat import TIME
 
 FIRST_CASE = 6.0
 """In the first case of a process a call may take this many times longer: imports, and compilation."""
+
+_IDLE = float("inf")
 
 
 class Hung(BaseException):
@@ -25,35 +27,49 @@ class Hung(BaseException):
 
 
 class Deadline:
-    """While entered, looks at the clock words of a case from time to time, and raises Hung when they stand still.
+    """While entered, looks from time to time whether a case goes on, and raises Hung when its time stands still.
 
-    The words are those of `parcours.run.heartbeat`; `call_timeout` is the shortest limit to come [s]. Does nothing in
-    threads other than the main one, where signals do not arrive.
+    How far it is it reads in the words of `parcours.run.heartbeat`; `call_timeout` is the shortest limit to come [s].
+    Does nothing in threads other than the main one, where signals do not arrive.
     """
 
     def __init__(self, words: NDArray[np.float64], call_timeout: float) -> None:
         self._words = words
         self._interval = min(call_timeout / 4.0, 1.0)
         self._works = threading.current_thread() is threading.main_thread() and hasattr(signal, "setitimer")
-        self._seen = (NO_CASE, 0.0)
-        self._looks = 0
+        self._limit, self._seen, self._looks = _IDLE, -1.0, 0
         self._before: Any = None
+        self.rang = False
+        """Whether Hung was raised in the case, also where the planner has caught it."""
 
-    def __enter__(self) -> None:
+    def __enter__(self) -> Deadline:
         if self._works:
-            self._before = signal.signal(signal.SIGALRM, self._look)
+            self._before = signal.getsignal(signal.SIGALRM)
+        return self
+
+    def begin(self, limit: float) -> None:
+        """Watch a case from here on, whose calls may take `limit` [s], whatever the last case has made of the alarm."""
+        self._limit, self._seen, self._looks, self.rang = limit, -1.0, 0, False
+        if self._works:
+            signal.signal(signal.SIGALRM, self._look)
             signal.setitimer(signal.ITIMER_REAL, self._interval, self._interval)
+
+    def end(self) -> None:
+        """Let what follows take any time."""
+        self._limit = _IDLE
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, where: TracebackType | None
     ) -> None:
+        self.end()
         if self._works:
             signal.setitimer(signal.ITIMER_REAL, 0.0)
             signal.signal(signal.SIGALRM, self._before)
 
     def _look(self, number: int, frame: FrameType | None) -> None:
-        now = (float(self._words[CASE]), float(self._words[TIME]))
+        now = float(self._words[TIME])
         self._looks = self._looks + 1 if now == self._seen else 0
         self._seen = now
-        if now[0] != NO_CASE and self._looks * self._interval >= self._words[LIMIT]:
+        if self._looks * self._interval >= self._limit:
+            self.rang, self._looks = True, 0  # a planner that catches it is interrupted again
             raise Hung

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from enum import IntEnum
 
 import numpy as np
@@ -10,6 +9,7 @@ from numpy.typing import NDArray
 
 from parcours_navigation.facts import FACTS as BASE
 from parcours_navigation.facts import NEVER
+from parcours_navigation.guests.raised import without_addresses
 from parcours_navigation.measures.table import MEASURES
 
 REASON_LENGTH = 160
@@ -18,8 +18,6 @@ REASON_LENGTH = 160
 FACTS = np.dtype([*BASE.descr, ("n_track", "i8"), ("reason", f"S{REASON_LENGTH}"), ("measures", MEASURES)])
 """Facts of one case: the judge's, the entries of its track, the planner's own fault in words (UTF-8), and the measures
 of its way up to the end, all NaN where that fault ended the case."""
-
-_ADDRESS = re.compile(r"\b0x[0-9a-fA-F]{6,}")
 
 
 class PlannerFault(IntEnum):
@@ -34,6 +32,8 @@ class PlannerFault(IntEnum):
     """It did not answer within the deadline."""
     DIED = 4
     """It took its whole process down."""
+    TAMPERED = 5
+    """It changed what others rely on in its process."""
 
 
 def reason_bytes(reason: str) -> bytes:
@@ -42,8 +42,7 @@ def reason_bytes(reason: str) -> bytes:
     >>> reason_bytes("returned <object object at 0x7f3a5c0de010>" + chr(10) + "twice")
     b'returned <object object at 0x...> twice'
     """
-    line = _ADDRESS.sub("0x...", " ".join(reason.replace("\0", " ").split()))
-    encoded = line.encode("utf-8", "replace")
+    encoded = without_addresses(reason).encode("utf-8", "replace")
     if len(encoded) <= REASON_LENGTH:
         return encoded
     return encoded[: REASON_LENGTH - 3].decode("utf-8", "ignore").encode() + b"..."

@@ -19,17 +19,22 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Protocol, cast
 
 from parcours.errors import BadRequest, one_of
-from parcours_navigation.protocol import Answer, Observation, Task
+from parcours.run.heartbeat import write_place
+from parcours_navigation.guests.raised import said
+from parcours_navigation.protocol import SENSES, Answer, Observation, Task
+from parcours_navigation.requirements.requirement import NO_REQUIREMENTS, Requirements
 
 if TYPE_CHECKING:
-    from parcours_navigation.cases.family import SystemCases
-    from parcours_navigation.cases.running import CaseStudy
+    from parcours_navigation.cases.running import CaseStudy, Family
     from parcours_navigation.guests.scenario import Scenario
 
 SHIPPED = {
     "orca": "parcours_navigation.planners.orca:Orca",
     "dwa": "parcours_navigation.planners.dwa:Dwa",
     "mppi": "parcours_navigation.planners.mppi:Mppi",
+    "mpc": "parcours_navigation.planners.mpc:Mpc",
+    "teb": "parcours_navigation.planners.teb:Teb",
+    "a-star": "parcours_navigation.planners.a_star:AStar",
     "stand-still": "parcours_navigation.planners.baselines:StandStill",
     "straight-ahead": "parcours_navigation.planners.baselines:StraightAhead",
 }
@@ -48,7 +53,7 @@ PlannerLike = str | type | Observe | object
 class OwnLoop(Protocol):
     """A planner that is simulated by a loop of its own instead of being asked once a period."""
 
-    def study_of(self, cases: SystemCases, scenario: Scenario) -> CaseStudy:
+    def study_of(self, cases: Family, scenario: Scenario, requirements: Requirements = NO_REQUIREMENTS) -> CaseStudy:
         """Return the study that runs it. Raises BadRequest if the scenario is not one that its loop can run."""
 
 
@@ -64,8 +69,19 @@ def own_loop(planner: object) -> OwnLoop | None:
     if not isinstance(planner, str) or planner in SHIPPED or planner not in names():
         return None
     (entry,) = entry_points(group=GROUP, name=planner)
-    found = entry.load()
+    if not entry.value.startswith("parcours_"):
+        from parcours_navigation.guests.apart import has_own_loop
+
+        if not has_own_loop(planner):
+            return None
+    found = loaded(planner)
     return cast(OwnLoop, found) if hasattr(found, "study_of") else None
+
+
+def loaded(planner: str) -> object:
+    """Return what the entry point of a planner names, imported into this process."""
+    (entry,) = entry_points(group=GROUP, name=planner)
+    return entry.load()
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,19 +92,29 @@ class Plugin:
     observe: Observe  # called with every observation
     reset: Callable[[Task], object] | None  # called before each case; None if the planner has none
     file: str  # the file it is defined in, "" if unknown; faults are placed there
+    needs: tuple[str, ...] = ()  # what it must be given, some of `protocol.SENSES`
 
 
 def source_digest(planner: str) -> str:
     """Return a digest of the file in which a planner is defined; of shipped ones "", as they are part of Parcours.
 
-    Raises BadRequest if the name is no planner's, or its module or file is missing.
+    Imports what its module lies in. Raises BadRequest if the name is no planner's, or its module or file is missing.
     """
+    return file_digest(planner, source_file(planner))
+
+
+def source_file(planner: str) -> str:
+    """Return the file of a planner's module, "" if it has none or ships with Parcours; imports what it lies in."""
     if planner in names():
         return ""
     where, _ = _parts(planner)
-    path = Path(where) if _is_file(where) else _file_of(planner, where)
+    return str(Path(where).absolute()) if _is_file(where) else str(_file_of(planner, where) or "")
+
+
+def file_digest(planner: str, file: str) -> str:
+    """Return a digest of the source file of a planner, "" for none. Raises BadRequest if it cannot be read."""
     try:
-        return hashlib.sha256(path.read_bytes()).hexdigest()[:16] if path is not None else ""
+        return hashlib.sha256(Path(file).read_bytes()).hexdigest()[:16] if file else ""
     except OSError as error:
         raise _unknown(planner, f"its file must be readable, but: {error.strerror}") from error
 
@@ -122,6 +148,7 @@ def load_planner(planner: PlannerLike) -> Plugin:
     """
     if isinstance(planner, str):
         where, attribute = _parts(planner)
+        write_place("the import of its module")
         with contextlib.redirect_stdout(sys.stderr):
             return _ready(planner, _attribute(planner, _module(planner, where), attribute))
     name = getattr(planner, "__qualname__", type(planner).__qualname__)
@@ -212,6 +239,7 @@ def _ready(name: str, found: object) -> Plugin:
     with contextlib.suppress(TypeError, OSError):
         file = inspect.getfile(found if inspect.isclass(found) or inspect.isfunction(found) else type(found))
     if inspect.isclass(found):
+        write_place("its constructor")
         made = found
         found = _guarded(name, "its constructor, which is given nothing,", lambda: made())
     reset = getattr(found, "reset", None)
@@ -221,7 +249,12 @@ def _ready(name: str, found: object) -> Plugin:
     _require_one_argument(name, found, observe, "observe(observation)")
     if reset is not None:
         _require_one_argument(name, found, reset, "reset(task)")
-    return Plugin(name, cast(Observe, observe), cast("Callable[[Task], object] | None", reset), file)
+    needs = getattr(found, "needs", ())
+    if not isinstance(needs, tuple | list | set | frozenset) or any(one not in SENSES for one in needs):
+        rule = f"its `needs` are some of {', '.join(SENSES)}, but are {needs!r:.100}"
+        raise BadRequest(f"planner {name!r}", rule, "see docs/planners.md", slug="planner-form")
+    told = tuple(one for one in SENSES if one in needs)
+    return Plugin(name, cast(Observe, observe), cast("Callable[[Task], object] | None", reset), file, told)
 
 
 def _require_one_argument(name: str, found: object, method: object, what: str) -> None:
@@ -258,7 +291,7 @@ def _guarded(planner: str, what: str, act: Callable[[], object]) -> object:
         end_if_forked(pid)
         if is_ctrl_c(error):
             raise
-        rule = f"{what} must not raise, but raised {type(error).__name__}: {error}"
+        rule = f"{what} must not raise, but raised {said(error)}"
         raise BadRequest(f"planner {planner!r}", rule, "run it alone to see where", slug="planner-raised") from error
     finally:
         end_if_forked(pid)

@@ -31,15 +31,18 @@ def _share_below(limit: float, g0: float, g1: float) -> float:
 
 @kernel
 def measure_clearances(
-    track: Record, places: Record, radii: Record, robot_radius: float, safe_distance: float, out: Record
-) -> None:
-    """Fill what follows from the gap to the closest obstacle."""
+    track: Record, places: Record, radii: Record, robot_radius: float, safe_distance: float, ground: Record,
+    out: Record,
+) -> None:  # fmt: skip
+    """Fill what follows from the gap to the closest obstacle, or to the ground: `ground`, a gap [m] an entry."""
     n = len(track)
     total = unsafe = intimate = personal = social = 0.0
     least = np.inf
     g0 = np.inf
     for i in range(n):
         g1 = closest_gap(track, places, radii, robot_radius, i)
+        if len(ground):
+            g1 = min(g1, ground[i])
         least = min(least, g1)
         if i > 0 and g1 < np.inf:
             dt = (track[i].time - track[i - 1].time) * 1e-9
@@ -54,7 +57,7 @@ def measure_clearances(
                     if low < INTIMATE:
                         intimate += dt * _share_below(INTIMATE, g0, g1)
         g0 = g1
-    if n > 0 and len(radii) == 0:
+    if n > 0 and least == np.inf:
         total = np.inf
     out.mean_clearance = total / out.duration if out.duration > 0.0 else np.nan
     out.least_clearance = least if n > 0 else np.nan

@@ -23,6 +23,7 @@ def measure(
     goal_tolerance: float,
     t_goal: int,
     safe_distance: float,
+    ground: Record,
     out: Record,
 ) -> None:
     """Fill `out` with the measures of one run.
@@ -33,7 +34,7 @@ def measure(
     n = len(track)
     out.duration = (track[n - 1].time - track[0].time) * 1e-9 if n > 0 else 0.0
     measure_way(track, goal_x, goal_y, goal_tolerance, t_goal, out)
-    measure_clearances(track, places, radii, robot_radius, safe_distance, out)
+    measure_clearances(track, places, radii, robot_radius, safe_distance, ground, out)
     out.least_time_to_collision = least_time_to_collision(track, places, radii, robot_radius)
     measure_halts(track, out)
     measure_shape(track, out)

@@ -62,7 +62,7 @@ def measures_of(
     out = np.zeros((), MEASURES)
     x, y = goal
     radius, reach, safe = float(robot_radius), float(goal_tolerance), float(safe_distance)
-    measure(track, spots, sizes, radius, float(x), float(y), reach, int(t_goal), safe, out[()])
+    measure(track, spots, sizes, radius, float(x), float(y), reach, int(t_goal), safe, np.zeros(0), out[()])
     return cast(np.void, out[()])
 
 

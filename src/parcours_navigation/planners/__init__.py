@@ -1,1 +1,1 @@
-"""Published planners, written for `parcours_navigation.protocol`: ORCA, DWA, MPPI, and two baselines."""
+"""Published planners, written for `parcours_navigation.protocol`: A*, ORCA, DWA, MPPI, MPC, TEB, and two baselines."""

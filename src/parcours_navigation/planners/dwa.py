@@ -14,7 +14,9 @@ import numpy as np
 
 from parcours.elementary import PI, atan2, sin_cos, wrap
 from parcours.kernels import kernel
-from parcours_navigation.planners.motion import Options, extrapolate, gap_square, settled, to_goal, travel
+from parcours_navigation.planners.motion import Options, extrapolate, gap_square, settled, travel
+from parcours_navigation.planners.route import Route, towards
+from parcours_navigation.planners.walls import Surroundings
 from parcours_navigation.protocol import Command, Floats, Observation, Task
 
 _STRAIGHT = 1e-9
@@ -132,6 +134,7 @@ OPTIONS: Options = {
     "velocity": (0.8, 0.0, 1e6, ""),  # weight of the speed
     "gap": (0.4, 0.0, 1e6, ""),  # weight of the least gap on the way
     "comfort": (0.15, 0.001, 10.0, "m"),  # gaps above this are as good as any
+    "lookahead": (1.0, 0.0, 100.0, "m"),  # with a map or a path: heads for what is so far along the way; 0: the goal
     "margin": (0.02, 0.0, 10.0, "m"),  # the robot's radius is enlarged by it
 }
 
@@ -150,23 +153,28 @@ class Dwa:
         self._weights = np.array([o.heading, o.clearance, o.velocity, o.gap])
         self._places, self._reaches = np.empty((self._n_steps + 1, 0, 2)), np.empty(0)
         self._limits = np.zeros(4)
+        self._surroundings, self._route = Surroundings(), Route(o.margin)
 
     def reset(self, task: Task) -> None:
-        """Begin a case; nothing is remembered from one observation to the next but the limits."""
+        """Begin a case; nothing is remembered from one observation to the next but limits, and the way over a map."""
         limits = task.limits
+        self._route.begin()
         self._limits = np.array([limits.speed, limits.yaw_rate, limits.acceleration, limits.yaw_acceleration])
 
     def observe(self, observation: Observation) -> Command:
         """Return the best admissible speeds; at the goal it stops."""
-        task, robot, obstacles, o = observation.task, observation.robot, observation.obstacles, self._options
-        _, _, _, speed = to_goal(observation)
+        task, robot, o = observation.task, observation.robot, self._options
+        self._surroundings.look(observation)
+        aim = self._route.aim(observation, self._surroundings.walls, o.lookahead)
+        _, _, _, speed = towards(observation, aim)
         if speed == 0.0:
             return Command(0.0, 0.0)
+        radius, top = task.robot_radius + o.margin, task.limits.speed
+        obstacles = self._surroundings.with_walls(observation, radius + o.comfort + top * o.horizon)
         if len(obstacles) > len(self._reaches):
             self._places = np.empty((self._n_steps + 1, len(obstacles), 2))
             self._reaches = np.empty(len(obstacles))
-        radius, top = task.robot_radius + o.margin, task.limits.speed
         n = extrapolate(robot, obstacles, top, radius, o.comfort, o.step, self._places, self._reaches)
         world = self._places, self._reaches, n, o.step
-        v, w = best_speeds(robot, task.goal, speed, self._limits, world, self._window, self._weights, o.comfort)
+        v, w = best_speeds(robot, aim[:2], speed, self._limits, world, self._window, self._weights, o.comfort)
         return Command(v, w)

@@ -15,7 +15,9 @@ import numpy as np
 from parcours.elementary import TAU, exp, log, sin_cos
 from parcours.kernels import kernel
 from parcours.streams import Stream, below, start, uniform
-from parcours_navigation.planners.motion import Options, extrapolate, gap_square, runs_into, settled, to_goal
+from parcours_navigation.planners.motion import Options, extrapolate, gap_square, runs_into, settled
+from parcours_navigation.planners.route import Route, towards
+from parcours_navigation.planners.walls import Surroundings
 from parcours_navigation.protocol import Command, Floats, Observation, Task
 
 _PURPOSE = np.uint64(7)
@@ -193,6 +195,7 @@ OPTIONS: Options = {
     "gap": (0.25, 0.0, 1e6, ""),  # cost of touching; less linearly down to none at `comfort`
     "control": (1e-4, 0.0, 1e6, ""),  # weight of the plan times its disturbance over the variance, summed
     "comfort": (0.1, 0.001, 10.0, "m"),  # gaps above this cost nothing
+    "lookahead": (1.0, 0.0, 100.0, "m"),  # with a map or a path: heads for what is so far along the way; 0: the goal
     "margin": (0.02, 0.0, 10.0, "m"),  # the robot's radius is enlarged by it
     "halt_time": (0.5, 0.0, 10.0, "s"),  # brake if it would run into an obstacle within this time; 0: never
     "halt_margin": (0.01, 0.0, 10.0, "m"),  # ... or come this near to it
@@ -214,6 +217,7 @@ class Mppi:
         self._costs = np.empty(o.n_samples)
         self._places, self._reaches = np.empty((o.n_steps + 1, 0, 2)), np.empty(0)
         self._limits = np.zeros(4)
+        self._surroundings, self._route = Surroundings(), Route(o.margin)
         self._last = math.nan
 
     def reset(self, task: Task) -> None:
@@ -224,25 +228,29 @@ class Mppi:
         draw_pool(self._stream, self._pool)
         self._plan[:] = 0.0
         self._last = math.nan
+        self._route.begin()
 
     def observe(self, observation: Observation) -> Command:
         """Return the first speeds of the improved plan; at the goal it stops."""
-        task, robot, obstacles, o = observation.task, observation.robot, observation.obstacles, self._options
+        task, robot, o = observation.task, observation.robot, self._options
         elapsed = observation.time - self._last
         self._last = observation.time
-        _, _, _, speed = to_goal(observation)
+        self._surroundings.look(observation)
+        aim = self._route.aim(observation, self._surroundings.walls, o.lookahead)
+        _, _, _, speed = towards(observation, aim)
         if speed == 0.0:
             return Command(0.0, 0.0)
         if elapsed > 0.0:
             shift_plan(self._plan, elapsed / o.step)
+        radius, top = task.robot_radius + o.margin, task.limits.speed
+        obstacles = self._surroundings.with_walls(observation, radius + o.comfort + top * len(self._plan) * o.step)
         if len(obstacles) > len(self._reaches):
             self._places = np.empty((len(self._plan) + 1, len(obstacles), 2))
             self._reaches = np.empty(len(obstacles))
-        radius, top = task.robot_radius + o.margin, task.limits.speed
         n = extrapolate(robot, obstacles, top, radius, o.comfort, o.step, self._places, self._reaches)
         sample(self._plan, top, self._spread, o.fresh, self._stream, self._pool, self._samples, self._costs)
         world = self._places, self._reaches, n, o.step
-        score(robot, task.goal, self._limits, world, self._weights, o.comfort, self._samples, self._costs)
+        score(robot, aim[:2], self._limits, world, self._weights, o.comfort, self._samples, self._costs)
         average(self._samples, self._costs, o.temperature, self._plan)
         v, w = min(float(self._plan[0, 0]), speed), float(self._plan[0, 1])
         radius = task.robot_radius + o.halt_margin

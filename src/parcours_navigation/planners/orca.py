@@ -12,7 +12,9 @@ import numpy as np
 
 from parcours.elementary import atan2, sin_cos, wrap
 from parcours.kernels import kernel
-from parcours_navigation.planners.motion import Options, chord_velocity, runs_into, settled, to_goal
+from parcours_navigation.planners.motion import Options, chord_velocity, runs_into, settled
+from parcours_navigation.planners.route import Route, towards
+from parcours_navigation.planners.walls import SECTORS, Surroundings
 from parcours_navigation.protocol import HEADING, Command, Floats, Observation, Task
 
 _STANDING = 1e-6
@@ -227,6 +229,8 @@ OPTIONS: Options = {
     "align_time": (0.6, 0.01, 10.0, "s"),  # the robot turns into its velocity in about this time
     "turn_time": (1.0, 0.0, 10.0, "s"),  # an obstacle's velocity is its mean over this time on its arc; 0: now
     "tilt": (0.03, -0.5, 0.5, "rad"),  # the preferred velocity is turned by it from the goal, to break symmetry
+    "lookahead": (1.0, 0.0, 100.0, "m"),  # with a map or a path: heads for what is so far along the way; 0: the goal
+    "wall_horizon": (1.5, 0.05, 60.0, "s"),  # velocities touch no wall for this long
     "halt_time": (0.5, 0.0, 10.0, "s"),  # brake if it would run into an obstacle within this time; 0: never
     "halt_margin": (0.02, 0.0, 10.0, "m"),  # ... or come this near to it
 }
@@ -241,21 +245,30 @@ class Orca:
     def __init__(self, **options: float) -> None:
         self._options = settled("orca", OPTIONS, options)
         self._planes, self._scratch = np.empty((0, 3)), np.empty((0, 3))
+        self._surroundings, self._route = Surroundings(), Route(self._options.margin)
 
     def reset(self, task: Task) -> None:
-        """Begin a case; ORCA remembers nothing from one observation to the next."""
+        """Begin a case; ORCA remembers nothing from one observation to the next, but for its way over a map."""
+        self._route.begin()
 
     def observe(self, observation: Observation) -> Command:
         """Return the speeds that turn the robot into its new velocity; at the goal it stops."""
         task, robot, obstacles = observation.task, observation.robot, observation.obstacles
         limits, n, o = task.limits, len(obstacles), self._options
-        dx, dy, distance, speed = to_goal(observation)
+        self._surroundings.look(observation)
+        aim = self._route.aim(observation, self._surroundings.walls, o.lookahead)
+        dx, dy, distance, speed = towards(observation, aim)
         if speed == 0.0:
             return Command(0.0, 0.0)
-        if n > len(self._planes):
-            self._planes, self._scratch = np.empty((n, 3)), np.empty((n, 3))
+        if n + SECTORS > len(self._planes):
+            self._planes, self._scratch = np.empty((n + SECTORS, 3)), np.empty((n + SECTORS, 3))
         radius = task.robot_radius + o.margin
         permit(robot, obstacles, radius, o.horizon, o.overlap_time, o.share, o.turn_time, self._planes)
+        near = self._surroundings.with_walls(observation, radius + limits.speed * o.wall_horizon)
+        if len(near) > n:
+            rest = self._planes[n:]
+            permit(robot, near[n:], radius, o.wall_horizon, o.overlap_time, 1.0, 0.0, rest)
+            obstacles, n = near, len(near)
         s, c = sin_cos(o.tilt)
         want_x, want_y = (c * dx - s * dy) * speed / distance, (s * dx + c * dy) * speed / distance
         x, y = new_velocity(self._planes, self._scratch, n, want_x, want_y, limits.speed)

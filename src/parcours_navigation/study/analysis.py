@@ -9,9 +9,12 @@ from dataclasses import asdict, dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from parcours_navigation.outcomes import Outcome, Share, outcomes, published, shares
+from parcours.verdict.judgement import Verdict
+from parcours_navigation.outcomes import VERDICT_OF, Outcome, Share, outcomes, published, shares
+from parcours_navigation.requirements.judging import verdicts
+from parcours_navigation.requirements.tables import Violations, violations_of
 from parcours_navigation.study.campaigns import Campaign
-from parcours_navigation.study.distribution import Summary, measured, oracle, summarised, survived
+from parcours_navigation.study.distribution import Summary, measured, oracle, straight_ways, summarised, survived
 
 ASKED = 10_000
 """The earliest conceivable arrival, which SCT needs, is asked for this many first cases only."""
@@ -32,6 +35,18 @@ class Ended:
     shares: dict[Share, int]  # cases in each slice of Fig. 5b
     measures: dict[str, Summary]  # by the names of `distribution.SHOWN`
     errors: tuple[tuple[str, int, int], ...]  # commonest first: the planner's fault, how many cases, the first of them
+    required: tuple[Violations, ...] = ()  # what became of each requirement and pass rule
+    judged: Counter[Verdict] | None = None  # cases of each verdict, where something is required
+
+    @property
+    def verdicts(self) -> Counter[Verdict]:
+        """Cases of each verdict: of the sound outcome, and of what is required beside it."""
+        if self.judged is not None:
+            return self.judged
+        found: Counter[Verdict] = Counter()
+        for code, n in self.outcomes.items():
+            found[VERDICT_OF[Outcome(code)]] += n
+        return found
 
     def document(self) -> dict[str, object]:
         """Return all of it as JSON values; without signals, no result of the paper's that needs them."""
@@ -41,10 +56,17 @@ class Ended:
         first = cases | {"reached": self.paper["reached"]}
         if not self.signals:
             errors = {reason: count for reason, count, _ in self.errors}
-            return {"planner": self.label, **first, "outcomes": ended, "measures": measures, "errors": errors}
+            found = {"planner": self.label, **first, "outcomes": ended, "measures": measures, "errors": errors}
+            return found | self._required()
         words = {"feasible": "feasible", "imminent_collision": "halted_once", "stuck": "stuck"}
         paper = {name: self.paper[field] for name, field in words.items()}
-        return {"schedule": self.label, **first, **paper, "outcomes": ended, "measures": measures}
+        return {"schedule": self.label, **first, **paper, "outcomes": ended, "measures": measures} | self._required()
+
+    def _required(self) -> dict[str, object]:
+        if not self.required:
+            return {}
+        judged = {str(verdict): self.verdicts[verdict] for verdict in Verdict}
+        return {"verdicts": judged, "requirements": [one.document() for one in self.required]}
 
 
 def analyse(campaigns: Mapping[str, Campaign]) -> dict[str, Ended]:
@@ -53,15 +75,19 @@ def analyse(campaigns: Mapping[str, Campaign]) -> dict[str, Ended]:
 
 
 def _analysed(campaign: Campaign) -> Ended:
-    facts, cases, flags = campaign.facts, campaign.cases, published(campaign.facts)
+    facts, cases, flags, asked = campaign.facts, campaign.cases, published(campaign.facts), campaign.requirements
     earliest = np.full(len(facts), np.nan)
     earliest[:ASKED] = oracle(cases, facts["number"][:ASKED])["earliest_outer"]
-    known = measured(facts, facts["measures"], earliest=earliest, survival=survived(cases, facts["number"]))
+    known = measured(
+        facts, facts["measures"], earliest=earliest, survival=survived(cases, facts["number"]),
+        straight=straight_ways(cases, facts["measures"]),
+    )  # fmt: skip
     paper = {name: int(getattr(flags, name).sum()) for name in ("reached", "feasible", "halted_once", "stuck")}
     slices = {share: int(yes.sum()) for share, yes in shares(facts).items()}
     return Ended(
         campaign.label, cases.protocol, cases.seed, len(facts), campaign.planned, campaign.signals,
         Counter(outcomes(facts).tolist()), paper, slices, summarised(known), _errors(facts),
+        violations_of(facts, asked), Counter(verdicts(facts, asked)) if asked else None,
     )  # fmt: skip
 
 

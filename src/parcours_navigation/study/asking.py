@@ -8,6 +8,11 @@ from parcours.errors import BadRequest
 from parcours.study.parameters import Parameter, Settings
 from parcours.study.protocol import Request
 from parcours_navigation.cases.family import PROTOCOLS, SystemCases
+from parcours_navigation.cases.running import Family
+from parcours_navigation.guests.staging import Cases
+from parcours_navigation.worlds.family import WorldCases
+from parcours_navigation.worlds.file import find_world
+from parcours_navigation.worlds.paper import paper_cases
 
 CASES = (
     Parameter("protocol", "text", "table-vii", "how obstacles move", choices=tuple(PROTOCOLS)),
@@ -15,6 +20,17 @@ CASES = (
     Parameter("obstacle_radius", "real", 0.1, unit="m", low=0.0, high=0.5),
 )
 """What the cases of any planner depend on."""
+
+WORLDS = (
+    Parameter("world", "text", "", "a shipped world (parcours world list) or a .yaml file; nothing: the paper's arena"),
+    Parameter("combine", "text", "each_choice", "how the blocks of the world's data are combined"),
+)
+"""What the cases of planners in worlds of their own depend on."""
+REQUIREMENTS = (
+    Parameter("require", "text", "", "what must hold of every case: 'keeps-away: always clearance > 0.05; ...'"),
+    Parameter("fail", "text", "", "a case of which this holds has failed: 'clearance < 0.05 or time > 30; ...'"),
+)
+"""What is required of the cases beside the sound outcome (docs/requirements.md)."""
 
 TIME_LIMIT_DOC = "of a case, after its static second; under the published protocol with it"
 
@@ -25,7 +41,17 @@ def cases_of(settings: Settings, seed: int, study: str = "navigation") -> System
     return SystemCases(seed, settings["protocol"], *radii, study)  # type: ignore[arg-type]
 
 
-def numbers_of(cases: SystemCases, chosen: Sequence[str]) -> tuple[int, ...]:
+def world_cases(settings: Settings, seed: int, study: str = "navigation") -> Cases:
+    """Return the cases of the world that settings name; without one, those of the paper's arena."""
+    name = str(settings.get("world", ""))
+    if not name:
+        return cases_of(settings, seed, study)
+    world = find_world(name)
+    found = paper_cases(world, seed, study)
+    return WorldCases(seed, world, study, str(settings.get("combine", "each_choice"))) if found is None else found
+
+
+def numbers_of(cases: Family, chosen: Sequence[str]) -> tuple[int, ...]:
     """Return the numbers of chosen cases, in ascending order. Raises BadRequest, naming all that are unknown."""
     found = {given: cases.number(given) for given in chosen}
     wrong = [given for given, number in found.items() if number is None]

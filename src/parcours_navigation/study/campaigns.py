@@ -18,10 +18,15 @@ from parcours.study.campaign.running import facts_of
 from parcours_navigation.cases.family import Protocol, SystemCases
 from parcours_navigation.guests.planner_facts import FACTS, PlannerFault
 from parcours_navigation.guests.scenario import Scenario
-from parcours_navigation.outcomes import VERDICT_OF, Outcome, explain, outcomes
+from parcours_navigation.guests.staging import Cases
+from parcours_navigation.outcomes import explain
 from parcours_navigation.protocol import Limits
-from parcours_navigation.study.replay import Replay, replayed
+from parcours_navigation.requirements.judging import explained, verdicts
+from parcours_navigation.requirements.requirement import NO_REQUIREMENTS, Requirements, kept
+from parcours_navigation.study.replay import Replay, Standing, replayed
 from parcours_navigation.study.study import NavigationStudy
+from parcours_navigation.worlds.family import WorldCases
+from parcours_navigation.worlds.file import find_world
 
 
 class Campaign(TypingProtocol):
@@ -36,7 +41,7 @@ class Campaign(TypingProtocol):
         """Whether it signals imminent collision and feasibility, without which the paper's rule tells little."""
 
     @property
-    def cases(self) -> SystemCases:
+    def cases(self) -> Cases:
         """The family of cases."""
 
     @property
@@ -47,6 +52,10 @@ class Campaign(TypingProtocol):
     def planned(self) -> int:
         """How many cases it plans."""
 
+    @property
+    def requirements(self) -> Requirements:
+        """What is required beside the sound outcome; the facts have the robustness of it."""
+
     def replay(self, number: int) -> Replay:
         """Return the replay of one case."""
 
@@ -56,12 +65,13 @@ class NavigationResults:
     """One campaign of a planner: what to run again, facts of its finished cases (FACTS, shape (n,)), cases planned."""
 
     label: str
-    cases: SystemCases
+    cases: Cases
     scenario: Scenario
     source: str
     facts: NDArray[np.void]
     planned: int
     signals: bool = False
+    requirements: Requirements = NO_REQUIREMENTS
 
     def study(self) -> NavigationStudy:
         """Return the study that can run any of the cases again; BadResults if the planner's source was changed."""
@@ -79,15 +89,33 @@ class NavigationResults:
             BadResults: the planner hung or died in the case, its source was changed, or the re-simulation differs from
                 the facts that the campaign kept.
         """
-        kept = self.facts[self.facts["number"] == number]
-        if len(kept) and kept[0]["error"] in (PlannerFault.HUNG, PlannerFault.DIED):
-            rule = f"there is nothing to see of it: {explain(kept[0])}"
+        rows = self.facts[self.facts["number"] == number]
+        if len(rows) and rows[0]["error"] in (PlannerFault.HUNG, PlannerFault.DIED, PlannerFault.TAMPERED):
+            rule = f"there is nothing to see of it: {explain(rows[0])}"
             raise BadResults(self.cases.id(number), rule, "replay another case", slug="replay-lost")
         remedy = "the planner remembers earlier cases, or draws random numbers of its own: see parcours planner check"
         scene, case = self.scenario, self.cases
+        if isinstance(case, WorldCases):
+            return self._replay_in_world(case, number, rows, remedy)
         return replayed(
-            case.id(number), self.label, self.study().track(number), kept, remedy, robot_radius=case.robot_radius,
+            case.id(number), self.label, self.study().track(number), rows, remedy, robot_radius=case.robot_radius,
             obstacle_radius=case.obstacle_radius, arena=scene.arena, goal=scene.goal, tolerance=scene.goal_tolerance,
+        )  # fmt: skip
+
+    def _replay_in_world(self, cases: WorldCases, number: int, kept: NDArray[np.void], remedy: str) -> Replay:
+        study = self.study()
+        facts, track, places, gaps = study.track_and_gaps(number)
+        [staged] = cases.staged([number], self.scenario.period)
+        goal, land = (staged.task, *staged.goals)[-1].goal, cases.land(number)
+        walls = land.edges()
+        xs = np.concatenate([track["x"], places[:, :, 0].ravel(), [goal[0]], walls[:, ::2].ravel()])
+        ys = np.concatenate([track["y"], places[:, :, 1].ravel(), [goal[1]], walls[:, 1::2].ravel()])
+        standing = Standing(walls, land.ground.discs, gaps, staged.scene.corners)
+        return replayed(
+            cases.id(number), self.label, (facts, track, places), kept, remedy, obstacle_radius=0.1, arena=1.0,
+            robot_radius=staged.task.robot_radius, goal=goal, tolerance=staged.task.goal_tolerance,
+            obstacle_radii=tuple(staged.scene.obstacles["radius"].tolist()),
+            box=(float(xs.min()), float(ys.min()), float(xs.max()), float(ys.max())), standing=standing,
         )  # fmt: skip
 
 
@@ -101,7 +129,8 @@ def load_results(folder: Path) -> NavigationResults:
     if campaign.study != "navigation":
         rule = f"results of a planner on system cases are expected, but these are of {campaign.study!r}"
         raise BadResults(str(folder), rule, slug="results-study")
-    if campaign.dtype.names != FACTS.names:
+    requirements = kept(campaign.parameters, str(folder))
+    if campaign.dtype.names != requirements.facts(FACTS).names:
         rule = "results must have the fields that this version keeps, but have others"
         raise BadResults(str(folder), rule, "run the campaign again", slug="results-study")
     try:
@@ -110,21 +139,35 @@ def load_results(folder: Path) -> NavigationResults:
         limits = Limits(**cast("dict[str, float]", setting.pop("limits")))
         lists = {name: tuple(cast("list[float]", setting.pop(name))) for name in ("start", "goal")}
         scenario = Scenario(limits=limits, **lists, **setting)  # type: ignore[arg-type]
-        radii = [float(cast(float, given[name])) for name in ("robot_radius", "obstacle_radius")]
-        cases = SystemCases(campaign.seed, cast(Protocol, given["protocol"]), radii[0], radii[1])
+        cases = _cases(given, campaign.seed, folder)
         source = str(given["planner_source"])
     except (KeyError, TypeError, ValueError, BadRequest) as error:
         rule = f"the manifest must hold the study's parameters, but: {error}"
         raise BadResults(str(folder), rule, "run the campaign again", slug="results-parameters") from error
-    return NavigationResults(campaign.schedule, cases, scenario, source, facts_of(store, folder), campaign.n_cases)
+    facts = facts_of(store, folder)
+    return NavigationResults(
+        campaign.schedule, cases, scenario, source, facts, campaign.n_cases, requirements=requirements
+    )
+
+
+def _cases(given: Mapping[str, object], seed: int, folder: Path) -> Cases:
+    """Return the cases that a campaign's parameters name. Raises BadResults if their world was changed."""
+    if "world" not in given:
+        radii = [float(cast(float, given[name])) for name in ("robot_radius", "obstacle_radius")]
+        return SystemCases(seed, cast(Protocol, given["protocol"]), radii[0], radii[1])
+    world = find_world(str(given["world"]))
+    if world.digest != given["world_digest"]:
+        rule = f"the world {given['world']!r} must be what it was when the campaign ran, but was changed"
+        raise BadResults(str(folder), rule, "run the campaign again, or restore the file", slug="results-parameters")
+    return WorldCases(seed, world, criterion=str(given["criterion"]))
 
 
 def case_results(campaign: Campaign) -> list[CaseResult]:
     """Return the sound verdict of every case of a campaign."""
     return [
-        CaseResult(campaign.cases.id(int(record["number"])), VERDICT_OF[Outcome(int(code))],
-                   float(record["t_end"]) * 1e-9, explain(record))
-        for record, code in zip(campaign.facts, outcomes(campaign.facts), strict=True)
+        CaseResult(campaign.cases.id(int(record["number"])), verdict, float(record["t_end"]) * 1e-9,
+                   explained(record, campaign.requirements))
+        for record, verdict in zip(campaign.facts, verdicts(campaign.facts, campaign.requirements), strict=True)
     ]  # fmt: skip
 
 

@@ -21,6 +21,8 @@ from parcours_navigation.facts import NEVER
 from parcours_navigation.guests.scenario import Scenario
 from parcours_navigation.measures.scores import sct, spl
 from parcours_navigation.outcomes import GOAL_TOLERANCE, Outcome, outcomes
+from parcours_navigation.worlds.family import WorldCases
+from parcours_navigation.worlds.solving import solve_worlds
 
 Facts = NDArray[np.void]
 Values = NDArray[np.float64]
@@ -84,13 +86,15 @@ def time_to_goal(facts: Facts) -> Values:
     return np.where(known, facts["t_goal"] * 1e-9, np.nan)
 
 
-def spl_of(facts: Facts) -> Values:
+def spl_of(facts: Facts, straight: Values | None = None) -> Values:
     """Return success weighted by path length of each case, shape (n_cases,).
 
-    Success is `reached`; the shortest way is the straight line to the goal's tolerance, which no way undercuts.
+    Success is `reached`; the shortest way is the straight line to the goal's tolerance, which no way undercuts: that of
+    the paper's arena, or one a case [m].
     """
-    shortest = shortest_way(START, GOAL, GOAL_TOLERANCE)
-    return spl(reached(facts), np.full(len(facts), shortest), facts["travelled"])
+    if straight is None:
+        straight = np.full(len(facts), shortest_way(START, GOAL, GOAL_TOLERANCE))
+    return spl(reached(facts), straight, facts["travelled"])
 
 
 def sct_of(facts: Facts, earliest: Values) -> Values:
@@ -102,9 +106,13 @@ def sct_of(facts: Facts, earliest: Values) -> Values:
 
 
 def oracle(
-    cases: SystemCases, numbers: NDArray[np.int64], progress: Callable[[int, int], None] = lambda done, total: None
+    cases: SystemCases | WorldCases,
+    numbers: NDArray[np.int64],
+    progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> NDArray[np.void]:
     """Return what a disc that knows the future could reach in the cases, array of SOLVABILITY, shape (n,)."""
+    if isinstance(cases, WorldCases):
+        return solve_worlds(cases, numbers, progress)
     found = np.zeros(len(numbers), SOLVABILITY)
     for first in range(0, len(numbers), _AT_ONCE):
         part = slice(first, first + _AT_ONCE)
@@ -116,8 +124,10 @@ def oracle(
     return found
 
 
-def survived(cases: SystemCases, numbers: NDArray[np.int64]) -> Values:
-    """Return the survivability of the cases, in [0, 1], 1 the easiest; shape (n,)."""
+def survived(cases: SystemCases | WorldCases, numbers: NDArray[np.int64]) -> Values:
+    """Return the survivability of the cases, in [0, 1], 1 the easiest; shape (n,). NaN in worlds of one's own."""
+    if isinstance(cases, WorldCases):
+        return np.full(len(numbers), np.nan)
     found = np.zeros(len(numbers))
     for first in range(0, len(numbers), _AT_ONCE):
         part = slice(first, first + _AT_ONCE)
@@ -125,20 +135,30 @@ def survived(cases: SystemCases, numbers: NDArray[np.int64]) -> Values:
     return found
 
 
+def straight_ways(cases: SystemCases | WorldCases, measures: Facts) -> Values | None:
+    """Return the straight way to the goal of each case of a world [m]; None: that of the paper's arena."""
+    if isinstance(cases, SystemCases):
+        return None
+    tolerance = cases.plan(0).task.tolerance
+    straight: Values = np.maximum(np.nan_to_num(measures["displacement"]) - tolerance, 0.0)
+    return straight
+
+
 def measured(
-    facts: Facts, measures: Facts | None = None, *, earliest: Values | None = None, survival: Values | None = None
-) -> dict[str, Values]:
+    facts: Facts, measures: Facts | None = None, *, earliest: Values | None = None, survival: Values | None = None,
+    straight: Values | None = None,
+) -> dict[str, Values]:  # fmt: skip
     """Return what is known of the cases by the names of SHOWN, NaN where a case has none; shape (n_cases,) each.
 
     `facts` are FACTS, `measures` MEASURES; `earliest` is the earliest conceivable arrival [s], `survival` how long a
-    standing robot survives, as a share; None where it is not known.
+    standing robot survives, as a share; None where it is not known. `straight` is that of `spl_of`.
     """
     cycles = facts["n_planning_cycles"]
     late = np.divide(100.0 * facts["n_late_cycles"], cycles, out=np.full(len(facts), np.nan), where=cycles > 0)
     found: dict[str, Values | None] = {
         "time_to_goal": time_to_goal(facts),
         "path_length": facts["travelled"],
-        "spl": spl_of(facts),
+        "spl": spl_of(facts, straight),
         "sct": None if earliest is None else sct_of(facts, earliest),
         "min_clearance": facts["min_clearance"],
         "switches": facts["n_switches"].astype(np.float64),

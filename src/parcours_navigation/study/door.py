@@ -12,14 +12,25 @@ from parcours.study.campaign.running import run_numbered
 from parcours.study.parameters import Parameter, Settings, workers_parameter
 from parcours.study.protocol import Finding, Judged, Progress, Rejudged, Reported, Request, Results, Run
 from parcours.suite import Case
-from parcours_navigation.cases.family import PUBLISHED_CASES
+from parcours_navigation.cases.family import LONGEST, PUBLISHED_CASES
 from parcours_navigation.cases.running import CaseStudy
 from parcours_navigation.guests.planners import names, own_loop
 from parcours_navigation.guests.scenario import Scenario
-from parcours_navigation.study.asking import CASES, TIME_LIMIT_DOC, cases_of, numbers_of, question_of
+from parcours_navigation.requirements.remarks import remarks
+from parcours_navigation.requirements.requirement import read_requirements
+from parcours_navigation.study.asking import (
+    CASES,
+    REQUIREMENTS,
+    TIME_LIMIT_DOC,
+    WORLDS,
+    numbers_of,
+    question_of,
+    world_cases,
+)
 from parcours_navigation.study.judging import judge_system
 from parcours_navigation.study.results import read_folder, report_folders
 from parcours_navigation.study.study import study_of
+from parcours_navigation.worlds.family import WorldCases
 
 _TIMES = {
     "period": ("between observations", 0.001, 10.0),
@@ -56,8 +67,10 @@ class Navigation:
         ]
         listed = (
             Parameter("planner", "text", self.planner, f"{', '.join(names())}, module:Name or file.py:Name"),
+            *WORLDS,
             *CASES,
             *times,
+            *REQUIREMENTS,
             workers_parameter(),
         )
         return tuple(dataclasses.replace(one, default=one.read(given.get(one.name, one.default))) for one in listed)
@@ -72,12 +85,20 @@ class Navigation:
         if not planner:
             remedy = f"name one of {', '.join(names())}, or module:Name, or file.py:Name"
             raise BadRequest("--planner", "a planner must be named, but none is", remedy, slug="planner-unknown")
-        return study_of(planner, cases_of(settings, seed), scenario)
+        cases = world_cases(settings, seed)
+        if isinstance(cases, WorldCases) and scenario.time_limit == Scenario().time_limit:
+            scenario = dataclasses.replace(scenario, time_limit=LONGEST)  # the world has a limit of its own
+        requirements = read_requirements(str(settings["require"]), str(settings["fail"]))
+        return study_of(planner, cases, scenario, requirements)
 
     def suite(self, settings: Settings, seed: int, n_cases: int | None = None) -> Iterator[Case]:
         """Yield the cases."""
-        for case in cases_of(settings, seed).suite(n_cases):
-            yield dataclasses.replace(case, study=self.name, time_budget=float(settings["time_limit"]))
+        cases = world_cases(settings, seed)
+        for case in cases.suite(n_cases):
+            budget = float(settings["time_limit"])
+            if isinstance(cases, WorldCases) and budget == Scenario().time_limit:
+                budget = cases.plan(case.number).task.time_limit
+            yield dataclasses.replace(case, study=self.name, time_budget=budget)
 
     def run(self, request: Request, progress: Progress) -> Run:
         """Run a campaign."""
@@ -100,7 +121,8 @@ class Navigation:
         """Execute one case with the planner and judge it."""
         protocol = "published" if case.abstract.startswith("published-") else "table-vii"
         study = self.study({**settings, "protocol": protocol, "time_limit": case.time_budget}, case.seed)
-        command = f"parcours run {self.where} --planner {settings['planner']} --protocol {protocol} --seed {case.seed}"
+        where = f"--world {settings['world']}" if settings["world"] else f"--protocol {protocol}"
+        command = f"parcours run {self.where} --planner {settings['planner']} {where} --seed {case.seed}"
         return judge_system(study, study.cases, case, command)
 
     def rejudge(self, recording: Path) -> Rejudged:
@@ -109,13 +131,18 @@ class Navigation:
                          slug="recording-case")  # fmt: skip
 
     def check(self, progress: Progress) -> Iterable[Finding]:
-        """Run the battery for authors of planners."""
-        if not self.planner or own_loop(self.planner) is not None:
-            return []
+        """Look at the requirements, and run the battery for authors of planners."""
+        own = own_loop(self.planner)
+        given = {one.name: str(one.default) for one in self.parameters}
+        asked = read_requirements(given["require"], given["fail"])
+        noted = [Finding("warning", *one) for one in remarks(asked, signals_imminent=own is not None)]
+        if not self.planner or own is not None:
+            return noted
         from parcours_navigation.checking.battery import check_apart
 
         report = check_apart(self.planner, None, progress=lambda name, done, total: progress("checks", done, total))
-        return [Finding(one.level.value, one.check or one.slug, one.seen, one.remedy) for one in report.findings]
+        found = [Finding(one.level.value, one.check or one.slug, one.seen, one.remedy) for one in report.findings]
+        return [*noted, *found]
 
 
 @functools.cache

@@ -7,13 +7,13 @@ import numpy as np
 from parcours.errors import BadSuite
 from parcours.study.protocol import Judged
 from parcours.suite import Case
-from parcours_navigation.cases.family import SystemCases
-from parcours_navigation.cases.running import CaseStudy
+from parcours_navigation.cases.running import CaseStudy, Family
 from parcours_navigation.facts import FACTS, NEVER
-from parcours_navigation.outcomes import VERDICT_OF, Outcome, explain, outcomes
+from parcours_navigation.requirements.judging import explained, verdicts
+from parcours_navigation.requirements.requirement import Requirements
 
 
-def judge_system(study: CaseStudy, cases: SystemCases, case: Case, command: str) -> Judged:
+def judge_system(study: CaseStudy, cases: Family, case: Case, command: str) -> Judged:
     """Execute a case of any study that runs these cases, and judge it; `command` runs the campaign.
 
     Raises BadSuite if there is no such case, or its number and seed give other values.
@@ -29,13 +29,13 @@ def judge_system(study: CaseStudy, cases: SystemCases, case: Case, command: str)
         rule = f"a case must be one that the study has, but {wrong}"
         raise BadSuite(f"case {case.id!r}", rule, "write the suite again with this version", slug="foreign-case")
     facts = study.run(numbers)
-    code = Outcome(int(outcomes(facts)[0]))
     replay = f"{command} --case {case.number} --out out && parcours replay out {case.number} --html replay.html"
-    return Judged(case, VERDICT_OF[code], explain(facts[0]), _shown(facts[0]), replay)
+    (verdict,) = verdicts(facts, study.requirements)
+    return Judged(case, verdict, explained(facts[0], study.requirements), _shown(facts[0], study.requirements), replay)
 
 
-def _shown(record: np.void) -> tuple[tuple[str, str], ...]:
-    """Return the judge's facts: times in seconds, lengths in metres."""
+def _shown(record: np.void, requirements: Requirements) -> tuple[tuple[str, str], ...]:
+    """Return the judge's facts: times in seconds, lengths in metres; and how robustly requirements are met."""
     found = []
     for name in FACTS.names or ():
         value = record[name].item()
@@ -44,4 +44,6 @@ def _shown(record: np.void) -> tuple[tuple[str, str], ...]:
         else:
             text = f"{value:.4g}"
         found.append((name, text))
+    for k, one in enumerate(requirements.formulas):
+        found.append((f"robustness({one.name})", one.by(float(record["robustness"][k]))))
     return tuple(found)

@@ -8,7 +8,7 @@ from parcours.report.pieces import Cell, Column, Figure, Marked, Table, Tone
 from parcours.report.rates import shares
 from parcours.verdict.judgement import Verdict
 from parcours.verdict.statistics import wilson
-from parcours_navigation.outcomes import VERDICT_OF, Outcome, Share
+from parcours_navigation.outcomes import Outcome, Share
 from parcours_navigation.study.analysis import ASKED, Ended
 from parcours_navigation.study.distribution import distribution_table
 
@@ -64,7 +64,7 @@ def outcome_table(ended: Mapping[str, Ended]) -> Table:
 
 def _of(one: Ended, verdict: Verdict) -> int:
     """Return how many cases earned the verdict."""
-    return sum(one.outcomes[int(o)] for o in Outcome if VERDICT_OF[o] is verdict)
+    return one.verdicts[verdict]
 
 
 def _counted(ended: Mapping[str, Ended]) -> list[tuple[Cell, ...]]:

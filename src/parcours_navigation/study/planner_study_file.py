@@ -5,10 +5,11 @@ from __future__ import annotations
 import dataclasses
 from typing import TYPE_CHECKING
 
-from parcours.model.documents import Node
+from parcours.model.documents import Node, Scalar, Sequence
 from parcours.study.loading import file_of, is_target
 from parcours_navigation.cases.family import PUBLISHED_CASES
 from parcours_navigation.guests.planners import names
+from parcours_navigation.requirements.requirement import requirements_of
 from parcours_navigation.study.door import Navigation
 
 if TYPE_CHECKING:
@@ -22,7 +23,7 @@ def read_planner(reader: StudyReader, root: Node) -> Study | None:
     Keys: `planner` (a shipped name, file.py:Name or module:Name), `cases`, and `settings`, which gives parameters of
     the navigation study other defaults.
     """
-    top = reader.keys(root, ("planner",), ("cases", "settings"))
+    top = reader.keys(root, ("planner",), ("cases", "settings", "require", "fail"))
     node = top.get("planner")
     planner = reader.text(node, "planner")
     if node is not None and planner not in names():
@@ -34,5 +35,28 @@ def read_planner(reader: StudyReader, root: Node) -> Study | None:
         name=reader.name(top), doc=reader.text(top.get("doc"), "doc"), where=str(reader.path), planner=planner,
         n_cases=reader.count(top.get("cases"), "cases", PUBLISHED_CASES) or PUBLISHED_CASES,
     )  # fmt: skip
+    asked = _requirements(reader, top.get("require"), top.get("fail"))
     given = reader.settings(top, {one.name: one for one in study.parameters if one.name != "planner"})
-    return dataclasses.replace(study, defaults=tuple(given.items()))
+    return dataclasses.replace(study, defaults=(*given.items(), *asked.items()))
+
+
+def _requirements(reader: StudyReader, require: Node | None, fail: Node | None) -> dict[str, str]:
+    """Return requirements and pass rules as the parameters `require` and `fail` have them; each line is checked."""
+    required, rules = [], []
+    for name, node, _ in reader.entries(require, "require", reader.label):
+        text = " ".join(reader.text(node, f"require, {name}").split())
+        if not isinstance(node, Scalar):
+            continue
+        with reader.noting(node, f"require, {name}"):
+            requirements_of({name: text})
+            required.append(f"{name}: {text}")
+    given = fail.items if isinstance(fail, Sequence) else () if fail is None else (fail,)
+    for node in given:
+        text = " ".join(reader.text(node, "fail").split())
+        if not isinstance(node, Scalar):
+            continue
+        with reader.noting(node, "fail"):
+            requirements_of({}, [text])
+            rules.append(text)
+    found = {"require": "\n".join(required), "fail": "\n".join(rules)}
+    return {name: text for name, text in found.items() if text}

@@ -19,7 +19,8 @@
     const n = t.length, start = t[0], end = t[n - 1];
     const halted = new Array(n).fill(false);
     d.halts.forEach((from, k) => { if (k % 2 === 0) halted.fill(true, from, d.halts[k + 1] ?? n); });
-    const gap = t.map((_, i) => Math.min(...ox.map((_, k) =>
+    const ground = d.gaps ? sum(d.gaps, 1000) : [], body = d.body ?? [];
+    const gap = t.map((_, i) => Math.min(ground[i] ?? Infinity, ...ox.map((_, k) =>
       Math.hypot(ox[k][i] - x[i], oy[k][i] - y[i]) - d.r - d.or[k])));
     const [lowest, least] = d.least ?? [0, Infinity]; // sample and clearance, as they were before rounding
     const [width, height] = d.size, rim = 1.2 * Math.max(d.r, d.tol, 0, ...d.or);
@@ -74,6 +75,10 @@
       for (let a = step; a < height - 1e-9; a += step) { g.moveTo(px(0), py(a)); g.lineTo(px(width), py(a)); }
       g.stroke();
       g.strokeStyle = muted; g.strokeRect(px(0), py(height), width * scale, height * scale);
+      g.strokeStyle = g.fillStyle = ink; g.lineWidth = 2; g.beginPath();
+      for (const [a, b, c, e] of d.walls ?? []) { g.moveTo(px(a), py(b)); g.lineTo(px(c), py(e)); }
+      g.stroke();
+      for (const [a, b, r] of d.discs ?? []) { disc(a, b, r); g.globalAlpha = 0.55; g.fill(); g.globalAlpha = 1; }
 
       disc(...d.goal, d.tol);
       g.fillStyle = g.strokeStyle = css("--c3"); g.globalAlpha = 0.14; g.fill(); g.globalAlpha = 1; g.lineWidth = 1.5; g.stroke();
@@ -100,9 +105,14 @@
       g.strokeStyle = css("--c1"); g.lineWidth = 1.6; g.lineJoin = "round"; g.globalAlpha = 0.8; g.beginPath(); g.moveTo(px(x[0]), py(y[0]));
       for (let s = 1; s <= i; s++) g.lineTo(px(x[s]), py(y[s]));
       g.lineTo(px(mix(x)), py(mix(y))); g.stroke();
-      disc(mix(x), mix(y), d.r);
-      g.fillStyle = g.strokeStyle = colour; g.globalAlpha = 0.35; g.fill(); g.globalAlpha = 1; g.lineWidth = 2; g.stroke();
       const heading = h[i] + f * turn(h[i], h[j]);
+      if (body.length) {
+        g.beginPath();
+        body.forEach(([a, b], k) => g[k ? "lineTo" : "moveTo"](
+          px(mix(x) + a * Math.cos(heading) - b * Math.sin(heading)), py(mix(y) + a * Math.sin(heading) + b * Math.cos(heading))));
+        g.closePath();
+      } else disc(mix(x), mix(y), d.r);
+      g.fillStyle = g.strokeStyle = colour; g.globalAlpha = 0.35; g.fill(); g.globalAlpha = 1; g.lineWidth = 2; g.stroke();
       g.beginPath(); g.moveTo(px(mix(x)), py(mix(y)));
       g.lineTo(px(mix(x) + d.r * Math.cos(heading)), py(mix(y) + d.r * Math.sin(heading))); g.stroke();
 

@@ -16,8 +16,21 @@ from parcours.report.pieces import Floats
 from parcours_navigation.facts import FACTS
 from parcours_navigation.outcomes import explain
 
+_FARTHEST_GAP = 100.0
+"""Gaps to the ground are drawn up to this [m]."""
+
 PARTS = 1000
 """Resolution: parts of a metre, a second, a radian."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Standing:
+    """What stands for good in a recorded run, and the robot's shape."""
+
+    walls: Floats  # ends x0, y0, x1, y1 of each [m], shape (n, 4)
+    discs: Floats  # x, y, radius of each [m], shape (m, 3)
+    gaps: Floats  # from the robot to the nearest of them at each time [m], shape (n_times,)
+    corners: Floats  # of the robot's footprint in its own frame [m], shape (k, 2); a disc has none
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -43,6 +56,7 @@ class Replay:
     goal: tuple[float, float]  # x and y [m]
     goal_tolerance: float  # distance to the goal that counts as reached [m]
     note: str = ""  # small print below it
+    ground: Standing | None = None  # what stands there for good
 
     def __post_init__(self) -> None:
         n, m = len(self.times), len(self.obstacle_radii)
@@ -62,12 +76,16 @@ class Replay:
             raise BadRequest(f"replay {self.title!r}", rule, "check what was recorded", slug=slug)
 
     def clearance(self) -> Floats:
-        """Return the least gap to an obstacle at each time [m], shape (n_times,); infinite without any."""
+        """Return the least gap to an obstacle or the ground at each time [m], shape (n_times,); infinite without any.
+
+        A footprint counts as the disc around it, but to the ground.
+        """
+        least = np.full(len(self.times), np.inf) if self.ground is None else self.ground.gaps
         if not self.obstacle_radii:
-            return np.full(len(self.times), np.inf)
+            return least
         gap = np.hypot(self.obstacle_x - self.x[:, None], self.obstacle_y - self.y[:, None])
-        least: Floats = (gap - self.robot_radius - np.asarray(self.obstacle_radii)).min(axis=1)
-        return least
+        nearest: Floats = (gap - self.robot_radius - np.asarray(self.obstacle_radii)).min(axis=1)
+        return np.minimum(nearest, least)
 
 
 def replayed(
@@ -84,8 +102,13 @@ def replayed(
     tolerance: float,
     title: str = "",
     beyond: int | None = None,
+    obstacle_radii: tuple[float, ...] | None = None,
+    box: tuple[float, float, float, float] | None = None,
+    standing: Standing | None = None,
 ) -> Replay:
     """Return the replay of a case that was run again, shown up to `beyond` [ns] after its end.
+
+    What is shown of a world other than the paper's arena is `box`, x_low, y_low, x_high, y_high [m], and `standing`.
 
     `ran` is facts, track and places of the new run, `kept` the facts that its campaign kept. Raises BadResults, with
     the remedy, if their judge's facts differ.
@@ -98,10 +121,15 @@ def replayed(
     if beyond is not None:
         n_shown = int(np.searchsorted(track["time"], int(facts[0]["t_end"]) + beyond, "right"))
         track, places = track[:n_shown], places[:n_shown]
+    x0, y0, x1, y1 = box or (0.0, 0.0, arena, arena)
+    if standing is not None:
+        moved = Standing(standing.walls - [x0, y0, x0, y0], standing.discs - [x0, y0, 0.0], standing.gaps[: len(track)],
+                         standing.corners)  # fmt: skip
+    radii = obstacle_radii if obstacle_radii is not None else (obstacle_radius,) * places.shape[1]
     return Replay(
-        title or f"{id}, {label}", f"{id}: {explain(facts[0])}", track["time"] * 1e-9, track["x"], track["y"],
-        track["heading"], track["halted"] == 1, places[:, :, 0], places[:, :, 1], robot_radius,
-        (obstacle_radius,) * places.shape[1], (arena, arena), goal, tolerance,
+        title or f"{id}, {label}", f"{id}: {explain(facts[0])}", track["time"] * 1e-9, track["x"] - x0, track["y"] - y0,
+        track["heading"], track["halted"] == 1, places[:, :, 0] - x0, places[:, :, 1] - y0, robot_radius, radii,
+        (x1 - x0, y1 - y0), (goal[0] - x0, goal[1] - y0), tolerance, "", None if standing is None else moved,
     )  # fmt: skip
 
 
@@ -123,7 +151,7 @@ def embedded(replay: Replay) -> str:
     halted = np.asarray(replay.halted, dtype=np.int8)
     clearance = replay.clearance()
     at = int(clearance.argmin())
-    least = [at, round(float(clearance[at]), 4)] if replay.obstacle_radii else None
+    least = [at, round(float(clearance[at]), 4)] if np.isfinite(clearance[at]) else None
     record = {
         "t": steps(replay.times, PARTS),
         "x": steps(replay.x, PARTS),
@@ -139,6 +167,11 @@ def embedded(replay: Replay) -> str:
         "tol": float(replay.goal_tolerance),
         "least": least,
     }
+    if replay.ground is not None:
+        standing = replay.ground
+        far = np.minimum(standing.gaps, _FARTHEST_GAP)
+        record |= {"walls": np.round(standing.walls, 3).tolist(), "discs": np.round(standing.discs, 3).tolist(),
+                   "gaps": steps(far, PARTS), "body": np.round(standing.corners, 3).tolist()}  # fmt: skip
     return json.dumps(record, separators=(",", ":"), allow_nan=False)
 
 

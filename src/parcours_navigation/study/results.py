@@ -14,10 +14,12 @@ from parcours.report.junit import CaseResult
 from parcours.report.pieces import Page, Piece, Section, Table
 from parcours.study.protocol import Measure, Reported, Results
 from parcours.verdict.judgement import Verdict
-from parcours_navigation.outcomes import VERDICT_OF, Outcome, outcomes
+from parcours_navigation.outcomes import Outcome, outcomes
+from parcours_navigation.requirements.judging import explained, finite_robustness, verdicts, violations
+from parcours_navigation.requirements.tables import requirement_table
 from parcours_navigation.study.analysis import analyse
 from parcours_navigation.study.campaigns import Campaign, case_results, load_results
-from parcours_navigation.study.distribution import SHOWN, measured
+from parcours_navigation.study.distribution import SHOWN, measured, straight_ways
 from parcours_navigation.study.outcome_tables import error_table, measure_table, outcome_figure, outcome_table
 from parcours_navigation.study.still import animation
 
@@ -63,11 +65,17 @@ class CampaignResults:
             name: Measure((codes == int(outcome)).astype(float), worse="less" if name == "reached" else "more")
             for name, outcome in _RATES.items()
         }
-        failed = [int(o) for o in Outcome if VERDICT_OF[o] in (Verdict.FAIL, Verdict.ERROR)]
-        found["failed"] = Measure(np.isin(codes, failed).astype(float))
-        for name, values in measured(facts, facts["measures"]).items():
+        judged = verdicts(facts, self.found.requirements)
+        found["failed"] = Measure(np.array([one in (Verdict.FAIL, Verdict.ERROR) for one in judged], float))
+        straight = straight_ways(self.found.cases, facts["measures"])
+        for name, values in measured(facts, facts["measures"], straight=straight).items():
             worse = "less" if name in _LESS_IS_WORSE else "more"
             found[name] = Measure(values, "quantity", SHOWN[name].unit, worse)  # type: ignore[arg-type]
+        violated = violations(facts, self.found.requirements)
+        values = finite_robustness(facts, self.found.requirements)
+        for k, one in enumerate(self.found.requirements.formulas):
+            found[f"violated({one.name})"] = Measure(violated[:, k])
+            found[f"robustness({one.name})"] = Measure(values[:, k], "quantity", one.unit, "less")
         return found
 
     def replay(self, case: str) -> Page:
@@ -76,6 +84,9 @@ class CampaignResults:
         drawn = self.found.replay(number)
         id = self.found.cases.id(number)
         title, subtitle = (text.replace(id, self._id(id)) for text in (drawn.title, drawn.subtitle))
+        if requirements := self.found.requirements:
+            (record,) = self.found.facts[self.found.facts["number"] == number]
+            subtitle = f"{self._id(id)}: {explained(record, requirements)}"
         drawn = dataclasses.replace(drawn, title=title, subtitle=subtitle)
         section = Section(
             "Replay", "Run again from the case number: the same bits as in the campaign.", (animation(drawn),)
@@ -119,8 +130,13 @@ def report_folders(results: Mapping[str, Results]) -> Reported:
     pieces: list[Piece] = []
     if campaigns:
         errors = [table for table in [error_table(ended)] if table is not None]
-        tables = [outcome_table(ended), measure_table(ended), *errors]
-        pieces = [*errors, tables[0], outcome_figure(ended), tables[1]]
+        required = [
+            table
+            for table in [requirement_table({name: one.required for name, one in ended.items()})]
+            if table is not None
+        ]
+        tables = [outcome_table(ended), *required, measure_table(ended), *errors]
+        pieces = [*errors, tables[0], outcome_figure(ended), *tables[1 : len(required) + 2]]
     documents: dict[str, object] = {name: one.document() for name, one in ended.items()}
     for one in others:
         tables += one.tables
@@ -136,6 +152,7 @@ def failed_replays(campaigns: Mapping[str, Campaign]) -> list[Piece]:
     """Return replays of the first two failed cases of each campaign: they are run again."""
     pieces: list[Piece] = []
     for campaign in campaigns.values():
-        failed = np.isin(outcomes(campaign.facts), [int(o) for o in Outcome if VERDICT_OF[o] is Verdict.FAIL])
+        judged = verdicts(campaign.facts, campaign.requirements)
+        failed = np.array([one is Verdict.FAIL for one in judged], bool)
         pieces += [animation(campaign.replay(int(number))) for number in campaign.facts["number"][failed][:2]]
     return pieces

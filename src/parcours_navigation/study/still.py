@@ -66,7 +66,7 @@ def still(replay: Replay) -> str:
     rim = margin(replay)
     scale = PIXELS / (max(width, height) + 2 * rim)
     size = ((width + 2 * rim) * scale, (height + 2 * rim) * scale)
-    parts = [_arena(replay)]
+    parts = [_arena(replay), *_standing(replay)]
     at = moments(replay)
     for k, radius in enumerate(replay.obstacle_radii):
         x, y = replay.obstacle_x[:, k], replay.obstacle_y[:, k]
@@ -134,6 +134,15 @@ def _arena(replay: Replay) -> str:
         f'<circle cx="{goal_x:.3f}" cy="{goal_y:.3f}" r="{replay.goal_tolerance:g}" '
         f'style="fill:{_INK["goal"]};stroke:{_INK["goal"]}" fill-opacity="0.12" stroke-width="1.6" {_HAIR}/>'
     )
+
+
+def _standing(replay: Replay) -> list[str]:
+    """Return the walls and discs of the ground."""
+    if replay.ground is None:
+        return []
+    path = "".join(f"M{a:.3f} {b:.3f}L{c:.3f} {d:.3f}" for a, b, c, d in replay.ground.walls)
+    lines = f'<path d="{path}" style="stroke:{_INK["obstacle"]}" stroke-width="2" {_HAIR}/>'
+    return [lines, *(_disc(x, y, radius, _INK["obstacle"], 0.9, 0.5) for x, y, radius in replay.ground.discs)]
 
 
 _HAIR = 'vector-effect="non-scaling-stroke"'

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import hashlib
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Self
@@ -15,17 +16,30 @@ from numpy.typing import NDArray
 import parcours
 from parcours.errors import BadRequest
 from parcours.kernels import require_numba
+from parcours.run import canaries as canaries
 from parcours.run.heartbeat import LostCase
 from parcours.run.store import Campaign
+from parcours.run.strangers import computed
+from parcours.run.workers import is_worker
+from parcours.study.campaign.running import Chosen
 from parcours_navigation.cases.family import SystemCases
 from parcours_navigation.cases.running import CaseStudy, Track
-from parcours_navigation.guests.host import Host, host_words, hung
+from parcours_navigation.facts import TRACK_PERIOD
+from parcours_navigation.guests.apart import LOADING, Introduction, done_apart, introduce
+from parcours_navigation.guests.deadline import FIRST_CASE
+from parcours_navigation.guests.host import Host, Setting, hung
 from parcours_navigation.guests.planner_facts import FACTS, PlannerFault, lost
-from parcours_navigation.guests.planners import SHIPPED, PlannerLike, load_planner, located, own_loop, source_digest
+from parcours_navigation.guests.planners import SHIPPED, PlannerLike, file_digest, load_planner, own_loop
 from parcours_navigation.guests.scenario import Scenario
+from parcours_navigation.guests.staging import Cases, clear_obstacles, plain_scene, staged
+from parcours_navigation.requirements.judging import joined
+from parcours_navigation.requirements.requirement import NO_REQUIREMENTS, Monitor, Requirements
+from parcours_navigation.stage.memory import Staged, size_of
+from parcours_navigation.worlds.family import WorldCases
 
-_N_OBSTACLES = 3
+Floats = NDArray[np.float64]
 _CHECKED = 10_000
+_LOOKED_AT = 16
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,20 +58,41 @@ class NavigationStudy:
     """
 
     planner: PlannerLike  # see `load_planner`; for a campaign it must be a name
-    cases: SystemCases  # the cases
+    cases: Cases  # the cases
     scenario: Scenario = field(default_factory=Scenario)  # robot, goal, clock, deadlines
     # cases that are not to be run, because the planner hangs there or takes its process down
     lost: tuple[LostCase, ...] = ()
-    # the planner with the whole path of its file (`located`); found out when the study is made, so that a planner that
-    # changes the current folder is found all the same
-    located: PlannerLike = None
+    requirements: Requirements = NO_REQUIREMENTS  # beside the sound outcome
+    # what is known of a planner that others wrote and that is given by its name: it is never loaded in this process,
+    # unless this is a worker
+    known: Introduction | None = None
 
     def __post_init__(self) -> None:
         require_numba("simulating the world")
-        if self.located is None:
-            object.__setattr__(self, "located", located(self.planner))
-        self.scenario.require_room(self.cases.robot_radius)
-        self._host()
+        if isinstance(self.cases, SystemCases):
+            self.scenario.require_room(self.cases.robot_radius)
+        if isinstance(self.planner, str) and self.planner not in SHIPPED:
+            if self.known is None:
+                object.__setattr__(self, "known", introduce(self.planner, self.patience_to_load))
+        else:
+            self._host()
+        needs = self.known.needs if self.known is not None else self._host().needs
+        if needs and isinstance(self.cases, WorldCases):
+            self.cases.require(needs, self.label)
+        elif needs:
+            rule = f"it needs {' and '.join(needs)}, but the paper's arena gives neither scan, map nor path"
+            raise BadRequest(f"planner {self.label!r}", rule, "run it in a world: --world corridor-people",
+                             slug="world-gives")  # fmt: skip
+
+    @property
+    def found_as(self) -> PlannerLike:
+        """The planner as a worker finds it, whatever its current folder."""
+        return self.planner if self.known is None else self.known.planner
+
+    @property
+    def patience_to_load(self) -> float:
+        """How long a worker may give no sign of life while it is on no case [s]."""
+        return max(LOADING, FIRST_CASE * self.scenario.call_timeout)
 
     @property
     def label(self) -> str:
@@ -72,21 +107,29 @@ class NavigationStudy:
     @property
     def digest(self) -> str:
         """A digest of the planner's own source file; empty for planners that ship with Parcours."""
-        return source_digest(self.located) if isinstance(self.located, str) else ""
+        return "" if self.known is None else file_digest(str(self.planner), self.known.source)
 
     @property
     def heartbeat_words(self) -> int:
         """How many words a worker shares with its parent."""
-        return host_words(self.scenario, _N_OBSTACLES)
+        if not self._is_plain:
+            return 3
+        setting = self.setting()
+        return size_of(plain_scene(self.scenario, 0.1), setting.most_track(setting.longest))
 
     def without(self, lost: tuple[LostCase, ...]) -> Self:
         """Return the study that gives the facts of these cases as errors and does not run them."""
         return dataclasses.replace(self, lost=lost)
 
     def prepare(self) -> bool:
-        """Compile the kernels of a shipped planner by driving it a moment; return whether it is one."""
-        if self.planner not in SHIPPED:
+        """Compile the kernels of a shipped planner by driving it a moment; return whether workers may be forked then.
+
+        Those of a planner that is not loaded here are compiled with one that is.
+        """
+        if not isinstance(self.planner, str):
             return False
+        if self.known is not None:
+            return dataclasses.replace(self, planner="stand-still", known=None, lost=()).prepare()
         moment = dataclasses.replace(self.scenario, time_limit=2.0 * self.scenario.period, watched_on=0.0)
         dataclasses.replace(self, scenario=moment).run(np.arange(1))
         _host.cache_clear()  # a worker's host writes into the array that the worker shares
@@ -97,7 +140,14 @@ class NavigationStudy:
         return self.run(np.arange(first, first + count))
 
     def run(self, numbers: NDArray[np.int64]) -> NDArray[np.void]:
-        """Return the facts of the cases, array of FACTS of shape (n,); independent of what else is run."""
+        """Return the facts of the cases, shape (n,): FACTS, and the robustness of requirements; each by itself.
+
+        A planner that others wrote and that is given by its name runs in a process of its own.
+        """
+        if self._is_elsewhere and not {case.number for case in self.lost}.issuperset(numbers.tolist()):
+            chosen = Chosen(self, tuple(numbers.tolist()))
+            [(_, rows)] = computed(chosen, [range(len(numbers))], 1, lambda k: "the cases", forks=self.prepare())
+            return rows
         facts = np.zeros(len(numbers), FACTS)
         left = np.ones(len(numbers), bool)
         for case in self.lost:
@@ -105,44 +155,79 @@ class NavigationStudy:
                 facts[k : k + 1] = self._lost_facts(case)
                 left[k] = False
         ran = np.zeros(int(left.sum()), FACTS)
-        self._run(numbers[left], ran)
-        facts[left] = ran
-        return facts
+        monitor = self._monitor()
+        if len(ran):
+            host = self._host()
+            host.monitor = monitor
+            try:
+                self._run(numbers[left], ran)
+            finally:
+                host.monitor = None
+            facts[left] = ran
+        return joined(facts, monitor.results if monitor else {}, self.requirements)
+
+    @property
+    def _is_elsewhere(self) -> bool:
+        """Whether its planner must not run in this process."""
+        return self.known is not None and not is_worker()
 
     def track(self, number: int) -> Track:
         """Return facts, track and the obstacles' places of one case run again, for a replay or for measures."""
+        return self.track_and_gaps(number)[:3]
+
+    def track_and_gaps(self, number: int) -> tuple[NDArray[np.void], NDArray[np.void], Floats, Floats]:
+        """Return what `track` does, and the gap between robot and ground at each entry [m], shape (n,)."""
+        if self._is_elsewhere:
+            work = functools.partial(self.track_and_gaps, number)
+            return done_apart(
+                self.cases.id(number), work, n_words=self.heartbeat_words, patience=self.patience_to_load,
+                forks=self.prepare(),
+            )  # fmt: skip
         facts = np.zeros(1, FACTS)
-        track, places = self._run(np.array([number]), facts).track()
-        return facts, track, places
+        host = self._run(np.array([number]), facts)
+        return facts, *host.track(), host.ground_gaps()
+
+    @property
+    def _is_plain(self) -> bool:
+        return isinstance(self.cases, SystemCases)
+
+    def setting(self) -> Setting:
+        """Return what all its cases have in common."""
+        scenario, cases = self.scenario, self.cases
+        end = cases.end(scenario.time_limit) if isinstance(cases, SystemCases) else scenario.time_limit
+        period, delay, longest, extension = (
+            round(t * 1e9) for t in (scenario.period, scenario.command_delay, end, scenario.watched_on)
+        )
+        return Setting(period, delay, longest, extension, scenario.call_timeout)
 
     def _host(self) -> Host:
-        key = self.located if isinstance(self.located, str) else id(self.located)
-        end = self.cases.end(self.scenario.time_limit)
-        return _host(_Same(key, self.located), self.digest, self.scenario, self.cases.robot_radius, end)
+        planner = self.found_as
+        key = planner if isinstance(planner, str) else id(planner)
+        return _host(_Same(key, planner), self.digest, self.setting(), self.heartbeat_words)
+
+    def _monitor(self) -> Monitor | None:
+        """Return what judges the requirements, with no results yet; None if there are none."""
+        if not self.requirements.formulas:
+            return None
+        monitor = _monitor(self.requirements, int(self.cases.end(self.scenario.time_limit) * 1e9 / TRACK_PERIOD) + 3)
+        monitor.results.clear()
+        return monitor
 
     def _run(self, numbers: NDArray[np.int64], facts: NDArray[np.void]) -> Host:
         host = self._host()
         if len(numbers):
-            words = self._obstacles(numbers)
-            host.run(numbers.tolist(), words, self.cases.seed, facts)
+            host.run(self.staged(numbers), self.cases.seed, facts)
         return host
 
-    def _obstacles(self, numbers: NDArray[np.int64]) -> NDArray[np.float64]:
-        """Return the obstacles of the cases as float64 words, once they are found clear of the robot's start."""
-        obstacles = np.ascontiguousarray(self.cases.obstacles(numbers))
-        x, y, _ = self.scenario.start
-        reach = self.cases.robot_radius + obstacles["radius"]
-        gap = np.hypot(obstacles["x0"] - x, obstacles["y0"] - y) - reach
-        if len(numbers) and gap.min() < 0.0:
-            k = int(np.argmin(gap.min(axis=1)))
-            inside = f"at ({x:g}, {y:g}) m it is {-gap[k].min():.3f} m inside"
-            rule, id = f"the robot must start clear of obstacles, but {inside}", self.cases.id(int(numbers[k]))
-            raise BadRequest(id, rule, "give another start, or smaller radii", slug="start-occupied")
-        return obstacles.view(np.float64).reshape(len(numbers), -1)
+    def staged(self, numbers: NDArray[np.int64]) -> Sequence[Staged]:
+        """Return cases at their beginning."""
+        return staged(self.cases, self.scenario, numbers)
 
     def _lost_facts(self, case: LostCase) -> NDArray[np.void]:
         if case.how == "hung":
             return hung(case.number, case.time, self.scenario.call_timeout)
+        if case.how == "tampered":
+            return lost(case.number, PlannerFault.TAMPERED, case.detail, case.time)
         reason = f"died: its process {case.detail} after the observation at {case.time * 1e-9:.2f} s"
         return lost(case.number, PlannerFault.DIED, reason, case.time)
 
@@ -155,20 +240,28 @@ class NavigationStudy:
         if not isinstance(self.planner, str):
             rule, remedy = "in a campaign it must be a name that worker processes find", "module:name or file.py:name"
             raise BadRequest(f"planner {self.label!r}", rule, remedy, slug="planner-name")
-        self._obstacles(np.arange(min(n_cases, _CHECKED)))
+        if isinstance(self.cases, SystemCases):
+            clear_obstacles(self.cases, self.scenario, np.arange(min(n_cases, _CHECKED)))
+            about: dict[str, object] = {
+                "protocol": self.cases.protocol, "robot_radius": self.cases.robot_radius,
+                "obstacle_radius": self.cases.obstacle_radius,
+            }  # fmt: skip
+        else:
+            self.cases.staged(range(min(n_cases, _LOOKED_AT)), self.scenario.period)
+            about = {"world": self.cases.world.reference, "world_digest": self.cases.world.digest,
+                     "criterion": self.cases.criterion}  # fmt: skip
         return Campaign(
             study="navigation",
             schedule=self.planner,
             seed=self.cases.seed,
             n_cases=n_cases,
-            dtype=FACTS,
+            dtype=self.requirements.facts(FACTS),
             parameters={
                 "code": code_digest(),
                 "planner_source": self.digest,
-                "protocol": self.cases.protocol,
-                "robot_radius": self.cases.robot_radius,
-                "obstacle_radius": self.cases.obstacle_radius,
+                **about,
                 "scenario": dataclasses.asdict(self.scenario),
+                **self.requirements.manifest(),
             },
             shard_size=shard_size or min(max(n_cases // 16, 4), 64),  # a slow planner loses little by Ctrl-C
         )
@@ -183,13 +276,37 @@ class _Same:
 
 
 @functools.lru_cache(maxsize=16)
-def _host(planner: _Same, digest: str, scenario: Scenario, robot_radius: float, end: float) -> Host:
+def _host(planner: _Same, digest: str, setting: Setting, words: int) -> Host:
     """Return the host of a planner in this process; one planner object serves all its cases."""
-    return Host(load_planner(planner.planner), scenario, robot_radius, _N_OBSTACLES, end)
+    plugin = load_planner(planner.planner)
+    canaries.accept()
+    return Host(plugin, setting, words)
+
+
+@functools.lru_cache(maxsize=16)
+def _monitor(requirements: Requirements, n_samples: int) -> Monitor:
+    return Monitor(requirements, n_samples)
 
 
 _ENGINE_ROOMS = ("data", "model", "paths", "abtc", "suite")
-_ROOMS = ("arena", "cases", "guests", "measures", "planners", "study/study.py", "facts.py", "protocol.py")
+_ROOMS = (
+    "adapters",
+    "arena",
+    "cases",
+    "ground",
+    "guests",
+    "measures",
+    "others",
+    "planners",
+    "requirements",
+    "robots",
+    "sensing",
+    "stage",
+    "worlds",
+    "study/study.py",
+    "facts.py",
+    "protocol.py",
+)
 
 
 @functools.cache
@@ -206,14 +323,20 @@ def code_digest(*more: str) -> str:
     return digest.hexdigest()[:16]
 
 
-def study_of(planner: PlannerLike, cases: SystemCases, scenario: Scenario | None = None) -> CaseStudy:
+def study_of(
+    planner: PlannerLike, cases: Cases, scenario: Scenario | None = None, requirements: Requirements = NO_REQUIREMENTS
+) -> CaseStudy:
     """Return the study that runs a planner: of its own loop if it has one, else a NavigationStudy.
 
-    Raises BadRequest if the planner is not one, or its own loop cannot run the scenario.
+    Raises BadRequest if the planner is not one, or its own loop cannot run the scenario or judge requirements.
 
     >>> study_of("orca", SystemCases(1)).scenario.watched_on
     0.0
     """
     scenario = scenario or Scenario()
     loop = own_loop(planner)
-    return NavigationStudy(planner, cases, scenario) if loop is None else loop.study_of(cases, scenario)
+    if loop is None:
+        return NavigationStudy(planner, cases, scenario, requirements=requirements)
+    if not requirements:
+        return loop.study_of(cases, scenario)
+    return loop.study_of(cases, scenario, requirements)

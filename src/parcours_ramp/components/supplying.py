@@ -17,7 +17,7 @@ from parcours.suite import Case
 from parcours_ramp.components.components import GOAL
 from parcours_ramp.planner import messages
 from parcours_ramp.planner.parameters import Parameters
-from parcours_ramp.planner.path_modification import CHANGE, INSERT
+from parcours_ramp.planner.path_modification import CROSSOVER, OPERATORS, applies
 from parcours_ramp.planner.prediction import predict
 from parcours_ramp.planner.route import HOLONOMIC, HYBRID, ROUTE, TRANSITION
 from parcours_ramp.planner.switching import switch_path
@@ -116,17 +116,17 @@ class Supply:
         return messages.EvaluationResponse(self._sensing, feasible, fitness, np.where(feasible == 1, 9999.0, met))
 
     def _obstacles(self) -> messages.Obstacles:
-        states = messages.many(messages.OBSTACLE_STATE, _N_OBSTACLES)
-        for k in range(_N_OBSTACLES):
-            angle = self._stream.uniform(0.0, 0.5 * np.pi)
+        """Return one obstacle ahead that drives towards the robot, and one that stands: ahead, beside or behind it."""
+        states, draw = messages.many(messages.OBSTACLE_STATE, _N_OBSTACLES), self._stream.uniform
+        for k, state in enumerate(states):
+            pose, bearing = state.pose, draw(-0.7 * np.pi, 0.7 * np.pi) if k else draw(-0.25 * np.pi, 0.25 * np.pi)
+            angle = float(self._begin.heading) + bearing
             s, c = sin_cos(angle)
-            pose = states[k].pose
             pose.x, pose.y = self._case["odometry"] * c, self._case["odometry"] * s
-            pose.heading, pose.v = angle - np.pi, self._case["motion"]
-            pose.w = self._stream.uniform(-0.5 * np.pi, 0.5 * np.pi)
-            states[k].radius = 0.1
-            if k:  # the other one stands, and faces the robot
-                pose.v = pose.w = 0.0
+            pose.heading = angle - np.pi + (draw(-2.0, 2.0) if k else 0.0)
+            state.radius = 0.1
+            if not k:
+                pose.v, pose.w = self._case["motion"], draw(-0.5 * np.pi, 0.5 * np.pi)
         return messages.Obstacles(0, states)
 
     def _path(self) -> Record:
@@ -145,9 +145,11 @@ class Supply:
         generate(self._path(), self._begin, HYBRID, self._parameters.record(), messages.one(ROUTE), trajectory)
         return trajectory
 
-    def _predictions(self) -> Record:
-        predictions = messages.many(messages.PREDICTION, 1)
-        predict(self._obstacles().states[0], 0, predictions[0])
+    def _predictions(self, n: int = 1, ago: float = 0.0) -> Record:
+        """Return predictions of the first n obstacles, as they were sensed some time ago [s]."""
+        predictions, states = messages.many(messages.PREDICTION, n), self._obstacles().states
+        for k in range(n):
+            predict(states[k], -round(1e9 * ago), predictions[k])
         return predictions
 
     def _trajectory_request(self) -> messages.TrajectoryRequest:
@@ -168,13 +170,24 @@ class Supply:
         return messages.TrajectoryRequest(self._sensing, paths, starts, kinds)
 
     def _evaluation_request(self) -> messages.EvaluationRequest:
-        trajectories = messages.many(messages.TRAJECTORY, int(self._case["population"]))
+        """Ask how fit ways are beside all obstacles, sensed a while ago, for a robot off its plan, perhaps halted."""
+        trajectories, draw = messages.many(messages.TRAJECTORY, int(self._case["population"])), self._stream.uniform
         for k in range(len(trajectories)):
             trajectories[k] = self._trajectory()
-        return messages.EvaluationRequest(self._sensing, trajectories, self._predictions(), (0.0, 0.0), 0.0, False)
+        predictions = self._predictions(_N_OBSTACLES, ago=draw(0.0, 0.1))
+        drift, heading = (draw(-0.03, 0.03), draw(-0.03, 0.03)), float(self._begin.heading) + draw(-0.2, 0.2)
+        halted = bool(self._stream.random() < 0.25)
+        return messages.EvaluationRequest(self._sensing, trajectories, predictions, drift, heading, halted)
 
     def _modification_request(self) -> messages.ModificationRequest:
-        modification = messages.one(messages.MODIFICATION)
-        modification.first = self._path()
-        modification.operator = INSERT if modification.first.n < 5 else CHANGE
+        """Ask for an operator that changes a path of so many knots, begun somewhere, near an obstacle somewhere."""
+        modification, path = messages.one(messages.MODIFICATION), self._path()
+        path.x[: path.n] += self._stream.uniform(0.0, self._parameters.arena)
+        path.y[: path.n] += self._stream.uniform(0.0, self._parameters.arena)
+        modification.first = path
+        applicable = [k for k in range(len(OPERATORS)) if applies(k, int(path.n))]
+        modification.operator = self._stream.choice(applicable)
+        if modification.operator == CROSSOVER:
+            modification.second = self._path()
+        modification.direction, modification.distance = self._stream.uniform(-np.pi, np.pi), self._case["odometry"]
         return messages.ModificationRequest(self._planning, modification)

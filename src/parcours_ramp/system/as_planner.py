@@ -6,7 +6,9 @@ from dataclasses import dataclass
 
 from parcours.errors import BadRequest
 from parcours_navigation.cases.family import SystemCases
+from parcours_navigation.cases.running import Family
 from parcours_navigation.guests.scenario import Scenario
+from parcours_navigation.requirements.requirement import NO_REQUIREMENTS, Requirements
 from parcours_ramp.planner.parameters import guarded, original
 from parcours_ramp.system.study import SystemStudy
 
@@ -21,8 +23,12 @@ class RampLoop:
 
     schedule: str
 
-    def study_of(self, cases: SystemCases, scenario: Scenario) -> SystemStudy:
+    def study_of(self, cases: Family, scenario: Scenario, requirements: Requirements = NO_REQUIREMENTS) -> SystemStudy:
         """Return the study that runs it. Raises BadRequest if the scenario is not the one that RAMP is built for."""
+        if not isinstance(cases, SystemCases):
+            rule = "it reads the paper's arena only: discs that it senses perfectly, no walls, a unicycle"
+            raise BadRequest(f"planner 'ramp-{self.schedule}'", rule, "run it in the world `paper`",
+                             slug="planner-own-loop")  # fmt: skip
         plain = Scenario(
             time_limit=scenario.time_limit, watched_on=scenario.watched_on, call_timeout=scenario.call_timeout
         )
@@ -32,7 +38,9 @@ class RampLoop:
             raise BadRequest(name, rule, "leave the rest as it is", slug="planner-own-loop")
         make = original if self.schedule == "original" else guarded
         parameters = make(robot_radius=cases.robot_radius)
-        return SystemStudy(cases, parameters, time_limit=scenario.time_limit, watched_on=scenario.watched_on)
+        return SystemStudy(
+            cases, parameters, time_limit=scenario.time_limit, watched_on=scenario.watched_on, requirements=requirements
+        )
 
 
 ORIGINAL, GUARDED = RampLoop("original"), RampLoop("guarded")

@@ -13,6 +13,8 @@ from parcours.errors import BadRequest, BadResults
 from parcours.run.store import open_results
 from parcours.study.campaign.running import facts_of
 from parcours_navigation.cases.family import Protocol, SystemCases
+from parcours_navigation.requirements.requirement import Requirements
+from parcours_navigation.requirements.requirement import kept as kept_requirements
 from parcours_navigation.study.replay import Replay, replayed
 from parcours_ramp.planner.latency import Duration, Latencies
 from parcours_ramp.planner.parameters import Parameters
@@ -32,6 +34,11 @@ class SystemResults:
     def signals(self) -> bool:
         """RAMP signals all that the paper's rule asks for."""
         return True
+
+    @property
+    def requirements(self) -> Requirements:
+        """What is required of the cases."""
+        return self.study.requirements
 
     @property
     def label(self) -> str:
@@ -55,7 +62,8 @@ def load_campaign(folder: Path) -> SystemResults:
     """
     store = open_results(folder)
     campaign = store.campaign
-    if campaign.study != "ramp_system" or campaign.dtype.names != FACTS.names:
+    requirements = kept_requirements(campaign.parameters, str(folder))
+    if campaign.study != "ramp_system" or campaign.dtype.names != requirements.facts(FACTS).names:
         raise BadResults(
             str(folder), f"results of ramp_system are expected, but these are of {campaign.study!r}",
             slug="results-study",
@@ -70,7 +78,7 @@ def load_campaign(folder: Path) -> SystemResults:
         study = SystemStudy(
             cases, Parameters(**given["planner"]), latencies,  # type: ignore[arg-type]
             float(cast(float, given["time_limit"])), float(cast(float, given["watched_on"])),
-            bool(given["solid"]),
+            bool(given["solid"]), requirements,
         )  # fmt: skip
     except (BadRequest, KeyError, TypeError, ValueError) as error:
         raise BadResults(

@@ -15,7 +15,8 @@ from parcours.study.parameters import Parameter, Settings, workers_parameter
 from parcours.study.protocol import Finding, Judged, Progress, Rejudged, Reported, Request, Results, Run
 from parcours.suite import Case
 from parcours_navigation.cases.family import FILES, LONGEST, PUBLISHED_CASES, TIME_LIMIT
-from parcours_navigation.study.asking import CASES, TIME_LIMIT_DOC, cases_of, numbers_of, question_of
+from parcours_navigation.requirements.requirement import read_requirements
+from parcours_navigation.study.asking import CASES, REQUIREMENTS, TIME_LIMIT_DOC, cases_of, numbers_of, question_of
 from parcours_navigation.study.results import report_folders
 from parcours_ramp.planner.latency import Latencies
 from parcours_ramp.planner.whole import DECIDING
@@ -55,6 +56,7 @@ class RampSystem:
                 "solid", "bool", False, "an obstacle that touches the robot stops for good; else it drives through"
             ),
             Parameter("judged", "int", 0, JUDGED_DOC, low=0, decides=False),
+            *REQUIREMENTS,
             Parameter("time_limit", "real", TIME_LIMIT, TIME_LIMIT_DOC, "s", low=0.01, high=LONGEST),
             workers_parameter(),
             Parameter("host", "text", "simulated", "where the components run", choices=HOSTS),
@@ -85,8 +87,9 @@ class RampSystem:
         sensing, planning, stop = (float(settings[f"added_{name}"]) for name in ("sensing", "planning", "stop"))
         latencies = Latencies(added_sensing=sensing, added_planning=planning, added_stop=stop)
         return dataclasses.replace(
-            plain, latencies=latencies, time_limit=float(settings["time_limit"]), solid=bool(settings["solid"])
-        )
+            plain, latencies=latencies, time_limit=float(settings["time_limit"]), solid=bool(settings["solid"]),
+            requirements=read_requirements(str(settings["require"]), str(settings["fail"])),
+        )  # fmt: skip
 
     def suite(self, settings: Settings, seed: int, n_cases: int | None = None) -> Iterator[Case]:
         """Yield the cases."""
@@ -99,6 +102,10 @@ class RampSystem:
             if settings["solid"]:
                 rule = f"it is for cases in simulated time, but the host is {settings['host']}"
                 raise BadRequest("--solid", rule, "leave it out, or --host", slug="option-study")
+            for name in ("require", "fail"):
+                if settings[name]:
+                    rule = f"it is for cases in simulated time, but the host is {settings['host']}"
+                    raise BadRequest(f"--{name}", rule, "leave it out, or --host", slug="option-study")
             from parcours_ramp.system.live_running import run_live_cases
 
             return run_live_cases(self, request, progress)

@@ -14,6 +14,9 @@ from parcours.kernels import Record, kernel, require_numba
 from parcours.run.store import Campaign
 from parcours_navigation.cases.family import LONGEST, TIME_LIMIT, WATCHED_ON, Protocol, SystemCases
 from parcours_navigation.facts import TRACK, TRACK_PERIOD
+from parcours_navigation.requirements.judging import joined
+from parcours_navigation.requirements.programs import compile_formulas
+from parcours_navigation.requirements.requirement import NO_REQUIREMENTS, Requirements
 from parcours_navigation.study.study import code_digest
 from parcours_ramp.planner.latency import Latencies
 from parcours_ramp.planner.messages import OBSTACLE_STATE, PREDICTION, one
@@ -43,6 +46,7 @@ class SystemStudy:
     time_limit: float = TIME_LIMIT  # length of a test [s]; see `SystemCases.end` from when on
     watched_on: float = WATCHED_ON  # how long an unfinished case is watched beyond its end [s]
     solid: bool = False  # whether an obstacle stops for good where it touches the robot; it drives through if not
+    requirements: Requirements = NO_REQUIREMENTS  # beside the sound outcome
 
     def __post_init__(self) -> None:
         require_numba("simulating the world")
@@ -74,8 +78,10 @@ class SystemStudy:
         return True
 
     def run(self, numbers: NDArray[np.int64]) -> NDArray[np.void]:
-        """Return the facts of the cases, array of FACTS of shape (n,); independent of what else is run."""
-        return self._run(numbers)[0]
+        """Return the facts of the cases, shape (n,): FACTS, and the robustness of requirements; each by itself."""
+        results = np.full((len(numbers), 2, len(self.requirements.formulas)), np.nan)
+        facts = self._run(numbers, results if self.requirements.formulas else None)[0]
+        return joined(facts, dict(zip(numbers.tolist(), results, strict=True)), self.requirements)
 
     def track(self, number: int) -> Track:
         """Return facts, track and the obstacles' places of one case run again, for a replay."""
@@ -83,17 +89,31 @@ class SystemStudy:
         n = int(facts[0]["n_track"])
         return facts, track[:n], places[:n]
 
-    def _run(self, numbers: NDArray[np.int64]) -> Track:
-        """Return the facts of the cases, and the working memory in which the last one has left its track."""
+    def _run(self, numbers: NDArray[np.int64], results: Floats | None = None) -> Track:
+        """Return the facts of the cases, and the working memory in which the last one has left its track.
+
+        `results` receives what is judged, as `run_and_judge` says.
+        """
         facts = np.zeros(len(numbers), FACTS)
         obstacles = self.cases.obstacles(numbers)
         n = obstacles.shape[1]
         length = int((self.cases.end(self.time_limit) + self.watched_on) * 1e9 / TRACK_PERIOD) + 2
         track, places = np.zeros(length, TRACK), np.zeros((length, n, 2))
-        _run_cases(
+        memory = (
             numbers, obstacles, self.setting(), self.parameters.record(), self.latencies.record(), one(WORKSPACE),
             np.zeros(n, OBSTACLE_STATE), np.zeros(n, PREDICTION), np.zeros(n, PREDICTION), facts, track, places,
             np.zeros(n),
+        )  # fmt: skip
+        if results is None:
+            _run_cases(*memory)
+            return facts, track, places
+        from parcours_ramp.system.judged import run_and_judge
+
+        program = compile_formulas([one.formula for one in self.requirements.formulas])
+        rows = program.memory(length + 1)
+        run_and_judge(
+            *memory, np.zeros((length + 1, 7 + 2 * n)), program.code, program.roots, program.wanted, rows,
+            np.zeros(len(rows), np.int64), results,
         )  # fmt: skip
         return facts, track, places
 
@@ -121,7 +141,7 @@ class SystemStudy:
             schedule=self.parameters.schedule,
             seed=self.cases.seed,
             n_cases=n_cases,
-            dtype=FACTS,
+            dtype=self.requirements.facts(FACTS),
             parameters={
                 "code": ramp_digest(),
                 "protocol": self.cases.protocol,
@@ -132,6 +152,7 @@ class SystemStudy:
                 "time_limit": self.time_limit,
                 "watched_on": self.watched_on,
                 "solid": self.solid,
+                **self.requirements.manifest(),
             },
             shard_size=shard_size or min(max(n_cases // 8, 64), 1024),
         )

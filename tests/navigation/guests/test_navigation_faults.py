@@ -237,7 +237,7 @@ def test_what_a_planner_prints_does_not_reach_the_json(file: Path, tmp_path: Pat
     ("name", "says", "slug"),
     [
         ("no_such_module:Planner", "there is no 'no_such_module'", "planner-missing"),
-        ("no/such/file.py:Planner", "No such file", "planner-missing"),
+        ("no/such/file.py:Planner", "its file must exist", "planner-missing"),
         ("{file}:Moodi", "did you mean 'Moody'", "planner-missing"),
         ("{file}:Refuses", "raised RuntimeError: no licence", "planner-raised"),
         ("{file}:Needs", "raised TypeError: .*missing 1 required positional argument", "planner-raised"),

@@ -16,9 +16,9 @@ from parcours_navigation.arena.obstacles import place_at
 from parcours_navigation.cases.family import SystemCases
 from parcours_navigation.facts import NEVER, TRACK_PERIOD
 from parcours_navigation.guests.scenario import Scenario
-from parcours_navigation.guests.tracking import reference
 from parcours_navigation.outcomes import Outcome, outcomes
 from parcours_navigation.protocol import HEADING, SPEED, Answer, Command, Limits, Observation, Task, Trajectory, X, Y
+from parcours_navigation.stage.tracking import reference
 from parcours_navigation.study.study import NavigationStudy, study_of
 
 CASES = SystemCases(1)

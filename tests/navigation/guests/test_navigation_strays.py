@@ -94,7 +94,7 @@ def test_a_planner_that_changes_the_folder_loses_no_results(here: Path) -> None:
 
 def test_a_planner_is_found_by_its_relative_path_after_it_changed_the_folder(here: Path) -> None:
     study = NavigationStudy("stray_planner.py:Wanderer", CASES, SHORT)
-    assert Path.cwd() == here / "elsewhere"
+    assert Path.cwd() == here
     assert study.label == "stray_planner.py:Wanderer" and study.digest
     plain = NavigationStudy(f"{here}/stray_planner.py:Plain", CASES, SHORT)(0, 2)
     assert study(0, 2).tobytes() == plain.tobytes()
@@ -160,10 +160,17 @@ def test_a_keyboard_interrupt_of_its_own_costs_a_planner_the_case_in_a_worker(he
     assert facts["reason"][0].startswith(b"raised: KeyboardInterrupt (stray_planner.py:")
 
 
-def test_ctrl_c_in_the_process_that_listens_to_it_ends_the_run(here: Path, listening_to_ctrl_c: None) -> None:
-    study = NavigationStudy(f"{here}/stray_planner.py:Interrupts", CASES, SHORT)
+def test_ctrl_c_in_the_process_that_listens_to_it_ends_the_run(listening_to_ctrl_c: None) -> None:
+    def interrupts(observation: Observation) -> Answer:
+        raise KeyboardInterrupt
+
     with pytest.raises(KeyboardInterrupt):
-        study(0, 1)
+        NavigationStudy(interrupts, CASES, SHORT)(0, 1)
+
+
+def test_what_a_named_planner_raises_is_no_ctrl_c_of_ours(here: Path, listening_to_ctrl_c: None) -> None:
+    study = NavigationStudy(f"{here}/stray_planner.py:Interrupts", CASES, SHORT)
+    assert study(0, 1)["error"].tolist() == [PlannerFault.RAISED]
 
 
 def test_a_constructor_that_raises_keyboard_interrupt_is_refused_where_ctrl_c_is_ignored(ignoring_ctrl_c: None) -> None:

@@ -231,7 +231,7 @@ def test_a_corner_has_the_curvature_that_the_spacing_gives_it() -> None:
 def _measure_each(runs: Record, buffer: Record, places: Record, radii: Record, n: int) -> None:
     """Measure the first n entries of a working buffer into the nested record of every run."""
     for k in range(len(runs)):
-        measure(buffer[:n], places[:n], radii, 0.125, 2.0, 0.0, 0.2, NEVER, 0.1, runs[k].measures)
+        measure(buffer[:n], places[:n], radii, 0.125, 2.0, 0.0, 0.2, NEVER, 0.1, np.zeros(0), runs[k].measures)
 
 
 def test_a_kernel_fills_the_same_bits_from_a_working_buffer_into_a_nested_record() -> None:

@@ -41,7 +41,7 @@ class Course:
     def observe(planner: Planner, robot: Floats, obstacles: Floats, task: Task, time: float = 0.0) -> Command:
         """Return the planner's command, which must be a pair of finite numbers."""
         answer = planner.observe(Observation(time, robot, obstacles, task))
-        assert isinstance(answer, tuple)
+        assert isinstance(answer, tuple) and len(answer) == 2
         v, w = answer
         assert math.isfinite(v) and math.isfinite(w)
         return Command(float(v), float(w))

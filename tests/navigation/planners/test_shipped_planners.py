@@ -9,17 +9,20 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
+from parcours_navigation.planners.a_star import AStar
 from parcours_navigation.planners.baselines import StandStill, StraightAhead
 from parcours_navigation.planners.dwa import Dwa
+from parcours_navigation.planners.mpc import Mpc
 from parcours_navigation.planners.mppi import Mppi
 from parcours_navigation.planners.orca import Orca
+from parcours_navigation.planners.teb import Teb
 from parcours_navigation.protocol import Planner
 
 if TYPE_CHECKING:
     from tests.navigation.planners.conftest import Course
 
 Maker = Callable[[], Planner]
-AVOIDING: list[Maker] = [Orca, Dwa, Mppi]
+AVOIDING: list[Maker] = [Orca, Dwa, Mppi, Mpc, Teb, AStar]
 avoiding = pytest.mark.parametrize("maker", AVOIDING)
 every = pytest.mark.parametrize("maker", [*AVOIDING, StandStill, StraightAhead])
 

@@ -34,7 +34,7 @@ REASON_LENGTH = 160  # bytes kept of the reason of an error
 
 Function = Callable[..., object]
 Target = str | Function  # `file.py:name`, `package.module:name`, or the function itself
-_LOADING = 60.0  # so long a file may take to load [s], or six times the patience if that is longer
+LOADING = 60.0  # so long a file may take to load [s], or six times the patience if that is longer
 _PURPOSE = 0x73696D756C617465  # of the random stream from which simulations get their seeds (ASCII for `simulate`)
 HUNG = "hung: no facts within {:g} s"
 _ADDRESS = re.compile(r"\b0x[0-9a-fA-F]{6,}")
@@ -55,7 +55,6 @@ class Alarm:
     _LOOKS = 4
 
     def __init__(self) -> None:
-        self._words = heartbeat.words(3)
         self._works = threading.current_thread() is threading.main_thread() and hasattr(signal, "setitimer")
         self._left, self._before = 0, None if not self._works else signal.getsignal(signal.SIGALRM)
 
@@ -70,7 +69,7 @@ class Alarm:
     def set(self, number: float, limit: float, *, rings: bool = True) -> None:
         """Expect the end of a case within `limit` [s]; unless it `rings`, the parent alone does."""
         self._left = self._LOOKS
-        self._words[[heartbeat.LIMIT, heartbeat.TIME, heartbeat.CASE]] = limit, 0.0, number
+        heartbeat.enter(number, limit)
         if self._works and rings:
             signal.signal(signal.SIGALRM, self._look)  # whatever the last case has made of it
             signal.setitimer(signal.ITIMER_REAL, limit / self._LOOKS, limit / self._LOOKS)
@@ -78,7 +77,7 @@ class Alarm:
     def off(self) -> None:
         """Expect nothing."""
         self._left = 0
-        self._words[heartbeat.CASE] = heartbeat.NO_CASE
+        heartbeat.leave()
         if self._works:
             signal.setitimer(signal.ITIMER_REAL, 0.0)
 
@@ -106,7 +105,7 @@ class PythonCaller:
     ) -> None:  # fmt: skip
         self._study, self._settings, self._seed = study, settings, seed
         if isinstance(target, str):
-            alarm.set(heartbeat.NO_CASE, max(_LOADING, 6.0 * study.patience))
+            alarm.set(heartbeat.NO_CASE, max(LOADING, 6.0 * study.patience))
             found = load(target, study.folder)
             alarm.off()
             path = file_of(target, study.folder)
@@ -237,9 +236,9 @@ def _kind(value: object) -> str:
 
 def lost_reason(case: heartbeat.LostCase, patience: float) -> tuple[Fault, str]:
     """Return why a case was lost whose process hung or died."""
-    return (
-        (Fault.HUNG, HUNG.format(patience)) if case.how == "hung" else (Fault.DIED, f"died: its process {case.detail}")
-    )
+    if case.how == "hung":
+        return Fault.HUNG, HUNG.format(patience)
+    return Fault.DIED, case.detail if case.how == "tampered" else f"died: its process {case.detail}"
 
 
 def reason_bytes(text: str) -> bytes:

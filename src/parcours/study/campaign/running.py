@@ -6,6 +6,7 @@ A campaign of chosen cases keeps their numbers in its parameters: its k-th row i
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -54,6 +55,11 @@ class Chosen:
     def heartbeat_words(self) -> int:
         """How many words a worker shares with its parent: none if nothing in it may hang or die."""
         return self.study.heartbeat_words if isinstance(self.study, RunsStrangers) else 0
+
+    @property
+    def patience_to_load(self) -> float:
+        """How long a worker may give no sign of life while it is on no case [s]."""
+        return float(getattr(self.study, "patience_to_load", math.inf))
 
     def without(self, lost: tuple[LostCase, ...]) -> Self:
         """Return the same without the lost cases."""

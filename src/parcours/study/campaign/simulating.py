@@ -15,10 +15,12 @@ from typing import TYPE_CHECKING, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from parcours.run import canaries as canaries
 from parcours.run import heartbeat as heartbeat
 from parcours.run.store import Campaign
 from parcours.study.campaign.calling import (
     HUNG,
+    LOADING,
     Alarm,
     Faulty,
     Overdue,
@@ -52,6 +54,11 @@ class Simulation:
     def heartbeat_words(self) -> int:
         """How many words a worker shares with its parent."""
         return 3
+
+    @property
+    def patience_to_load(self) -> float:
+        """How long a worker may give no sign of life while it is on no case [s]."""
+        return 2.0 * max(LOADING, 6.0 * self.study.patience)
 
     def prepare(self) -> bool:
         """Say that workers may be forked: this process has loaded no file that a study names."""
@@ -114,6 +121,7 @@ class Simulation:
                 caller = ProgramCaller(study, study.simulate, self.settings)
             else:
                 caller = PythonCaller(study, study.simulate, "simulate", self.settings, self.seed, alarm)
+                canaries.accept()
             for k, (number, values) in enumerate(zip(numbers.tolist(), study.values(numbers, self.seed), strict=True)):
                 if number in lost:
                     facts, fault, why = None, *lost_reason(lost[number], study.patience)
@@ -146,9 +154,10 @@ class Simulation:
                     raise
                 return None, Fault.RAISED, f"raised: {words_of(error, caller.file)}"
             finally:
-                alarm.off()
                 if os.getpid() != pid:
                     os._exit(0)  # a child that the simulation forked: the case is its parent's
+                canaries.after_case()
+                alarm.off()
         except Overdue:  # it rang while an exception was put into words
             alarm.off()
             return None, Fault.HUNG, HUNG.format(limit)

@@ -1,0 +1,253 @@
+"""Notices in a worker what strangers' code has changed that others rely on: their functions, descriptors, limits.
+
+The code runs in the same interpreter as ours, so it can replace `numpy.zeros` or close the line to the parent. What was
+changed and can be put back is put back after each case: the current folder, signal handlers, limits. A worker in which
+anything else was changed ends itself with the status TAMPERED and says what it was; the case is lost, the others are
+computed in another worker. What replaces a function on purpose so that it cannot be noticed is beyond this.
+"""
+
+from __future__ import annotations
+
+import builtins
+import contextlib
+import ctypes
+import gc
+import importlib
+import math
+import os
+import pickle
+import signal
+import struct
+import sys
+import threading
+import time
+from collections.abc import Callable, Mapping, Sequence
+from multiprocessing.connection import Connection
+from operator import is_, itemgetter
+from pathlib import Path
+from types import BuiltinFunctionType, FunctionType
+from typing import Any
+
+import numpy as np
+
+from parcours.run.heartbeat import write_place
+
+resource: Any = importlib.import_module("resource") if os.name == "posix" else None
+
+TAMPERED = 113
+"""Status with which a worker ends itself."""
+
+CHANGED = "changed its process: "
+"""How the words begin in which it says why."""
+
+_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGALRM)
+_LIMITS = ("RLIMIT_NOFILE", "RLIMIT_CPU", "RLIMIT_AS", "RLIMIT_FSIZE", "RLIMIT_STACK")
+_OF_OS = (
+    "_exit", "write", "read", "close", "fstat", "getpid", "dup2", "pipe", "kill", "fork", "waitpid", "open", "getcwd",
+    "chdir", "umask", "fsync", "replace", "urandom",
+)  # fmt: skip
+_OF_NUMPY = (
+    "zeros", "ones", "empty", "full", "array", "asarray", "ascontiguousarray", "arange", "frombuffer", "concatenate",
+    "flatnonzero", "isfinite", "hypot", "sqrt", "abs", "floor", "round", "any", "all", "argmin", "argmax", "minimum",
+    "maximum", "where", "linspace", "sort", "searchsorted", "diff", "sum", "add", "subtract", "multiply", "divide",
+    "sin", "cos", "arctan2", "ndarray", "float64", "int64", "uint64", "uint8",
+    "bool_", "dtype", "isnan", "nan", "inf", "pi",
+)  # fmt: skip
+_EVERY_CASE = (
+    (vars(np), ("zeros", "array", "asarray", "ascontiguousarray", "hypot", "isfinite", "sqrt", "arange")),
+    (vars(builtins), ("len", "isinstance", "getattr", "float", "int", "range", "zip", "type", "open", "__import__")),
+    (vars(os), ("_exit", "write", "getpid", "fstat")),
+    (vars(signal), ("signal", "setitimer")),
+)
+
+_TINY, _SMALL = sys.float_info.min, 1e-17
+
+Held = tuple[str, Mapping[str, Any], Callable[[Any], tuple[Any, ...]], tuple[str, ...], tuple[Any, ...]]
+"""Where names lie, in words; the mapping; what gets them; the names; what they were."""
+
+
+class Canaries:
+    """What a process looks like before strangers' code runs in it, and after that was loaded."""
+
+    # References instead of names, so that what is replaced is not used to find that it was replaced.
+    def __init__(self, descriptors: Sequence[int]) -> None:
+        self._often = [_held(mapping["__name__"], mapping, names) for mapping, names in _EVERY_CASE]
+        self._all = [*self._often, *_everything()]
+        self._modules, self._numpy = sys.modules, np
+        self._descriptors = [(number, _identity(number)) for number in descriptors]
+        self._collect = gc.collect
+        self.accept()
+
+    def accept(self) -> None:
+        """Take what can be put back as it is now: the code was loaded, and may have changed it."""
+        self._path = str(Path.cwd())
+        self._mask = os.umask(0o22)
+        os.umask(self._mask)
+        self._handlers = [(number, signal.getsignal(number)) for number in _SIGNALS]
+        self._blocked = signal.pthread_sigmask(signal.SIG_BLOCK, ())
+        self._limits = [(name, resource.getrlimit(getattr(resource, name))) for name in _LIMITS]
+        self._recursion, self._errors = sys.getrecursionlimit(), np.geterr()
+        self._collects = gc.isenabled()
+        if not _rounds():
+            _reset_rounding()
+        gc.collect()
+        if not gc.get_freeze_count():
+            gc.freeze()  # a collection after each case takes no time then
+
+    def after_case(self) -> str:
+        """Put back what can be, and return what else was changed, in words; "" if nothing was."""
+        return self._found(self._often)
+
+    def changed(self) -> str:
+        """Return what was changed, by a longer look, in words; "" if nothing was."""
+        return self._found(self._all)
+
+    def _found(self, held: Sequence[Held]) -> str:
+        # Garbage of this case is collected now: its `__del__` is the case's, too.
+        try:
+            self._collect(0)
+            return self._look(held) or self._put_back()
+        except BaseException as error:
+            return f"what others rely on fails there: {type(error).__name__}"
+
+    def _put_back(self) -> str:
+        try:
+            moved = str(Path.cwd()) != self._path
+        except OSError:  # it is gone
+            moved = True
+        if moved:
+            with contextlib.suppress(OSError):
+                os.chdir(self._path)
+        if os.umask(self._mask) != self._mask:
+            os.umask(self._mask)
+        for number, handler in self._handlers:
+            if signal.getsignal(number) is not handler:
+                signal.signal(number, handler)
+        if signal.pthread_sigmask(signal.SIG_BLOCK, ()) != self._blocked:
+            signal.pthread_sigmask(signal.SIG_SETMASK, self._blocked)
+        if sys.getrecursionlimit() != self._recursion:
+            sys.setrecursionlimit(self._recursion)
+        if sys.gettrace() is not None or sys.getprofile() is not None:
+            sys.settrace(None)
+            sys.setprofile(None)
+        if gc.isenabled() is not self._collects:
+            (gc.enable if self._collects else gc.disable)()
+        if np.geterr() != self._errors:
+            np.seterr(**self._errors)
+        for name, (soft, hard) in self._limits:
+            number = getattr(resource, name)
+            if resource.getrlimit(number) != (soft, hard):
+                try:
+                    resource.setrlimit(number, (soft, hard))
+                except (OSError, ValueError):
+                    return f"{name} was lowered for good"
+        return ""
+
+    def _look(self, held: Sequence[Held]) -> str:
+        for where, mapping, get, names, before in held:
+            try:
+                now = get(mapping)
+            except KeyError as error:
+                return f"{where}.{error.args[0]} was removed"
+            if not all(map(is_, now, before)):
+                return next(f"{where}.{name} was replaced" for name, a, b in zip(names, now, before) if a is not b)  # noqa: B905
+        if sys.modules is not self._modules or self._modules.get("numpy") is not self._numpy:
+            return "sys.modules was emptied"
+        for number, identity in self._descriptors:
+            if _identity(number) != identity:
+                return "descriptors that it did not open were closed or replaced"
+        if not _rounds():
+            return "how the processor rounds was changed"
+        return ""
+
+
+def _held(where: str, mapping: Mapping[str, Any], names: Sequence[str]) -> Held:
+    present = tuple(name for name in names if name in mapping)
+    present = present * 2 if len(present) == 1 else present  # of one name alone it would not get a tuple
+    get = itemgetter(*present)
+    return where, mapping, get, present, get(mapping)
+
+
+def _everything() -> list[Held]:
+    """Return all that is looked at in the end: functions of Python, of NumPy, and all of ours."""
+    held = [
+        _held("builtins", vars(builtins), [name for name in vars(builtins) if name != "_"]),
+        _held("numpy", vars(np), _OF_NUMPY), _held("os", vars(os), _OF_OS),
+        _held("time", vars(time), ("time", "monotonic", "perf_counter", "sleep", "monotonic_ns", "time_ns")),
+        _held("math", vars(math), [name for name in vars(math) if not name.startswith("_")]),
+        _held("signal", vars(signal), ("signal", "getsignal", "setitimer", "pthread_sigmask")),
+        _held("struct", vars(struct), ("pack", "unpack")), _held("gc", vars(gc), ("collect", "freeze")),
+        _held("pickle", vars(pickle), ("dumps", "loads", "Pickler", "Unpickler")),
+        _held("threading", vars(threading), ("Thread", "Lock", "current_thread", "main_thread")),
+        _held("contextlib", vars(contextlib), ("suppress", "redirect_stdout", "contextmanager")),
+        _held("Connection", vars(Connection), ("_send_bytes", "_send", "_recv", "_recv_bytes")),
+    ]  # fmt: skip
+    for name, module in list(sys.modules.items()):
+        if name.partition(".")[0].startswith("parcours") and getattr(module, "__name__", "") == name:
+            mine = [key for key, value in vars(module).items() if _is_ours(value)]
+            held += [_held(name, vars(module), mine)] if mine else []
+            for key in mine:
+                kind = vars(module)[key]
+                if isinstance(kind, type) and kind.__module__ == name:
+                    functions = [one for one, value in vars(kind).items() if isinstance(value, FunctionType)]
+                    held += [_held(f"{name}.{key}", vars(kind), functions)] if functions else []
+    return held
+
+
+def _is_ours(value: object) -> bool:
+    return isinstance(value, FunctionType | BuiltinFunctionType | type) or hasattr(value, "py_func")
+
+
+def _identity(descriptor: int) -> tuple[int, int] | None:
+    try:
+        found = os.fstat(descriptor)
+    except OSError:
+        return None
+    return found.st_dev, found.st_ino
+
+
+def _rounds() -> bool:
+    """Return whether the processor rounds to nearest, and knows numbers near zero."""
+    return _TINY * 0.5 > 0.0 and 1.0 + _SMALL == 1.0 and 1.0 - _SMALL == 1.0
+
+
+def _reset_rounding() -> None:
+    """Let the processor round as it does in a new process: libraries that were compiled for speed change it."""
+    with contextlib.suppress(OSError, AttributeError):
+        ctypes.CDLL(None).fesetenv(ctypes.c_void_p(-1))
+
+
+_placed: Canaries | None = None
+
+
+def place(descriptors: Sequence[int]) -> None:
+    """Remember how this process looks, which is a worker of strangers' code that has not run yet."""
+    global _placed
+    _placed = Canaries(descriptors)
+
+
+def accept() -> None:
+    """End this process if the strangers' code has changed it while it was loaded; else let its settings stand."""
+    if _placed is not None:
+        _end_if(_placed._look(_placed._all))
+        _placed.accept()
+
+
+def after_case() -> None:
+    """Put back what a case has changed; end this process if that cannot be."""
+    if _placed is not None:
+        _end_if(_placed.after_case())
+
+
+def require_unchanged() -> None:
+    """End this process if anything was changed in it, by the longer look."""
+    if _placed is not None:
+        _end_if(_placed.changed())
+
+
+def _end_if(cause: str, exit: Callable[[int], None] = os._exit) -> None:
+    if cause:
+        try:
+            write_place(CHANGED + cause)
+        finally:
+            exit(TAMPERED)

@@ -1,0 +1,174 @@
+"""Stands between a worker that runs strangers' code and the process that ordered it, and leaves nothing of it behind.
+
+parent ── keeper ── worker ── helpers that the code has started
+             │         leads a session of its own; is killed when its keeper ends
+             │ adopts the helpers that are orphaned; when the worker has ended, or the parent has, ends them all,
+             │ and then ends as the worker did
+             └ passes on what they print, up to a limit
+
+So the parent sees how the worker ended whatever its helpers hold open, and what the code does to its parent process it
+does to the keeper. On Linux only.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import importlib
+import os
+import select
+import signal
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NoReturn
+
+resource: Any = importlib.import_module("resource") if os.name == "posix" else None
+
+MOST_PRINTED = 1 << 18
+"""So much of what a worker and its helpers print is passed on [bytes]."""
+
+_LEFT_OUT = b"\n(whatever else this process prints is left out)\n"
+_CHUNK = 1 << 16
+_ENDING = 5.0  # helpers that cannot be killed are left alone after this time [s]
+_PARENT_DEATH, _SUBREAPER = 1, 36  # PR_SET_PDEATHSIG, PR_SET_CHILD_SUBREAPER
+_LIBC = ctypes.CDLL(None) if sys.platform == "linux" else None  # a forked child could not load it safely
+
+
+def can_keep() -> bool:
+    """Return whether this system has what a keeper needs."""
+    return _LIBC is not None and hasattr(os, "pidfd_open")
+
+
+def memory_for_each(size: int) -> int:
+    """Return how much memory each of some workers of strangers' code may have: half of what is free now, in all [B]."""
+    with contextlib.suppress(OSError, ValueError, IndexError):
+        lines = Path("/proc/meminfo").read_text(encoding="ascii").splitlines()
+        free = next(int(line.split()[1]) for line in lines if line.startswith("MemAvailable"))
+        return max(free * 512 // size, 1 << 30)
+    return 1 << 62
+
+
+def keep(lifeline: int, others: tuple[int, ...], memory: int, work: Callable[[], None]) -> NoReturn:
+    """Do the work in a child of this process, and end with it, or when the other end of the lifeline is closed.
+
+    Args:
+        lifeline: a descriptor to read from.
+        others: descriptors that only the child needs.
+        memory: so much the child may have, and each of its helpers [B].
+        work: what the child does; the child ends without cleaning up, since what it would run then is the strangers'.
+    """
+    assert _LIBC is not None
+    os.setpgid(0, 0)
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's to handle
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    signal.signal(signal.SIGCHLD, signal.SIG_DFL)
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    limits = resource.getrlimit(resource.RLIMIT_DATA)
+    if limits[1] == resource.RLIM_INFINITY or memory < limits[1]:
+        resource.setrlimit(resource.RLIMIT_DATA, (memory, memory))
+    _LIBC.prctl(_SUBREAPER, 1, 0, 0, 0)
+    keeper, (printed, theirs) = os.getpid(), os.pipe()
+    child = os.fork()
+    if child == 0:
+        status = 1
+        try:
+            _LIBC.prctl(_PARENT_DEATH, signal.SIGKILL, 0, 0, 0)
+            os.setsid()
+            if os.getppid() == keeper:
+                os.close(lifeline)
+                os.close(printed)
+                _replace_streams(theirs)
+                work()
+                status = 0
+        finally:
+            os._exit(status)
+    for descriptor in (*others, theirs):
+        os.close(descriptor)
+    status = _wait(child, lifeline, printed)
+    _end_children()
+    if status < 0:
+        signal.pthread_sigmask(signal.SIG_SETMASK, ())
+        with contextlib.suppress(OSError, ValueError):
+            signal.signal(-status, signal.SIG_DFL)
+        os.kill(keeper, -status)
+        time.sleep(1.0)
+    os._exit(status if status >= 0 else 128 - status)
+
+
+def _replace_streams(printed: int) -> None:
+    """Let this process print into the pipe, and read nothing."""
+    nothing = os.open(os.devnull, os.O_RDONLY)
+    for old, new in ((nothing, 0), (printed, 1), (printed, 2)):
+        os.dup2(old, new)
+    os.close(nothing)
+    os.close(printed)
+
+
+def _wait(child: int, lifeline: int, printed: int) -> int:
+    """Wait until the child ends, or end it when the lifeline does; return its exit status, negative for a signal."""
+    ended = os.pidfd_open(child)
+    os.set_blocking(printed, False)
+    poll = select.poll()
+    for descriptor in (ended, lifeline, printed):
+        poll.register(descriptor, select.POLLIN)
+    left = MOST_PRINTED
+    while True:
+        ready = {descriptor for descriptor, _ in poll.poll()}
+        if printed in ready:
+            left = _pass_on(printed, left, 1)
+            if left < 0:
+                poll.unregister(printed)
+        if lifeline in ready:
+            with contextlib.suppress(OSError):
+                os.killpg(child, signal.SIGKILL)
+            os.kill(child, signal.SIGKILL)
+            poll.unregister(lifeline)
+        if ended in ready:
+            if left >= 0:
+                _pass_on(printed, left, 16)
+            with contextlib.suppress(OSError):
+                os.killpg(child, signal.SIGKILL)  # before its number can be anybody else's
+            return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+
+
+def _pass_on(printed: int, left: int, chunks: int) -> int:
+    """Pass on what was printed, and return how much more may be: -1 when nobody can print any more."""
+    with contextlib.suppress(OSError):
+        for _ in range(chunks):
+            said = os.read(printed, _CHUNK)
+            if not said:
+                return -1
+            with contextlib.suppress(OSError):
+                os.write(2, said[:left] if len(said) < left or not left else said[:left] + _LEFT_OUT)
+            left = max(left - len(said), 0)
+    return left
+
+
+def _end_children() -> None:
+    """Kill all children of this process, those that it has adopted too, until there are no more."""
+    until = time.monotonic() + _ENDING
+    while time.monotonic() < until:
+        for child in _children():
+            with contextlib.suppress(OSError):
+                os.kill(child, signal.SIGKILL)
+        try:
+            while os.waitpid(-1, os.WNOHANG)[0]:
+                pass
+        except ChildProcessError:
+            return
+        time.sleep(0.001)
+
+
+def _children() -> list[int]:
+    """Return the ids of the children of this process."""
+    me = os.getpid()
+    found = []
+    for entry in Path("/proc").iterdir():
+        if entry.name.isdecimal():
+            with contextlib.suppress(OSError, ValueError, IndexError):
+                stat = (entry / "stat").read_text(errors="replace")
+                if int(stat.rpartition(")")[2].split()[1]) == me:
+                    found.append(int(entry.name))
+    return found

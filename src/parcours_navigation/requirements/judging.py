@@ -1,0 +1,197 @@
+"""Facts of cases, and what a study requires of them, become verdicts and reasons.
+
+A sound outcome that fails stays what it is. Else a case fails that violates a requirement or meets a pass rule; it is
+inconclusive if a requirement has no value for it, as after a division of 0 by 0.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from parcours.verdict.judgement import Verdict
+from parcours_navigation.outcomes import VERDICT_OF, Outcome, explain, outcomes
+from parcours_navigation.requirements.requirement import Requirements
+from parcours_navigation.requirements.syntax import (
+    Arithmetic,
+    Comparison,
+    Constant,
+    Formula,
+    Function,
+    Junction,
+    Negative,
+    Not,
+    Number,
+    Signal,
+    signals,
+)
+from parcours_navigation.requirements.vocabulary import VALUES
+
+Facts = NDArray[np.void]
+Values = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+FAR = 1e9
+"""What counts in place of an infinite robustness where numbers must be finite."""
+
+
+def values_of(facts: Facts, name: str) -> Values:
+    """Return one of VALUES of each case, NaN where a case has none, shape (n_cases,)."""
+    match name:
+        case "time":
+            return np.asarray(facts["t_end"] * 1e-9)
+        case "clearance":
+            return np.asarray(facts["min_clearance"])
+        case "goal_distance":
+            return np.asarray(facts["to_goal"])
+        case "x" | "y" | "heading" | "travelled":
+            return np.asarray(facts[name])
+        case "halts" | "switches":
+            return np.asarray(facts[f"n_{name}"], np.float64)
+        case "contacts":
+            return np.asarray(facts["n_robot_contacts"] + facts["n_shared_contacts"], np.float64)
+        case _:
+            return np.asarray(facts["measures"][name])
+
+
+def holds(rule: Formula, facts: Facts) -> Flags:
+    """Return in which cases a pass rule holds, shape (n_cases,); a comparison with a missing value does not.
+
+    >>> from parcours_navigation.facts import FACTS
+    >>> from parcours_navigation.requirements.requirement import requirements_of
+    >>> facts = np.zeros(2, FACTS)
+    >>> facts["min_clearance"], facts["t_end"] = [0.2, 0.04], 7_000_000_000
+    >>> holds(requirements_of({}, ["clearance < 5 cm or time > 30 s"]).rules[0].formula, facts).tolist()
+    [False, True]
+    """
+    match rule:
+        case Comparison(operator, left, right):
+            a, b = _number(left, facts), _number(right, facts)
+            with np.errstate(invalid="ignore"):
+                answer = {"<": a < b, "<=": a <= b, ">": a > b, ">=": a >= b}[operator]
+            return cast(Flags, np.broadcast_to(answer, len(facts)))
+        case Not(operand):
+            return ~holds(operand, facts)
+        case Junction("and", left, right):
+            return holds(left, facts) & holds(right, facts)
+        case Junction("or", left, right):
+            return holds(left, facts) | holds(right, facts)
+        case Junction(_, left, right):
+            return ~holds(left, facts) | holds(right, facts)
+        case _:
+            raise AssertionError(rule)  # not parsed in a pass rule
+
+
+def _number(node: Number, facts: Facts) -> Values:
+    with np.errstate(all="ignore"):
+        match node:
+            case Constant(value):
+                return np.asarray(value)
+            case Signal(name):
+                return values_of(facts, name)
+            case Negative(operand):
+                return -_number(operand, facts)
+            case Arithmetic(operator, left, right):
+                a, b = _number(left, facts), _number(right, facts)
+                found = {"+": a + b, "-": a - b, "*": a * b}
+                return found[operator] if operator in found else np.divide(a, b)
+            case Function(name, arguments):
+                compute = {"abs": np.abs, "sqrt": np.sqrt, "hypot": np.hypot, "min": np.minimum, "max": np.maximum}
+                return np.asarray(compute[name](*(_number(one, facts) for one in arguments)))
+
+
+def joined(facts: Facts, results: dict[int, Values], requirements: Requirements) -> Facts:
+    """Return facts with the fields of `Requirements.facts`, NaN where the planner's own error ended the case.
+
+    Args:
+        facts: shape (n,).
+        results: robustness and when it is decided [s], shape (2, n_requirements), by case number.
+    """
+    layout = requirements.facts(facts.dtype)
+    if layout == facts.dtype:
+        return facts
+    found = np.zeros(len(facts), layout)
+    for name in facts.dtype.names or ():
+        found[name] = facts[name]
+    values = np.full((len(facts), 2, len(requirements.formulas)), np.nan)
+    for k, number in enumerate(facts["number"].tolist()):
+        if (result := results.get(number)) is not None:
+            values[k] = result
+    values[facts["error"] != 0] = np.nan
+    found["robustness"], found["violated_at"] = values[:, 0], values[:, 1]
+    return found
+
+
+def robustness(facts: Facts, requirements: Requirements) -> Values:
+    """Return the robustness of each requirement in each case, shape (n_cases, n_requirements)."""
+    if not requirements.formulas:
+        return np.zeros((len(facts), 0))
+    return np.asarray(facts["robustness"])
+
+
+def violations(facts: Facts, requirements: Requirements) -> Values:
+    """Return 1 where a case violates a requirement, else 0, NaN where it was not judged; shape of `robustness`."""
+    values = robustness(facts, requirements)
+    return np.where(np.isnan(values), np.nan, (values < 0.0).astype(np.float64))
+
+
+def finite_robustness(facts: Facts, requirements: Requirements) -> Values:
+    """Return the robustness with FAR in place of infinity, for statistics; shape of `robustness`."""
+    return np.clip(robustness(facts, requirements), -FAR, FAR)
+
+
+def verdicts(facts: Facts, requirements: Requirements) -> list[Verdict]:
+    """Return the verdict of each case."""
+    found = [VERDICT_OF[Outcome(int(code))] for code in outcomes(facts)]
+    if not requirements:
+        return found
+    values = robustness(facts, requirements)
+    failed = np.asarray((values < 0.0).any(axis=1))
+    for rule in requirements.rules:
+        failed |= holds(rule.formula, facts)
+    unknown = np.asarray(np.isnan(values).any(axis=1))
+    return [_verdict(one, bool(bad), bool(no)) for one, bad, no in zip(found, failed, unknown, strict=True)]
+
+
+def _verdict(outcome: Verdict, failed: bool, unknown: bool) -> Verdict:
+    if outcome in (Verdict.FAIL, Verdict.ERROR):
+        return outcome
+    if failed:
+        return Verdict.FAIL
+    return Verdict.INCONCLUSIVE if unknown else outcome
+
+
+def explained(record: np.void, requirements: Requirements) -> str:
+    """Return why a case got its verdict: what it violates, by how much and when, and how it ended."""
+    ended = explain(record)
+    if record["error"] or not requirements:
+        return ended
+    facts = np.array([record])
+    said = []
+    for k, one in enumerate(requirements.formulas):
+        value = float(record["robustness"][k])
+        if value < 0.0:
+            when = f"at {float(record['violated_at'][k]):.2f} s by {one.by(-value)}"
+            said.append(f"violates {one.name} {when}: {one.text}")
+        elif np.isnan(value):
+            said.append(f"{one.name} has no value in this case: {one.text}")
+    said += [f"fails by {one.text} ({_shown(one.formula, facts)})" for one in requirements.rules
+             if holds(one.formula, facts)[0]]  # fmt: skip
+    return "; ".join([*said, ended])
+
+
+def _shown(rule: Formula, facts: Facts) -> str:
+    """Return the values that a rule reads, in words."""
+    return ", ".join(f"{name} = {_amount(name, facts)}" for name in _read(rule))
+
+
+def _amount(name: str, facts: Facts) -> str:
+    unit = VALUES[name].unit
+    return f"{float(values_of(facts, name)[0]):.4g}{'' if unit == '1' else ' ' + unit}"
+
+
+def _read(rule: Formula) -> Sequence[str]:
+    return sorted(signals(rule))

@@ -1,0 +1,260 @@
+"""Judges all formulas of a program over the signals of one case, compiled: linear in samples, whatever the windows.
+
+Robustness is the one of A. Donze and O. Maler (Robust Satisfaction of Temporal Logic over Real-Valued Signals, FORMATS
+2010) over samples. Beyond the end of a track `always` asks for nothing, and `eventually` and `until` find nothing.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from parcours.kernels import kernel
+from parcours_navigation.requirements.programs import (
+    ABS,
+    ADD,
+    COMPARE,
+    DIVIDE,
+    FIRST,
+    FROM,
+    GREATEST,
+    HYPOT,
+    IMPLY,
+    LAST,
+    LEAST,
+    LEFT,
+    MAX,
+    MIN,
+    MULTIPLY,
+    NEGATE,
+    OPERATION,
+    RIGHT,
+    SQRT,
+    SUBTRACT,
+    TO,
+    UNTIL,
+    WINDOW,
+)
+from parcours_navigation.requirements.signals import take
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+@kernel
+def _least(values: Floats, first: int, last: int) -> float:
+    """Return the least of values first .. last; infinite if there are none."""
+    # Four at a time: each minimum waits for the one before it.
+    a = b = c = d = np.inf
+    i = first
+    while i + 3 <= last:
+        a = values[i] if values[i] < a else a
+        b = values[i + 1] if values[i + 1] < b else b
+        c = values[i + 2] if values[i + 2] < c else c
+        d = values[i + 3] if values[i + 3] < d else d
+        i += 4
+    while i <= last:
+        a = values[i] if values[i] < a else a
+        i += 1
+    a = b if b < a else a
+    c = d if d < c else c
+    return c if c < a else a
+
+
+@kernel
+def _windows(values: Floats, out: Floats, low: int, high: int, first: int, last: int, end: int) -> None:
+    """Fill out[i], low <= i <= high, with the least of values[i + first .. i + last]; `end` is the last sample.
+
+    M. van Herk (1992): cut into blocks as long as the window, a window is the end of one block and the start of the
+    next.
+
+        values    |  .  .  .  .  |  .  .  .  .  |  .  .  .
+        window           [ suffix| prefix ]
+    """
+    begin = low + first
+    width = last - first + 1
+    stop = min(high + last, end)  # last value that is read
+    if begin > stop:
+        out[low : high + 1] = np.inf
+        return
+    if low == high:
+        out[low] = _least(values, begin, stop)
+        return
+    # Windows that reach beyond the end: all that is left of the values.
+    whole = stop - width + 1  # last value at which a whole window starts
+    rest = np.inf
+    for j in range(stop, max(whole, begin - 1), -1):
+        rest = values[j] if values[j] < rest else rest
+        if j - first <= high:
+            out[j - first] = rest
+    for i in range(max(stop - first + 1, low), high + 1):
+        out[i] = np.inf
+    if whole < begin:
+        return
+    block = begin + (whole - begin) // width * width  # where the last block with a start of a window begins
+    while block >= begin:
+        rest = np.inf
+        for j in range(min(block + width - 1, stop), block - 1, -1):
+            rest = values[j] if values[j] < rest else rest
+            if j <= whole:
+                out[j - first] = rest
+        block -= width
+    block = begin + width
+    while block <= stop:
+        rest = np.inf
+        for j in range(block, min(block + width - 1, stop + 1)):
+            rest = values[j] if values[j] < rest else rest
+            i = j - width + 1 - first
+            out[i] = rest if rest < out[i] else out[i]
+        block += width
+
+
+@kernel
+def _until(held: Floats, wanted: Floats, out: Floats, low: int, stop: int) -> None:
+    """Fill out[low .. stop]: `wanted` comes at or after a sample, by `stop`, and `held` holds up to it."""
+    found = -np.inf
+    for i in range(stop, low - 1, -1):
+        found = held[i] if held[i] < found else found
+        found = wanted[i] if wanted[i] > found else found
+        out[i] = found
+
+
+@kernel
+def _arithmetic(operation: int, a: Floats, b: Floats, out: Floats, n: int) -> None:
+    """Fill out[0 .. n - 1] with what is computed of two numbers."""
+    if operation == ADD:
+        for i in range(n):
+            out[i] = a[i] + b[i]
+    elif operation == SUBTRACT:
+        for i in range(n):
+            out[i] = a[i] - b[i]
+    elif operation == MULTIPLY:
+        for i in range(n):
+            out[i] = a[i] * b[i]
+    elif operation == DIVIDE:
+        for i in range(n):
+            out[i] = a[i] / b[i]
+    elif operation == ABS:
+        for i in range(n):
+            out[i] = abs(a[i])
+    elif operation == SQRT:
+        for i in range(n):
+            out[i] = np.sqrt(a[i])
+    elif operation == HYPOT:
+        for i in range(n):
+            out[i] = np.sqrt(a[i] * a[i] + b[i] * b[i])
+    elif operation == MIN:
+        for i in range(n):
+            out[i] = np.minimum(a[i], b[i])
+    elif operation == MAX:
+        for i in range(n):
+            out[i] = np.maximum(a[i], b[i])
+
+
+@kernel
+def _choose(operation: int, a: Floats, b: Floats, out: Floats, low: int, high: int) -> None:
+    """Fill out[low .. high] with the one or the other."""
+    if operation == NEGATE:
+        for i in range(low, high + 1):
+            out[i] = -a[i]
+    elif operation == LEAST:
+        for i in range(low, high + 1):
+            out[i] = b[i] if b[i] < a[i] else a[i]
+    elif operation == GREATEST:
+        for i in range(low, high + 1):
+            out[i] = b[i] if b[i] > a[i] else a[i]
+    elif operation == IMPLY:
+        for i in range(low, high + 1):
+            out[i] = b[i] if b[i] > -a[i] else -a[i]
+
+
+@kernel
+def _compare(a: Floats, b: Floats, out: Floats, n: int) -> int:
+    """Fill out[0 .. n - 1] with a - b; return how many are not a number."""
+    absent = 0
+    for i in range(n):
+        value = a[i] - b[i]
+        out[i] = value
+        absent += 1 if value != value else 0
+    return absent
+
+
+@kernel
+def evaluate(code: Ints, roots: Ints, memory: Floats, absent: Ints, n: int, robustness: Floats, when: Floats) -> None:
+    """Fill the robustness of each formula, and at which sample it is decided where it is negative.
+
+    Args:
+        code, roots: of a Program.
+        memory: of that program, its signals filled for n samples; shape (n_rows, at least n).
+        absent: working memory, shape (n_rows,).
+        n: samples, at least 1.
+        robustness: NaN where a comparison has no value at some sample; shape (n_formulas,).
+        when: index of the sample, NaN where robustness is not negative; shape (n_formulas,).
+    """
+    base = len(memory) - len(code)
+    absent[:base] = 0
+    for k in range(len(code)):
+        operation, left, right = code[k, OPERATION], code[k, LEFT], code[k, RIGHT]
+        low, high = code[k, FROM], min(code[k, TO], n - 1)
+        a, b, out = memory[left], memory[right], memory[base + k]
+        absent[base + k] = absent[left] + absent[right]
+        if operation == COMPARE:
+            absent[base + k] += _compare(a, b, out, n)
+        elif operation == WINDOW:
+            _windows(a, out, low, high, code[k, FIRST], code[k, LAST], n - 1)
+        elif operation == UNTIL:
+            _until(a, b, out, low, min(high + code[k, LAST], n - 1))
+        elif operation >= NEGATE:
+            _choose(operation, a, b, out, low, high)
+        else:
+            _arithmetic(operation, a, b, out, n)
+    for k in range(len(roots)):
+        row = roots[k]
+        robustness[k] = memory[row, 0] if absent[row] == 0 else np.nan
+        when[k] = float(_decided(code, memory, base, row, n)) if robustness[k] < 0.0 else np.nan
+
+
+@kernel
+def _decided(code: Ints, memory: Floats, base: int, row: int, n: int) -> int:
+    """Return the sample of the comparison that gives a formula its value; the last one if it lies beyond the track."""
+    i = 0
+    value = memory[row, 0]
+    while True:
+        k = row - base
+        operation, left, right = code[k, OPERATION], code[k, LEFT], code[k, RIGHT]
+        if operation == COMPARE or i >= n:
+            return min(i, n - 1)
+        if operation == NEGATE:
+            row, value = left, -value
+        elif operation == WINDOW:
+            i += code[k, FIRST]
+            last = min(i + code[k, LAST] - code[k, FIRST], n - 1)
+            while i < last and memory[left, i] != value:
+                i += 1
+            row = left
+        elif operation == UNTIL:
+            last = min(i + code[k, LAST], n - 1)
+            while i < last and memory[right, i] != value and memory[left, i] != value:
+                i += 1
+            row = right if memory[right, i] == value else left
+        elif operation == IMPLY:
+            row, value = (left, -value) if -memory[left, i] == value else (right, value)
+        else:
+            row = left if memory[left, i] == value else right
+
+
+@kernel
+def judge(
+    entries: Floats, last: Floats, radii: Floats, robot_radius: float, goal_x: float, goal_y: float, code: Ints,
+    roots: Ints, wanted: Ints, memory: Floats, absent: Ints, robustness: Floats, when: Floats,
+) -> None:  # fmt: skip
+    """Judge all formulas over one case, and fill their robustness, and when it is decided [s] where it is negative.
+
+    Args as in `signals.take` and `evaluate`.
+    """
+    n = take(entries, last, radii, robot_radius, goal_x, goal_y, wanted, memory)
+    evaluate(code, roots, memory, absent, n, robustness, when)
+    for k in range(len(when)):
+        if when[k] == when[k]:
+            i = int(when[k])
+            when[k] = (entries[i, 0] if i < len(entries) else last[0]) * 1e-9

@@ -1,0 +1,210 @@
+"""Named requirements and pass rules of a study: read from text, judged over a case, kept in a manifest."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from parcours.errors import BadRequest, BadResults
+from parcours_navigation.requirements.kernel import evaluate, judge
+from parcours_navigation.requirements.parsing import Parsed, parse
+from parcours_navigation.requirements.programs import Program, compile_formulas
+from parcours_navigation.requirements.syntax import Formula, signals
+from parcours_navigation.requirements.vocabulary import FLAG, SIGNALS, VALUES, unit_of
+
+Floats = NDArray[np.float64]
+
+MOST = 64
+"""Most requirements of a study."""
+
+_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_.-]{0,63}")
+
+
+@dataclass(frozen=True, slots=True)
+class Requirement:
+    """One requirement: what must hold of the signals of every case."""
+
+    name: str
+    text: str  # as its author wrote it
+    formula: Formula
+    unit: str  # of its robustness; "1" if its comparisons are in several
+
+    def by(self, amount: float) -> str:
+        """Return an amount of robustness in words."""
+        return f"{amount:.4g}" if self.unit == "1" or not np.isfinite(amount) else f"{amount:.4g} {self.unit}"
+
+
+@dataclass(frozen=True, slots=True)
+class Rule:
+    """A pass rule: a case of which it holds has failed."""
+
+    text: str
+    formula: Formula
+
+
+@dataclass(frozen=True, slots=True)
+class Requirements:
+    """All that a study asks of a case beside the sound outcome."""
+
+    formulas: tuple[Requirement, ...] = ()
+    rules: tuple[Rule, ...] = ()
+
+    def __bool__(self) -> bool:
+        return bool(self.formulas or self.rules)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the requirements, in order."""
+        return tuple(one.name for one in self.formulas)
+
+    def facts(self, plain: np.dtype[np.void]) -> np.dtype[np.void]:
+        """Return a layout of facts with fields for what is judged; the plain one if there are no requirements.
+
+        `robustness` has a column for each requirement, `violated_at` when it is decided [s], NaN where it holds.
+        """
+        n = len(self.formulas)
+        if not n:
+            return plain
+        return np.dtype([*plain.descr, ("robustness", "f8", (n,)), ("violated_at", "f8", (n,))])
+
+    def manifest(self) -> dict[str, object]:
+        """Return the parameters of a campaign that decide what is judged; none if there is nothing to judge."""
+        if not self:
+            return {}
+        require = [[one.name, one.text] for one in self.formulas]
+        return {"requirements": {"require": require, "fail": [one.text for one in self.rules]}}
+
+
+NO_REQUIREMENTS = Requirements()
+
+
+def requirements_of(require: Mapping[str, str], fail: Sequence[str] = (), where: str = "") -> Requirements:
+    """Return the requirements of formulas by name, and of pass rules.
+
+    Raises BadRequest: a name is not one, there are too many, or a text is no formula.
+
+    >>> found = requirements_of({"keeps-away": "always clearance > 5 cm"}, ["travelled > 4"])
+    >>> found.names, found.formulas[0].unit
+    (('keeps-away',), 'm')
+    """
+    if len(require) > MOST:
+        rule = f"a study has at most {MOST} requirements, but this one has {len(require)}"
+        raise BadRequest(where or "require", rule, "join some by `and`", slug="require-size")
+    formulas = []
+    for name, text in require.items():
+        if not _NAME.fullmatch(name):
+            rule = f"its name must be of letters, digits and _ . -, and begin with a letter, but is {name[:64]!r}"
+            raise BadRequest(where or "require", rule, "write `keeps-away: always ...`", slug="require-name")
+        parsed = parse(text, f"{where}requirement {name!r}")
+        formulas.append(Requirement(name, " ".join(text.split()), parsed.formula, _unit(parsed)))
+    rules = [Rule(" ".join(text.split()), parse(text, f"{where}fail", VALUES, temporal=False).formula) for text in fail]
+    return Requirements(tuple(formulas), tuple(rules))
+
+
+def _unit(parsed: Parsed) -> str:
+    """Return the unit of robustness: of the signals where they share one, as radians, which are no dimension."""
+    meanings = [SIGNALS[name] for name in signals(parsed.formula)]
+    named = {one.unit for one in meanings if one.unit != FLAG and one.dimension == parsed.dimension}
+    return named.pop() if len(named) == 1 else unit_of(parsed.dimension)
+
+
+def read_requirements(require: str, fail: str = "") -> Requirements:
+    """Return the requirements of options: `name: formula` and rules, parted by `;` or lines.
+
+    Raises BadRequest: as `requirements_of`, or a name is missing or given twice.
+
+    >>> read_requirements("near: eventually goal_distance < 0.2; slow: always speed < 0.3").names
+    ('near', 'slow')
+    """
+    found: dict[str, str] = {}
+    for line in _lines(require):
+        name, colon, text = line.partition(":")
+        name = name.strip()
+        if not colon:
+            rule = f"each requirement has a name, but {line[:60]!r} has none"
+            raise BadRequest("--require", rule, "write `keeps-away: always clearance > 0.05`", slug="require-form")
+        if name in found:
+            rule = f"each requirement has a name of its own, but {name!r} is given twice"
+            raise BadRequest("--require", rule, "rename one", slug="require-form")
+        found[name] = text.strip()
+    return requirements_of(found, _lines(fail))
+
+
+def kept(parameters: Mapping[str, object], where: str) -> Requirements:
+    """Return the requirements that a campaign's manifest holds (`Requirements.manifest`); none if it holds none.
+
+    Raises BadResults: they are none.
+    """
+    given = parameters.get("requirements")
+    if given is None:
+        return NO_REQUIREMENTS
+    try:
+        require = {str(name): str(text) for name, text in given["require"]}  # type: ignore[index]
+        return requirements_of(require, [str(text) for text in given["fail"]])  # type: ignore[index]
+    except (BadRequest, KeyError, TypeError, ValueError) as error:
+        rule = f"the manifest must hold requirements that this version reads, but: {error}"
+        raise BadResults(where, rule, "run the campaign again", slug="results-parameters") from error
+
+
+def _lines(text: str) -> list[str]:
+    return [one for one in (part.strip() for part in re.split(r"[;\n]", text)) if one]
+
+
+class Monitor:
+    """Judges the requirements of a study over one case after the other; `results` keeps them by case number.
+
+    >>> monitor = Monitor(requirements_of({"slow": "always speed < 0.2"}), 10)
+    >>> entries = np.zeros((3, 7))
+    >>> entries[:, 0], entries[:, 4] = [0, 50_000_000, 100_000_000], [0.1, 0.25, 0.1]  # time [ns], speed
+    >>> monitor.judge(7, entries, entries[2], np.zeros(0), 0.1, (2.0, 2.0))
+    >>> monitor.results[7].round(3).tolist()  # robustness, and when it is decided [s]
+    [[-0.05], [0.05]]
+    """
+
+    def __init__(self, requirements: Requirements, n_samples: int) -> None:
+        self.program: Program = compile_formulas([one.formula for one in requirements.formulas])
+        n = len(requirements.formulas)
+        self.memory = self.program.memory(n_samples)
+        self.absent = np.zeros(len(self.memory), np.int64)
+        self.results: dict[int, Floats] = {}
+        self._n = n
+        self.judge(0, np.zeros((1, 7)), np.zeros(7), np.zeros(0), 0.0, (0.0, 0.0))  # compiled before a clock runs
+        self.results.clear()
+
+    def judge(
+        self, number: int, entries: Floats, last: Floats, radii: Floats, robot_radius: float,
+        goal: tuple[float, float],
+    ) -> None:  # fmt: skip
+        """Judge case `number`; the other arguments as in `signals.take`."""
+        found = self.results[number] = np.zeros((2, self._n))
+        program = self.program
+        judge(
+            entries, last, radii, robot_radius, goal[0], goal[1], program.code, program.roots, program.wanted,
+            self.memory, self.absent, found[0], found[1],
+        )  # fmt: skip
+
+
+def robustness_of(formulas: Sequence[Formula], signals: Mapping[str, ArrayLike]) -> tuple[Floats, Floats]:
+    """Return the robustness of formulas over signals, and at which sample each is decided, NaN where it holds.
+
+    Args:
+        signals: by any names, those that the formulas read among them; shape (n_samples,) each, at least one sample.
+
+    >>> from parcours_navigation.requirements.parsing import parse
+    >>> found, when = robustness_of([parse("always speed < 0.2").formula], {"speed": [0.1, 0.25, 0.1]})
+    >>> found.round(3).tolist(), when.tolist()
+    ([-0.05], [1.0])
+    """
+    names = [*signals] or [*SIGNALS]
+    rows = np.array([np.asarray(one, np.float64) for one in signals.values()], np.float64)
+    program = compile_formulas(formulas, names)
+    memory = program.memory(rows.shape[1])
+    memory[: len(rows)] = rows
+    robustness, when = np.zeros(len(formulas)), np.zeros(len(formulas))
+    absent = np.zeros(len(memory), np.int64)
+    evaluate(program.code, program.roots, memory, absent, rows.shape[1], robustness, when)
+    return robustness, when

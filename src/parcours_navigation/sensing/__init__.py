@@ -1,0 +1,1 @@
+"""What sensors of the robot measure in the world."""

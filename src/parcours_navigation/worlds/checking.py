@@ -1,0 +1,99 @@
+"""What a world's author wants to know: can its cases be made, and can they be solved."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from parcours.errors import BadRequest, ParcoursError
+from parcours_navigation.arena.solvability import SOLVABLE, UNSOLVABLE
+from parcours_navigation.worlds.family import WorldCases
+from parcours_navigation.worlds.file import World, find_world
+from parcours_navigation.worlds.paper import paper_cases
+from parcours_navigation.worlds.solving import solve_worlds
+
+PERIOD = 0.05  # Between observations, as planners are asked by default [s]
+
+
+@dataclass(frozen=True, slots=True)
+class Checked:
+    """What was found of the first cases of a world."""
+
+    world: World
+    n: int
+    wrong: tuple[str, ...]  # cases that cannot be made, and why
+    bodies: tuple[int, int]  # fewest and most others
+    walls: tuple[int, int]
+    gives: tuple[str, ...]  # of `protocol.SENSES`
+    unsolvable: tuple[int, ...]
+    solvable: int
+    is_paper: bool = False
+
+    @property
+    def passed(self) -> bool:
+        """Whether every case can be made, and the ground lets a robot through."""
+        return not self.wrong and not self.unsolvable
+
+    def document(self) -> dict[str, object]:
+        """Return it as JSON values."""
+        return {
+            "world": self.world.name, "cases": self.n, "passed": self.passed, "wrong": list(self.wrong),
+            "others": list(self.bodies), "walls": list(self.walls), "gives": list(self.gives),
+            "unsolvable": list(self.unsolvable), "solvable": self.solvable,
+        }  # fmt: skip
+
+
+def check_world(name: str, n: int, seed: int, progress: Callable[[int, int], None]) -> Checked:
+    """Make the first n cases of a world, and ask which of them cannot be solved. Raises BadWorld if its file is bad."""
+    world = find_world(name)
+    if paper_cases(world, seed, "navigation") is not None:
+        return Checked(world, n, (), (3, 3), (0, 0), (), (), 0, True)
+    cases, wrong, good, bodies, walls = WorldCases(seed, world), [], [], [], []
+    for number in range(n):
+        try:
+            [staged] = cases.staged([number], PERIOD)
+        except BadRequest as error:
+            wrong.append(str(error))
+        except ParcoursError as error:
+            wrong.append(str(error))
+        else:
+            good.append(number)
+            bodies.append(len(staged.scene.obstacles))
+            walls.append(len(cases.land(number).edges()))
+        progress(number + 1, n)
+    found = solve_worlds(cases, np.array(good, np.int64)) if good else np.zeros(0, [("answer", "i8")])
+    gives = cases.plan(0).sensing.gives(bool(cases.plan(0).task.path)) if good else ()
+    never = tuple(number for number, one in zip(good, found["answer"], strict=True) if one == UNSOLVABLE)
+    return Checked(
+        world, n, tuple(wrong), _span(bodies), _span(walls), gives, never, int((found["answer"] == SOLVABLE).sum())
+    )
+
+
+def _span(values: list[int]) -> tuple[int, int]:
+    return (min(values), max(values)) if values else (0, 0)
+
+
+def lines(found: Checked) -> Iterator[str]:
+    """Yield what to say."""
+    yield f"{found.world.name}: {found.world.doc}"
+    if found.is_paper:
+        yield "the paper's arena: its cases are those of parcours run navigation without a world"
+        return
+    yield f"others: {_words(found.bodies)}; walls: {_words(found.walls)}; planners are shown the others" + "".join(
+        f", the {name}" for name in found.gives
+    )
+    for one in found.wrong[:5]:
+        yield f"error: {one}"
+    if len(found.wrong) > 5:
+        yield f"... and {len(found.wrong) - 5} more"
+    if found.unsolvable:
+        some, n = ", ".join(map(str, found.unsolvable[:10])), len(found.unsolvable)
+        yield f"error: no robot of this size and speed gets to the goal in time in {n} cases: {some}"
+    sure = f"; {found.solvable} of them can certainly be solved" if found.solvable else ""
+    yield f"{found.n - len(found.wrong)} of {found.n} cases can be made{sure}"
+
+
+def _words(span: tuple[int, int]) -> str:
+    return str(span[0]) if span[0] == span[1] else f"{span[0]} to {span[1]}"

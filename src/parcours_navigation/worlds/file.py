@@ -1,0 +1,173 @@
+"""Reads a world file (`world/1`, docs/worlds.md): parts that are data, numbers that may be drawn from blocks."""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from importlib.resources import files
+from pathlib import Path
+
+from parcours.data import InputModel
+from parcours.data.schema import FORMAT as DATA_FORMAT
+from parcours.data.schema import input_model_of
+from parcours.errors import ParcoursError, one_of
+from parcours.model.conversion import text_of
+from parcours.model.documents import MAX_BYTES, Node, Scalar, read_document
+from parcours.model.documents import Mapping as MappingNode
+from parcours.model.finding import Finding, complaint
+from parcours.suite.cases import is_part
+from parcours_navigation.worlds.building import UNITS, Builder
+from parcours_navigation.worlds.plan import Plan
+
+FORMAT = "world/1"
+"""The value of the key `parcours` in a file of this format."""
+
+_PARTS = tuple(one.name for one in fields(Plan))
+_DATA = ("constants", "parameters", "constraints", "groups")
+
+
+class BadWorld(ParcoursError):
+    """A world file, or a world that cannot be; `where` names file and line, or the case."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class World:
+    """A world as its file describes it; each case has a `Plan` of it."""
+
+    name: str
+    doc: str
+    origin: str  # the file's name, for messages
+    folder: Path  # in which the files lie that it names
+    root: MappingNode
+    inputs: InputModel | None  # what is drawn for each case; None: all cases have the same plan
+    digest: str  # of the file and of those that it names
+    _plans: dict[tuple[float, ...], Plan] = field(default_factory=dict)
+
+    def plan(self, values: tuple[float, ...] = ()) -> Plan:
+        """Return what the world is made of for a case's values, in the order of `inputs.names`.
+
+        Raises BadWorld, naming the line, if they make no world.
+        """
+        found = self._plans.get(values)
+        if found is None:
+            found = self._build(values)
+            if self.inputs is None:
+                self._plans[values] = found
+        return found
+
+    @property
+    def reference(self) -> str:
+        """How it is found again: the name of a shipped world, or the whole path of its file."""
+        path = self.folder / Path(self.origin).name
+        return path.stem if shipped().get(path.stem) == path else str(path)
+
+    def _build(self, values: tuple[float, ...]) -> Plan:
+        names = self.inputs.names if self.inputs is not None else ()
+        builder = Builder(self.origin, dict(zip(names, values, strict=True)))
+        parts = tuple((key, node) for key, node in self.root.items if key.text in _PARTS)
+        plan: Plan | None = builder.made(Plan, MappingNode(parts, self.root.line), "the world")
+        if builder.findings or plan is None:
+            drawn = ", ".join(f"{name} = {value:g}" for name, value in zip(names, values, strict=True))
+            raise refusal(builder.findings, f" (with {drawn})" if drawn else "")
+        return plan
+
+
+def shipped() -> Mapping[str, Path]:
+    """Return the files of the worlds that ship with Parcours, by name."""
+    folder = Path(str(files("parcours_navigation.worlds") / "shipped"))
+    return {path.stem: path for path in sorted(folder.glob("*.yaml"))}
+
+
+def find_world(name: str) -> World:
+    """Return a shipped world by its name, or that of a file."""
+    known = shipped()
+    if name in known:
+        return read_world(known[name])
+    if not name.endswith((".yaml", ".yml")):
+        remedy = one_of(name, list(known)) or "name a shipped world or a file"
+        raise BadWorld(f"world {name!r}", "it must be a shipped world or a .yaml file", remedy, slug="world-unknown")
+    return read_world(Path(name))
+
+
+def read_world(path: Path) -> World:
+    """Return the world that a file describes. Raises BadWorld with all findings and their lines."""
+    return parse_world(text_of(path, MAX_BYTES, "a world", BadWorld), str(path), path.absolute().parent)
+
+
+@functools.lru_cache(maxsize=64)
+def parse_world(text: str, origin: str, folder: Path) -> World:
+    """Return the world that a text describes; the files that it names lie in `folder`."""
+    root, found = read_document(text, origin)
+    if root is None or found:
+        raise refusal(found)
+    world = _world(root, origin, folder, text)
+    n_tried = 16 if world.inputs is not None else 1
+    for values in _samples(world, n_tried):
+        world.plan(values)
+    return world
+
+
+def _samples(world: World, n: int) -> list[tuple[float, ...]]:
+    from parcours.suite import combine
+
+    if world.inputs is None:
+        return [()]
+    return [case.values for case in combine("world", ["world"], world.inputs, n_cases=n).cases()]
+
+
+def _world(root: Node, origin: str, folder: Path, text: str) -> World:
+    builder = Builder(origin, {})
+    items = builder.record(root, "a world", ("parcours", "name"), ("doc", "data", *_PARTS))
+    form = builder.text(items.get("parcours"), "parcours", FORMAT)
+    if form != FORMAT:
+        builder.add(items["parcours"], "format", f"the format must be {FORMAT}, but is {form[:40]!r}")
+    name = builder.text(items.get("name"), "name")
+    if "name" in items and not is_part(name):
+        builder.add(items["name"], "case-id", f"a name consists of letters, digits and _ . + @ = , -, but is {name!r}")
+    doc = builder.text(items.get("doc"), "doc")
+    if builder.findings or not isinstance(root, MappingNode):
+        raise refusal(builder.findings)
+    inputs = _inputs(items["data"], name, origin) if "data" in items else None
+    digest = hashlib.sha256(text.encode())
+    for key in ("map", "tracks"):
+        for place in _named(root, key):
+            if (folder / place).is_file():
+                digest.update((folder / place).read_bytes())
+    return World(name, doc, origin, folder, root, inputs, digest.hexdigest()[:16])
+
+
+def _inputs(node: Node, name: str, origin: str) -> InputModel:
+    """Return the input model under `data`, which is written as in a file of format data/1."""
+    line = node.line
+    head = ((Scalar("parcours", True, line), Scalar(DATA_FORMAT, True, line)),
+            (Scalar("name", True, line), Scalar(name, True, line)))  # fmt: skip
+    rest = node.items if isinstance(node, MappingNode) else ()
+    inputs = input_model_of(MappingNode((*head, *rest), line), origin)
+    for one in inputs.names:
+        if one in UNITS:
+            raise BadWorld(f"{origin}:{line}", f"an input may not be called {one!r}, which numbers use as a unit",
+                           "rename it", slug="duplicate-name")  # fmt: skip
+    return inputs
+
+
+def _named(node: Node, key: str) -> list[str]:
+    """Return the texts under a key, anywhere."""
+    if isinstance(node, Scalar):
+        return []
+    if not isinstance(node, MappingNode):
+        return [text for item in node.items for text in _named(item, key)]
+    own = [value.text for one, value in node.items if one.text == key and isinstance(value, Scalar)]
+    return own + [text for _, value in node.items for text in _named(value, key)]
+
+
+def refusal(found: list[Finding], tail: str = "") -> BadWorld:
+    """Return one error that says all findings."""
+    error = complaint(tuple(sorted(set(found))))
+    rule = error.rule.replace("a model must", "a world must", 1)
+    slug = error.slug.replace("model-errors", "world-errors")
+    return BadWorld(error.where, rule + tail, error.remedy, slug=slug)
+
+
+__all__ = ["BadWorld", "World", "find_world", "parse_world", "read_world", "shipped"]

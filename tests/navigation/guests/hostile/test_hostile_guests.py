@@ -1,0 +1,162 @@
+"""A hostile planner costs its own case: the others keep their bytes, nothing is left, and no line of it ran here."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import re
+import sys
+import textwrap
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hostile_deeds import ANY, CONSTRUCTORS, DEEDS, SAME
+from parcours.errors import ParcoursError
+from parcours.run import workers as workers
+from parcours.run.campaign import run_campaign
+from parcours.run.store import open_results
+from parcours_navigation.cases.family import SystemCases
+from parcours_navigation.guests import apart as apart
+from parcours_navigation.guests.host import planner_seed
+from parcours_navigation.guests.planner_facts import PlannerFault
+from parcours_navigation.guests.scenario import Scenario
+from parcours_navigation.study import study as study_module
+from parcours_navigation.study.study import NavigationStudy
+
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="processes are kept on Linux only")
+
+CASES = SystemCases(1)
+SHORT = Scenario(time_limit=0.6, call_timeout=0.25)
+N_CASES, GUILTY = 6, 2
+PATIENCE = 5.0  # for what is loaded [s]
+LONGEST = 60.0  # a campaign of one hostile case takes some seconds; generous on a busy machine
+
+PLANNER = """
+import os
+RESULTS = {results!r}
+with open({log!r}, "a") as file:
+    file.write(f"{{os.getpid()}}\\n")
+{top}
+
+class Planner:
+    {init}
+    def reset(self, task):
+        self.guilty = task.seed == {seed}
+
+    def observe(self, o):
+        if self.guilty and o.time > 0.28:
+            self.guilty = False
+            answer = self.do(o)
+            if answer is not None:
+                return answer
+        return 0.2, 0.1
+
+    def do(self, o):
+{deed}
+"""
+
+
+@pytest.fixture(scope="module", autouse=True)
+def adopting() -> Iterator[None]:
+    """Adopt whatever orphans the tests leave, so that they can be counted."""
+    libc = ctypes.CDLL(None)
+    libc.prctl(36, 1, 0, 0, 0)
+    yield
+    libc.prctl(36, 0, 0, 0, 0)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def little_memory() -> Iterator[None]:
+    """Let guests fill less memory, sooner."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(workers, "memory_for_each", lambda size: 1 << 30)
+        yield
+
+
+@pytest.fixture(scope="module")
+def tame(tmp_path_factory: pytest.TempPathFactory) -> np.ndarray:
+    folder = tmp_path_factory.mktemp("tame")
+    return campaign(planner(folder), folder)
+
+
+def planner(folder: Path, deed: str = "pass", top: str = "", init: str = "") -> str:
+    """Write a planner, and return its name."""
+    file = folder / "hostile_planner.py"
+    file.write_text(
+        PLANNER.format(
+            results=str(folder / "results"), log=str(folder / "pids"), top=top, init=init,
+            seed=planner_seed(1, GUILTY), deed=textwrap.indent(deed.strip("\n"), " " * 8),
+        )
+    )  # fmt: skip
+    return f"{file}:Planner"
+
+
+def campaign(name: str, folder: Path) -> np.ndarray:
+    """Run a planner's campaign and return its facts."""
+    begun, loaded = time.monotonic(), set(sys.modules)
+    try:
+        study = NavigationStudy(name, CASES, SHORT)
+        assert run_campaign(study, study.campaign(N_CASES, 3), folder / "results", workers=2).finished == N_CASES
+        return open_results(folder / "results").load()
+    finally:
+        assert time.monotonic() - begun < LONGEST
+        assert str(os.getpid()) not in (folder / "pids").read_text().split(), "it was imported here"
+        assert not [name for name in sys.modules if name.startswith("parcours_planner_") and name not in loaded]
+        require_no_children()
+
+
+def require_no_children() -> None:
+    """Fail if any process is left that the test has started."""
+    me = os.getpid()
+    until = time.monotonic() + 10
+    while time.monotonic() < until:
+        left = [pid for pid in Path(f"/proc/{me}/task/{me}/children").read_text().split() if is_alive(pid)]
+        if not left:
+            return
+        time.sleep(0.01)
+    raise AssertionError(f"left behind: {[Path(f'/proc/{pid}/cmdline').read_bytes() for pid in left]}")
+
+
+def is_alive(pid: str) -> bool:
+    try:
+        state = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
+        tracker = b"resource_tracker" in Path(f"/proc/{pid}/cmdline").read_bytes()
+    except OSError:
+        return False
+    return state != "Z" and not tracker
+
+
+@pytest.mark.parametrize("deed", DEEDS)
+def test_a_hostile_deed_costs_its_own_case_only(deed: str, tmp_path: Path, tame: np.ndarray) -> None:
+    source, due = DEEDS[deed]
+    facts = campaign(planner(tmp_path, source), tmp_path)
+    innocent = facts["number"] != GUILTY
+    assert facts[innocent].tobytes() == tame[innocent].tobytes()
+    guilty, reason = facts[GUILTY], facts["reason"][GUILTY].decode()
+    if due == SAME:
+        assert reason == "" and guilty.tobytes() == tame[GUILTY].tobytes()
+    elif due != ANY:
+        assert guilty["error"] != PlannerFault.NONE and re.search(due, reason), reason
+
+
+@pytest.mark.parametrize("deed", CONSTRUCTORS)
+def test_a_hostile_import_or_constructor_is_refused_with_its_cause(
+    deed: str, tmp_path: Path, tame: np.ndarray, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(apart, "LOADING", PATIENCE)
+    monkeypatch.setattr(study_module, "LOADING", PATIENCE)
+    source, due = CONSTRUCTORS[deed]
+    init = "".join(f"{theirs} = {ours}\n    " for theirs, ours in (("__init__", "init"), ("needs", "needs"))
+                   if f"def {ours}" in source or f"{ours} = " in source)  # fmt: skip
+    name = planner(tmp_path, top=source, init=init)
+    try:
+        facts = campaign(name, tmp_path)
+    except ParcoursError as refused:
+        assert due != SAME and (due == ANY or re.search(due, str(refused))), str(refused)
+        return
+    assert due in (SAME, ANY), "it was not refused"
+    assert facts.tobytes() == tame.tobytes()
