@@ -24,13 +24,13 @@ AT_REST = 0.01
 
 
 @kernel
-def least_distance(x0: float, y0: float, x1: float, y1: float) -> float:
-    """Return the least distance [m] from the origin to the segment from (x0, y0) to (x1, y1).
+def gap_square(x0: float, y0: float, x1: float, y1: float) -> float:
+    """Return the square of the least distance [m2] from the origin to the segment from (x0, y0) to (x1, y1) [m].
 
-    With the points as relative positions at two instants, that is the least distance between two bodies.
+    With the points as relative positions at two instants, no contact between the instants is missed.
 
-    >>> least_distance(-1.0, 0.5, 1.0, 0.5)
-    0.5
+    >>> gap_square(-1.0, 0.5, 1.0, 0.5)
+    0.25
     """
     dx, dy = x1 - x0, y1 - y0
     square = dx * dx + dy * dy
@@ -38,7 +38,17 @@ def least_distance(x0: float, y0: float, x1: float, y1: float) -> float:
     if square > 0.0:
         share = min(max(-(x0 * dx + y0 * dy) / square, 0.0), 1.0)
     x, y = x0 + share * dx, y0 + share * dy
-    return float(np.sqrt(x * x + y * y))
+    return float(x * x + y * y)
+
+
+@kernel
+def least_distance(x0: float, y0: float, x1: float, y1: float) -> float:
+    """Return the least distance [m] between two bodies whose relative position moves from (x0, y0) to (x1, y1) [m].
+
+    >>> least_distance(-1.0, 0.5, 1.0, 0.5)
+    0.5
+    """
+    return float(np.sqrt(gap_square(x0, y0, x1, y1)))
 
 
 @kernel

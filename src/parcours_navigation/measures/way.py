@@ -10,23 +10,8 @@ import numpy as np
 from parcours.elementary import PI, atan2, wrap
 from parcours.kernels import Record, kernel
 from parcours_navigation.facts import NEVER
+from parcours_navigation.ground.shapes import enters_disc
 from parcours_navigation.measures.table import SET_OUT, SPACING
-
-
-@kernel
-def _reach_share(x0: float, y0: float, x1: float, y1: float, reach: float) -> float:
-    """Return the share of the step from (x0, y0) to (x1, y1) at which it first is within `reach` of (0, 0); else 2."""
-    c = x0 * x0 + y0 * y0 - reach * reach
-    if c <= 0.0:
-        return 0.0
-    dx, dy = x1 - x0, y1 - y0
-    b = x0 * dx + y0 * dy
-    a = dx * dx + dy * dy
-    root = b * b - a * c
-    if b >= 0.0 or root < 0.0:
-        return 2.0
-    share = c / (-b + np.sqrt(root))
-    return float(share) if share <= 1.0 else 2.0
 
 
 @kernel
@@ -73,14 +58,14 @@ def measure_way(track: Record, goal_x: float, goal_y: float, goal_tolerance: flo
                 least = near
             if not reached and near <= goal_tolerance * goal_tolerance:
                 reached = True
-                share = min(_reach_share(rx, ry, x1 - goal_x, y1 - goal_y, goal_tolerance), 1.0)
+                share = min(enters_disc(rx, ry, x1 - goal_x, y1 - goal_y, goal_tolerance), 1.0)
                 out.time_to_goal = _between(track, i, share)
             if not set_out:
                 sx, sy = x1 - start_x, y1 - start_y
                 if sx * sx + sy * sy >= SET_OUT * SET_OUT:
                     set_out = True
                     # walked backwards, the step enters the circle it leaves
-                    share = 1.0 - _reach_share(sx, sy, x0 - start_x, y0 - start_y, SET_OUT)
+                    share = 1.0 - enters_disc(sx, sy, x0 - start_x, y0 - start_y, SET_OUT)
                     out.time_to_set_out = _between(track, i, max(share, 0.0))
         x0, y0 = x1, y1
     out.path_length = way

@@ -14,7 +14,8 @@ import numpy as np
 
 from parcours.elementary import PI, atan2, sin_cos, wrap
 from parcours.kernels import kernel
-from parcours_navigation.planners.motion import Options, extrapolate, gap_square, settled, travel
+from parcours_navigation.arena.contact import gap_square
+from parcours_navigation.planners.motion import Options, extrapolate, settled, travel
 from parcours_navigation.planners.route import Route, towards
 from parcours_navigation.planners.walls import Surroundings
 from parcours_navigation.protocol import Command, Floats, Observation, Task

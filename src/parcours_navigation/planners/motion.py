@@ -11,27 +11,10 @@ import numpy as np
 from parcours.elementary import sin_cos
 from parcours.errors import BadRequest, require_known
 from parcours.kernels import kernel
+from parcours_navigation.arena.contact import gap_square
 from parcours_navigation.protocol import Floats, Observation, X, Y
 
 _STRAIGHT = 1e-9
-
-
-@kernel
-def gap_square(x0: float, y0: float, x1: float, y1: float) -> float:
-    """Return the square of the least distance [m2] from the origin to the segment from (x0, y0) to (x1, y1) [m].
-
-    With the points as relative positions at two instants, no contact between the instants is missed.
-
-    >>> gap_square(-1.0, 0.5, 1.0, 0.5)
-    0.25
-    """
-    dx, dy = x1 - x0, y1 - y0
-    square = dx * dx + dy * dy
-    share = 0.0
-    if square > 0.0:
-        share = min(max(-(x0 * dx + y0 * dy) / square, 0.0), 1.0)
-    x, y = x0 + share * dx, y0 + share * dy
-    return float(x * x + y * y)
 
 
 @kernel

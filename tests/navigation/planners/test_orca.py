@@ -10,7 +10,8 @@ import pytest
 from scipy.optimize import linprog
 
 from parcours.errors import BadRequest
-from parcours_navigation.planners.orca import Orca, drive_towards, half_plane, nearest_permitted, new_velocity
+from parcours_navigation.others.permitting import half_plane, nearest_permitted, new_velocity
+from parcours_navigation.planners.orca import Orca, drive_towards
 
 if TYPE_CHECKING:
     from tests.navigation.planners.conftest import Course
@@ -32,7 +33,7 @@ def disc_of_velocities(n_angles: int = 360, n_radii: int = 50) -> Floats:
 
 
 def solve(planes: Floats, want: tuple[float, float]) -> Floats:
-    return np.array(new_velocity(planes, np.empty_like(planes), len(planes), *want, TOP))
+    return np.array(new_velocity(planes, np.empty_like(planes), len(planes), 0, *want, TOP))
 
 
 def violation(planes: Floats, velocities: Floats) -> Floats:
