@@ -11,10 +11,10 @@ import time
 
 from parcours.model import parse_model
 from parcours.model.structure import Cefsm
-from parcours.paths.solving.reading import Ground
-from parcours.paths.solving.walk import Walk
+from parcours.paths.solving.reading import ModelTables
+from parcours.paths.solving.walk import SymbolicWalk
 from parcours.paths.timing import schedule
-from parcours.paths.timing.events import Event, events_of
+from parcours.paths.timing.events import TimedEvent, events_of
 
 COUNTER = """
 parcours: model/1
@@ -41,7 +41,7 @@ TIMED = (
 """Three integer variables and one input a step; and the same with a clock and a duration."""
 
 
-def events(cefsm: Cefsm, length: int) -> tuple[Event, ...]:
+def events(cefsm: Cefsm, length: int) -> tuple[TimedEvent, ...]:
     """Return a path of some length, round and round."""
     return events_of(cefsm, [("t1", "t2")[place % 2] for place in range(length)])
 
@@ -49,7 +49,7 @@ def events(cefsm: Cefsm, length: int) -> tuple[Event, ...]:
 def incremental(cefsm: Cefsm, length: int) -> float:
     """Return how long it takes to ask after each transition of one path whether it can run so far [s]."""
     begun = time.perf_counter()
-    walk = Walk(Ground(cefsm), [(0, "C", "m")])
+    walk = SymbolicWalk(ModelTables(cefsm), [(0, "C", "m")])
     for event in events(cefsm, length):
         walk.push(event)
         assert walk.check(60_000)
@@ -59,7 +59,7 @@ def incremental(cefsm: Cefsm, length: int) -> float:
 def fresh(cefsm: Cefsm, length: int) -> float:
     """Return how long it takes to ask once about the whole path, by a new solver [s]."""
     begun = time.perf_counter()
-    walk = Walk(Ground(cefsm), [(0, "C", "m")])
+    walk = SymbolicWalk(ModelTables(cefsm), [(0, "C", "m")])
     for event in events(cefsm, length):
         walk.push(event)
     assert walk.check(60_000)

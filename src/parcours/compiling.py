@@ -19,7 +19,7 @@ GROUP = "parcours.compiled"
 
 
 @dataclass(frozen=True, slots=True)
-class Part:
+class CompiledPart:
     """Something that is compiled.
 
     Args:
@@ -31,9 +31,9 @@ class Part:
     seconds: float
 
 
-def parts() -> Mapping[str, Part]:
+def parts() -> Mapping[str, CompiledPart]:
     """Return what is compiled, the longest first."""
-    found: dict[str, Part] = {}
+    found: dict[str, CompiledPart] = {}
     for entry in sorted(entry_points(group=GROUP), key=lambda entry: entry.name):
         found |= entry.load()
     return dict(sorted(found.items(), key=lambda item: -item[1].seconds))

@@ -16,7 +16,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import NoReturn
 
 from parcours.errors import BadModel, BadRequest
-from parcours.model.conversion import Reading, Writing
+from parcours.model.conversion import ForeignModel, Writing
 from parcours.model.structure import Cefsm, Component, Machine, Receive, Send, Transition
 from parcours_formats.losses import Losses, unsaid
 from parcours_formats.naming import as_label, part_names
@@ -31,7 +31,7 @@ INTERNAL = ("i", "tau")
 _HEADER = re.compile(r"\s*des\s*\(\s*([0-9]{1,18})\s*,\s*([0-9]{1,18})\s*,\s*([0-9]{1,18})\s*\)\s*", re.ASCII)
 
 
-def read(text: str, origin: str) -> Reading:
+def read(text: str, origin: str) -> ForeignModel:
     """Return the transition system as a model of one machine; the name of the model is that of the file."""
     system = _System(text, origin)
     component, machine = part_names(origin.replace("\\", "/").rpartition("/")[2].removesuffix(".aut"))
@@ -47,7 +47,7 @@ def read(text: str, origin: str) -> Reading:
     components = (Component(component, (machine_read,)),)
     model = Cefsm(machine, components, tuple(alphabet.channels), alphabet.messages(), origin)
     # Valid as it was built: to check a million transitions again would take longer than to read them.
-    return Reading(model, tuple(system.losses))
+    return ForeignModel(model, tuple(system.losses))
 
 
 def write(cefsm: Cefsm) -> Writing:

@@ -11,18 +11,18 @@ from collections.abc import Iterator
 from xml.sax.saxutils import escape, quoteattr
 
 from parcours.errors import BadModel
-from parcours.model.conversion import Reading, Writing
+from parcours.model.conversion import ForeignModel, Writing
 from parcours.model.structure import Cefsm
 from parcours_formats.graphwalker import labels
 from parcours_formats.graphwalker.joining import START, joined
-from parcours_formats.graphwalker.labels import Edge, Model, Vertex
+from parcours_formats.graphwalker.labels import LabelledEdge, Model, Vertex
 from parcours_formats.graphwalker.parting import parted
 from parcours_formats.losses import Losses
 from parcours_formats.naming import as_label, stem
 from parcours_formats.xml_lines import Element, parse_xml
 
 
-def read(text: str, origin: str) -> Reading:
+def read(text: str, origin: str) -> ForeignModel:
     """Return the model that a GraphML file holds.
 
     Raises BadModel if its graph is not directed, or a label says what our language cannot.
@@ -52,7 +52,7 @@ class _Reader:
         self.keys = {key.get("id"): key.get("attr.name").lower() for key in root.all("key")}
         self.vertices: dict[str, Vertex] = {}
         self.initial: dict[str, tuple[str, ...]] = {}
-        self.edges: list[Edge] = []
+        self.edges: list[LabelledEdge] = []
         self.inside: dict[str, str] = {}
         self.titles: dict[str, str] = {}
         self.frames: dict[str, Vertex] = {}

@@ -12,13 +12,13 @@ from parcours.model.structure import ENVIRONMENT
 _FOREIGN = re.compile(r"[^A-Za-z0-9_]+")
 
 
-class Names:
+class UniqueNames:
     """Gives out names of one kind, each once; a second bearer of a name gets a number behind it.
 
-    >>> names = Names()
+    >>> names = UniqueNames()
     >>> [names.label(wanted) for wanted in ("v_Login", "v_Login", "two\\nlines", "")]
     ['v_Login', 'v_Login_2', 'two lines', 'unnamed']
-    >>> [Names().identifier(wanted) for wanted in ("PUT !3", "not", "7th")]
+    >>> [UniqueNames().identifier(wanted) for wanted in ("PUT !3", "not", "7th")]
     ['PUT_3', 'not_', '_7th']
     """
 

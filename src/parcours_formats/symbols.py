@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from parcours.model.conversion import Loss
 from parcours.model.nodes import is_label
 from parcours.model.structure import ENVIRONMENT, Cefsm, Channel, MessageClass, Receive, Send, Transition
-from parcours_formats.naming import Names
+from parcours_formats.naming import UniqueNames
 
 SIGNAL = MessageClass("Signal", ())
 """The class of a message that says nothing but its channel."""
@@ -22,7 +22,7 @@ class Alphabet:
     """The channels of the symbols met while reading; a symbol has one channel for each component and direction."""
 
     def __init__(self) -> None:
-        self.names = Names()
+        self.names = UniqueNames()
         self.channels: list[Channel] = []
         self._known: dict[tuple[str, str, str], str] = {}
 

@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 
-from parcours.compiling import Part
+from parcours.compiling import CompiledPart
 
 
 def _planner(name: str) -> None:
@@ -49,14 +49,14 @@ def _worlds() -> None:
 
 
 PARTS = {
-    "worlds": Part(_worlds, 40.0),
-    "ORCA": Part(partial(_planner, "orca"), 14.0),
-    "DWA": Part(partial(_planner, "dwa"), 13.0),
-    "MPPI": Part(partial(_planner, "mppi"), 12.0),
-    "requirements": Part(_requirements, 5.0),
-    "MPC": Part(partial(_planner, "mpc"), 18.0),
-    "TEB": Part(partial(_planner, "teb"), 18.0),
-    "A*": Part(_route, 9.0),
-    "solvability": Part(_oracle, 9.0),
+    "worlds": CompiledPart(_worlds, 40.0),
+    "ORCA": CompiledPart(partial(_planner, "orca"), 14.0),
+    "DWA": CompiledPart(partial(_planner, "dwa"), 13.0),
+    "MPPI": CompiledPart(partial(_planner, "mppi"), 12.0),
+    "requirements": CompiledPart(_requirements, 5.0),
+    "MPC": CompiledPart(partial(_planner, "mpc"), 18.0),
+    "TEB": CompiledPart(partial(_planner, "teb"), 18.0),
+    "A*": CompiledPart(_route, 9.0),
+    "solvability": CompiledPart(_oracle, 9.0),
 }
 """Name -> part (entry points `parcours.compiled`)."""

@@ -10,8 +10,19 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from parcours.errors import BadModel
-from parcours.model import Cefsm, Channel, Component, Machine, MessageClass, Receive, Send, Steps, Transition, predicate
-from parcours.model.formats import Reading, read_any
+from parcours.model import (
+    Cefsm,
+    Channel,
+    Component,
+    Machine,
+    MessageClass,
+    Receive,
+    Send,
+    StepRelation,
+    Transition,
+    predicate,
+)
+from parcours.model.formats import ForeignModel, read_any
 from parcours_formats import aut, dot
 from parcours_formats.dot.dot_graphs import label_text, parse_dot, quoted
 
@@ -111,7 +122,7 @@ def test_an_automaton_goes_through_aut_with_each_output_in_a_step_of_its_own(mod
     assert next(steps, None) is None
 
 
-def drawn(found: Reading) -> list[str]:
+def drawn(found: ForeignModel) -> list[str]:
     transitions = [each for component in found.cefsm.components for each in component.transitions()]
     return [f"{each.source} -> {each.target}: {predicate(each)}" for each in transitions]
 
@@ -119,7 +130,7 @@ def drawn(found: Reading) -> list[str]:
 def test_inputs_come_from_the_environment_and_outputs_go_there() -> None:
     found = dot.read('digraph g { a -> b [label="coin / ok"]; b -> a [label="push/tea"]; b -> b [label=x] }', "g.dot")
     assert drawn(found) == ["a -> b: (coin/-/-/ok())", "b -> a: (push/-/-/tea())", "b -> b: (x/-/-/-)"]
-    steps = Steps(found.cefsm)
+    steps = StepRelation(found.cefsm)
     here = steps.layout.initial()
     for _ in range(2):
         here = steps.step(here, steps.enabled(here, {})[0])

@@ -10,9 +10,9 @@ import pytest
 
 from parcours.errors import BadModel
 from parcours.model import predicate
-from parcours.model.formats import Reading, read_any
+from parcours.model.formats import ForeignModel, read_any
 from parcours_formats import graphml
-from parcours_formats.graphwalker.labels import Edge, Vertex, as_edge, as_vertex, edge_label, vertex_label
+from parcours_formats.graphwalker.labels import LabelledEdge, Vertex, as_edge, as_vertex, edge_label, vertex_label
 
 SAMPLES = Path(__file__).parents[2] / "examples" / "formats"
 HEAD = """<?xml version="1.0" encoding="UTF-8"?>
@@ -33,13 +33,13 @@ def edge(source: str, target: str, label: str = "") -> str:
     return f'<edge source="{source}" target="{target}">{data}</edge>\n'
 
 
-def reading(*parts: str) -> Reading:
+def reading(*parts: str) -> ForeignModel:
     return graphml.read(
         f'{HEAD}<graph edgedefault="directed" id="G">{"".join(parts)}</graph></graphml>', "walk.graphml"
     )
 
 
-def drawn(found: Reading) -> list[str]:
+def drawn(found: ForeignModel) -> list[str]:
     transitions = [each for component in found.cefsm.components for each in component.transitions()]
     return [f"{each.source} -> {each.target}: {each.id} {predicate(each)}" for each in transitions]
 
@@ -124,7 +124,7 @@ def test_the_label_of_an_edge(label: str, name: str, guard: str, actions: tuple[
 def test_labels_that_are_written_read_back() -> None:
     vertex = Vertex("v", "v_Name", "STATE")
     assert as_vertex(vertex_label(vertex, ("n = 0;",)), "v") == (vertex, ("n = 0;",))
-    said = Edge("e", "e_Name", "a", "b", "n < 'x]'", ("n = n / 2;",), weight=1e-7)
+    said = LabelledEdge("e", "e_Name", "a", "b", "n < 'x]'", ("n = n / 2;",), weight=1e-7)
     assert as_edge(edge_label(said), "e", "a", "b") == said
 
 

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from parcours.errors import BadModel
-from parcours.model import Steps, parse_model, predicate
+from parcours.model import StepRelation, parse_model, predicate
 from parcours.model.documents import Mapping
-from parcours.model.formats import Reading, read_any, write_as
+from parcours.model.formats import ForeignModel, read_any, write_as
 from parcours.paths import cover, measure, requirements
 from parcours.paths.solving import solve
 from parcours.paths.walking import ModelSpace, Walk, phase
@@ -38,16 +38,16 @@ def model(name: str, places: list[dict[str, object]], *edges: dict[str, object],
     return {"name": name, "generator": "random(edge_coverage(100))", "vertices": places, "edges": edges, **more}
 
 
-def reading(*models: dict[str, object]) -> Reading:
+def reading(*models: dict[str, object]) -> ForeignModel:
     return read(json.dumps({"models": models}), "shop.json")
 
 
-def drawn(found: Reading) -> list[str]:
+def drawn(found: ForeignModel) -> list[str]:
     transitions = [each for component in found.cefsm.components for each in component.transitions()]
     return [f"{each.source} -> {each.target}: {each.id} {predicate(each)}" for each in transitions]
 
 
-def lost(found: Reading, *said: str) -> bool:
+def lost(found: ForeignModel, *said: str) -> bool:
     return any(all(part in str(loss) for part in said) for loss in found.losses)
 
 
@@ -88,7 +88,7 @@ def test_shared_states_make_one_walk_of_several_models() -> None:
     assert machine.states == ("Shop/home", "Shop/cart", "Pay/basket", "Pay/paid")
     jumps = [(each.source, each.target) for each in machine.transitions if each.id.startswith("CART")]
     assert jumps == [("Shop/cart", "Pay/basket"), ("Pay/basket", "Shop/cart")]
-    steps = Steps(found.cefsm)
+    steps = StepRelation(found.cefsm)
     here = steps.layout.initial()
     for _ in range(3):
         here = steps.step(here, next(each for each in steps.enabled(here, {}) if "to Shop" not in each.transition))

@@ -23,7 +23,7 @@ from parcours.model import (
     findings,
 )
 from parcours.model.expression import Assignment, Call, Expression, Name, evaluate, parse_expression
-from parcours.model.formats import Loss, Reading, Writing
+from parcours.model.formats import ForeignModel, Loss, Writing
 from parcours.model.structure import CLOCK
 from parcours_formats import dot, graphml, graphwalker
 
@@ -147,7 +147,7 @@ def valuations(one: Component, other: Component) -> Iterator[tuple[dict[str, obj
         )
 
 
-def assert_same(model: Cefsm, back: Reading, writing: Writing) -> None:
+def assert_same(model: Cefsm, back: ForeignModel, writing: Writing) -> None:
     """The model that was read is the one that was written but for what the losses name."""
     losses = (*writing.losses, *back.losses)
     assert [each.name for each in back.cefsm.components] == [each.name for each in model.components]

@@ -22,7 +22,7 @@ from parcours.model import (
     predicate,
 )
 from parcours.model.expression import Assignment, parse_expression
-from parcours.model.formats import Reading, read_any
+from parcours.model.formats import ForeignModel, read_any
 from parcours_formats import scxml
 from parcours_formats.scxml.chart import ID, OWN, SILENT
 
@@ -35,7 +35,7 @@ def ids(cefsm: Cefsm) -> list[str]:
     return sorted(each.id for part in cefsm.components for each in part.transitions())
 
 
-def again(cefsm: Cefsm) -> Reading:
+def again(cefsm: Cefsm) -> ForeignModel:
     return scxml.read(scxml.write(cefsm).text, "again.scxml")
 
 

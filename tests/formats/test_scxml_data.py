@@ -8,11 +8,11 @@ import pytest
 
 from parcours.errors import BadModel
 from parcours.model import predicate
-from parcours.model.formats import Reading
+from parcours.model.formats import ForeignModel
 from parcours_formats import scxml
 
 
-def read(data: str, content: str = "", cond: str = "true") -> Reading:
+def read(data: str, content: str = "", cond: str = "true") -> ForeignModel:
     """Return the reading of a chart with data, and one transition with a condition and content."""
     return scxml.read(
         f"""<scxml xmlns="http://www.w3.org/2005/07/scxml" name="chart">
@@ -29,7 +29,7 @@ def step(data: str, content: str = "", cond: str = "true") -> str:
     return "\n".join(predicate(each) for each in read(data, content, cond).cefsm.components[0].transitions())
 
 
-def initial(reading: Reading) -> dict[str, object]:
+def initial(reading: ForeignModel) -> dict[str, object]:
     return {each.name: each.initial for each in reading.cefsm.components[0].variables}
 
 

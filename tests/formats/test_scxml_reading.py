@@ -9,14 +9,14 @@ from pathlib import Path
 import pytest
 
 from parcours.errors import BadModel
-from parcours.model import ENVIRONMENT, Cefsm, Steps, predicate
-from parcours.model.formats import Reading
+from parcours.model import ENVIRONMENT, Cefsm, StepRelation, predicate
+from parcours.model.formats import ForeignModel
 from parcours_formats import scxml
 
 SEEDS = Path(__file__).parents[1] / "fuzz" / "seeds"
 
 
-def read(body: str, head: str = "") -> Reading:
+def read(body: str, head: str = "") -> ForeignModel:
     space = 'xmlns="http://www.w3.org/2005/07/scxml" version="1.0" datamodel="ecmascript" name="chart"'
     return scxml.read(f"<scxml {space} {head}>\n{body}\n</scxml>", "chart.scxml")
 
@@ -25,7 +25,7 @@ class Run:
     """A model that is given events; after each it goes on by itself as far as it can."""
 
     def __init__(self, cefsm: Cefsm) -> None:
-        self.cefsm, self.steps = cefsm, Steps(cefsm)
+        self.cefsm, self.steps = cefsm, StepRelation(cefsm)
         self.transitions = {each.id: each for part in cefsm.components for each in part.transitions()}
         self.here = self.steps.layout.initial()
         self.settle()

@@ -13,8 +13,8 @@ from click.testing import CliRunner
 
 from parcours.cli import parcours
 from parcours.errors import BadModel
-from parcours.model import ENVIRONMENT, Cefsm, Steps, predicate
-from parcours.model.formats import Reading, read_any
+from parcours.model import ENVIRONMENT, Cefsm, StepRelation, predicate
+from parcours.model.formats import ForeignModel, read_any
 from parcours_formats import uppaal
 
 SEEDS = Path(__file__).parents[1] / "fuzz" / "seeds"
@@ -42,7 +42,7 @@ def network(declarations: str, system: str, *templates: str) -> str:
     return "\n".join([*lines, f"<system>{escape(system)}</system></nta>"])
 
 
-def read(declarations: str, system: str, *templates: str) -> Reading:
+def read(declarations: str, system: str, *templates: str) -> ForeignModel:
     return uppaal.read(network(declarations, system, *templates), "net.xml")
 
 
@@ -120,7 +120,7 @@ def test_a_channel_becomes_one_for_each_pair_of_components() -> None:
         [f"{one}.1 with {other}" for one in "AB" for other in "XY"]
         + [f"{one}.1 with {other}" for one in "XY" for other in "AB"]
     )
-    steps = Steps(cefsm)
+    steps = StepRelation(cefsm)
     assert len(steps.enabled(steps.layout.initial(), {})) == 4
 
 
@@ -145,7 +145,7 @@ def test_a_queue_in_functions_behaves_as_a_queue() -> None:
         " | s | s -> s: select e : int[0,3] ;; guard len < 4 ;; assignment put(e), total()"
         " | s -> s: guard len > 0 ;; assignment out = head(), take(), total()",
     ).cefsm
-    steps, source, twin = Steps(cefsm), random.Random(5), list[int]()
+    steps, source, twin = StepRelation(cefsm), random.Random(5), list[int]()
     here, names = steps.layout.initial(), [variable.name for _, variable in steps.layout.variables]
     for _ in range(300):
         move = source.choice(steps.enabled(here, {}))

@@ -18,7 +18,7 @@ from parcours.model import (
     MessageClass,
     Receive,
     Send,
-    Steps,
+    StepRelation,
     Transition,
     Variable,
     findings,
@@ -151,7 +151,7 @@ components:
 
 def reachable(cefsm: Cefsm, names: tuple[str, ...]) -> set[tuple[object, ...]]:
     """Return the values that the named variables have together, over everything a model can do."""
-    steps = Steps(cefsm)
+    steps = StepRelation(cefsm)
     order = [variable.name for _, variable in steps.layout.variables]
     seen: set[Configuration] = {steps.layout.initial()}
     border = list(seen)

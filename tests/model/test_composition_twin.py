@@ -19,7 +19,7 @@ from parcours.model import (
     Move,
     Receive,
     Send,
-    Steps,
+    StepRelation,
     Transition,
     Variable,
     step,
@@ -83,7 +83,7 @@ class Naive:
     """What a search finds that keeps whole configurations and works nothing out beforehand."""
 
     def __init__(self, cefsm: Cefsm) -> None:
-        steps = Steps(cefsm)
+        steps = StepRelation(cefsm)
         start = steps.layout.initial()
         self.distance = {start: 0}
         self.edges: list[tuple[Configuration, Move, Configuration]] = []

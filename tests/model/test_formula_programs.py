@@ -12,10 +12,9 @@ from hypothesis import strategies as st
 from parcours.errors import BadModel
 from parcours.model.expression import evaluate, parse_formula
 from parcours.model.expression.programs import program
-from parcours.model.expression.syntax import Binary, Field, Literal, Name
+from parcours.model.expression.syntax import Binary, FieldAccess, Literal, Name
 from parcours.model.fitting import fitting, misfit
-from parcours.model.structure import Field as Of
-from parcours.model.structure import MessageClass
+from parcours.model.structure import Field, MessageClass
 
 FORMULAS = [
     "it.a + it.b <= it.c", "it.a * it.b - it.c > 0 && it.flag", "!it.flag || it.a == it.b", "it.word == 'up'",
@@ -65,7 +64,7 @@ def test_a_program_says_what_the_evaluation_says(
 
 def test_names_and_texts_of_a_formula_are_constants() -> None:
     hostile = "'); raise SystemExit #\n\0\\\""
-    formula = Binary("==", Field(Name("it"), hostile), Literal(hostile))
+    formula = Binary("==", FieldAccess(Name("it"), hostile), Literal(hostile))
     assert program(formula, hostile)({"it": {hostile: hostile}}) is True
     assert program(formula, hostile)({"it": {hostile: "other"}}) is False
 
@@ -76,9 +75,9 @@ def test_deep_formulas_are_evaluated_all_the_same() -> None:
 
 
 CLASSES = {
-    "Point": MessageClass("Point", (Of("x", "real"), Of("n", "int"), Of("on", "bool"), Of("w", "text"))),
-    "Way": MessageClass("Way", (Of("of", "Point"), Of("all", "Point", shape=("n",)),
-                                Of("two", "real", shape=(2,)), Of("next", "Way"))),
+    "Point": MessageClass("Point", (Field("x", "real"), Field("n", "int"), Field("on", "bool"), Field("w", "text"))),
+    "Way": MessageClass("Way", (Field("of", "Point"), Field("all", "Point", shape=("n",)),
+                                Field("two", "real", shape=(2,)), Field("next", "Way"))),
 }  # fmt: skip
 points = st.fixed_dictionaries(
     {}, optional={"x": anything, "n": anything, "on": anything, "w": anything, "z": anything}

@@ -19,7 +19,7 @@ from parcours.model.expression import (
     Binary,
     Call,
     Expression,
-    Field,
+    FieldAccess,
     Literal,
     Name,
     Type,
@@ -45,7 +45,7 @@ def _compound(inner: st.SearchStrategy[Expression]) -> st.SearchStrategy[Express
     return st.one_of(
         st.builds(Unary, st.sampled_from("!-"), inner),
         st.builds(Binary, st.sampled_from(sorted(LEVELS)), inner, inner),
-        st.builds(Field, inner, identifiers),
+        st.builds(FieldAccess, inner, identifiers),
         st.builds(Apply, st.just("max"), st.lists(inner, min_size=2, max_size=3).map(tuple)),
     )
 
@@ -95,7 +95,7 @@ def test_arithmetic_is_that_of_python(tree: Expression, x: int) -> None:
 
 typed = st.recursive(
     st.builds(Literal, st.booleans() | st.integers(0, 9) | st.floats(0, 9) | st.sampled_from(["a", "b"]))
-    | st.sampled_from([Name("flag"), Name("n"), Name("v"), Name("word"), Field(Name("ob"), "x"), Name("ob")]),
+    | st.sampled_from([Name("flag"), Name("n"), Name("v"), Name("word"), FieldAccess(Name("ob"), "x"), Name("ob")]),
     _compound,
     max_leaves=12,
 )

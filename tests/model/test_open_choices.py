@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from parcours.model import Cefsm, Move, Steps, parse_model
+from parcours.model import Cefsm, Move, StepRelation, parse_model
 from parcours.model.composition import explore
 from parcours.model.expression import evaluate, parse_expression
 
@@ -40,7 +40,7 @@ VENDING = "(x.v == 5 || x.v == 10) && n + x.v <= 20"
 
 def offered(cefsm: Cefsm) -> list[Move]:
     """The moves of the initial configuration, each taken."""
-    steps = Steps(cefsm)
+    steps = StepRelation(cefsm)
     here = steps.layout.initial()
     moves = list(steps.enabled(here, {}))
     for move in moves:
@@ -83,7 +83,7 @@ def test_no_move_is_offered_that_is_refused(guard: str, other: str, action: str,
         f"      p:\n        initial: a\n        transitions:\n"
         f'          r1: {{from: a, to: b, event: meet(y), guard: "{other.replace("x.", "y.")}"}}'
     )
-    steps = Steps(counter(guard, action, more, n))
+    steps = StepRelation(counter(guard, action, more, n))
     here = steps.layout.initial()
     for move in steps.enabled(here, {}):
         try:
@@ -99,7 +99,7 @@ def test_a_guard_linear_in_one_open_integer_is_decided(guard: str, n: int) -> No
     fits = [v for v in range(-80, 81) if evaluate(known, {"n": n, "x": {"v": v}}) is True]
     assert bool(fits) == bool(offered(counter(guard, n=n)))
     # Where the value is kept, either all values are offered or a doubt is raised.
-    steps = Steps(counter(guard, "n := min(max(x.v, -20), 20)", n=n))
+    steps = StepRelation(counter(guard, "n := min(max(x.v, -20), 20)", n=n))
     moves = steps.enabled(steps.layout.initial(), {})
     assert steps.choices.doubts or {dict(move.inputs).get("C.x.v") for move in moves} == {*fits}
 

@@ -22,7 +22,7 @@ from parcours.model import (
     Move,
     Receive,
     Send,
-    Steps,
+    StepRelation,
     Transition,
     Variable,
     enabled,
@@ -267,5 +267,6 @@ def test_an_impossible_move_says_why(text: str, move: Move, why: str) -> None:
 def test_two_equal_models_do_not_share_their_tables() -> None:
     one, two = parse_model(PAIR), parse_model(PAIR.replace("n := n + 1", "n := n + 2"))
     assert [
-        step(model, initial(model), Steps(model).enabled(initial(model), {})[0]).values[0] for model in (one, two)
+        step(model, initial(model), StepRelation(model).enabled(initial(model), {})[0]).values[0]
+        for model in (one, two)
     ] == [1, 2]

@@ -7,7 +7,7 @@ import pytest
 from parcours.errors import BadRequest
 from parcours.model import parse_model
 from parcours.model.composition import explore
-from parcours.paths import Limits, measure, requirements
+from parcours.paths import RequirementLimits, measure, requirements
 from parcours.paths.covering import cover_demand
 from parcours.paths.criteria.composed import composition_demand, composition_graph
 
@@ -61,7 +61,7 @@ def test_a_rendezvous_is_a_sending_transition_with_a_receiving_one() -> None:
 
 def test_too_many_rendezvous_are_refused() -> None:
     with pytest.raises(BadRequest, match=r"rendezvous of 'shop': .*at most 5,.*\[too-many-requirements\]"):
-        requirements(SHOP, "rendezvous", limits=Limits(count=5))
+        requirements(SHOP, "rendezvous", limits=RequirementLimits(count=5))
 
 
 def test_two_machines_of_a_component_meet_but_none_meets_itself() -> None:

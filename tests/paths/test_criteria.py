@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from parcours.errors import BadRequest
 from parcours.model.structure import Cefsm, Component, Machine, Transition
-from parcours.paths.criteria import CRITERIA, Criterion, parse_criterion, requirements
+from parcours.paths.criteria import CRITERIA, CoverageCriterion, parse_criterion, requirements
 from parcours.paths.criteria.requiring import edge_names
 from parcours.paths.graph import Graph
 
@@ -102,22 +102,22 @@ def test_specified_needs_walks() -> None:
         with pytest.raises(BadRequest, match=r"\[no-walks\]"):
             parse_criterion(written)
     with pytest.raises(BadRequest, match=r"\[no-walks\]"):
-        requirements(DOOR, Criterion("specified", walks=((),)))
+        requirements(DOOR, CoverageCriterion("specified", walks=((),)))
 
 
 ids = st.text(st.characters(exclude_characters=", :", exclude_categories=["Z", "C"]), min_size=1, max_size=4)
 criteria = (
-    st.sampled_from([name for name in CRITERIA if name.islower()]).map(Criterion)
-    | st.integers(0, 10**9 - 1).map(lambda n: Criterion("switch", n))
-    | st.integers(1, 10**9 - 1).map(lambda n: Criterion("complete", n))
+    st.sampled_from([name for name in CRITERIA if name.islower()]).map(CoverageCriterion)
+    | st.integers(0, 10**9 - 1).map(lambda n: CoverageCriterion("switch", n))
+    | st.integers(1, 10**9 - 1).map(lambda n: CoverageCriterion("complete", n))
     | st.lists(st.lists(ids, min_size=1).map(tuple), min_size=1).map(
-        lambda walks: Criterion("specified", walks=tuple(walks))
+        lambda walks: CoverageCriterion("specified", walks=tuple(walks))
     )
 )
 
 
 @given(criteria)
-def test_a_criterion_reads_back_as_it_is_written(criterion: Criterion) -> None:
+def test_a_criterion_reads_back_as_it_is_written(criterion: CoverageCriterion) -> None:
     assert parse_criterion(str(criterion)) == criterion
 
 

@@ -11,7 +11,7 @@ from parcours.model import parse_model
 from parcours.model.expression import Assignment, Binary, Call, Expression, Literal, Name
 from parcours.model.structure import Machine, Receive, Send, Transition, Variable
 from parcours.paths import measure, requirements
-from parcours.paths.criteria import START, Limits, Requirement
+from parcours.paths.criteria import START, RequirementLimits, TestRequirement
 from parcours.paths.criteria.dataflow import access
 from parcours.paths.graph import graph_of
 from parcours.paths.measuring import Tours
@@ -104,7 +104,7 @@ def test_du_paths_are_the_simple_ways_on_which_a_value_comes_from_its_definition
     assert len(set(found)) == len(found)
 
 
-def ends(needs: Sequence[Requirement]) -> set[tuple[str, str, str]]:
+def ends(needs: Sequence[TestRequirement]) -> set[tuple[str, str, str]]:
     return {(need.variable, need.steps[0], need.steps[-1]) for need in needs}
 
 
@@ -163,7 +163,7 @@ def test_a_du_path_with_side_trips_brings_the_value_along_all_its_transitions(
     ids = [id for id, _ in walk]
     states = ["", machine.initial, *(by_id[id].target for id in run)]
 
-    def follows(need: Requirement, begun: int, ended: int, *, by_state: bool) -> bool:
+    def follows(need: TestRequirement, begun: int, ended: int, *, by_state: bool) -> bool:
         inner = need.steps[1:-1]
         if by_state:
             first = machine.initial if need.steps[0] == START else by_id[need.steps[0]].target
@@ -269,5 +269,5 @@ def test_too_many_du_paths_are_refused_with_the_count_reached() -> None:
     use = Transition("use", f"s{rungs}", f"s{rungs}", guard=Binary("<", Name("x"), Literal(1)))
     machine = Machine("m", "s0", tuple(f"s{n}" for n in range(rungs + 1)), (*ways, use))
     with pytest.raises(BadRequest, match=r"du-paths of 'm': .*stopped at 101.*\[too-many-requirements\]"):
-        requirements(machine, "all-du-paths", variables=x, limits=Limits(count=100))
+        requirements(machine, "all-du-paths", variables=x, limits=RequirementLimits(count=100))
     assert len(requirements(machine, "all-uses", variables=x)) == 1

@@ -11,7 +11,7 @@ from parcours.errors import BadRequest
 from parcours.model.structure import Machine, Transition
 from parcours.paths.criteria.bounded import complete_paths, switches
 from parcours.paths.criteria.primes import prime_paths, round_trips, shortest_round_trips, simple_paths
-from parcours.paths.criteria.requirement import Limits, Tally
+from parcours.paths.criteria.requirement import RequirementCounter, RequirementLimits
 from parcours.paths.graph import Graph, Walk, graph_of
 
 
@@ -105,7 +105,7 @@ def test_a_search_that_mostly_ends_nowhere_is_still_short() -> None:
     onward += [[], [], []]
     onward[0].append(len(targets))
     targets.append(goal)
-    tally = Tally(Limits(work=1_000_000), "ladder")
+    tally = RequirementCounter(RequirementLimits(work=1_000_000), "ladder")
     found = list(simple_paths(0, targets, (onward, onward), {goal: [len(targets)]}, None, tally))
     assert found == [(len(targets) - 1, len(targets))]
 
@@ -113,11 +113,11 @@ def test_a_search_that_mostly_ends_nowhere_is_still_short() -> None:
 def test_too_many_prime_paths_are_refused_with_the_count_reached() -> None:
     graph = random_graph(100, 300, seed=1)
     with pytest.raises(BadRequest, match=r"prime paths of 'm': .*at most 5000, .*stopped at 5001.*\[too-many-requ"):
-        prime_paths(graph, Limits(count=5000))
+        prime_paths(graph, RequirementLimits(count=5000))
     with pytest.raises(BadRequest, match=r"at most 1000 steps .*stopped at \d+.*\[too-many-requirements\]"):
-        prime_paths(graph, Limits(steps=1000))
+        prime_paths(graph, RequirementLimits(steps=1000))
     with pytest.raises(BadRequest, match=r"so few that 50000 steps of the search find them.*stopped at \d+"):
-        prime_paths(graph, Limits(work=50_000))
+        prime_paths(graph, RequirementLimits(work=50_000))
 
 
 @given(graphs(4, 2), st.integers(0, 3))
@@ -144,9 +144,9 @@ def test_walks_of_any_length_are_refused_or_found_without_recursion() -> None:
     assert list(map(len, complete_paths(ring, 200))) == [50, 100, 150, 200]
     for n in (10**6, 10**9 - 1):
         with pytest.raises(BadRequest, match=r"\[too-many-requirements\]"):
-            switches(random_graph(50, 60, seed=0), n, Limits(work=200_000))
+            switches(random_graph(50, 60, seed=0), n, RequirementLimits(work=200_000))
     with pytest.raises(BadRequest, match=r"complete paths of 'm' up to 999999999: .*\[too-many-requirements\]"):
-        complete_paths(ring, 10**9 - 1, Limits(count=1000))
+        complete_paths(ring, 10**9 - 1, RequirementLimits(count=1000))
 
 
 def test_a_long_way_round_is_found_without_recursion() -> None:

@@ -9,57 +9,57 @@ from hypothesis import strategies as st
 from parcours.errors import BadRequest, ParcoursError
 from parcours.model.structure import Machine, Transition
 from parcours.paths.walking import parse_condition, parse_generators
-from parcours.paths.walking.conditions import Condition, is_bounded
+from parcours.paths.walking.conditions import StopCondition, is_bounded
 
 RING = [("A.f", Machine("f", "a", ("a", "b"), (Transition("t1", "a", "b"), Transition("t2", "b", "a"))))]
 
 amounts = st.floats(0, 1e9, allow_nan=False)
 names = st.text("abcXYZ_.- 1", min_size=1, max_size=6)
 leaves = st.one_of(
-    st.builds(Condition, st.just("covered"), st.sampled_from(["node", "edge-pair", "2-switch"]), st.floats(0, 100)),
-    st.builds(Condition, st.sampled_from(["reached", "taken"]), names),
-    st.builds(Condition, st.sampled_from(["steps", "restarts", "elapsed"]), amount=amounts),
-    st.just(Condition("never")),
+    st.builds(StopCondition, st.just("covered"), st.sampled_from(["node", "edge-pair", "2-switch"]), st.floats(0, 100)),
+    st.builds(StopCondition, st.sampled_from(["reached", "taken"]), names),
+    st.builds(StopCondition, st.sampled_from(["steps", "restarts", "elapsed"]), amount=amounts),
+    st.just(StopCondition("never")),
 )
 
 
-def joined(inner: st.SearchStrategy[Condition]) -> st.SearchStrategy[Condition]:
+def joined(inner: st.SearchStrategy[StopCondition]) -> st.SearchStrategy[StopCondition]:
     both = st.lists(inner.filter(lambda each: each.kind != "and"), min_size=2, max_size=3)
     either = st.lists(inner.filter(lambda each: each.kind != "or"), min_size=2, max_size=3)
-    return st.builds(Condition, st.just("and"), parts=both.map(tuple)) | st.builds(
-        Condition, st.just("or"), parts=either.map(tuple)
+    return st.builds(StopCondition, st.just("and"), parts=both.map(tuple)) | st.builds(
+        StopCondition, st.just("or"), parts=either.map(tuple)
     )
 
 
 @settings(max_examples=200, deadline=None)
 @given(st.recursive(leaves, joined, max_leaves=8))
-def test_a_condition_reads_back_from_what_it_prints(condition: Condition) -> None:
+def test_a_condition_reads_back_from_what_it_prints(condition: StopCondition) -> None:
     assert parse_condition(str(condition)) == condition
 
 
-NEVER = Condition("never")
+NEVER = StopCondition("never")
 
 
-def _joined(kind: Literal["and", "or"], *parts: Condition) -> Condition:
-    return Condition(kind, parts=parts)
+def _joined(kind: Literal["and", "or"], *parts: StopCondition) -> StopCondition:
+    return StopCondition(kind, parts=parts)
 
 
 @pytest.mark.parametrize(
     ("text", "condition"),
     [
-        ("edge>=100%", Condition("covered", "edge", 100.0)),
-        ("EDGE-PAIR >= 50 % OR never", _joined("or", Condition("covered", "EDGE-PAIR", 50.0), NEVER)),
-        ("30s", Condition("elapsed", amount=30.0)),
-        ("500 ms", Condition("elapsed", amount=0.5)),
-        ("2 min", Condition("elapsed", amount=120.0)),
-        ("steps>=1e6", Condition("steps", amount=1e6)),
-        ("reached('not a word')", Condition("reached", "not a word")),
-        ("taken(1)", Condition("taken", "1")),
+        ("edge>=100%", StopCondition("covered", "edge", 100.0)),
+        ("EDGE-PAIR >= 50 % OR never", _joined("or", StopCondition("covered", "EDGE-PAIR", 50.0), NEVER)),
+        ("30s", StopCondition("elapsed", amount=30.0)),
+        ("500 ms", StopCondition("elapsed", amount=0.5)),
+        ("2 min", StopCondition("elapsed", amount=120.0)),
+        ("steps>=1e6", StopCondition("steps", amount=1e6)),
+        ("reached('not a word')", StopCondition("reached", "not a word")),
+        ("taken(1)", StopCondition("taken", "1")),
         ("never and never or never", _joined("or", _joined("and", NEVER, NEVER), NEVER)),
         ("(never or never) && never", _joined("and", _joined("or", NEVER, NEVER), NEVER)),
     ],
 )
-def test_conditions_are_read(text: str, condition: Condition) -> None:
+def test_conditions_are_read(text: str, condition: StopCondition) -> None:
     assert parse_condition(text) == condition
 
 

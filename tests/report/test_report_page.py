@@ -19,8 +19,8 @@ from parcours.report.pieces import (
     Animation,
     Code,
     Column,
-    Finding,
     Findings,
+    KeyFigure,
     Marked,
     Page,
     Piece,
@@ -29,7 +29,7 @@ from parcours.report.pieces import (
     Text,
 )
 from parcours.report.rates import shares
-from parcours.report.timings import Timed, timing_figure
+from parcours.report.timings import TimingCase, timing_figure
 from parcours.report.writing import write_text
 from parcours.verdict.judgement import Judgement, Verdict
 from parcours.verdict.timing import Bound
@@ -83,13 +83,15 @@ def whole_page(word: str = "word") -> Page:
     )  # fmt: skip
     pieces: tuple[Piece, ...] = (
         Text(word),
-        Findings((Finding(word, word, word, "good"),)),
+        Findings((KeyFigure(word, word, word, "good"),)),
         table,
         Table(word, (Column(word),), ((word,),), folded=True),
         Code(word, word),
         Code(word, word, folded=True),
         shares(word, [word, "rest"], {word: [3, 1]}, ["good", "bad"], note=word),
-        timing_figure(word, [Timed(word, (1_000_000, 2_000_000), Bound(5_000_000), Judgement(Verdict.PASS, word))]),
+        timing_figure(
+            word, [TimingCase(word, (1_000_000, 2_000_000), Bound(5_000_000), Judgement(Verdict.PASS, word))]
+        ),
         recording(word),
         recording(word),
     )

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from parcours.errors import BadRequest
 from parcours.report.junit import CaseResult, to_junit
-from parcours.report.pieces import Code, Column, Finding, Findings, Marked, Page, Section, Table
+from parcours.report.pieces import Code, Column, Findings, KeyFigure, Marked, Page, Section, Table
 from parcours.report.terminal import print_page, print_table, to_markdown, to_text
 from parcours.verdict.judgement import Verdict
 
@@ -74,7 +74,7 @@ def test_markdown_keeps_its_columns_whatever_a_cell_holds() -> None:
 
 def test_a_page_on_the_terminal_says_findings_tables_and_folded_titles() -> None:
     folded = Table("All cases", (Column("id"),), (("1",), ("2",)), folded=True)
-    pieces = (Findings((Finding("3 %", "stuck", "of 905"),)), TABLE, folded, Code("a -> b"))
+    pieces = (Findings((KeyFigure("3 %", "stuck", "of 905"),)), TABLE, folded, Code("a -> b"))
     page = Page("Report", "of *all*", (("seed", "7"),), (Section("Out", "In **short**.", pieces),))
     stream = io.StringIO()
     print_page(page, stream)

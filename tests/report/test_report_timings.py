@@ -12,7 +12,7 @@ from parcours.errors import BadRequest
 from parcours.report.cells import value_of
 from parcours.report.pieces import Figure, Marked
 from parcours.report.terminal import to_text
-from parcours.report.timings import Timed, timing_figure, timing_table
+from parcours.report.timings import TimingCase, timing_figure, timing_table
 from parcours.run.noise import Noise
 from parcours.verdict.timing import NEVER, judge, parse_bound
 
@@ -20,12 +20,12 @@ SVG = "{http://www.w3.org/2000/svg}"
 NOISE = Noise(tuple(range(10_000, 50_000, 10)), "2 round trips")
 
 
-def case(name: str, limit: str, middle: float = 2.0, extra: tuple[int, ...] = ()) -> Timed:
+def case(name: str, limit: str, middle: float = 2.0, extra: tuple[int, ...] = ()) -> TimingCase:
     """300 repeats about `middle` [ms], and some more."""
     drawn = np.random.default_rng(7).normal(middle, 0.1 * middle, 300) * 1e6
     durations = (*(int(time) for time in drawn), *extra)
     bound = parse_bound(limit)
-    return Timed(name, durations, bound, judge(durations, bound, NOISE))
+    return TimingCase(name, durations, bound, judge(durations, bound, NOISE))
 
 
 CASES = (
@@ -67,13 +67,15 @@ def test_the_figure_is_the_same_bytes_every_time_and_keeps_to_itself() -> None:
 def test_a_single_duration_and_no_duration_that_ended_are_drawn() -> None:
     bound = parse_bound("every < 5 ms")
     for durations in ((2_000_000,), (NEVER, NEVER)):
-        figure = timing_figure("t", [Timed("ITP1", durations, bound, judge(durations, bound))])
+        figure = timing_figure("t", [TimingCase("ITP1", durations, bound, judge(durations, bound))])
         assert "ITP1" in texts(figure) and "nan" not in figure.svg
 
 
 def test_a_density_is_highest_where_durations_are() -> None:
     two = tuple([1_000_000] * 100 + [10_000_000] * 300)
-    figure = timing_figure("t", [Timed("ITP1", two, parse_bound("p50 < 5 ms"), judge(two, parse_bound("p50 < 5 ms")))])
+    figure = timing_figure(
+        "t", [TimingCase("ITP1", two, parse_bound("p50 < 5 ms"), judge(two, parse_bound("p50 < 5 ms")))]
+    )
     assert "p50 10 ms" in figure.alt
 
 
@@ -82,7 +84,7 @@ def test_a_chart_of_no_case_or_of_no_time_is_refused() -> None:
     with pytest.raises(BadRequest, match=r"\[chart-data\]"):
         timing_figure("t", [])
     with pytest.raises(BadRequest, match=r"ITP1 has one of 0; .*\[chart-data\]"):
-        timing_figure("t", [Timed("ITP1", (0,), bound, judge([0], bound))])
+        timing_figure("t", [TimingCase("ITP1", (0,), bound, judge([0], bound))])
 
 
 def test_the_table_has_a_row_an_interaction_and_counts_misses_of_each_cases_own_limit() -> None:

@@ -19,12 +19,12 @@ from parcours.run.hosts.component_faults import Death
 from parcours.run.trace import Trace
 from parcours_navigation.facts import NEVER, TRACK
 from parcours_ramp.faults.catalogue import COMPONENTS, SERVICES, TOPICS, Entry, catalogue, chosen
-from parcours_ramp.faults.judging import CaseOutcome, Outcome, judge
+from parcours_ramp.faults.judging import CaseOutcome, RobotOutcome, judge
 from parcours_ramp.faults.reporting import SHOWN, fault_document, fault_page, tables
 from parcours_ramp.faults.running import (
     SOON,
     FaultResults,
-    Row,
+    FaultRow,
     Trial,
     faults_study,
     good_cases,
@@ -77,30 +77,30 @@ def whole(ran: ComponentRun) -> ComponentRun:
 @pytest.mark.parametrize(
     ("ran", "until", "outcome"),
     [
-        (left_behind(goal=12.5), None, Outcome.NO_EFFECT),
-        (left_behind(goal=12.5, strikes=0), None, Outcome.NOT_STRUCK),
-        (left_behind(goal=11.0), 6, Outcome.NO_EFFECT),
-        (left_behind(goal=13.5), 6, Outcome.RECOVERS),
-        (left_behind(goal=13.5), None, Outcome.LATE),
-        (left_behind(goal=13.5), 20, Outcome.LATE),
-        (left_behind(goal=12.0, died=4.0), None, Outcome.COASTS),
-        (left_behind(goal=12.0, hangs=9.9), 6, Outcome.COASTS),
-        (left_behind(goal=12.0, hangs=10.1), 6, Outcome.NO_EFFECT),
-        (left_behind(moves_until=7.0, hangs=5.0), 6, Outcome.STOPS),
-        (left_behind(moves_until=7.0), None, Outcome.STOPS),
-        (left_behind(moves_until=7.0, died=4.0), 6, Outcome.STOPS),
-        (left_behind(moves_until=7.0), 6, Outcome.STUCK),
-        (left_behind(moves_until=38.0), None, Outcome.RUNS_ON),
-        (left_behind(goal=12.0, contact=9.0), None, Outcome.CONTACT),
-        (left_behind(moves_until=7.0, contact=6.9), 6, Outcome.CONTACT),
+        (left_behind(goal=12.5), None, RobotOutcome.NO_EFFECT),
+        (left_behind(goal=12.5, strikes=0), None, RobotOutcome.NOT_STRUCK),
+        (left_behind(goal=11.0), 6, RobotOutcome.NO_EFFECT),
+        (left_behind(goal=13.5), 6, RobotOutcome.RECOVERS),
+        (left_behind(goal=13.5), None, RobotOutcome.LATE),
+        (left_behind(goal=13.5), 20, RobotOutcome.LATE),
+        (left_behind(goal=12.0, died=4.0), None, RobotOutcome.COASTS),
+        (left_behind(goal=12.0, hangs=9.9), 6, RobotOutcome.COASTS),
+        (left_behind(goal=12.0, hangs=10.1), 6, RobotOutcome.NO_EFFECT),
+        (left_behind(moves_until=7.0, hangs=5.0), 6, RobotOutcome.STOPS),
+        (left_behind(moves_until=7.0), None, RobotOutcome.STOPS),
+        (left_behind(moves_until=7.0, died=4.0), 6, RobotOutcome.STOPS),
+        (left_behind(moves_until=7.0), 6, RobotOutcome.STUCK),
+        (left_behind(moves_until=38.0), None, RobotOutcome.RUNS_ON),
+        (left_behind(goal=12.0, contact=9.0), None, RobotOutcome.CONTACT),
+        (left_behind(moves_until=7.0, contact=6.9), 6, RobotOutcome.CONTACT),
     ],
 )
 def test_what_became_of_the_robot_is_judged_by_goal_contact_rest_and_whether_the_fault_is_over(
-    ran: ComponentRun, until: int | None, outcome: Outcome
+    ran: ComponentRun, until: int | None, outcome: RobotOutcome
 ) -> None:
     judged = judge(ran, 3 * S, None if until is None else until * S, 12 * S)
     assert judged.outcome is outcome
-    stands = outcome in (Outcome.STOPS, Outcome.STUCK)
+    stands = outcome in (RobotOutcome.STOPS, RobotOutcome.STUCK)
     assert judged.rest_after == ((3 if ran.deaths else 4) * S if stands else NEVER)
 
 
@@ -162,14 +162,14 @@ def test_a_planner_that_crashes_is_dead_and_control_drives_on() -> None:
     assert max(event.time for event in takes if event.component == "Planner") < 3 * S
     assert max(event.time for event in takes if event.component == "Control") > 4.9 * S
     judged = run_trial(trial("original", "Planner: crash at 3 s"))
-    assert judged.outcome in (Outcome.COASTS, Outcome.STOPS, Outcome.CONTACT, Outcome.RUNS_ON)
+    assert judged.outcome in (RobotOutcome.COASTS, RobotOutcome.STOPS, RobotOutcome.CONTACT, RobotOutcome.RUNS_ON)
 
 
 def test_a_component_that_raises_because_of_a_message_has_died_and_the_study_goes_on() -> None:
     judged = run_trial(trial("guarded", "trajectory_response: duplicate"))
     assert [death.component for death in judged.deaths] == ["Planner"]
     assert judged.deaths[0].why.startswith("IndexError")
-    assert judged.outcome is not Outcome.NO_EFFECT
+    assert judged.outcome is not RobotOutcome.NO_EFFECT
     assert judged.detail == ""
 
 
@@ -177,7 +177,7 @@ def test_a_planner_that_waits_for_a_lost_answer_hangs_and_to_reach_the_goal_is_t
     judged = run_trial(trial("guarded", "evaluation_response: drop from 2 s"))
     assert judged.silent == ("Planner",)
     assert not judged.deaths
-    assert judged.outcome in (Outcome.COASTS, Outcome.STOPS, Outcome.CONTACT)
+    assert judged.outcome in (RobotOutcome.COASTS, RobotOutcome.STOPS, RobotOutcome.CONTACT)
     assert run_trial(trial("guarded", "update: duplicate")).silent == ()
 
 
@@ -188,7 +188,7 @@ def test_a_robot_whose_command_is_lost_for_good_drives_on_as_it_was_told_last() 
     assert np.ptp(last["v"]) == 0.0
     assert np.ptp(last["w"]) == 0.0
     assert last["v"][0] > 0.1
-    assert judge(whole(ran), 4 * S, None, 12 * S).outcome is Outcome.RUNS_ON
+    assert judge(whole(ran), 4 * S, None, 12 * S).outcome is RobotOutcome.RUNS_ON
 
 
 def test_one_and_two_workers_give_the_same_results() -> None:
@@ -207,11 +207,11 @@ def results() -> FaultResults:
     for schedule in ("original", "guarded"):
         for k, entry in enumerate(catalogue()):
             outcome = SHOWN[k % len(SHOWN)]
-            deaths = (Death(4 * S, "Planner", "IndexError: <b>"),) if outcome is Outcome.COASTS else ()
-            detail = "its process hung" if outcome is Outcome.ERROR else ""
-            rest = 2 * S if outcome is Outcome.STOPS else NEVER
+            deaths = (Death(4 * S, "Planner", "IndexError: <b>"),) if outcome is RobotOutcome.COASTS else ()
+            detail = "its process hung" if outcome is RobotOutcome.ERROR else ""
+            rest = 2 * S if outcome is RobotOutcome.STOPS else NEVER
             made = CaseOutcome(0, outcome, rest_after=rest, deaths=deaths, detail=detail)
-            rows.append(Row(schedule, entry, (made, CaseOutcome(3, Outcome.NO_EFFECT))))
+            rows.append(FaultRow(schedule, entry, (made, CaseOutcome(3, RobotOutcome.NO_EFFECT))))
     return FaultResults(1, (0, 3), tuple(rows), {"original": (9, 9), "guarded": (8, 8)})
 
 

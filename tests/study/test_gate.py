@@ -15,7 +15,7 @@ from parcours.errors import BadRequest
 from parcours.report.junit import CaseResult
 from parcours.report.pieces import Page
 from parcours.study import Measure
-from parcours.study.gate import Condition, check_condition, check_conditions, exit_code, parse_condition
+from parcours.study.gate import GateCondition, check_condition, check_conditions, exit_code, parse_condition
 from parcours.verdict.judgement import Verdict
 from parcours.verdict.statistics import wilson
 
@@ -143,7 +143,7 @@ def test_statistics_of_a_quantity_are_those_of_its_ordered_values() -> None:
 def test_the_interval_of_a_quantile_holds_it_as_often_as_it_says(statistic: str, share: float) -> None:
     holds = {}
     for n in (5, 8, 20, 59, 100):
-        figure = Condition("", "it", ">", 0.0, statistic, 0.95).figure(quantity(*range(1, n + 1)))
+        figure = GateCondition("", "it", ">", 0.0, statistic, 0.95).figure(quantity(*range(1, n + 1)))
         low, high = max(figure.low, 0.0), min(figure.high, n + 1.0)  # ranks
         holds[n] = float(binom.cdf(high - 1, n, share) - (binom.cdf(low - 1, n, share) if low >= 1 else 0.0))
     assert {n: share for n, share in holds.items() if share < 0.95 - 1e-9} == {}

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from parcours.data import InputModel
-    from parcours.data.choosing import Selection
+    from parcours.data.choosing import RowSelection
     from parcours.data.formats import DataReading
     from parcours.study.components.landing import Landing
 
@@ -88,7 +88,7 @@ def _cells(model: InputModel, values: NDArray[np.float64]) -> list[list[float | 
     ]
 
 
-def _print_rows(chosen: Selection, values: NDArray[np.float64]) -> None:
+def _print_rows(chosen: RowSelection, values: NDArray[np.float64]) -> None:
     from parcours.report.pieces import Column
 
     model = chosen.model

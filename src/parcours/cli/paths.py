@@ -15,8 +15,8 @@ if TYPE_CHECKING:
 
     from parcours.model.structure import Cefsm
     from parcours.paths.covering import MachineCover
-    from parcours.paths.criteria import Criterion, Limits
-    from parcours.paths.criteria.requirement import Requirement
+    from parcours.paths.criteria import CoverageCriterion, RequirementLimits
+    from parcours.paths.criteria.requirement import TestRequirement
     from parcours.paths.measuring import Tours
     from parcours.paths.visiting import Cover, Shape
 
@@ -56,11 +56,11 @@ def command(
     Example: parcours paths model.yaml --criterion prime --component Planner
     """
     from parcours.paths.covering import machine_covers, only
-    from parcours.paths.criteria import Limits, parse_criterion
+    from parcours.paths.criteria import RequirementLimits, parse_criterion
 
     cefsm, altered = read_altered(file)
     chosen = parse_criterion(criterion)
-    limits = Limits(most, 20 * most, work)
+    limits = RequirementLimits(most, 20 * most, work)
     together = composition or chosen.family == "communication"
     if composition and chosen.family != "communication" and (listed or runs is not None):
         raise click.UsageError("--requirements and --measure look at machines; leave --composition out")
@@ -88,7 +88,7 @@ def command(
             click.echo(note, err=True)
 
 
-def _show(covers: Sequence[MachineCover], criterion: Criterion, as_json: bool) -> None:
+def _show(covers: Sequence[MachineCover], criterion: CoverageCriterion, as_json: bool) -> None:
     if as_json:
         documents: list[dict[str, object]] = []
         for each in covers:
@@ -134,7 +134,13 @@ def _print_optimum(*rows: _Reached) -> None:
 
 
 def _cover_composition(
-    cefsm: Cefsm, altered: str, criterion: Criterion, limits: Limits, walk: bool, max_length: int | None, as_json: bool
+    cefsm: Cefsm,
+    altered: str,
+    criterion: CoverageCriterion,
+    limits: RequirementLimits,
+    walk: bool,
+    max_length: int | None,
+    as_json: bool,
 ) -> None:
     """Cover the composition, and say what no run of it can meet."""
     from parcours.cli.progress import progress
@@ -164,7 +170,7 @@ def _cover_composition(
         click.echo(f"not met for the values tried: {', '.join(space.doubts)}")
 
 
-def _list(cefsm: Cefsm, part: Cefsm, criterion: Criterion, limits: Limits, as_json: bool) -> None:
+def _list(cefsm: Cefsm, part: Cefsm, criterion: CoverageCriterion, limits: RequirementLimits, as_json: bool) -> None:
     from parcours.paths import requirements
 
     needs = requirements(part, criterion, limits=limits)
@@ -174,13 +180,19 @@ def _list(cefsm: Cefsm, part: Cefsm, criterion: Criterion, limits: Limits, as_js
     _print_needs(f"{len(needs)} requirements, {criterion} coverage", cefsm, needs)
 
 
-def _print_needs(title: str, cefsm: Cefsm, needs: Sequence[Requirement]) -> None:
+def _print_needs(title: str, cefsm: Cefsm, needs: Sequence[TestRequirement]) -> None:
     rows = ((need.machine or cefsm.name, need.kind, str(need)) for need in needs)
     print_rows(title, ("machine", "kind", "requirement"), rows)
 
 
 def _measure(
-    cefsm: Cefsm, part: Cefsm, criterion: Criterion, limits: Limits, runs: Path, tours: Tours, as_json: bool
+    cefsm: Cefsm,
+    part: Cefsm,
+    criterion: CoverageCriterion,
+    limits: RequirementLimits,
+    runs: Path,
+    tours: Tours,
+    as_json: bool,
 ) -> None:
     from parcours.paths import measure
     from parcours.paths.measuring.files import read_sequences

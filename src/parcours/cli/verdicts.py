@@ -12,7 +12,7 @@ import click
 if TYPE_CHECKING:
     from parcours.report.junit import CaseResult
     from parcours.study import Results, Study
-    from parcours.study.gate import Baseline, Condition
+    from parcours.study.gate import Baseline, GateCondition
 
     Families = Sequence[tuple[Study, dict[str, Results]]]
 
@@ -32,7 +32,7 @@ def tell(families: Families, as_json: bool) -> None:
 
 
 def conclude(
-    families: Families, conditions: Sequence[Condition], baseline: Path | None, junit: Path | None = None
+    families: Families, conditions: Sequence[GateCondition], baseline: Path | None, junit: Path | None = None
 ) -> None:
     """Write JUnit, check conditions and baseline, and exit with the code that follows.
 

@@ -15,7 +15,7 @@ from parcours.cli.options import PATH, as_json, count, model_file, read_model, s
 
 if TYPE_CHECKING:
     from parcours.model import Cefsm
-    from parcours.paths.walking import ModelSpace, Phase, Step, Walk
+    from parcours.paths.walking import ModelSpace, Phase, Walk, WalkStep
 
 _SHOWN = 20
 """Most requirements that the summary lists as missed."""
@@ -110,7 +110,7 @@ def _stream(out: Path | None) -> Iterator[TextIO]:
         yield file
 
 
-def _json_line(step: Step, states: bool) -> str:
+def _json_line(step: WalkStep, states: bool) -> str:
     move = step.move
     record: dict[str, object] = {"step": step.number, "transition": move.transition}
     if move.partner:
@@ -124,7 +124,7 @@ def _json_line(step: Step, states: bool) -> str:
     return json.dumps(record, ensure_ascii=False, separators=(",", ":")) + "\n"
 
 
-def _text_line(step: Step, states: bool) -> str:
+def _text_line(step: WalkStep, states: bool) -> str:
     inputs = ", ".join(f"{name} = {json.dumps(value, ensure_ascii=False)}" for name, value in step.move.inputs)
     restart = "restart," if step.is_restart else ""
     parts = [f"{step.number:>7}", restart, str(step.move), f"[{inputs}]" if inputs else ""]

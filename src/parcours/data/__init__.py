@@ -2,7 +2,7 @@
 
 from parcours.data.blocks import Block
 from parcours.data.boundaries import at_boundaries
-from parcours.data.choosing import MODEL_CRITERIA, Selection, choose
+from parcours.data.choosing import MODEL_CRITERIA, RowSelection, choose
 from parcours.data.constraints import Constraint
 from parcours.data.domains import Domain, enumeration, split
 from parcours.data.drawing import draw
@@ -12,7 +12,7 @@ from parcours.data.schema import parse_input_model, read_input_model
 from parcours.data.selecting import CRITERIA, count, select
 
 __all__ = [
-    "CRITERIA", "MODEL_CRITERIA", "Block", "BlockCoverage", "Constraint", "Domain", "Group", "InputModel", "Selection",
-    "TupleCoverage", "at_boundaries", "choose", "count", "cover", "draw", "enumeration", "measure", "parse_input_model",
-    "read_input_model", "select", "split",
+    "CRITERIA", "MODEL_CRITERIA", "Block", "BlockCoverage", "Constraint", "Domain", "Group", "InputModel",
+    "RowSelection", "TupleCoverage", "at_boundaries", "choose", "count", "cover", "draw", "enumeration", "measure",
+    "parse_input_model", "read_input_model", "select", "split",
 ]  # fmt: skip

@@ -38,7 +38,7 @@ MODEL_CRITERIA = tuple(name for known in CRITERIA for name in (
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Selection:
+class RowSelection:
     """Rows of blocks that satisfy a criterion, and what is known about them.
 
     Attributes:
@@ -93,7 +93,7 @@ def choose(
     budget: float | None = None,
     seed: int = 0,
     progress: Progress | None = None,
-) -> Selection:
+) -> RowSelection:
     """Return the rows that satisfy a criterion within the rules of a model.
 
     Args:
@@ -143,7 +143,7 @@ def choose(
 
 def _positive(
     model: InputModel, criterion: str, must: Rows, budget: float | None, seed: int, progress: Progress | None
-) -> Selection:
+) -> RowSelection:
     rules = rules_of(model)
     is_free = not rules.tables and not len(must)
     nothing = np.zeros((0, len(model.domains)))
@@ -156,7 +156,7 @@ def _positive(
             tuple(model.in_words(goals.tuple_of(number)) for number in numbers)
             for numbers in (array.infeasible, array.undecided[:LISTED])
         )
-        return Selection(
+        return RowSelection(
             model, criterion, array.rows, nothing, 0, array.fewest, array.stages, infeasible, undecided,
             len(array.undecided),
         )  # fmt: skip
@@ -173,7 +173,7 @@ def _positive(
     known = {row.tobytes() for row in must}
     others = [row for row in rows if row.tobytes() not in known]
     rows = np.concatenate([must, np.array(others, dtype=np.int64).reshape(len(others), len(model.domains))])
-    return Selection(
+    return RowSelection(
         model, criterion, rows, nothing, 0, len(rows), (), infeasible, undecided, len(undecided)
     )  # fmt: skip
 

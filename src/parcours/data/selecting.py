@@ -29,7 +29,7 @@ Rows = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True)
-class Criterion:
+class CombinationCriterion:
     """A way to combine blocks: how many rows satisfy it, and which blocks stand in which row.
 
     Attributes:
@@ -79,7 +79,7 @@ def select(criterion: str, sizes: Sequence[int], numbers: NDArray[np.int64] | No
     return found.rows(sizes, numbers, seed)
 
 
-def _found(criterion: str, sizes: Sequence[int]) -> Criterion:
+def _found(criterion: str, sizes: Sequence[int]) -> CombinationCriterion:
     require_known(criterion, list(CRITERIA), "combination criterion", slug="unknown-criterion")
     if not sizes or min(sizes) < 1:
         rule = f"every parameter must have a block, but the counts are {list(sizes)}"
@@ -135,7 +135,7 @@ def _array(sizes: tuple[int, ...], strength: int) -> Rows:
     return covering_array(goals_of(sizes, strength)).rows
 
 
-def _combined(strength: int) -> Criterion:
+def _combined(strength: int) -> CombinationCriterion:
     """Return the criterion under which the blocks of every `strength` parameters meet in all combinations."""
 
     def n_rows(sizes: Sequence[int]) -> int:
@@ -153,15 +153,15 @@ def _combined(strength: int) -> Criterion:
             table[:, column] = exchanged[where, array[numbers % len(array), column]]
         return table
 
-    return Criterion(n_rows, rows)
+    return CombinationCriterion(n_rows, rows)
 
 
-CRITERIA: Final[dict[str, Criterion]] = {
-    "each_choice": Criterion(max, _each_choice),
-    "random": Criterion(max, _random),
-    "base_choice": Criterion(lambda sizes: 1 + sum(size - 1 for size in sizes), _base_choice),
+CRITERIA: Final[dict[str, CombinationCriterion]] = {
+    "each_choice": CombinationCriterion(max, _each_choice),
+    "random": CombinationCriterion(max, _random),
+    "base_choice": CombinationCriterion(lambda sizes: 1 + sum(size - 1 for size in sizes), _base_choice),
     "pairwise": _combined(2),
     **{f"{strength}-wise": _combined(strength) for strength in range(3, 7)},
-    "all_combinations": Criterion(math.prod, _all_combinations),
+    "all_combinations": CombinationCriterion(math.prod, _all_combinations),
 }
 """Combination criteria by name."""

@@ -7,7 +7,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from math import prod
 
 from parcours.model.candidates import is_linear, is_plain, likely, may_hold
-from parcours.model.configuration import Configuration, Layout, Message, Site
+from parcours.model.configuration import Configuration, Layout, Message, TransitionSite
 from parcours.model.expression import Binary, Expression, evaluate
 from parcours.model.solutions import EFFORT, Question, Values, comparisons, hold, with_terms
 
@@ -28,7 +28,7 @@ class Choices:
         self._remembered: dict[object, tuple[Values, ...]] = {}
 
     def of(
-        self, configuration: Configuration, site: Site, arrived: Message, given: Mapping[str, object]
+        self, configuration: Configuration, site: TransitionSite, arrived: Message, given: Mapping[str, object]
     ) -> tuple[Values, ...]:
         """Return the choices under which the transition can be taken, one for each different effect.
 
@@ -52,7 +52,12 @@ class Choices:
         return self._remembered[key]
 
     def shared(
-        self, configuration: Configuration, sender: Site, receiver: Site, arrived: Message, given: Mapping[str, object]
+        self,
+        configuration: Configuration,
+        sender: TransitionSite,
+        receiver: TransitionSite,
+        arrived: Message,
+        given: Mapping[str, object],
     ) -> tuple[dict[str, object], ...]:
         """Return the choices of what both transitions read, where a sender meets a receiver of its own component.
 
@@ -80,14 +85,16 @@ class Choices:
         chosen = dict.fromkeys(tuple((term, dict(values).get(term)) for term in both) for values in found)
         return tuple({term: value for term, value in each if value is not None} for each in chosen)
 
-    def _read(self, site: Site, known: Mapping[str, object], given: Mapping[str, object]) -> dict[str, object]:
+    def _read(
+        self, site: TransitionSite, known: Mapping[str, object], given: Mapping[str, object]
+    ) -> dict[str, object]:
         # Those of the choices already made that this transition reads.
         types = self.layout.scopes.types(site.component, site.transition)
         question = Question(types, self.layout.scopes.classes, known=known)
         terms = question.terms(_expressions(site))
         return {term: value for term, value in given.items() if term in terms}
 
-    def _choose(self, site: Site, known: Mapping[str, object]) -> Iterator[Values]:
+    def _choose(self, site: TransitionSite, known: Mapping[str, object]) -> Iterator[Values]:
         scopes, guard = self.layout.scopes, site.transition.guard
         types = scopes.types(site.component, site.transition)
         question = Question(types, scopes.classes, scopes.domains(site.component), known)
@@ -141,7 +148,7 @@ class Choices:
                 found.setdefault(_of(values, kept), values)
         return found
 
-    def known(self, configuration: Configuration, site: Site, arrived: Message) -> dict[str, object]:
+    def known(self, configuration: Configuration, site: TransitionSite, arrived: Message) -> dict[str, object]:
         """Return the values of the names that a transition reads, as far as the model says them."""
         known = self.layout.local(configuration, site.component)
         if site.transition.event is not None and site.transition.event.name:
@@ -190,6 +197,6 @@ def _is_all(question: Question, guard: Expression, effects: list[Expression], fo
     )
 
 
-def _expressions(site: Site) -> list[Expression]:
+def _expressions(site: TransitionSite) -> list[Expression]:
     guard = site.transition.guard
     return ([guard] if guard is not None else []) + site.effects()

@@ -7,7 +7,7 @@ from collections.abc import Set
 from dataclasses import dataclass, replace
 
 from parcours.errors import BadModel, BadRequest, one_of
-from parcours.model.expression import Assignment, Expression, Field, names, type_of
+from parcours.model.expression import Assignment, Expression, FieldAccess, names, type_of
 from parcours.model.expression.evaluation import INTEGER_LIMIT
 from parcours.model.expression.typing import accepts
 from parcours.model.scope import Scopes, is_local
@@ -58,7 +58,7 @@ class Content:
 
 
 @dataclass(frozen=True, slots=True)
-class Site:
+class TransitionSite:
     """A transition and where it lives.
 
     Args:
@@ -132,8 +132,8 @@ class Layout:
         pairs = zip(self.variables, configuration.values, strict=True)
         return {variable.name: value for (owner, variable), value in pairs if owner == component}
 
-    def _by_source(self, slot: int, component: Component, machine: Machine) -> dict[str, list[Site]]:
-        leaving: dict[str, list[Site]] = {}
+    def _by_source(self, slot: int, component: Component, machine: Machine) -> dict[str, list[TransitionSite]]:
+        leaving: dict[str, list[TransitionSite]] = {}
         for transition in machine.transitions:
             contents = tuple(self._content(component, transition, send) for send in transition.sends)
             assigned = tuple(
@@ -141,7 +141,7 @@ class Layout:
                 for action in transition.actions
                 if isinstance(action, Assignment) and (component.name, action.target) in self._index
             )
-            site = Site(component.name, slot, transition, contents, assigned, ())
+            site = TransitionSite(component.name, slot, transition, contents, assigned, ())
             used = {name for value in site.effects() for name in names(value)}
             used |= names(transition.guard) if transition.guard is not None else set()
             index = {name: self._index.get((component.name, name)) for name in sorted(used)}
@@ -163,7 +163,7 @@ def content_of(scopes: Scopes, message: str, component: Component, transition: T
     given = [type_of(value, types, scopes.classes) for value in send.payload]
     base = [name for name, type_ in fields.items() if type_.name in BASE_TYPES and not type_.rank]
     if len(given) == 1 and given[0].name == message and not given[0].rank:
-        return Content(tuple((name, Field(send.payload[0], name)) for name in base), is_passed=True)
+        return Content(tuple((name, FieldAccess(send.payload[0], name)) for name in base), is_passed=True)
     if len(given) != len(fields) or not all(map(accepts, fields.values(), given)):
         return Content(())
     said = dict(zip(fields, send.payload, strict=True))

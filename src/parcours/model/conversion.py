@@ -45,7 +45,7 @@ class Loss:
 
 
 @dataclass(frozen=True, slots=True)
-class Reading:
+class ForeignModel:
     """A model read from a foreign file, without errors, and what of the file it does not hold."""
 
     cefsm: Cefsm
@@ -60,7 +60,7 @@ class Writing:
     losses: tuple[Loss, ...] = ()
 
 
-def accepted(cefsm: Cefsm, losses: Iterable[Loss] = ()) -> Reading:
+def accepted(cefsm: Cefsm, losses: Iterable[Loss] = ()) -> ForeignModel:
     """Return the reading of a model, each loss once, in the order of the lines.
 
     Raises:
@@ -69,7 +69,7 @@ def accepted(cefsm: Cefsm, losses: Iterable[Loss] = ()) -> Reading:
     # Doubtful choices, which take long to find, are not looked for: `parcours model check` does that.
     if found := errors(cefsm):
         raise complaint(tuple(found))
-    return Reading(cefsm, tuple(sorted(set(losses), key=lambda loss: (loss.line, loss.where, loss.what))))
+    return ForeignModel(cefsm, tuple(sorted(set(losses), key=lambda loss: (loss.line, loss.where, loss.what))))
 
 
 def text_of(

@@ -12,10 +12,21 @@ from pathlib import Path
 from typing import Any
 
 from parcours.errors import BadModel, BadRequest, require_known
-from parcours.model.conversion import MAX_FOREIGN_BYTES, Loss, Reading, Writing, text_of
+from parcours.model.conversion import MAX_FOREIGN_BYTES, ForeignModel, Loss, Writing, text_of
 from parcours.model.structure import Cefsm
 
-__all__ = ["GROUP", "NATIVE", "Format", "Loss", "Reading", "Writing", "format_of", "formats", "read_any", "write_as"]
+__all__ = [
+    "GROUP",
+    "NATIVE",
+    "ForeignModel",
+    "Format",
+    "Loss",
+    "Writing",
+    "format_of",
+    "formats",
+    "read_any",
+    "write_as",
+]
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +77,7 @@ def _module(name: str) -> Any:
     return pkgutil.resolve_name(formats()[name].module)  # has read(text, origin) or write(cefsm), as its Format says
 
 
-def read_any(path: str | Path, name: str = "") -> Reading:
+def read_any(path: str | Path, name: str = "") -> ForeignModel:
     """Return the model that a file of any known format holds, and what of the file it does not hold.
 
     Args:
@@ -85,7 +96,7 @@ def read_any(path: str | Path, name: str = "") -> Reading:
         among = _with_suffix(path)
         text = text_of(path, max(formats()[each].largest for each in among))
         name = _marked(among, text, path)
-    reading: Reading = _module(name).read(text, str(path))
+    reading: ForeignModel = _module(name).read(text, str(path))
     return reading
 
 

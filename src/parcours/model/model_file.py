@@ -12,7 +12,7 @@ from pathlib import Path
 
 from parcours.errors import BadModel
 from parcours.model.checking import findings as findings_of
-from parcours.model.conversion import Reading, Writing, accepted, text_of
+from parcours.model.conversion import ForeignModel, Writing, accepted, text_of
 from parcours.model.documents import MAX_BYTES, read_document
 from parcours.model.finding import Finding, complaint, errors_among
 from parcours.model.schema import read_schema
@@ -68,7 +68,7 @@ def check_text(text: str, origin: str = "<text>", constants: Mapping[str, float]
     return Checked(None if errors_among(ordered) else model, ordered)
 
 
-def read(text: str, origin: str) -> Reading:
+def read(text: str, origin: str) -> ForeignModel:
     """Return the model of a text as a format's reader does: what is doubtful in it is not looked for.
 
     Raises:

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from itertools import product
 
 from parcours.errors import BadModel
-from parcours.model.expression import Apply, Binary, Expression, Field, Literal, Name, Type, evaluate
+from parcours.model.expression import Apply, Binary, Expression, FieldAccess, Literal, Name, Type, evaluate
 from parcours.model.expression.evaluation import INTEGER_LIMIT
 from parcours.model.expression.syntax import COMPARISONS, parts, walk
 from parcours.model.scope import Classes
@@ -111,13 +111,13 @@ class Question:
 
     def _free(self, node: Expression) -> Iterator[tuple[str, Type]]:
         match node:
-            case Name() | Field():
+            case Name() | FieldAccess():
                 path = _path(node)
                 type_ = self._typed(path)
                 # A message as a whole, passed on in a payload, has no value to choose.
                 if not self._is_known(path) and type_ is not None and _is_base(type_):
                     yield ".".join(path), type_
-            case Apply("size", (Name() | Field() as chain,)):
+            case Apply("size", (Name() | FieldAccess() as chain,)):
                 if not self._is_known(path := _path(chain)):
                     yield f"size({'.'.join(path)})", Type("int")
             case _:
@@ -260,9 +260,9 @@ def comparisons(guard: Expression) -> list[tuple[Expression, Expression]]:
 def term_of(node: Expression) -> str | None:
     """Return the term that a node spells out, or None if it is not one."""
     match node:
-        case Name() | Field():
+        case Name() | FieldAccess():
             return ".".join(_path(node))
-        case Apply("size", (Name() | Field() as chain,)):
+        case Apply("size", (Name() | FieldAccess() as chain,)):
             return f"size({'.'.join(_path(chain))})"
         case _:
             return None
@@ -270,7 +270,7 @@ def term_of(node: Expression) -> str | None:
 
 def _path(node: Expression) -> list[str]:
     parts: list[str] = []
-    while isinstance(node, Field):
+    while isinstance(node, FieldAccess):
         parts.append(node.name)
         node = node.of
     return [str(node), *reversed(parts)]

@@ -23,10 +23,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Set
 
 from parcours.model.configuration import Configuration, Move
-from parcours.model.steps import Steps
+from parcours.model.steps import StepRelation
 from parcours.model.structure import Cefsm
 
-_recent: list[Steps] = []
+_recent: list[StepRelation] = []
 _RECENT = 8
 
 
@@ -70,11 +70,11 @@ def step(cefsm: Cefsm, configuration: Configuration, move: Move, opened: Set[str
     return _steps(cefsm, frozenset(opened)).step(configuration, move)
 
 
-def _steps(cefsm: Cefsm, opened: frozenset[str]) -> Steps:
+def _steps(cefsm: Cefsm, opened: frozenset[str]) -> StepRelation:
     # Tables are kept for the models in use, found by identity: comparing models costs more than a step.
     for steps in _recent:
         if steps.layout.cefsm is cefsm and steps.layout.opened == opened:
             return steps
-    _recent.insert(0, Steps(cefsm, opened))
+    _recent.insert(0, StepRelation(cefsm, opened))
     del _recent[_RECENT:]
     return _recent[0]

@@ -8,14 +8,14 @@ from collections.abc import Iterator, Mapping, Set
 from parcours.errors import BadModel, BadRequest, one_of
 from parcours.model.candidates import may_hold
 from parcours.model.choice import Choices
-from parcours.model.configuration import Configuration, Content, Inputs, Layout, Message, Move, Site, stored
+from parcours.model.configuration import Configuration, Content, Inputs, Layout, Message, Move, TransitionSite, stored
 from parcours.model.expression import evaluate
 from parcours.model.scope import is_local
 from parcours.model.solutions import with_terms
 from parcours.model.structure import Cefsm
 
 
-class Steps:
+class StepRelation:
     """The step relation of one model with its tables, for callers that take many steps.
 
     Attributes:
@@ -67,11 +67,11 @@ class Steps:
             raise _impossible(move, f"{move.transition!r} and {move.partner!r} are of one machine")
         return self._fire(after, partner, met[1], move)[0]
 
-    def _at(self, configuration: Configuration) -> Iterator[Site]:
+    def _at(self, configuration: Configuration) -> Iterator[TransitionSite]:
         for state, leaving in zip(configuration.states, self.layout.leaving, strict=True):
             yield from leaving.get(state, ())
 
-    def _site(self, configuration: Configuration, id: str, move: Move) -> Site:
+    def _site(self, configuration: Configuration, id: str, move: Move) -> TransitionSite:
         site = self.layout.sites.get(id)
         if site is None:
             raise BadRequest(f"move {move}", f"a transition must exist, but {id!r} does not", slug="unknown-transition")
@@ -80,7 +80,7 @@ class Steps:
             raise _impossible(move, f"{id!r} starts in {site.transition.source!r}, but the machine is in {state!r}")
         return site
 
-    def _arrived(self, configuration: Configuration, site: Site) -> Message | None:
+    def _arrived(self, configuration: Configuration, site: TransitionSite) -> Message | None:
         # The message a transition would take: an open one has no fields said; None if there is none.
         event = site.transition.event
         if event is None or event.channel in self.layout.supplied:
@@ -89,7 +89,7 @@ class Steps:
         queue = configuration.queues[at] if at is not None else ()
         return queue[0] if queue else None
 
-    def _has_room(self, configuration: Configuration, site: Site) -> bool:
+    def _has_room(self, configuration: Configuration, site: TransitionSite) -> bool:
         event = site.transition.event
         for name, count in Counter(send.channel for send in site.transition.sends).items():
             at = self.layout.queue.get(name)
@@ -100,7 +100,7 @@ class Steps:
         return True
 
     def _moves(
-        self, configuration: Configuration, site: Site, given: Mapping[str, Mapping[str, object]]
+        self, configuration: Configuration, site: TransitionSite, given: Mapping[str, Mapping[str, object]]
     ) -> Iterator[Move]:
         transition, meetings = site.transition, self.layout.meetings
         arrived = self._arrived(configuration, site)
@@ -120,13 +120,13 @@ class Steps:
             for each in shared:
                 yield from self._meetings(configuration, site, partner, arrived, _with(given, site.component, each))
 
-    def _may_meet(self, site: Site, partner: Site) -> bool:
+    def _may_meet(self, site: TransitionSite, partner: TransitionSite) -> bool:
         event = partner.transition.event
         sent = {send.channel for send in site.transition.sends} & self.layout.meetings
         return event is not None and event.channel in sent
 
     def _meetings(
-        self, configuration: Configuration, site: Site, partner: Site, arrived: Message,
+        self, configuration: Configuration, site: TransitionSite, partner: TransitionSite, arrived: Message,
         given: Mapping[str, Mapping[str, object]],
     ) -> Iterator[Move]:  # fmt: skip
         # Sender and receiver act in one step, but the receiver reads what the sender has just assigned:
@@ -147,8 +147,8 @@ class Steps:
                 yield Move(site.transition.id, partner.transition.id, inputs)
 
     def _is_one_choice(
-        self, before: Configuration, after: Configuration, site: Site, partner: Site, arrived: Message, met: Message,
-        inputs: Inputs,
+        self, before: Configuration, after: Configuration, site: TransitionSite, partner: TransitionSite,
+        arrived: Message, met: Message, inputs: Inputs,
     ) -> bool:  # fmt: skip
         # Whether what two machines of one component chose apart is the same, and lets both guards hold.
         if len(dict(inputs)) < len(inputs):
@@ -162,7 +162,7 @@ class Steps:
         )
 
     def _fire(
-        self, configuration: Configuration, site: Site, arrived: Message, move: Move
+        self, configuration: Configuration, site: TransitionSite, arrived: Message, move: Move
     ) -> tuple[Configuration, tuple[str, Message] | None]:
         transition, layout, where = site.transition, self.layout, f"action of {site.transition.id!r}"
         prefix = site.component + "."
@@ -203,7 +203,7 @@ def _with(
     return {**given, component: {**given.get(component, {}), **chosen}} if chosen else given
 
 
-def _qualified(site: Site, chosen: tuple[tuple[str, object], ...]) -> Inputs:
+def _qualified(site: TransitionSite, chosen: tuple[tuple[str, object], ...]) -> Inputs:
     return tuple((f"{site.component}.{term}", value) for term, value in chosen)
 
 

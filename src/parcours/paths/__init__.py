@@ -1,11 +1,31 @@
 """Internal test paths: what a criterion requires, few paths that meet it, and a measure."""
 
 from parcours.paths.covering import MachineCover, cover, internal_paths, machine_covers
-from parcours.paths.criteria import CRITERIA, SUBSUMES, Criterion, Limits, Requirement, requirements, subsumes
+from parcours.paths.criteria import (
+    CRITERIA,
+    SUBSUMES,
+    CoverageCriterion,
+    RequirementLimits,
+    TestRequirement,
+    requirements,
+    subsumes,
+)
 from parcours.paths.internal import InternalPath
 from parcours.paths.measuring import Coverage, measure
 
 __all__ = [
-    "CRITERIA", "SUBSUMES", "Coverage", "Criterion", "InternalPath", "Limits", "MachineCover", "Requirement", "cover",
-    "internal_paths", "machine_covers", "measure", "requirements", "subsumes",
+    "CRITERIA",
+    "SUBSUMES",
+    "Coverage",
+    "CoverageCriterion",
+    "InternalPath",
+    "MachineCover",
+    "RequirementLimits",
+    "TestRequirement",
+    "cover",
+    "internal_paths",
+    "machine_covers",
+    "measure",
+    "requirements",
+    "subsumes",
 ]  # fmt: skip

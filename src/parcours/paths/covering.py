@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 from parcours.errors import BadRequest, require_known
 from parcours.model.structure import Cefsm, Component, Machine, Variable
-from parcours.paths.criteria import Criterion, Demand, Limits, demands, parse_criterion
+from parcours.paths.criteria import CoverageCriterion, Demand, RequirementLimits, demands, parse_criterion
 from parcours.paths.internal import InternalPath
 from parcours.paths.visiting import Cover, Shape, cover_sequences
 
@@ -38,7 +38,10 @@ class MachineCover:
 
 
 def cover(
-    machine: Machine, criterion: str | Criterion = "edge", component: str = "", variables: Sequence[Variable] = ()
+    machine: Machine,
+    criterion: str | CoverageCriterion = "edge",
+    component: str = "",
+    variables: Sequence[Variable] = (),
 ) -> tuple[InternalPath, ...]:
     """Return paths from the initial state that together meet the criterion.
 
@@ -54,7 +57,7 @@ def cover(
     return tuple(replace(path, name=f"tp{place}") for place, path in enumerate(found.paths, start=1))
 
 
-def internal_paths(cefsm: Cefsm, criterion: str | Criterion = "edge") -> dict[str, tuple[InternalPath, ...]]:
+def internal_paths(cefsm: Cefsm, criterion: str | CoverageCriterion = "edge") -> dict[str, tuple[InternalPath, ...]]:
     """Return for each component the paths that cover its machines, named tp<component><path> as in Table III.
 
     Components and paths are counted from 1 in file order. With ten or more of either, an underscore keeps the two
@@ -68,8 +71,8 @@ def internal_paths(cefsm: Cefsm, criterion: str | Criterion = "edge") -> dict[st
 
 
 def machine_covers(
-    cefsm: Cefsm, criterion: str | Criterion = "edge", *, component: str = "", machine: str = "",
-    limits: Limits | None = None, shape: Shape = "tests", max_length: int | None = None,
+    cefsm: Cefsm, criterion: str | CoverageCriterion = "edge", *, component: str = "", machine: str = "",
+    limits: RequirementLimits | None = None, shape: Shape = "tests", max_length: int | None = None,
 ) -> tuple[MachineCover, ...]:  # fmt: skip
     """Return a cover of each machine of a model, its paths named as `internal_paths` does.
 

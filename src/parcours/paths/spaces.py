@@ -10,7 +10,7 @@ from dataclasses import replace
 
 from parcours.errors import BadModel, BadRequest, one_of
 from parcours.model.configuration import Configuration, Move
-from parcours.model.steps import Steps
+from parcours.model.steps import StepRelation
 from parcours.model.structure import ENVIRONMENT, Cefsm, Channel, Machine, Transition
 
 REMEMBERED = 20_000
@@ -32,14 +32,14 @@ class Option:
 
     def __init__(self, moves: tuple[Move, ...], taken: Taken) -> None:
         self.moves, self.taken = moves, taken
-        self._after: list[Place | None] = [None] * len(moves)
+        self._after: list[SpaceNode | None] = [None] * len(moves)
 
     @property
     def weight(self) -> float:
         """The weight of the initiator."""
         return self.taken[0][1].weight
 
-    def after(self, space: ModelSpace, here: Place, choice: int = 0) -> Place:
+    def after(self, space: ModelSpace, here: SpaceNode, choice: int = 0) -> SpaceNode:
         """Return the place that the move with that choice leads to.
 
         Raises BadModel: the move breaks the model's own rules: a value leaves its domain, or cannot be computed.
@@ -50,7 +50,7 @@ class Option:
         return found
 
 
-class Place:
+class SpaceNode:
     """A configuration, and what can be done there once that was asked for."""
 
     __slots__ = ("configuration", "found")
@@ -74,9 +74,9 @@ class ModelSpace:
 
     def __init__(self, cefsm: Cefsm, remembered: int = 0) -> None:
         self.machines = _machines(cefsm)
-        self.steps = Steps(cefsm)
+        self.steps = StepRelation(cefsm)
         self.initial = self.steps.layout.initial()
-        self._places: dict[Configuration, Place] = {}
+        self._places: dict[Configuration, SpaceNode] = {}
         self._most = max([remembered or REMEMBERED, *(len(machine.states) for _, machine in self.machines)])
 
     def step(self, here: Configuration, move: Move) -> Configuration:
@@ -86,16 +86,16 @@ class ModelSpace:
         except BadRequest as error:
             raise BadModel(error.where, error.rule, error.remedy, slug="impossible-move") from None
 
-    def place(self, configuration: Configuration) -> Place:
+    def place(self, configuration: Configuration) -> SpaceNode:
         """Return the place of a configuration, the same one as long as it is remembered."""
         found = self._places.get(configuration)
         if found is None:
             if len(self._places) >= self._most:
                 self._places.clear()
-            found = self._places[configuration] = Place(configuration)
+            found = self._places[configuration] = SpaceNode(configuration)
         return found
 
-    def options(self, here: Place) -> tuple[Option, ...]:
+    def options(self, here: SpaceNode) -> tuple[Option, ...]:
         """Return what can be done, in the order of the model. Raises BadModel if a guard cannot be computed."""
         if here.found is None:
             groups: dict[tuple[str, str], list[Move]] = {}

@@ -125,7 +125,7 @@ class Code:
 
 
 @dataclass(frozen=True, slots=True)
-class Finding:
+class KeyFigure:
     """One number a reader should take home, what it counts, and what to compare it with."""
 
     value: str
@@ -138,7 +138,7 @@ class Finding:
 class Findings:
     """The numbers to take home, side by side."""
 
-    items: tuple[Finding, ...]
+    items: tuple[KeyFigure, ...]
 
 
 @dataclass(frozen=True, slots=True)

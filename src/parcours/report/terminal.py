@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, TextIO
 
 from parcours.report.cells import group_spans, shown, sides, text_rows
-from parcours.report.pieces import Animation, Code, Figure, Finding, Findings, Marked, Page, Table, Text, Tone
+from parcours.report.pieces import Animation, Code, Figure, Findings, KeyFigure, Marked, Page, Table, Text, Tone
 from parcours.report.prose import plain
 
 if TYPE_CHECKING:
@@ -93,7 +93,7 @@ def _said(piece: object) -> str:
     raise TypeError(f"not a piece of a page: {piece!r}")
 
 
-def _finding(finding: Finding) -> str:
+def _finding(finding: KeyFigure) -> str:
     return f"{finding.value}  {finding.label}" + (f" ({finding.note})" if finding.note else "")
 
 

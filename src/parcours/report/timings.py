@@ -30,7 +30,7 @@ _LOW, _HIGH = 0.16, 0.7
 
 
 @dataclass(frozen=True, slots=True)
-class Timed:
+class TimingCase:
     """One timing case: durations of an interaction in the order measured, the bound, and what was judged.
 
     Attributes:
@@ -44,7 +44,7 @@ class Timed:
     judgement: Judgement
 
 
-def timing_figure(title: str, cases: Sequence[Timed], noise: Noise | None = None, note: str = "") -> Figure:
+def timing_figure(title: str, cases: Sequence[TimingCase], noise: Noise | None = None, note: str = "") -> Figure:
     """Return how the durations of each interaction are distributed, on a logarithmic axis, beside their limits.
 
     A row shows the density of an interaction's durations with p50, p95, p99 and the greatest, and below it a mark
@@ -89,7 +89,7 @@ def timing_figure(title: str, cases: Sequence[Timed], noise: Noise | None = None
     return Figure(title, svg, ". ".join(words), note)
 
 
-def timing_table(title: str, cases: Sequence[Timed], note: str = "") -> Table:
+def timing_table(title: str, cases: Sequence[TimingCase], note: str = "") -> Table:
     """Return one row an interaction: repeats, quantiles, jitter, misses of each case's own limit, and verdicts."""
     rows: list[tuple[Cell, ...]] = []
     for name, members in _by_name(cases).items():
@@ -114,14 +114,14 @@ def timing_table(title: str, cases: Sequence[Timed], note: str = "") -> Table:
     return Table(title, columns, tuple(rows), note)
 
 
-def _by_name(cases: Sequence[Timed]) -> dict[str, list[Timed]]:
-    groups: dict[str, list[Timed]] = {}
+def _by_name(cases: Sequence[TimingCase]) -> dict[str, list[TimingCase]]:
+    groups: dict[str, list[TimingCase]] = {}
     for case in cases:
         groups.setdefault(case.name, []).append(case)
     return groups
 
 
-def _joined(members: Sequence[Timed]) -> tuple[int, ...]:
+def _joined(members: Sequence[TimingCase]) -> tuple[int, ...]:
     return tuple(duration for case in members for duration in case.durations)
 
 
@@ -162,7 +162,7 @@ def _density(values: Floats) -> tuple[Floats, Floats]:
     return place, density / density.max()
 
 
-def _limits(panel: Axes, row: int, members: Sequence[Timed]) -> None:
+def _limits(panel: Axes, row: int, members: Sequence[TimingCase]) -> None:
     """Mark the limit of each case below the row's baseline by its verdict."""
     limits = [case.bound.limit * 1e-6 for case in members]
     panel.hlines(row + _LOW, min(limits), max(limits), color=MUTED, linewidth=0.8)
@@ -202,12 +202,12 @@ def _words(timing: Timing) -> str:
     return f"n {timing.n}, {quantiles}{unended}"
 
 
-def _counts(members: Sequence[Timed]) -> str:
+def _counts(members: Sequence[TimingCase]) -> str:
     found = Counter(case.judgement.verdict for case in members)
     return ", ".join(f"{found[verdict]} {verdict}" for verdict in Verdict if found[verdict])
 
 
-def _verdicts(members: Sequence[Timed]) -> Marked:
+def _verdicts(members: Sequence[TimingCase]) -> Marked:
     """All one verdict: its name; else how many of each; toned as the worst of them."""
     found = {case.judgement.verdict for case in members}
     worst = next(v for v in (Verdict.ERROR, Verdict.FAIL, Verdict.INCONCLUSIVE, Verdict.PASS) if v in found)
@@ -215,7 +215,7 @@ def _verdicts(members: Sequence[Timed]) -> Marked:
     return Marked(_counts(members), _TONE[worst], why)
 
 
-def _range(members: Sequence[Timed]) -> str:
+def _range(members: Sequence[TimingCase]) -> str:
     limits = sorted(case.bound.limit for case in members)
     least, greatest = f"{limits[0] * 1e-6:g}", f"{limits[-1] * 1e-6:g}"
     return f"{least} ms" if least == greatest else f"{least} .. {greatest} ms"

@@ -38,7 +38,7 @@ _NAMED = 20  # cases that are named where they flipped
 
 
 @dataclass(frozen=True, slots=True)
-class Figure:
+class Statistic:
     """A figure of a run with its interval; `n` cases have it."""
 
     value: float
@@ -48,7 +48,7 @@ class Figure:
 
 
 @dataclass(frozen=True, slots=True)
-class Condition:
+class GateCondition:
     """A condition under which a build fails.
 
     >>> condition = parse_condition("failed > 1%")
@@ -66,16 +66,16 @@ class Condition:
     statistic: str = ""
     confidence: float | None = None
 
-    def figure(self, measure: Measure) -> Figure:
+    def figure(self, measure: Measure) -> Statistic:
         """Return the figure that the condition speaks of, with its interval."""
         confidence = self.confidence or 0.95
         values = measure.values[np.isfinite(measure.values)]
         if measure.kind == "rate" and self.statistic in ("", "mean"):
             rate = wilson(int(values.sum()), len(values), confidence)
-            return Figure(rate.share, rate.low, rate.high, rate.n)
+            return Statistic(rate.share, rate.low, rate.high, rate.n)
         return _figure(values, self.statistic or "mean", confidence)
 
-    def holds(self, figure: Figure) -> bool:
+    def holds(self, figure: Statistic) -> bool:
         """Return whether the condition holds of a figure: of its whole interval if a confidence is given."""
         if math.isnan(figure.value):
             return False
@@ -88,31 +88,31 @@ def _compare(value: float, relation: str, limit: float) -> bool:
     return {"<": value < limit, "<=": value <= limit, ">": value > limit, ">=": value >= limit}[relation]
 
 
-def _figure(values: NDArray[np.float64], statistic: str, confidence: float) -> Figure:
+def _figure(values: NDArray[np.float64], statistic: str, confidence: float) -> Statistic:
     n = len(values)
     if n == 0:
-        return Figure(math.nan, math.nan, math.nan, 0)
+        return Statistic(math.nan, math.nan, math.nan, 0)
     if statistic == "mean":
         mean = float(values.mean())
         if n < 2:
-            return Figure(mean, -math.inf, math.inf, n)
+            return Statistic(mean, -math.inf, math.inf, n)
         from scipy.stats import t
 
         half = float(t.ppf(0.5 + confidence / 2, n - 1)) * float(values.std(ddof=1)) / math.sqrt(n)
-        return Figure(mean, mean - half, mean + half, n)
+        return Statistic(mean, mean - half, mean + half, n)
     ordered = np.sort(values)
     if statistic in ("min", "max"):
         end = float(ordered[0 if statistic == "min" else -1])
-        return Figure(end, end, end, n)
+        return Statistic(end, end, end, n)
     from parcours.verdict.timing.ranks import quantile_ranks
 
     share = 0.5 if statistic == "median" else float(statistic[1:]) / 100.0
     low, high = quantile_ranks(n, share, (1.0 - confidence) / 2.0)  # on either side
     ends = (float(ordered[low - 1]) if low >= 1 else -math.inf, float(ordered[high - 1]) if high <= n else math.inf)
-    return Figure(float(ordered[min(max(math.ceil(share * n), 1), n) - 1]), *ends, n)
+    return Statistic(float(ordered[min(max(math.ceil(share * n), 1), n) - 1]), *ends, n)
 
 
-def parse_condition(text: str) -> Condition:
+def parse_condition(text: str) -> GateCondition:
     """Return the condition of a text. Raises BadRequest if it is not one."""
     match = _CONDITION.fullmatch(text)
     if match is None:
@@ -125,11 +125,11 @@ def parse_condition(text: str) -> Condition:
         raise BadRequest("--fail-if", rule, slug="gate-form")
     limit = float(match["limit"]) / (100.0 if match["percent"] else 1.0)
     measure = "".join((match["inner"] or match["measure"]).split())
-    return Condition(text.strip(), measure, match["relation"], limit, match["statistic"] or "", confidence)
+    return GateCondition(text.strip(), measure, match["relation"], limit, match["statistic"] or "", confidence)
 
 
 @dataclass(frozen=True, slots=True)
-class Checked:
+class GateResult:
     """What became of a condition, or of the comparison with a baseline."""
 
     name: str
@@ -144,7 +144,7 @@ class Measured(Protocol):
         """Return them by name."""
 
 
-def check_condition(condition: Condition, results: Measured) -> Checked:
+def check_condition(condition: GateCondition, results: Measured) -> GateResult:
     """Return what became of a condition. Raises BadRequest if the results have no such measure."""
     measures = results.measures()
     if condition.measure not in measures:
@@ -158,7 +158,7 @@ def check_condition(condition: Condition, results: Measured) -> Checked:
         )
     figure = condition.figure(measure)
     if figure.n == 0:
-        return Checked(condition.text, False, f"no case has a value of {condition.measure}")
+        return GateResult(condition.text, False, f"no case has a value of {condition.measure}")
     confidence = 100.0 * (condition.confidence or 0.95)
     what = condition.statistic or ("share" if measure.kind == "rate" else "mean")
     values = (figure.value, figure.low, figure.high)
@@ -166,10 +166,10 @@ def check_condition(condition: Condition, results: Measured) -> Checked:
     unit = "" if measure.kind == "rate" or measure.unit == "1" else f" {measure.unit}"
     interval = f"{confidence:g} % interval [{shown[1]}, {shown[2]}]"
     why = f"{condition.measure}: {what} {shown[0]}{unit}, {interval}, {figure.n} cases"
-    return Checked(condition.text, condition.holds(figure), why)
+    return GateResult(condition.text, condition.holds(figure), why)
 
 
-def check_conditions(conditions: Sequence[Condition], results: Results) -> list[Checked]:
+def check_conditions(conditions: Sequence[GateCondition], results: Results) -> list[GateResult]:
     """Return what became of each condition; and of cases in error, which no other condition may hide.
 
     A case that ended in an error shows nothing else that is bad: without this, a system that raises at once
@@ -180,7 +180,7 @@ def check_conditions(conditions: Sequence[Condition], results: Results) -> list[
     if conditions and n and all(condition.measure != "errors" for condition in conditions):
         first = next(case for case in results.cases() if case.verdict is Verdict.ERROR)
         why = f"{n} of {len(results.cases())} cases ended in an error, the first: {first.id}: {first.why}"
-        checked.append(Checked("errors > 0", True, f"{why}; allow some with --fail-if 'errors > 1%'"))
+        checked.append(GateResult("errors > 0", True, f"{why}; allow some with --fail-if 'errors > 1%'"))
     return checked
 
 

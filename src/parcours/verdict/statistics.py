@@ -141,7 +141,7 @@ def compare_pairs(first: ArrayLike, second: ArrayLike) -> Pairs:
 
 
 @dataclass(frozen=True, slots=True)
-class Comparison:
+class RateComparison:
     """Our rate beside a published one, and how likely such a gap is by chance alone."""
 
     ours: Rate
@@ -161,7 +161,7 @@ class Comparison:
 
 def compare_with_published(
     count: int, n: int, published_count: int, published_n: int, confidence: float = 0.95
-) -> Comparison:
+) -> RateComparison:
     """Return our `count` of `n` beside the published counts, with Fisher's exact test, two-sided.
 
     Raises:
@@ -176,11 +176,11 @@ def compare_with_published(
     ours = wilson(count, n, confidence)
     published = wilson(published_count, published_n, confidence)
     if n == 0 or published_n == 0:
-        return Comparison(ours, published, 1.0)
+        return RateComparison(ours, published, 1.0)
     from scipy.stats import fisher_exact
 
     table = [[count, n - count], [published_count, published_n - published_count]]
-    return Comparison(ours, published, float(fisher_exact(np.array(table)).pvalue))
+    return RateComparison(ours, published, float(fisher_exact(np.array(table)).pvalue))
 
 
 def quantiles(values: ArrayLike, at: Sequence[float] = (0.1, 0.25, 0.5, 0.75, 0.9)) -> tuple[float, ...]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
-from parcours.model.conversion import Reading, Writing, accepted
+from parcours.model.conversion import ForeignModel, Writing, accepted
 from parcours.model.structure import Cefsm, Component, Machine
 from parcours_formats.dot.dot_graphs import parse_dot, quoted
 from parcours_formats.dot.drawing import drawings
@@ -16,11 +16,11 @@ from parcours_formats.graphwalker.joining import joined
 from parcours_formats.graphwalker.labels import Model, edge_label, vertex_label
 from parcours_formats.graphwalker.parting import parted
 from parcours_formats.losses import Losses, unsaid
-from parcours_formats.naming import Names, joint_name, part_names, stem
+from parcours_formats.naming import UniqueNames, joint_name, part_names, stem
 from parcours_formats.symbols import Alphabet, is_alphabetic, symbols_of, unsaid_of_channels
 
 
-def read(text: str, origin: str) -> Reading:
+def read(text: str, origin: str) -> ForeignModel:
     """Return the model that a DOT file holds; each of its digraphs is a machine.
 
     The start is where the only edge of a node that just marks it leads (`__start0 -> s0`), or else the source of the
@@ -33,12 +33,12 @@ def read(text: str, origin: str) -> Reading:
     name = drawn[0].name if len(graphs) == 1 else stem(origin)
     if any(drawing.is_walked for drawing in drawn):
         return joined([drawing.model() for drawing in drawn], name, origin, losses)
-    alphabet, ids = Alphabet(), Names()
+    alphabet, ids = Alphabet(), UniqueNames()
     components: dict[str, list[Machine]] = {}
-    machines: dict[str, Names] = {}
+    machines: dict[str, UniqueNames] = {}
     for drawing in drawn:
         component, wanted = part_names(drawing.name)
-        given = machines.setdefault(component, Names()).label(wanted)
+        given = machines.setdefault(component, UniqueNames()).label(wanted)
         machine, lost = drawing.machine(component, given, alphabet, ids)
         components.setdefault(component, []).append(machine)
         losses += lost

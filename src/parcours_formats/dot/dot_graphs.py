@@ -39,7 +39,7 @@ class Markup(str):
 
 
 @dataclass(slots=True)
-class Edge:
+class DotEdge:
     """An edge with its attributes."""
 
     source: str
@@ -49,7 +49,7 @@ class Edge:
 
 
 @dataclass(slots=True)
-class Graph:
+class DotGraph:
     """One directed graph; nodes in the order of their first mention, each with its attributes and that line."""
 
     name: str
@@ -57,10 +57,10 @@ class Graph:
     attributes: Attributes = field(default_factory=dict)
     nodes: dict[str, Attributes] = field(default_factory=dict)
     lines: dict[str, int] = field(default_factory=dict)
-    edges: list[Edge] = field(default_factory=list)
+    edges: list[DotEdge] = field(default_factory=list)
 
 
-def parse_dot(text: str, origin: str) -> list[Graph]:
+def parse_dot(text: str, origin: str) -> list[DotGraph]:
     """Return the graphs of a DOT file.
 
     >>> [graph] = parse_dot('digraph g { a -> {b "c d"} [label=x]; b [shape=box] }', "here")
@@ -110,7 +110,7 @@ class _Parser(TokenStream):
 
     def __init__(self, text: str, origin: str) -> None:
         super().__init__(text, origin)
-        self.strict: dict[tuple[str, str], Edge] | None = None
+        self.strict: dict[tuple[str, str], DotEdge] | None = None
         self.depth = self.count = 0
 
     def advance(self) -> None:
@@ -136,7 +136,7 @@ class _Parser(TokenStream):
         self.advance()
         return True
 
-    def graph(self) -> Graph:
+    def graph(self) -> DotGraph:
         strict = self.accept_word("strict")
         if self.word() == "graph":
             self.fail("a graph must be directed, but this one is not", "write digraph and ->")
@@ -144,12 +144,12 @@ class _Parser(TokenStream):
             self.fail_at_token("'digraph' must stand here, but")
         line = self.line
         name = self.id("") if self.kind in ("id", "text", "markup") else ""
-        found = Graph(name, line)
+        found = DotGraph(name, line)
         self.strict = {} if strict else None
         self.body(found, {"node": {}, "edge": {}})
         return found
 
-    def body(self, graph: Graph, defaults: _Defaults) -> dict[str, None]:
+    def body(self, graph: DotGraph, defaults: _Defaults) -> dict[str, None]:
         """Read `{ ... }`; return the nodes met in it."""
         self.expect("{")
         self.depth += 1
@@ -162,7 +162,7 @@ class _Parser(TokenStream):
         self.depth -= 1
         return met
 
-    def statement(self, graph: Graph, defaults: _Defaults) -> dict[str, None]:
+    def statement(self, graph: DotGraph, defaults: _Defaults) -> dict[str, None]:
         word, line = self.word(), self.line
         if word in ("graph", "node", "edge"):
             self.advance()
@@ -201,10 +201,10 @@ class _Parser(TokenStream):
                 self.fail(f"a file has at most {MAX_EDGES} edges, but here are more")
             for source in sources:
                 for target in targets:
-                    self.edge(graph, Edge(source, target, {**defaults["edge"], **given}, line), given)
+                    self.edge(graph, DotEdge(source, target, {**defaults["edge"], **given}, line), given)
         return met
 
-    def ends(self, graph: Graph, defaults: _Defaults) -> tuple[dict[str, None], bool]:
+    def ends(self, graph: DotGraph, defaults: _Defaults) -> tuple[dict[str, None], bool]:
         """Read a node or a subgraph; return its nodes, and whether it was a node."""
         if self.word() == "subgraph" or (self.kind == "sign" and self.token == "{"):
             if self.accept_word("subgraph") and self.kind in ("id", "text", "markup"):
@@ -216,12 +216,12 @@ class _Parser(TokenStream):
                 self.id("a port")
         return {id: None}, True
 
-    def node(self, graph: Graph, defaults: _Defaults, id: str, line: int) -> None:
+    def node(self, graph: DotGraph, defaults: _Defaults, id: str, line: int) -> None:
         if id not in graph.nodes:
             graph.nodes[id] = dict(defaults["node"])
             graph.lines[id] = line
 
-    def edge(self, graph: Graph, edge: Edge, given: Attributes) -> None:
+    def edge(self, graph: DotGraph, edge: DotEdge, given: Attributes) -> None:
         if self.strict is not None:
             known = self.strict.setdefault((edge.source, edge.target), edge)
             if known is not edge:

@@ -9,11 +9,11 @@ from collections.abc import Iterator
 from parcours.errors import BadModel
 from parcours.model.conversion import Loss
 from parcours.model.structure import Machine, Send, Transition
-from parcours_formats.dot.dot_graphs import Edge, Graph, label_text
+from parcours_formats.dot.dot_graphs import DotEdge, DotGraph, label_text
 from parcours_formats.graphwalker.joining import START
 from parcours_formats.graphwalker.labels import Model, as_edge, as_vertex
 from parcours_formats.losses import Losses
-from parcours_formats.naming import Names, as_label
+from parcours_formats.naming import UniqueNames, as_label
 from parcours_formats.symbols import Alphabet
 
 _MOORE = re.compile(r"([^/|]*)[/|]([^/|]*)", re.DOTALL)
@@ -22,7 +22,7 @@ _INVISIBLE = ("point", "none", "plaintext", "plain")
 _MARK = "__start"
 
 
-def drawings(graph: Graph, origin: str, name: str) -> Iterator[Drawing]:
+def drawings(graph: DotGraph, origin: str, name: str) -> Iterator[Drawing]:
     """Yield the machines that a digraph draws: one, unless parts that no edge joins have starts of their own."""
     whole = Drawing(graph, origin, name)
     # A search from each start: if two reach the same part, all is one machine; what none reaches goes with the first.
@@ -42,7 +42,7 @@ def drawings(graph: Graph, origin: str, name: str) -> Iterator[Drawing]:
         return
     for number in range(len(whole.marks)):
         ids = [id for id in graph.nodes if part.get(id, 0) == number]
-        piece = Graph(graph.name, graph.line, graph.attributes, {id: graph.nodes[id] for id in ids}, graph.lines)
+        piece = DotGraph(graph.name, graph.line, graph.attributes, {id: graph.nodes[id] for id in ids}, graph.lines)
         piece.edges = [edge for edge in graph.edges if part.get(edge.source, 0) == number]
         yield Drawing(piece, origin, name)
 
@@ -50,7 +50,7 @@ def drawings(graph: Graph, origin: str, name: str) -> Iterator[Drawing]:
 class Drawing:
     """A graph with its labels as they are seen."""
 
-    def __init__(self, graph: Graph, origin: str, name: str) -> None:
+    def __init__(self, graph: DotGraph, origin: str, name: str) -> None:
         self.graph = graph
         self.name = as_label(label_text({"label": graph.name})) if graph.name.strip() else name
         self.labels = {id: label_text(attributes, id) for id, attributes in graph.nodes.items()}
@@ -106,12 +106,12 @@ class Drawing:
         start = self.initial if self.marks or not started else ""
         return Model(self.name, vertices, edges, start, tuple(actions), line=self.graph.line)
 
-    def machine(self, component: str, name: str, alphabet: Alphabet, ids: Names) -> tuple[Machine, list[Loss]]:
+    def machine(self, component: str, name: str, alphabet: Alphabet, ids: UniqueNames) -> tuple[Machine, list[Loss]]:
         """Return the graph as a machine of a component, whose transitions take and give symbols, and what it loses."""
         shown, given_in = self._moore()
         # A label that several nodes have is no name.
         bearers = Counter(shown[id] for id in self.states)
-        named = Names()
+        named = UniqueNames()
         states = {id: named.label(shown[id] if bearers[shown[id]] == 1 else id) for id in self.states}
         transitions = []
         for edge, label in self.edges:
@@ -146,7 +146,7 @@ class Drawing:
     def _marks(self) -> dict[str, str]:
         """Return the nodes that only mark a start, each with that start."""
         entered = {edge.target for edge, _ in self.edges}
-        leaving: dict[str, list[tuple[Edge, str]]] = {}
+        leaving: dict[str, list[tuple[DotEdge, str]]] = {}
         for edge, label in self.edges:
             leaving.setdefault(edge.source, []).append((edge, label))
         found = {}

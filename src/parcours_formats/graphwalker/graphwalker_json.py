@@ -12,12 +12,12 @@ import re
 from collections.abc import Iterator
 
 from parcours.errors import BadModel
-from parcours.model.conversion import MAX_FOREIGN_BYTES, Reading, Writing
+from parcours.model.conversion import MAX_FOREIGN_BYTES, ForeignModel, Writing
 from parcours.model.documents import Mapping, Node, Scalar, Sequence
 from parcours.model.nodes import shown
 from parcours.model.structure import Cefsm
 from parcours_formats.graphwalker.joining import joined
-from parcours_formats.graphwalker.labels import Edge, Model, Vertex
+from parcours_formats.graphwalker.labels import LabelledEdge, Model, Vertex
 from parcours_formats.graphwalker.parting import parted
 from parcours_formats.losses import Losses
 from parcours_formats.naming import as_label, stem
@@ -106,7 +106,7 @@ class _Parser(TokenStream):
         return found
 
 
-def read(text: str, origin: str) -> Reading:
+def read(text: str, origin: str) -> ForeignModel:
     """Return the model that GraphWalker's JSON holds. Raises BadModel if it says what our language cannot."""
     root = parse_json(text, origin)
     reader = _Reader(origin)
@@ -154,7 +154,7 @@ class _Reader:
         actions, requirements = self.texts(items, "actions"), self.texts(items, "requirements")
         return Vertex(id, name, shared, actions, requirements, self.is_blocked(items), node.line)
 
-    def edge(self, node: Node) -> Edge:
+    def edge(self, node: Node) -> LabelledEdge:
         items = self.items(node, "an edge")
         self.described(items, node, "edge")
         keys = ("id", "name", "sourceVertexId", "targetVertexId", "guard")
@@ -162,7 +162,9 @@ class _Reader:
         actions, requirements = self.texts(items, "actions"), self.texts(items, "requirements")
         weight, dependency = self.number(items, "weight"), round(self.number(items, "dependency"))
         blocked = self.is_blocked(items)
-        return Edge(id, name, source, target, guard, actions, requirements, weight, dependency, blocked, node.line)
+        return LabelledEdge(
+            id, name, source, target, guard, actions, requirements, weight, dependency, blocked, node.line
+        )
 
     def is_blocked(self, items: Items) -> bool:
         value = items.get("blocked", _properties(items).get("blocked"))
@@ -242,5 +244,5 @@ _EDGE = {"id": "id", "name": "name", "sourceVertexId": "source", "targetVertexId
 _EDGE |= {each: each for each in ("guard", "actions", "weight", "requirements")}
 
 
-def _said(element: Vertex | Edge, keys: dict[str, str]) -> dict[str, object]:
+def _said(element: Vertex | LabelledEdge, keys: dict[str, str]) -> dict[str, object]:
     return {key: value for key, attribute in keys.items() if (value := getattr(element, attribute))}

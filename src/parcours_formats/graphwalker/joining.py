@@ -11,13 +11,13 @@ import re
 from collections.abc import Iterable, Sequence
 
 from parcours.errors import BadModel
-from parcours.model.conversion import Loss, Reading, accepted
+from parcours.model.conversion import ForeignModel, Loss, accepted
 from parcours.model.structure import Cefsm, Component, Machine
-from parcours_formats.graphwalker.labels import Edge, Model, Vertex
-from parcours_formats.graphwalker.meaning import Draft, Start, translated
+from parcours_formats.graphwalker.labels import LabelledEdge, Model, Vertex
+from parcours_formats.graphwalker.meaning import Draft, StartActions, translated
 from parcours_formats.grouping import grouped
 from parcours_formats.losses import Losses
-from parcours_formats.naming import Names, as_label, part_names
+from parcours_formats.naming import UniqueNames, as_label, part_names
 
 MAX_JUMPS = 100_000
 """Most jumps between vertices of shared states."""
@@ -28,12 +28,12 @@ START = "Start"
 _GLOBAL = re.compile(r"\bglobal\s*\.\s*([A-Za-z_$][A-Za-z0-9_$]*)")
 
 
-def joined(models: Iterable[Model], name: str, origin: str, losses: Iterable[Loss] = ()) -> Reading:
+def joined(models: Iterable[Model], name: str, origin: str, losses: Iterable[Loss] = ()) -> ForeignModel:
     """Return models as one Cefsm."""
     joiner = _Joiner(origin, Losses(losses))
     kept = [joiner.unblocked(model) for model in models]
     walks = [[kept[at] for at in group] for group in grouped([_shared_states(model) for model in kept])]
-    components, named = [], Names()
+    components, named = [], UniqueNames()
     for group in grouped([_shared_variables(walk) for walk in walks]):
         component = named.identifier(part_names(walks[group[0]][0].name)[0])
         components.append(joiner.component(component, [walks[at] for at in group]))
@@ -57,7 +57,7 @@ class _Joiner:
     def __init__(self, origin: str, losses: Losses) -> None:
         self.origin, self.losses = origin, losses
         self.lose = losses.add
-        self.ids = Names()
+        self.ids = UniqueNames()
         self.jumps = 0
 
     def unblocked(self, model: Model) -> Model:
@@ -88,7 +88,7 @@ class _Joiner:
         starts = [start for walker in walkers for start in walker.starts]
         transitions, variables, losses = translated(drafts, starts, self.ids, self.origin)
         self.losses += losses
-        made, named, machines = iter(transitions), Names(), []
+        made, named, machines = iter(transitions), UniqueNames(), []
         for walker in walkers:
             own = tuple(each for _ in walker.drafts for each in next(made))
             machine = named.label(part_names(walker.first.name)[1])
@@ -103,10 +103,10 @@ class _Walker:
 
     def __init__(self, joiner: _Joiner, models: Sequence[Model]) -> None:
         self.joiner, self.models, self.lose = joiner, models, joiner.lose
-        self.named = Names()
+        self.named = UniqueNames()
         self.fresh: list[str] = []
         self.drafts: list[Draft] = []
-        self.starts = [Start(model.name, model.actions, model.line) for model in models if model.actions]
+        self.starts = [StartActions(model.name, model.actions, model.line) for model in models if model.actions]
         self.vertices: list[dict[str, Vertex]] = [{} for _ in models]
         self.states: dict[tuple[int, str], str] = {}
         self.tags: list[tuple[str, str]] = []
@@ -157,7 +157,7 @@ class _Walker:
         if at_vertex or (not opening and marked):
             vertex = self.vertices[at][at_vertex or marked[0]]
             self.initial = self.states[at, vertex.id]
-            self.starts.append(Start(model.name, vertex.actions, vertex.line))
+            self.starts.append(StartActions(model.name, vertex.actions, vertex.line))
             return
         only = opening[0]
         around = [edge for edge in model.edges if edge is not only and only.source in (edge.source, edge.target)]
@@ -169,7 +169,7 @@ class _Walker:
         for edge in opening:
             self.draft(at, model, edge, self.initial)
 
-    def pass_over(self, opening: Sequence[Edge]) -> None:
+    def pass_over(self, opening: Sequence[LabelledEdge]) -> None:
         """Note the edges without source that no walk can take."""
         for edge in opening:
             if not edge.source:
@@ -185,7 +185,7 @@ class _Walker:
             if edge.source
         }
 
-    def draft(self, at: int, model: Model, edge: Edge, source: str, weight: float = 1.0) -> str:
+    def draft(self, at: int, model: Model, edge: LabelledEdge, source: str, weight: float = 1.0) -> str:
         target = self.known(at, edge, edge.target)
         name = edge.name or f"{source} to {target}"
         id = self.joiner.ids.label(name)
@@ -197,7 +197,7 @@ class _Walker:
         self.drafts.append(Draft(id, source, target, model.name, edge.guard, actions, weight, edge.line, _tags(edge)))
         return id
 
-    def known(self, at: int, edge: Edge, vertex: str) -> str:
+    def known(self, at: int, edge: LabelledEdge, vertex: str) -> str:
         state = self.states.get((at, vertex))
         if state is None:
             rule = f"an edge must join vertices of its model, but {edge.name or edge.id!r} has {vertex!r}"
@@ -242,11 +242,11 @@ class _Walker:
                         self.drafts.append(draft)
 
 
-def _tags(element: Vertex | Edge) -> tuple[str, ...]:
+def _tags(element: Vertex | LabelledEdge) -> tuple[str, ...]:
     return tuple(dict.fromkeys(map(as_label, element.requirements)))
 
 
-def _weights(edges: Sequence[Edge]) -> dict[int, float]:
+def _weights(edges: Sequence[LabelledEdge]) -> dict[int, float]:
     """Return the weight of each edge of a vertex where one is said: the others share what is left of 1."""
     leaving: dict[str, list[int]] = {}
     for number, edge in enumerate(edges):

@@ -34,7 +34,7 @@ def as_vertex(label: str, id: str, line: int = 0) -> tuple[Vertex, tuple[str, ..
     return vertex, (initial,) if initial else ()
 
 
-def as_edge(label: str, id: str, source: str, target: str, line: int = 0) -> Edge:
+def as_edge(label: str, id: str, source: str, target: str, line: int = 0) -> LabelledEdge:
     """Return the edge of a label.
 
     >>> edge = as_edge("e_Add [n < a['x]']] / n++; BLOCKED WEIGHT=0.5", "e1", "n0", "n1")
@@ -55,7 +55,7 @@ def as_edge(label: str, id: str, source: str, target: str, line: int = 0) -> Edg
     name, guard, actions = " ".join(name.split()), guard.strip(), actions.strip()
     weight, dependency = (_number(parts.get(key, "")) for key in ("WEIGHT", "DEPENDENCY"))
     said = (guard, (actions,) if actions else (), _listed(parts), weight, round(dependency), "BLOCKED" in parts)
-    return Edge(id, name, source, target, *said, line)
+    return LabelledEdge(id, name, source, target, *said, line)
 
 
 def vertex_label(vertex: Vertex, initial: tuple[str, ...] = ()) -> str:
@@ -68,10 +68,10 @@ def vertex_label(vertex: Vertex, initial: tuple[str, ...] = ()) -> str:
     return "\n".join(said)
 
 
-def edge_label(edge: Edge) -> str:
+def edge_label(edge: LabelledEdge) -> str:
     """Return the label of an edge; `as_edge` inverts it.
 
-    >>> edge_label(Edge("e0", "e_Add", "n0", "n1", "n < 3", ("n = n + 1;",), weight=0.5))
+    >>> edge_label(LabelledEdge("e0", "e_Add", "n0", "n1", "n < 3", ("n = n + 1;",), weight=0.5))
     'e_Add[n < 3]/n = n + 1;\\nWEIGHT=0.5'
     """
     said = edge.name
@@ -172,7 +172,7 @@ class Vertex:
 
 
 @dataclass(slots=True)
-class Edge:
+class LabelledEdge:
     """An edge; one without source is where a walk starts. `weight` is its share of probability, 0 if not said."""
 
     id: str
@@ -194,7 +194,7 @@ class Model:
 
     name: str
     vertices: list[Vertex]
-    edges: list[Edge]
+    edges: list[LabelledEdge]
     start: str = ""
     actions: tuple[str, ...] = ()
     requirements: tuple[str, ...] = ()

@@ -7,13 +7,13 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 
 from parcours.errors import BadModel
-from parcours.model.expression import Assignment, Binary, Expression, Field, Literal, Name, Unary, names
+from parcours.model.expression import Assignment, Binary, Expression, FieldAccess, Literal, Name, Unary, names
 from parcours.model.expression.syntax import COMPARISONS, walk
 from parcours.model.structure import Transition, Variable
 from parcours_formats.guard_languages import Branch, Scope, branches, condition, variables
 from parcours_formats.guard_languages.values import TRUE, conjunction, kind_of
 from parcours_formats.losses import Losses
-from parcours_formats.naming import Names
+from parcours_formats.naming import UniqueNames
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +32,7 @@ class Draft:
 
 
 @dataclass(frozen=True, slots=True)
-class Start:
+class StartActions:
     """Actions of a model before the first step."""
 
     model: str
@@ -46,11 +46,11 @@ class _Variables(Scope):
 
     model: str = ""
     given: dict[tuple[str, str], str] = field(default_factory=dict)
-    names: Names = field(default_factory=Names)
+    names: UniqueNames = field(default_factory=UniqueNames)
 
     def target(self, tree: Expression, where: str) -> list[tuple[Expression, Name]]:
         match tree:
-            case Field(Name("global"), name):
+            case FieldAccess(Name("global"), name):
                 key = ("", name)
             case Name(name):
                 key = (self.model, name)
@@ -62,7 +62,7 @@ class _Variables(Scope):
 
 
 def translated(
-    drafts: Sequence[Draft], starts: Sequence[Start], ids: Names, origin: str
+    drafts: Sequence[Draft], starts: Sequence[StartActions], ids: UniqueNames, origin: str
 ) -> tuple[list[list[Transition]], tuple[Variable, ...], Losses]:
     """Return the transitions of each draft, several where an action has branches, and the variables."""
     scope = _Variables("javascript")
@@ -101,7 +101,7 @@ def _meant(draft: Draft, scope: _Variables, origin: str) -> list[Branch]:
     return [Branch(conjunction((holds, branch.guard)), branch.actions) for branch in found]
 
 
-def _transitions(draft: Draft, found: Sequence[Branch], ids: Names) -> list[Transition]:
+def _transitions(draft: Draft, found: Sequence[Branch], ids: UniqueNames) -> list[Transition]:
     made: list[Transition] = []
     for branch in found:
         ends = (ids.label(draft.id) if made else draft.id, draft.source, draft.target, None)

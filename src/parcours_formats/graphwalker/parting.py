@@ -10,11 +10,11 @@ from parcours.model.conversion import Loss
 from parcours.model.expression import Binary, Expression, Literal, Name
 from parcours.model.expression.syntax import walk
 from parcours.model.structure import BASE_TYPES, CLOCK, Cefsm, Component, Machine, Transition
-from parcours_formats.graphwalker.labels import Edge, Model, Vertex
+from parcours_formats.graphwalker.labels import LabelledEdge, Model, Vertex
 from parcours_formats.guard_languages.javascript import WORDS, Speaker, javascript
 from parcours_formats.guard_languages.values import literal
 from parcours_formats.losses import unsaid
-from parcours_formats.naming import Names, joint_name
+from parcours_formats.naming import UniqueNames, joint_name
 
 GENERATOR = "random(edge_coverage(100))"
 """How GraphWalker shall walk: each of its models needs a generator."""
@@ -38,13 +38,13 @@ def parted(cefsm: Cefsm, *, tags: bool = False) -> tuple[list[Model], tuple[Loss
 class _Parter(Speaker):
     def __init__(self, cefsm: Cefsm) -> None:
         super().__init__()
-        self.shared, self.edges = Names(WORDS), Names()
+        self.shared, self.edges = UniqueNames(WORDS), UniqueNames()
         self.numbers = {"n": count(), "e": count()}
         self.spoken = {component.name: self.variables(component) for component in cefsm.components}
 
     def variables(self, component: Component) -> dict[str, Expression]:
         """Return how each variable of the component is called; those that are not said are missing."""
-        own = self.shared if len(component.machines) > 1 else Names(WORDS)
+        own = self.shared if len(component.machines) > 1 else UniqueNames(WORDS)
         prefix = "global." if len(component.machines) > 1 else ""
         spoken: dict[str, Expression] = {}
         for variable in component.variables:
@@ -67,7 +67,7 @@ class _Parter(Speaker):
     def model(self, component: Component, machine: Machine) -> Model:
         """Return the model of a machine."""
         alone = len(component.machines) == 1
-        named = Names()
+        named = UniqueNames()
         at = {state: f"n{next(self.numbers['n'])}" for state in machine.states}
         vertices = []
         for state in machine.states:
@@ -88,7 +88,7 @@ class _Parter(Speaker):
         name = joint_name(component.name, machine.name, alone=alone)
         return Model(name, vertices, edges, at[machine.initial], actions, (), GENERATOR, (), machine.line)
 
-    def edge(self, component: Component, transition: Transition, at: Mapping[str, str]) -> Edge:
+    def edge(self, component: Component, transition: Transition, at: Mapping[str, str]) -> LabelledEdge:
         where = f"transition {transition.id!r}"
         name = self.renamed(where, transition.line, transition.id, self.edges)
         parts = [(part, javascript(part)) for part in self.conditions(component, transition)]
@@ -97,11 +97,11 @@ class _Parter(Speaker):
         assigned = self.assignments(component, transition, "the")
         actions = tuple(f"{target} = {javascript(value)};" for target, value in assigned)
         source, target = at[transition.source], at[transition.target]
-        return Edge(
+        return LabelledEdge(
             f"e{next(self.numbers['e'])}", name, source, target, guard, actions, transition.tags, line=transition.line
         )
 
-    def renamed(self, where: str, line: int, name: str, among: Names) -> str:
+    def renamed(self, where: str, line: int, name: str, among: UniqueNames) -> str:
         wanted = name
         if not _SAYABLE.fullmatch(name) or name[0] in "0123456789." or name.lower() in _OWN_WORDS:
             wanted = "_" + re.sub(r"[^A-Za-z0-9_$.]+", "_", name).strip("_")

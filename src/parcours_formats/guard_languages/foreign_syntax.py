@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from parcours.model.expression import Apply, Binary, Expression, Field, Literal, Name, Unary
+from parcours.model.expression import Apply, Binary, Expression, FieldAccess, Literal, Name, Unary
 from parcours_formats.guard_languages.foreign_tokens import MAX_DEPTH, Tokens
 
 LEVELS: dict[str, int] = {
@@ -117,7 +117,7 @@ class Parser:
                 found = Apply("[]", (found, self.condition()))
                 tokens.expect("]")
             elif tokens.accept("."):
-                found = Field(found, tokens.name("a field name"))
+                found = FieldAccess(found, tokens.name("a field name"))
             elif tokens.accept("("):
                 found = Apply(_path(found), tuple(tokens.listed(self.condition, ")")))
             else:
@@ -228,7 +228,7 @@ def _path(tree: Expression) -> str:
     match tree:
         case Name(name):
             return name
-        case Field(of, name):
+        case FieldAccess(of, name):
             return f"{_path(of)}.{name}"
         case _:
             return "(an expression)"

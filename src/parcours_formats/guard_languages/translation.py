@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from functools import partial
 
 from parcours.errors import BadModel
-from parcours.model.expression import Apply, Binary, Expression, Field, Literal, Name, Unary
+from parcours.model.expression import Apply, Binary, Expression, FieldAccess, Literal, Name, Unary
 from parcours.model.expression.parsing import MAX_DEPTH, MAX_LENGTH
 from parcours.model.nodes import is_identifier
 from parcours_formats.guard_languages import values
@@ -116,7 +116,7 @@ class Translation:
         match tree:
             case Literal(constant):
                 return always(values.literal(constant))
-            case Name() | Field() | Apply("[]", _):
+            case Name() | FieldAccess() | Apply("[]", _):
                 return self.scope.read(tree, self.where)
             case Unary("-", operand):
                 return values.joined(self.where, lambda value: folded(Unary("-", value)), self.number(operand))
@@ -300,7 +300,7 @@ def construct_of(tree: Expression) -> str:
     match tree:
         case Name(name):
             return f"the name {name!r}"
-        case Field(_, name):
+        case FieldAccess(_, name):
             return f"a field {name!r} of an object"
         case Apply("[]", _):
             return "an element of a list"

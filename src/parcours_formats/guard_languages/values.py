@@ -12,7 +12,7 @@ from math import prod
 from typing import TypeAlias, TypeVar
 
 from parcours.errors import BadModel
-from parcours.model.expression import Apply, Binary, Expression, Field, Literal, Name, Unary, evaluate
+from parcours.model.expression import Apply, Binary, Expression, FieldAccess, Literal, Name, Unary, evaluate
 from parcours.model.expression.syntax import parts
 from parcours.model.structure import Component
 
@@ -130,7 +130,7 @@ def negation(part: Expression) -> Expression:
 def folded(node: Expression) -> Expression:
     """Return the node, or the constant it is when all its parts are constants and it has a value."""
     match node:
-        case Literal() | Name() | Field() | Unary("-", Literal()):
+        case Literal() | Name() | FieldAccess() | Unary("-", Literal()):
             return node
         case Unary("-", Unary("-", operand)):
             return operand
@@ -178,8 +178,8 @@ def replaced(node: Expression, values: Mapping[str, Expression]) -> Expression:
     match node:
         case Name(id):
             return values.get(id, node)
-        case Field(of, name):
-            return Field(replaced(of, values), name)
+        case FieldAccess(of, name):
+            return FieldAccess(replaced(of, values), name)
         case Unary(operator, operand):
             return folded(Unary(operator, replaced(operand, values)))
         case Binary(operator, left, right):

@@ -25,7 +25,7 @@ from parcours.data.inputs import constraint_of
 from parcours.data.schema import MAX_COLUMNS
 from parcours.errors import BadDomain, one_of
 from parcours.model.expression import Binary, Expression, Literal, Name, Unary
-from parcours_formats.naming import Names
+from parcours_formats.naming import UniqueNames
 from parcours_formats.token_stream import TokenStream
 
 MAX_TERMS = 100_000
@@ -41,7 +41,7 @@ _RELATIONS: dict[str, tuple[str, Callable[[Any, Any], bool]]] = {
 
 
 @dataclass(frozen=True, slots=True)
-class Parameter:
+class PictParameter:
     """A parameter of a PICT model: its name there, its domain here, whether its values are numbers."""
 
     title: str
@@ -55,12 +55,12 @@ class Parameter:
 
 
 def constraints_in(
-    text: str, first_line: int, origin: str, parameters: Mapping[str, Parameter]
+    text: str, first_line: int, origin: str, parameters: Mapping[str, PictParameter]
 ) -> Iterator[Constraint]:
     """Yield the constraints of the last part of a PICT model."""
     parser = _Parser(text, first_line, origin, parameters)
     domains = [parameter.domain for parameter in parameters.values()]
-    names, count = Names(), 0
+    names, count = UniqueNames(), 0
     while parser.kind != "end":
         line = parser.line
         rule = parser.constraint()
@@ -83,7 +83,7 @@ class _Parser(TokenStream):
     slug = "pict-syntax"
     error = BadDomain
 
-    def __init__(self, text: str, first_line: int, origin: str, parameters: Mapping[str, Parameter]) -> None:
+    def __init__(self, text: str, first_line: int, origin: str, parameters: Mapping[str, PictParameter]) -> None:
         self.parameters, self.depth, self.n_terms = parameters, 0, 0
         super().__init__(text, origin, first_line)
         while self.kind != "end":  # a sign that starts no token is the first thing to say
@@ -158,7 +158,7 @@ class _Parser(TokenStream):
             self.fail(f"a relation, IN or LIKE must stand here, but this is {self.shown(40)!r}")
         return Unary("!", found) if is_negated else found
 
-    def related(self, left: Parameter, sign: str, holds: Callable[[Any, Any], bool]) -> Expression:
+    def related(self, left: PictParameter, sign: str, holds: Callable[[Any, Any], bool]) -> Expression:
         if self.kind == "parameter":
             right = self.parameter()
             if left.is_number != right.is_number:
@@ -178,7 +178,7 @@ class _Parser(TokenStream):
         wanted = str(value).casefold()
         return self.among(left, lambda word: holds(word.casefold(), wanted))
 
-    def among(self, parameter: Parameter, meets: Callable[[str], bool]) -> Expression:
+    def among(self, parameter: PictParameter, meets: Callable[[str], bool]) -> Expression:
         """Return the condition that the parameter has one of the values that meet a condition of Python."""
         found = [word for word in parameter.words if meets(word)]
         others = sorted(set(parameter.words).difference(found), key=parameter.words.index)
@@ -194,7 +194,7 @@ class _Parser(TokenStream):
             self.fail(f"constraints become at most {MAX_TERMS} comparisons, but these more", slug="pict-size")
         return found
 
-    def parameter(self) -> Parameter:
+    def parameter(self) -> PictParameter:
         if self.kind == "end":
             self.fail("a constraint must end with ';', but the file ends")
         title = self.token[1:-1].strip()
@@ -247,11 +247,11 @@ def _any(parts: Iterator[Expression]) -> Expression:
     return _joined("||", list(parts) or [Literal(False)])
 
 
-def _is(parameter: Parameter, word: str) -> Expression:
+def _is(parameter: PictParameter, word: str) -> Expression:
     return Binary("==", Name(parameter.domain.name), _literal(float(word)) if parameter.is_number else Literal(word))
 
 
-def _equal(parameter: Parameter, word: str, value: str | float) -> bool:
+def _equal(parameter: PictParameter, word: str, value: str | float) -> bool:
     if parameter.is_number:
         return not isinstance(value, str) and float(word) == value
     return word.casefold() == str(value).casefold()

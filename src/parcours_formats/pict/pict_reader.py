@@ -27,8 +27,8 @@ from parcours.errors import BadDomain, BadModel, one_of
 from parcours.model.conversion import text_of
 from parcours.model.nodes import brief, is_identifier, is_label
 from parcours_formats.losses import Losses
-from parcours_formats.naming import Names
-from parcours_formats.pict.constraints import Parameter, constraints_in
+from parcours_formats.naming import UniqueNames
+from parcours_formats.pict.constraints import PictParameter, constraints_in
 
 MAX_BYTES = 1_000_000
 """Largest PICT file [bytes]."""
@@ -77,9 +77,9 @@ class _Reader:
     def __init__(self, text: str, origin: str) -> None:
         self.lines = text.lstrip("\ufeff").splitlines()
         self.origin = origin
-        self.parameters: dict[str, Parameter] = {}  # by folded PICT name
+        self.parameters: dict[str, PictParameter] = {}  # by folded PICT name
         self.groups: list[Group] = []
-        self.losses, self.names = Losses(), Names(("pi",))
+        self.losses, self.names = Losses(), UniqueNames(("pi",))
         self.line = 0
         self.n_values = 0
 
@@ -130,7 +130,7 @@ class _Reader:
             domain = _numbers(name, valid, invalid) if is_number else _words(name, valid, invalid)
         except BadDomain as error:
             self.fail(f"{error.where}: {error.rule}", error.remedy, slug=error.slug)
-        self.parameters[title.casefold()] = Parameter(title, domain, is_number)
+        self.parameters[title.casefold()] = PictParameter(title, domain, is_number)
 
     def values(self, title: str, listed: str) -> tuple[list[str], list[str]]:
         """Return valid and invalid values of a parameter, each once."""

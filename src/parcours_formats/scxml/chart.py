@@ -25,10 +25,10 @@ class Arc:
     `id` and `is_silent` are what our own writer notes: the name it had, and that its event stands for none.
     """
 
-    source: Node
+    source: StateNode
     events: tuple[str, ...]
     condition: str
-    targets: tuple[Node, ...]
+    targets: tuple[StateNode, ...]
     is_internal: bool
     content: tuple[Element, ...]
     line: int
@@ -37,19 +37,19 @@ class Arc:
 
 
 @dataclass(slots=True, eq=False)
-class Node:
+class StateNode:
     """A state, or the document itself (`scxml`). `order` is its place in the document."""
 
     id: str
     kind: str
-    parent: Node | None
+    parent: StateNode | None
     order: int
     line: int
-    children: list[Node] = field(default_factory=list)
+    children: list[StateNode] = field(default_factory=list)
     arcs: list[Arc] = field(default_factory=list)
     entry: tuple[Element, ...] = ()
     exit: tuple[Element, ...] = ()
-    starts: tuple[Node, ...] = ()
+    starts: tuple[StateNode, ...] = ()
     start_content: tuple[Element, ...] = ()
     is_deep: bool = False
 
@@ -63,22 +63,22 @@ class Node:
         """Whether one of the states inside is active with it."""
         return self.kind == "scxml" or (self.kind == "state" and bool(self.inner()))
 
-    def inner(self) -> list[Node]:
+    def inner(self) -> list[StateNode]:
         """Return the states directly inside, without histories."""
         return [child for child in self.children if child.kind != "history"]
 
-    def ancestors(self, until: Node | None = None) -> Iterator[Node]:
+    def ancestors(self, until: StateNode | None = None) -> Iterator[StateNode]:
         """Yield what the state lies in, innermost first, up to but without `until`."""
         here = self.parent
         while here is not None and here is not until:
             yield here
             here = here.parent
 
-    def is_inside(self, other: Node) -> bool:
+    def is_inside(self, other: StateNode) -> bool:
         """Return whether the state lies in the other, at any depth."""
         return any(ancestor is other for ancestor in self.ancestors())
 
-    def walk(self) -> Iterator[Node]:
+    def walk(self) -> Iterator[StateNode]:
         """Yield the state and all inside, in the order of the document."""
         yield self
         for child in self.children:
@@ -90,15 +90,15 @@ class ChartReader:
 
     def __init__(self, root: Element, origin: str) -> None:
         self.origin = origin
-        self.nodes: dict[str, Node] = {}
+        self.nodes: dict[str, StateNode] = {}
         self.invoked: list[Element] = []
-        self._elements: list[tuple[Node, Element]] = []
+        self._elements: list[tuple[StateNode, Element]] = []
         # Two passes: a target may stand behind the transition that names it.
         self.root = self._node(root, None)
         for node, element in self._elements:
             self._fill(node, element)
 
-    def _node(self, element: Element, parent: Node | None) -> Node:
+    def _node(self, element: Element, parent: StateNode | None) -> StateNode:
         id = element.get("id") if parent is not None else ""
         if not id:
             id = f"{element.tag}@{element.line}" if parent is not None else "scxml"
@@ -106,14 +106,14 @@ class ChartReader:
                 id = f"{id}.{len(self.nodes)}"
         if id in self.nodes:
             self._fail(element, f"each state must have an id of its own, but {id!r} was used before", "duplicate")
-        node = Node(id, element.tag, parent, len(self.nodes), element.line)
+        node = StateNode(id, element.tag, parent, len(self.nodes), element.line)
         node.is_deep = element.get("type") == "deep"
         self.nodes[id] = node
         self._elements.append((node, element))
         node.children = [self._node(child, node) for child in element.all(*STATES)]
         return node
 
-    def _fill(self, node: Node, element: Element) -> None:
+    def _fill(self, node: StateNode, element: Element) -> None:
         node.entry = tuple(action for block in element.all("onentry") for action in block.children)
         node.exit = tuple(action for block in element.all("onexit") for action in block.children)
         node.arcs = [self._arc(node, child) for child in element.all("transition")]
@@ -140,13 +140,13 @@ class ChartReader:
         if node.kind == "scxml" and not node.inner():
             self._fail(element, "a document must have a state, but has none")
 
-    def _arc(self, node: Node, element: Element) -> Arc:
+    def _arc(self, node: StateNode, element: Element) -> Arc:
         events, condition = tuple(element.get("event").split()), element.get("cond").strip()
         targets, content = self._named(element, element.get("target")), tuple(element.children)
         is_internal, is_silent = element.get("type") == "internal", element.get(SILENT) == "true"
         return Arc(node, events, condition, targets, is_internal, content, element.line, element.get(ID), is_silent)
 
-    def _named(self, element: Element, ids: str) -> tuple[Node, ...]:
+    def _named(self, element: Element, ids: str) -> tuple[StateNode, ...]:
         found = []
         for id in ids.split():
             if id not in self.nodes or id == "scxml":
@@ -162,10 +162,10 @@ class ChartReader:
 class Configuration:
     """The active states (all of them, by order in the document), and what each history remembers."""
 
-    active: frozenset[Node]
-    remembered: frozenset[tuple[Node, frozenset[Node]]] = frozenset()
+    active: frozenset[StateNode]
+    remembered: frozenset[tuple[StateNode, frozenset[StateNode]]] = frozenset()
 
-    def atoms(self) -> list[Node]:
+    def atoms(self) -> list[StateNode]:
         """Return the active states that have none inside, in the order of the document."""
         return sorted((node for node in self.active if node.is_atomic), key=in_order)
 
@@ -180,14 +180,14 @@ class Configuration:
         return f"{name} ({', '.join(kept)})" if kept else name
 
 
-def arrived(configuration: Configuration, node: Node) -> bool:
+def arrived(configuration: Configuration, node: StateNode) -> bool:
     """Return whether a state has come to its end: `done.state.id` was raised."""
     if node.is_compound:
         return any(child.kind == "final" and child in configuration.active for child in node.inner())
     return node.kind == "parallel" and all(arrived(configuration, child) for child in node.inner())
 
 
-def start(root: Node) -> tuple[Configuration, list[Element]]:
+def start(root: StateNode) -> tuple[Configuration, list[Element]]:
     """Return the first configuration of a document, or of one region of it, and what is done on the way."""
     moves = _Moves(Configuration(frozenset()))
     if root.kind == "scxml":
@@ -235,7 +235,7 @@ def take(arcs: Iterable[Arc], configuration: Configuration) -> tuple[Configurati
     return after, done, entering
 
 
-def exits(arc: Arc, configuration: Configuration) -> frozenset[Node]:
+def exits(arc: Arc, configuration: Configuration) -> frozenset[StateNode]:
     """Return the active states that a transition leaves."""
     if not arc.targets:
         return frozenset()
@@ -243,7 +243,7 @@ def exits(arc: Arc, configuration: Configuration) -> frozenset[Node]:
     return frozenset(node for node in configuration.active if node.is_inside(domain))
 
 
-def _domain(arc: Arc, configuration: Configuration) -> Node:
+def _domain(arc: Arc, configuration: Configuration) -> StateNode:
     targets = _effective(arc.targets, configuration)
     if arc.is_internal and arc.source.is_compound and all(target.is_inside(arc.source) for target in targets):
         return arc.source
@@ -253,8 +253,8 @@ def _domain(arc: Arc, configuration: Configuration) -> Node:
     return list(arc.source.ancestors())[-1] if arc.source.parent is not None else arc.source
 
 
-def _effective(targets: Iterable[Node], configuration: Configuration) -> list[Node]:
-    remembered, found = dict(configuration.remembered), list[Node]()
+def _effective(targets: Iterable[StateNode], configuration: Configuration) -> list[StateNode]:
+    remembered, found = dict(configuration.remembered), list[StateNode]()
     for target in targets:
         if target.kind != "history":
             found.append(target)
@@ -271,20 +271,20 @@ class _Moves:
     def __init__(self, configuration: Configuration) -> None:
         self.configuration = configuration
         self.remembered = dict(configuration.remembered)
-        self.entering: set[Node] = set()
-        self.defaults: dict[Node, tuple[Element, ...]] = {}
+        self.entering: set[StateNode] = set()
+        self.defaults: dict[StateNode, tuple[Element, ...]] = {}
 
-    def targets(self, nodes: Iterable[Node], domain: Node) -> None:
+    def targets(self, nodes: Iterable[StateNode], domain: StateNode) -> None:
         nodes = list(nodes)
         for node in nodes:
             self.descend(node)
         for node in _effective(nodes, self.configuration):
             self.climb(node, domain)
 
-    def descend(self, node: Node) -> None:
+    def descend(self, node: StateNode) -> None:
         if node.kind == "history":
             if node in self.remembered:
-                inside: Iterable[Node] = self.remembered[node]
+                inside: Iterable[StateNode] = self.remembered[node]
             else:
                 inside = node.starts
                 if node.parent is not None:
@@ -305,19 +305,19 @@ class _Moves:
                 self.climb(each, node)
         self.fill(node)
 
-    def fill(self, node: Node) -> None:
+    def fill(self, node: StateNode) -> None:
         """Enter the regions of a parallel state in which nothing is entered yet."""
         for child in node.inner() if node.kind == "parallel" else ():
             if not any(each.is_inside(child) or each is child for each in self.entering):
                 self.descend(child)
 
-    def climb(self, node: Node, until: Node) -> None:
+    def climb(self, node: StateNode, until: StateNode) -> None:
         for ancestor in node.ancestors(until):
             self.entering.add(ancestor)
             self.fill(ancestor)
 
     def entered(
-        self, staying: frozenset[Node], remembered: frozenset[tuple[Node, frozenset[Node]]]
+        self, staying: frozenset[StateNode], remembered: frozenset[tuple[StateNode, frozenset[StateNode]]]
     ) -> tuple[Configuration, list[Element]]:
         done: list[Element] = []
         for node in sorted(self.entering - staying, key=in_order):
@@ -327,6 +327,6 @@ class _Moves:
         return Configuration(active, remembered), done
 
 
-def in_order(node: Node) -> int:
+def in_order(node: StateNode) -> int:
     """Return the place of a state in the document."""
     return node.order

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from typing import TypeAlias
 
 from parcours.errors import BadModel
-from parcours.model.expression import Apply, Expression, Field, Literal, Name
+from parcours.model.expression import Apply, Expression, FieldAccess, Literal, Name
 from parcours_formats.guard_languages import Branch, Scope, Tokens, Translation, performed, refusal, sized, values
 from parcours_formats.guard_languages.foreign_syntax import Set as Assign
 from parcours_formats.guard_languages.foreign_syntax import Statement
@@ -27,7 +27,7 @@ Option: TypeAlias = tuple[str, str, Sequence[Element]]
 
 
 @dataclass(frozen=True, slots=True)
-class Sent:
+class SentEvent:
     """An event sent: to the document itself, or (`is_outward`) to what lies outside, after a delay [s]."""
 
     event: str
@@ -36,13 +36,13 @@ class Sent:
 
 
 @dataclass(frozen=True, slots=True)
-class Outcome:
+class ContentOutcome:
     """What content does when the guard of `branch` holds beforehand."""
 
     branch: Branch = field(default_factory=lambda: Branch(TRUE, ()))
-    sent: tuple[Sent, ...] = ()
+    sent: tuple[SentEvent, ...] = ()
 
-    def under(self, guard: Expression) -> Outcome:
+    def under(self, guard: Expression) -> ContentOutcome:
         """Return the same under another guard."""
         return replace(self, branch=replace(self.branch, guard=guard))
 
@@ -60,7 +60,7 @@ class DataScope(Scope):
 
     def read(self, tree: Expression, where: str) -> Cases:
         """Return what a place holds."""
-        if tree == Field(Name("_event"), "name"):
+        if tree == FieldAccess(Name("_event"), "name"):
             return always(literal(self.event))
         if tree == Name("_name"):
             return always(literal(self.document))
@@ -86,8 +86,8 @@ class DataScope(Scope):
 
     def _demand(self, tree: Expression, where: str) -> None:
         """Raise the reason why the data that a place belongs to could not be translated, if so."""
-        while isinstance(tree, Field) or (isinstance(tree, Apply) and tree.function == "[]"):
-            tree = tree.of if isinstance(tree, Field) else tree.arguments[0]
+        while isinstance(tree, FieldAccess) or (isinstance(tree, Apply) and tree.function == "[]"):
+            tree = tree.of if isinstance(tree, FieldAccess) else tree.arguments[0]
         if isinstance(tree, Name) and tree.id in self.missing:
             error = self.missing[tree.id]
             raise BadModel(where, f"{tree.id!r} cannot be used: {error.rule}", error.remedy, slug=error.slug)
@@ -99,7 +99,7 @@ class DataScope(Scope):
         return super().applied(tree, where)
 
 
-class Content:
+class ContentRunner:
     """Runs the executable content of one document symbolically; `losses` grows."""
 
     def __init__(self, origin: str, losses: Losses) -> None:
@@ -120,7 +120,9 @@ class Content:
             self._trees[text] = parsed(text, where)
         return self._trees[text]
 
-    def run(self, elements: Iterable[Element], scope: Scope, before: Iterable[Outcome] = (Outcome(),)) -> list[Outcome]:
+    def run(
+        self, elements: Iterable[Element], scope: Scope, before: Iterable[ContentOutcome] = (ContentOutcome(),)
+    ) -> list[ContentOutcome]:
         """Return what elements do, one after the other, behind what was done before."""
         now = list(before)
         for element in elements:
@@ -133,10 +135,10 @@ class Content:
                 raise BadModel(self.where(element), rule, "split it", slug="expression-size")
         return now
 
-    def chosen(self, options: Iterable[Option], scope: Scope, outcome: Outcome) -> list[Outcome]:
+    def chosen(self, options: Iterable[Option], scope: Scope, outcome: ContentOutcome) -> list[ContentOutcome]:
         """Return what the first option whose condition holds does behind what was done before, or none of them."""
         # if / elseif / else: `rest` says that none of the options so far was taken.
-        found, rest = list[Outcome](), outcome.branch.guard
+        found, rest = list[ContentOutcome](), outcome.branch.guard
         for condition, where, block in options:
             choice = outcome.branch.before(self.condition(condition, scope, where), where)
             guard = sized(conjunction((rest, choice)), where)
@@ -149,7 +151,7 @@ class Content:
         """Note that something is left out."""
         self.losses.add(f"<{element.tag}>", element.line, what, alters=alters)
 
-    def _after(self, element: Element, scope: Scope, outcome: Outcome) -> list[Outcome]:
+    def _after(self, element: Element, scope: Scope, outcome: ContentOutcome) -> list[ContentOutcome]:
         where = self.where(element)
         match element.tag:
             case "assign":
@@ -173,7 +175,9 @@ class Content:
         self.lose(element, _IGNORED[element.tag], alters=element.tag != "log")
         return [outcome]
 
-    def _performed(self, statements: Iterable[Statement], scope: Scope, where: str, outcome: Outcome) -> list[Outcome]:
+    def _performed(
+        self, statements: Iterable[Statement], scope: Scope, where: str, outcome: ContentOutcome
+    ) -> list[ContentOutcome]:
         if isinstance(scope, DataScope):
             statements = tuple(spread(tuple(statements), scope.wholes, where))
         return [replace(outcome, branch=each) for each in performed(statements, scope, where, outcome.branch)]
@@ -187,7 +191,7 @@ class Content:
                 options[-1][2].append(child)
         return options
 
-    def _sent(self, element: Element, where: str) -> Sent:
+    def _sent(self, element: Element, where: str) -> SentEvent:
         event = element.get("event")
         if not event and element.get("eventexpr"):
             tree = self.tree(element.get("eventexpr"), where)
@@ -201,7 +205,7 @@ class Content:
         delay = seconds(said)
         if delay is None or (is_outward and delay):
             self.lose(element, f"its delay {said!r} is left out: the event may go at any time", alters=True)
-        return Sent(event, is_outward, delay or 0.0)
+        return SentEvent(event, is_outward, delay or 0.0)
 
 
 def is_astray(element: Element) -> bool:

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 from typing import TypeAlias
 
 from parcours.errors import BadModel
-from parcours.model.expression import Apply, Binary, Expression, Field, Literal, Name, Unary
+from parcours.model.expression import Apply, Binary, Expression, FieldAccess, Literal, Name, Unary
 from parcours.model.expression.syntax import parts as parts_of
 from parcours_formats.guard_languages import Scope, Tokens, Translation, refusal
 from parcours_formats.guard_languages import foreign_syntax as syntax
 from parcours_formats.guard_languages.values import is_constant, kind_of
 from parcours_formats.losses import Losses
-from parcours_formats.naming import Names
+from parcours_formats.naming import UniqueNames
 from parcours_formats.xml_lines import Element
 
 MAX_DATA = 2_000
@@ -42,7 +42,7 @@ class DataModel:
             raise BadModel(f"{origin}:{declared[0].line}", rule, "split the document", slug="expansion-size")
         # Names of data stay as they are; those of parts are made around them.
         scripted = [each.place.id for each in self._assigned if isinstance(each.place, Name)]
-        self._names = Names([*(element.get("id") for element in declared), *scripted])
+        self._names = UniqueNames([*(element.get("id") for element in declared), *scripted])
         for element in declared:
             self._declare(element.get("id"), element)
         for script in root.all("script"):
@@ -181,7 +181,7 @@ def parsed(text: str, where: str) -> Expression:
 
 def _kind(tree: Expression, kinds: dict[str, str]) -> str:
     match tree:
-        case Field(Name("_event"), "name"):
+        case FieldAccess(Name("_event"), "name"):
             return "text"
         case Unary("-", operand):
             return _kind(operand, kinds)
@@ -290,14 +290,14 @@ def part_at(tree: Expression, wholes: Mapping[str, Whole], where: str) -> Part |
     """Return what a place means: a variable, a whole, or the length of a list.
 
     >>> x = Whole("x", {"a": "x_a", "b": Whole("x.b", {"0": "x_b_0"}, True)}, False)
-    >>> at_b = Field(Name("x"), "b")
-    >>> [part_at(of, {"x": x}, "") for of in (Apply("[]", (at_b, Literal(0))), Field(at_b, "length"))]
+    >>> at_b = FieldAccess(Name("x"), "b")
+    >>> [part_at(of, {"x": x}, "") for of in (Apply("[]", (at_b, Literal(0))), FieldAccess(at_b, "length"))]
     ['x_b_0', 1]
     """
     match tree:
         case Name(name):
             return wholes.get(name)
-        case Field(of, key):
+        case FieldAccess(of, key):
             whole = part_at(of, wholes, where)
         case Apply("[]", (of, Literal(int() | str() as constant))) if not isinstance(constant, bool):
             whole, key = part_at(of, wholes, where), str(constant)
@@ -384,7 +384,7 @@ def _leaves(place: Expression, whole: Whole, value: Expression, where: str) -> I
 
 def _read(tree: Expression, wholes: Mapping[str, Whole], where: str) -> set[str]:
     """Return the variables of parts that a value reads."""
-    if isinstance(tree, Field) or (isinstance(tree, Apply) and tree.function == "[]"):
+    if isinstance(tree, FieldAccess) or (isinstance(tree, Apply) and tree.function == "[]"):
         part = part_at(tree, wholes, where)
         return {part} if isinstance(part, str) else set()
     return set().union(*(_read(each, wholes, where) for each in parts_of(tree)))

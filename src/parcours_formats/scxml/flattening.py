@@ -20,8 +20,17 @@ from parcours.errors import BadModel
 from parcours.model.expression import Expression
 from parcours_formats.guard_languages import sized
 from parcours_formats.guard_languages.values import FALSE, MAX_CASES, TRUE, conjunction, negation
-from parcours_formats.scxml.chart import Arc, Configuration, Node, arrived, in_order, start, take, without_conflicts
-from parcours_formats.scxml.content import Content, DataScope, Outcome
+from parcours_formats.scxml.chart import (
+    Arc,
+    Configuration,
+    StateNode,
+    arrived,
+    in_order,
+    start,
+    take,
+    without_conflicts,
+)
+from parcours_formats.scxml.content import ContentOutcome, ContentRunner, DataScope
 
 MAX_CONFIGURATIONS = 1_000
 """Most configurations of one machine."""
@@ -34,13 +43,13 @@ MAX_PAIRS = 100_000
 
 
 @dataclass(frozen=True, slots=True)
-class Step:
+class FlatTransition:
     """One transition between configurations, given by their names; `event` is empty for a spontaneous one."""
 
     source: str
     target: str
     event: str
-    outcome: Outcome
+    outcome: ContentOutcome
     arcs: tuple[Arc, ...]
 
 
@@ -52,18 +61,20 @@ class Flat:
     """
 
     initial: str
-    starts: tuple[Outcome, ...]
+    starts: tuple[ContentOutcome, ...]
     states: tuple[str, ...]
     final: tuple[str, ...]
-    steps: tuple[Step, ...]
-    nodes: frozenset[Node] = frozenset()
+    steps: tuple[FlatTransition, ...]
+    nodes: frozenset[StateNode] = frozenset()
     arcs: frozenset[Arc] = frozenset()
 
 
 class Flattening:
     """Flattens one chart, or one region of it."""
 
-    def __init__(self, root: Node, events: Sequence[str], content: Content, scope: DataScope, origin: str) -> None:
+    def __init__(
+        self, root: StateNode, events: Sequence[str], content: ContentRunner, scope: DataScope, origin: str
+    ) -> None:
         self.root, self.content, self.scope, self.origin = root, content, scope, origin
         self.order = {event: number for number, event in enumerate(events)}
         self.matching: dict[str, list[str]] = {}
@@ -71,14 +82,14 @@ class Flattening:
             for beginning in beginnings(event):
                 self.matching.setdefault(beginning, []).append(event)
         self._pairs = 0
-        self._answering: dict[Node, dict[str, list[Arc]]] = {}
+        self._answering: dict[StateNode, dict[str, list[Arc]]] = {}
         self._ended: set[Arc] = set()
 
     def flat(self) -> Flat:
         """Return the machine."""
         # Breadth first over configurations: all guards stay symbolic, so that only states are enumerated.
         first, beginning = start(self.root)
-        steps: list[Step] = []
+        steps: list[FlatTransition] = []
         seen = {first: first.name}
         border, final = [first], list[str]()
         while border:
@@ -99,7 +110,7 @@ class Flattening:
                 for outcome in self.ended(here, after, outcomes):
                     whole = conjunction((guard, outcome.branch.guard))
                     if whole != FALSE:
-                        steps.append(Step(here.name, after.name, event, outcome.under(whole), arcs))
+                        steps.append(FlatTransition(here.name, after.name, event, outcome.under(whole), arcs))
                 if len(steps) > MAX_STEPS:
                     self.fail(f"a chart has at most {MAX_STEPS} transitions when flattened, but this one has more")
         starts = self.content.run(beginning, self.within(first, ""))
@@ -107,7 +118,7 @@ class Flattening:
         used = self._ended.union(arc for step in steps for arc in step.arcs)
         return Flat(first.name, tuple(starts), tuple(seen.values()), tuple(final), tuple(steps), nodes, frozenset(used))
 
-    def ended(self, here: Configuration, after: Configuration, outcomes: list[Outcome]) -> list[Outcome]:
+    def ended(self, here: Configuration, after: Configuration, outcomes: list[ContentOutcome]) -> list[ContentOutcome]:
         """Return outcomes with what transitions without target do when the states they wait for come to their end."""
         over = {f"done.state.{node.id}" for node in after.active if arrived(after, node) and not arrived(here, node)}
         for arc in (arc for node in sorted(after.active, key=in_order) for arc in node.arcs if not arc.targets):
@@ -166,7 +177,7 @@ class Flattening:
                 found.setdefault(arcs, []).append(guard)
         yield from ((guard, arcs) for arcs, guards in found.items() for guard in guards)
 
-    def answering(self, node: Node) -> dict[str, list[Arc]]:
+    def answering(self, node: StateNode) -> dict[str, list[Arc]]:
         """Return the transitions of a state by the events they wait for, in the order of the document."""
         if node not in self._answering:
             found: dict[str, list[Arc]] = {}
@@ -179,7 +190,7 @@ class Flattening:
             self._answering[node] = found
         return self._answering[node]
 
-    def spontaneous(self, node: Node, here: Configuration) -> Iterator[Arc]:
+    def spontaneous(self, node: StateNode, here: Configuration) -> Iterator[Arc]:
         """Yield the transitions that wait for nothing, or for the end of states that have come to it."""
         over = [f"done.state.{one.id}" for one in here.active if arrived(here, one)]
         ended = {each for event in over for each in beginnings(event) if each}

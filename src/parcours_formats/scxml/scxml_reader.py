@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence, Set
 from pathlib import PurePath
 
 from parcours.errors import BadModel
-from parcours.model.conversion import Reading, accepted
+from parcours.model.conversion import ForeignModel, accepted
 from parcours.model.expression import Assignment, Binary, Call, Literal, Name
 from parcours.model.structure import (
     CLOCK,
@@ -24,9 +24,9 @@ from parcours.model.structure import (
 from parcours_formats.guard_languages import variables
 from parcours_formats.guard_languages.values import TRUE, conjunction, is_constant, replaced
 from parcours_formats.losses import Losses
-from parcours_formats.naming import Names, as_label
-from parcours_formats.scxml.chart import Arc, ChartReader, Configuration, Node, exits
-from parcours_formats.scxml.content import Content, DataScope, Outcome, is_astray, is_inward
+from parcours_formats.naming import UniqueNames, as_label
+from parcours_formats.scxml.chart import Arc, ChartReader, Configuration, StateNode, exits
+from parcours_formats.scxml.content import ContentOutcome, ContentRunner, DataScope, is_astray, is_inward
 from parcours_formats.scxml.datamodel import DataModel
 from parcours_formats.scxml.flattening import MAX_STEPS, Flat, Flattening, beginnings, plain
 from parcours_formats.xml_lines import Element, parse_xml
@@ -47,7 +47,7 @@ START = "(start)"
 """The state before the first configuration, where entering that does something."""
 
 
-def read(text: str, origin: str) -> Reading:
+def read(text: str, origin: str) -> ForeignModel:
     """Return the chart of an SCXML document as a model. Raises BadModel if it says what cannot be translated."""
     root = parse_xml(text, origin)
     if root.tag != "scxml":
@@ -63,20 +63,20 @@ class _System:
         self.losses = Losses(self.data.losses)
         self._stray(root)
         self.chart = ChartReader(root, origin)
-        self.content = Content(origin, self.losses)
-        self.component = Names().identifier(root.get("name") or PurePath(origin).stem)
+        self.content = ContentRunner(origin, self.losses)
+        self.component = UniqueNames().identifier(root.get("name") or PurePath(origin).stem)
         self.inward = sorted(self._inward())
         self.events = self._events()
-        self.ids, self.channel_names = Names(), Names()
+        self.ids, self.channel_names = UniqueNames(), UniqueNames()
         self.channels: dict[tuple[str, str], Channel] = {}
         self.clocks: dict[str, tuple[str, float]] = {}
 
-    def reading(self) -> Reading:
+    def reading(self) -> ForeignModel:
         """Return the model and what the document says beyond it."""
         # The clocks of delays come before the machines, whose transitions set and read them.
         flats = self._flats()
         self._time(flats.values())
-        machines, names = [], Names()
+        machines, names = [], UniqueNames()
         for region, flat in flats.items():
             name = names.label(self.component if region.kind == "scxml" else region.id)
             machines.append(self._machine(name, flat, region))
@@ -93,7 +93,7 @@ class _System:
         cefsm = Cefsm(title, (component,), tuple(self.channels.values()), messages, source=self.origin)
         return accepted(cefsm, self.losses)
 
-    def _flats(self) -> dict[Node, Flat]:
+    def _flats(self) -> dict[StateNode, Flat]:
         """Return the machines: the document, or its regions where these share nothing but data.
 
         Regions that answer the same event take it at once, which one machine for all of them says exactly; only
@@ -118,7 +118,7 @@ class _System:
             self.losses.add(f"parallel {top.id!r}", top.line, rule, alters=True)
         return {region: self._flat(region) for region in regions}
 
-    def _flat(self, region: Node) -> Flat:
+    def _flat(self, region: StateNode) -> Flat:
         descriptors = _descriptors(region)
         events = [event for event in self.events if _is_among(event, descriptors)]
         data = self.data
@@ -126,7 +126,7 @@ class _System:
         scope = DataScope("javascript", *said, document=self.element.get("name"))
         return Flattening(region, events, self.content, scope, self.origin).flat()
 
-    def _are_apart(self, top: Node) -> bool:
+    def _are_apart(self, top: StateNode) -> bool:
         """Return whether the regions of the only state of the document see nothing of each other but data."""
         whole = Configuration(frozenset(self.chart.root.walk()))
         if top.arcs or top.entry or self.chart.root.start_content or _asks_for_states(self.element):
@@ -187,7 +187,7 @@ class _System:
                     if not each.is_outward:
                         delays.setdefault(each.event, set()).add(each.delay)
         #   send e, delay d:  since_e := 0  ...  e arrives:  guard since_e >= d
-        names = Names(self.data.lines)
+        names = UniqueNames(self.data.lines)
         for event, found in delays.items():
             if len(found) == 1 and found != {0.0}:
                 self.clocks[event] = (names.identifier(f"since_{event}"), min(found))
@@ -197,7 +197,7 @@ class _System:
                 rule = "is sent with several delays; here it may arrive at any time"
                 self.losses.add(f"event {event!r}", self.element.line, rule, alters=True)
 
-    def _machine(self, name: str, flat: Flat, region: Node) -> Machine:
+    def _machine(self, name: str, flat: Flat, region: StateNode) -> Machine:
         transitions = []
         for step in flat.steps:
             silent = step.event not in self.inward and all(arc.is_silent for arc in step.arcs)
@@ -213,7 +213,9 @@ class _System:
             transitions = first + transitions
         return Machine(name, initial, states, tuple(transitions), flat.final, line=region.line)
 
-    def _transition(self, id: str, source: str, target: str, event: str, outcome: Outcome, line: int) -> Transition:
+    def _transition(
+        self, id: str, source: str, target: str, event: str, outcome: ContentOutcome, line: int
+    ) -> Transition:
         guard, actions = outcome.branch.guard, list[Assignment | Call](outcome.branch.actions)
         for each in outcome.sent:
             if not each.is_outward and each.event in self.clocks:
@@ -226,7 +228,7 @@ class _System:
         holds = None if guard == TRUE else guard
         return Transition(id, source, target, receive, holds, tuple(actions), sends, line=line)
 
-    def _starts(self, starts: Sequence[Outcome]) -> bool:
+    def _starts(self, starts: Sequence[ContentOutcome]) -> bool:
         """Take what entering the first configuration does into the initial values, if that is all it does."""
         if len(starts) != 1 or starts[0].branch.guard != TRUE or starts[0].sent:
             return False
@@ -268,7 +270,7 @@ class _System:
             here = f"here they wait, {CAPACITY} of a name, and go in any order"
             self.losses.add("<scxml>", line, f"{there} them; {here}", alters=True)
 
-    def _report_unused(self, flats: Mapping[Node, Flat]) -> None:
+    def _report_unused(self, flats: Mapping[StateNode, Flat]) -> None:
         """Note the states and transitions of the document that nothing leads to."""
         for region, flat in flats.items():
             for node in region.walk():
@@ -282,11 +284,11 @@ class _System:
                         self.losses.add(where, arc.line, "can never be taken; left out")
 
 
-def _arcs(node: Node) -> list[Arc]:
+def _arcs(node: StateNode) -> list[Arc]:
     return [arc for each in node.walk() if each.kind != "history" for arc in each.arcs]
 
 
-def _descriptors(region: Node) -> set[str]:
+def _descriptors(region: StateNode) -> set[str]:
     return {plain(descriptor) for arc in _arcs(region) for descriptor in arc.events}
 
 

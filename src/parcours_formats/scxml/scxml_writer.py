@@ -15,7 +15,7 @@ from parcours.model.structure import BASE_TYPES, CLOCK, ENVIRONMENT, Cefsm, Comp
 from parcours_formats.guard_languages.javascript import WORDS, Speaker, javascript
 from parcours_formats.guard_languages.values import FALSE, TRUE, conjunction, literal, naturals_of
 from parcours_formats.losses import unsaid
-from parcours_formats.naming import Names, as_identifier
+from parcours_formats.naming import UniqueNames, as_identifier
 from parcours_formats.scxml.chart import ID, OWN, SILENT
 
 OUTSIDE = "#_external"
@@ -42,8 +42,8 @@ class _Writer(Speaker):
         self.machines = [(component, machine) for component in cefsm.components for machine in component.machines]
         self.events = {channel.name: _event(channel.name, channel.topic) for channel in cefsm.channels}
         self.channels = {channel.name: channel for channel in cefsm.channels}
-        own, self.ids = Names((*WORDS, *_WORDS)), Names()
-        self.silent = Names((*self.events.values(), *_RAISED))
+        own, self.ids = UniqueNames((*WORDS, *_WORDS)), UniqueNames()
+        self.silent = UniqueNames((*self.events.values(), *_RAISED))
         for component in cefsm.components:
             spoken = self.spoken[component.name] = {}
             for variable in component.variables:

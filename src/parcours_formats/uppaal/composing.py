@@ -29,19 +29,19 @@ from parcours.model.structure import (
 from parcours_formats.grouping import grouped
 from parcours_formats.guard_languages.values import TRUE, literal, replaced
 from parcours_formats.losses import Losses
-from parcours_formats.naming import Names
+from parcours_formats.naming import UniqueNames
 from parcours_formats.symbols import SIGNAL
 from parcours_formats.uppaal.processes import Process
-from parcours_formats.uppaal.steps import MAX_STEPS, Step
-from parcours_formats.uppaal.symbols import Cell, Cells, Link
+from parcours_formats.uppaal.steps import MAX_STEPS, ProcessStep
+from parcours_formats.uppaal.symbols import Cells, UppaalChannel, UppaalVariable
 
 
 @dataclass
-class Part:
+class ProcessPart:
     """A process, its steps and invariants by location, and the index of the component it belongs to."""
 
     process: Process
-    steps: list[Step]
+    steps: list[ProcessStep]
     invariants: list[tuple[str, Expression]]
     group: int = 0
 
@@ -50,7 +50,7 @@ class Composing:
     """Makes components and channels of the parts of one system; `losses` grows."""
 
     def __init__(
-        self, parts: list[Part], cells: Cells, losses: Losses, tester: Set[tuple[str, str]], origin: str
+        self, parts: list[ProcessPart], cells: Cells, losses: Losses, tester: Set[tuple[str, str]], origin: str
     ) -> None:
         self.parts, self.cells, self.losses = parts, cells, losses
         self._group()
@@ -77,7 +77,7 @@ class Composing:
         changed = set().union(*written)
         used = [_read(part) | own for part, own in zip(self.parts, written, strict=True)]
         shared = [[id for id in ids if id in changed or self.cells.kinds[id] == CLOCK] for ids in used]
-        self.members: list[list[Part]] = []
+        self.members: list[list[ProcessPart]] = []
         for group, indices in enumerate(grouped(shared)):
             self.members.append([self.parts[at] for at in indices])
             for part in self.members[-1]:
@@ -97,14 +97,14 @@ class Composing:
         self.users = users
 
     def _name(self) -> None:
-        components = Names()
+        components = UniqueNames()
         self.component_names, self.machine_names = [], dict[str, str]()
         self.renamed: list[dict[str, Name]] = []
         for group, kept in zip(self.members, self._kept(), strict=True):
             members = [part.process.name for part in group]
             joint = "_".join(members) if len(members) < 4 else f"{members[0]}_and_others"
             self.component_names.append(components.identifier(joint))
-            labels, variables = Names(), Names()
+            labels, variables = UniqueNames(), UniqueNames()
             for name in members:
                 self.machine_names[name] = labels.label(name)
             # A local variable has its own name where that tells it from all others of the component.
@@ -124,7 +124,7 @@ class Composing:
                 found[group].append(id)
         return found
 
-    def _variable(self, cell: Cell, name: str) -> Variable:
+    def _variable(self, cell: UppaalVariable, name: str) -> Variable:
         if cell.kind == CLOCK:
             return Variable(name, CLOCK, None, unit="s", line=cell.line)
         domain: range | tuple[()] = ()
@@ -136,7 +136,7 @@ class Composing:
                 self.losses.add(f"variable {cell.id!r}", cell.line, rule)
         return Variable(name, cell.kind, cell.initial, domain=domain, line=cell.line)
 
-    def _machine(self, part: Part, values: dict[str, Name]) -> Machine:
+    def _machine(self, part: ProcessPart, values: dict[str, Name]) -> Machine:
         template = part.process.template
         meaning: Mapping[str, Expression] = ChainMap(cast(dict[str, Expression], values), self.constants)
         urgent = {each.name for each in template.locations.values() if each.is_urgent or each.is_committed}
@@ -162,7 +162,7 @@ class Composing:
             line=template.line,
         )
 
-    def _ends(self, part: Part, step: Step) -> Iterator[tuple[str, Receive | None, tuple[Send, ...]]]:
+    def _ends(self, part: ProcessPart, step: ProcessStep) -> Iterator[tuple[str, Receive | None, tuple[Send, ...]]]:
         if step.link is None:
             yield step.id, None, ()
             return
@@ -172,7 +172,7 @@ class Composing:
             yield (id, None, (Send(name),)) if step.sign == "!" else (id, Receive(name), ())
 
 
-def _read(part: Part) -> set[str]:
+def _read(part: ProcessPart) -> set[str]:
     said = [condition for _, condition in part.invariants]
     said += [each for step in part.steps for each in (step.guard, *(action.value for action in step.actions))]
     return set().union(*map(names, said))
@@ -182,7 +182,7 @@ def _plain(id: str) -> str:
     return id.rpartition(".")[2]
 
 
-_Side = dict[str, tuple[int, list[Step]]]
+_Side = dict[str, tuple[int, list[ProcessStep]]]
 
 
 class Linking:
@@ -190,7 +190,7 @@ class Linking:
 
     def __init__(
         self,
-        parts: Sequence[Part],
+        parts: Sequence[ProcessPart],
         components: Sequence[str],
         losses: Losses,
         tester: Set[tuple[str, str]],
@@ -198,8 +198,8 @@ class Linking:
     ) -> None:
         self.components, self.losses, self.tester, self.origin, self._steps = components, losses, tester, origin, 0
         self.partners: dict[tuple[str, str, str], list[tuple[str, str]]] = {}
-        self._names, self._made = Names(), list[Channel]()
-        ends: dict[str, tuple[Link, dict[str, _Side]]] = {}
+        self._names, self._made = UniqueNames(), list[Channel]()
+        ends: dict[str, tuple[UppaalChannel, dict[str, _Side]]] = {}
         for part in parts:
             for step in part.steps:
                 if step.link is not None:
@@ -211,7 +211,7 @@ class Linking:
         self.channels = tuple(self._made)
         self.messages = (SIGNAL,) if self._made else ()
 
-    def _join(self, link: Link, senders: _Side, receivers: _Side) -> None:
+    def _join(self, link: UppaalChannel, senders: _Side, receivers: _Side) -> None:
         self._bounded(link, senders, receivers)
         pairs = {
             (one, other): (mine, theirs)
@@ -234,7 +234,7 @@ class Linking:
                     if others != [process]:  # nobody meets itself
                         self.partners.setdefault((process, link.id, sign), []).append((name, partner))
 
-    def _bounded(self, link: Link, senders: _Side, receivers: _Side) -> None:
+    def _bounded(self, link: UppaalChannel, senders: _Side, receivers: _Side) -> None:
         # Each step on the channel is there once for each component on the other side.
         for side, others in ((senders, receivers), (receivers, senders)):
             partners = len({group for group, _ in others.values()})
@@ -246,12 +246,12 @@ class Linking:
             remedy = "instantiate fewer processes: a few on each side behave like many"
             raise BadModel(f"{self.origin}:{link.line}", rule, remedy, slug="expansion-size")
 
-    def _channel(self, link: Link, between: tuple[str, str], *, alone: bool) -> str:
+    def _channel(self, link: UppaalChannel, between: tuple[str, str], *, alone: bool) -> str:
         name = self._names.identifier(link.id if alone else f"{link.id}_{between[0]}_{between[1]}")
         self._made.append(Channel(name, *between, SIGNAL.name, capacity=0, line=link.line))
         return name
 
-    def _limits(self, link: Link, senders: _Side, receivers: _Side) -> None:
+    def _limits(self, link: UppaalChannel, senders: _Side, receivers: _Side) -> None:
         where = f"channel {link.id!r}"
         met = any(sender != receiver for sender in senders for receiver in receivers)
         if link.is_broadcast and (met or not senders):

@@ -168,7 +168,7 @@ class DeclarationReader(syntax.Parser):
         self.tokens.expect(":")
         return name
 
-    def _instance(self, line: int) -> Instance:
+    def _instance(self, line: int) -> InstanceLine:
         tokens = self.tokens
         name = tokens.name("a name")
         parameters = self.parameters(")") if tokens.accept("(") else ()
@@ -178,9 +178,9 @@ class DeclarationReader(syntax.Parser):
         tokens.expect("(")
         arguments = tuple(tokens.listed(self.condition, ")"))
         tokens.expect(";")
-        return Instance(name, parameters, template, arguments, line)
+        return InstanceLine(name, parameters, template, arguments, line)
 
-    def _system(self, line: int) -> System:
+    def _system(self, line: int) -> SystemLine:
         tokens = self.tokens
         names, is_ranked = [tokens.name("a process")], False
         while not tokens.accept(";"):
@@ -189,7 +189,7 @@ class DeclarationReader(syntax.Parser):
             else:
                 tokens.expect(",")
             names.append(tokens.name("a process"))
-        return System(tuple(names), is_ranked, line)
+        return SystemLine(tuple(names), is_ranked, line)
 
     def _skip(self) -> None:
         # To the end of the block that starts before the next semicolon, or to that semicolon.
@@ -243,7 +243,7 @@ class Routine:
 
 
 @dataclass(frozen=True, slots=True)
-class Instance:
+class InstanceLine:
     """`name(parameters) = template(arguments);`."""
 
     name: str
@@ -254,7 +254,7 @@ class Instance:
 
 
 @dataclass(frozen=True, slots=True)
-class System:
+class SystemLine:
     """`system A, B < C;`; `is_ranked` tells that processes have priorities."""
 
     names: tuple[str, ...]
@@ -270,7 +270,7 @@ class Aside:
     line: int
 
 
-Declaration: TypeAlias = Declared | Routine | Instance | System | Aside
+Declaration: TypeAlias = Declared | Routine | InstanceLine | SystemLine | Aside
 
 
 _TYPES = ("int", "bool", "const", "double", "struct")
@@ -292,7 +292,7 @@ class Loop(syntax.Statement):
 
 
 @dataclass(frozen=True, slots=True)
-class Each(syntax.Statement):
+class Iteration(syntax.Statement):
     """`for (name : range) body`."""
 
     name: str
@@ -375,7 +375,7 @@ class BodyParser(syntax.Parser):
             reader = DeclarationReader(tokens)
             name, type_ = reader.bound_name(), reader.type()
             tokens.expect(")")
-            return (Each(name, type_, self.inner()),)
+            return (Iteration(name, type_, self.inner()),)
         first = () if tokens.token.text == ";" else self._statement()
         tokens.expect(";")
         condition = Literal(True) if tokens.token.text == ";" else self.condition()

@@ -8,13 +8,25 @@ from dataclasses import replace
 from typing import Self, TypeVar
 
 from parcours.errors import BadModel
-from parcours.model.expression import Apply, Binary, Expression, Field, Literal, Name, Unary
+from parcours.model.expression import Apply, Binary, Expression, FieldAccess, Literal, Name, Unary
 from parcours_formats.guard_languages import Scope, Translation, refusal, values
 from parcours_formats.guard_languages.values import FALSE, TRUE, Cases, always, conjunction
 from parcours_formats.uppaal.declarations import Declared, Initial, Routine, TypeTree
-from parcours_formats.uppaal.symbols import KINDS, MAX_CELLS, Cell, Cells, Given, Held, Link, Record, Row, Shape, Symbol
+from parcours_formats.uppaal.symbols import (
+    KINDS,
+    MAX_CELLS,
+    ArrayVariable,
+    Cells,
+    Given,
+    ParameterValue,
+    Shape,
+    Struct,
+    Symbol,
+    UppaalChannel,
+    UppaalVariable,
+)
 
-_S = TypeVar("_S", Cell, Link)
+_S = TypeVar("_S", UppaalVariable, UppaalChannel)
 _PLAIN = {"int": "int", "bool": "bool", "clock": "clock", "chan": "chan", "double": "real", "void": "void"}
 
 
@@ -47,7 +59,7 @@ class Environment(Scope):
 
     def hold(self, name: str, value: bool | int | float) -> None:
         """Let a name mean a constant."""
-        self.names[name] = Held(((TRUE, values.literal(value)),))
+        self.names[name] = ParameterValue(((TRUE, values.literal(value)),))
 
     def declare(self, declared: Declared | Routine, where: str) -> None:
         """Add a name and what it means. Raises BadModel if its type or initial value cannot be worked out."""
@@ -67,10 +79,10 @@ class Environment(Scope):
         match tree:
             case Name(name):
                 return [(TRUE, self.find(name, where))]
-            case Field(of, name):
+            case FieldAccess(of, name):
                 found: list[tuple[Expression, Symbol]] = []
                 for case, symbol in self.locate(of, where):
-                    if not isinstance(symbol, Record) or name not in symbol.fields:
+                    if not isinstance(symbol, Struct) or name not in symbol.fields:
                         raise refusal(where, f"the field {name!r} of {KINDS[type(symbol)]}")
                     found.append((case, symbol.fields[name]))
                 return found
@@ -91,7 +103,7 @@ class Environment(Scope):
     ) -> list[tuple[Expression, Symbol]]:
         found: list[tuple[Expression, Symbol]] = []
         for case, symbol in places:
-            if not isinstance(symbol, Row):
+            if not isinstance(symbol, ArrayVariable):
                 raise refusal(where, f"an element of {KINDS[type(symbol)]}")
             for condition, index in indices:
                 for at, item in self._candidates(symbol, index, where):
@@ -105,7 +117,7 @@ class Environment(Scope):
             raise BadModel(where, "an index must lie inside its array, but this one does not", slug="out-of-range")
         return found
 
-    def _candidates(self, row: Row, index: Expression, where: str) -> Iterable[tuple[Expression, Symbol]]:
+    def _candidates(self, row: ArrayVariable, index: Expression, where: str) -> Iterable[tuple[Expression, Symbol]]:
         match index:
             case Literal(int() as at) if not isinstance(at, bool):
                 return [(TRUE, row.items[at])] if at < len(row.items) else []
@@ -124,9 +136,9 @@ class Environment(Scope):
         found: Cases = []
         for case, symbol in self.locate(tree, where):
             match symbol:
-                case Cell():
+                case UppaalVariable():
                     found.append((case, self.cells.known.get(symbol.id, Name(symbol.id))))
-                case Held(cases):
+                case ParameterValue(cases):
                     found += values.joined(where, lambda _, value: value, [(case, TRUE)], list(cases))
                 case _:
                     raise refusal(where, f"{KINDS[type(symbol)]} as a value")
@@ -134,11 +146,11 @@ class Environment(Scope):
 
     def target(self, tree: Expression, where: str) -> list[tuple[Expression, Name]]:
         """Return the variables that an assignment may change, each with its condition."""
-        return [(case, Name(cell.id)) for case, cell in self._among(tree, Cell, "an assignment to", where)]
+        return [(case, Name(cell.id)) for case, cell in self._among(tree, UppaalVariable, "an assignment to", where)]
 
-    def links(self, tree: Expression, where: str) -> list[tuple[Expression, Link]]:
+    def links(self, tree: Expression, where: str) -> list[tuple[Expression, UppaalChannel]]:
         """Return the channels that a synchronisation may mean, each with its condition."""
-        return self._among(tree, Link, "a synchronisation on", where)
+        return self._among(tree, UppaalChannel, "a synchronisation on", where)
 
     def _among(self, tree: Expression, kind: type[_S], use: str, where: str) -> list[tuple[Expression, _S]]:
         found = []

@@ -14,9 +14,9 @@ from parcours.model.expression import Apply, Assignment, Expression, names
 from parcours_formats.guard_languages import Branch, Tokens, Translation, performed, refusal, sized, values
 from parcours_formats.guard_languages.foreign_syntax import Set, Statement, When
 from parcours_formats.guard_languages.values import TRUE, Cases, always, is_constant, literal, negation, replaced
-from parcours_formats.uppaal.declarations import BodyParser, Declared, Each, Local, Loop, Perform, Return, Routine
+from parcours_formats.uppaal.declarations import BodyParser, Declared, Iteration, Local, Loop, Perform, Return, Routine
 from parcours_formats.uppaal.environment import Environment
-from parcours_formats.uppaal.symbols import Cell
+from parcours_formats.uppaal.symbols import UppaalVariable
 
 MAX_TURNS = 200
 """Most turns of one loop."""
@@ -34,7 +34,7 @@ class Running:
     value: Expression | None = None
 
 
-class Execution:
+class SymbolicExecution:
     """Follows statements along every way."""
 
     def __init__(self, scope: Environment, where: str) -> None:
@@ -52,9 +52,9 @@ class Execution:
             self.bounded(now)
         return now
 
-    def within(self) -> Execution:
+    def within(self) -> SymbolicExecution:
         """Return the execution of a block inside: what it declares is not seen outside."""
-        return Execution(self.scope.inner(), self.where)
+        return SymbolicExecution(self.scope.inner(), self.where)
 
     def bounded(self, now: list[Running]) -> None:
         """Raise BadModel if there are too many ways."""
@@ -80,7 +80,7 @@ class Execution:
                 return [Running(each.branch) for each in self.called(call, routine, here)]
             case Loop():
                 return self.turns(statement, here)
-            case Each(name, type_, body):
+            case Iteration(name, type_, body):
                 now, turns = [here], tuple(self.scope.shape(type_, self.where).values(self.where))
                 self.scope.cells.spend(self.where, len(turns))
                 for value in turns:
@@ -137,7 +137,11 @@ class Execution:
         self.scope.cells.known = {}  # what is said here is said on several ways
         shape = self.scope.shape(declared.type, self.where, declared.lengths)
         made, cells = self.scope.cells.make_local(declared.name, shape, declared.line, self.where)
-        if isinstance(made, Cell) and declared.initial is not None and not isinstance(declared.initial, tuple):
+        if (
+            isinstance(made, UppaalVariable)
+            and declared.initial is not None
+            and not isinstance(declared.initial, tuple)
+        ):
             cases = Translation(self.scope, self.where).of_kind(declared.initial, made.kind)
             now = [after for each in now for after in self.assigned(made.id, cases, each)]
         elif declared.initial is not None and cells:
@@ -178,7 +182,7 @@ class Execution:
         tokens = routine.tokens
         tokens.position = routine.body + 1
         self.scope.cells.depth += 1
-        found = Execution(inner, self.where).run(BodyParser(tokens).statements("}"), now)
+        found = SymbolicExecution(inner, self.where).run(BodyParser(tokens).statements("}"), now)
         self.scope.cells.depth -= 1
         return found
 
@@ -192,7 +196,7 @@ def updates(text: str, environment: Environment, origin: str, line: int) -> list
     """Return what an update label does, one branch for each way its choices can fall."""
     where = f"{origin}:{line}"
     statements = BodyParser(Tokens(text, "uppaal", origin, line)).statements()
-    found = Execution(environment, where).run(statements, [Running(Branch(TRUE, ()))])
+    found = SymbolicExecution(environment, where).run(statements, [Running(Branch(TRUE, ()))])
     environment.cells.known = {}
     return [Branch(sized(each.branch.guard, where), without_locals(each.branch.actions, where)) for each in found]
 
@@ -201,7 +205,7 @@ def value_of(call: Apply, environment: Environment, routine: Routine, where: str
     """Return the value of a call, in terms of the variables before it."""
     found: Cases = []
     kept = environment.cells.known
-    for each in Execution(environment, where).called(call, routine, Running(Branch(TRUE, ()))):
+    for each in SymbolicExecution(environment, where).called(call, routine, Running(Branch(TRUE, ()))):
         if any(not is_local(action.target) for action in each.branch.actions):
             raise refusal(where, f"the function {call.function!r}, which changes variables, inside a value")
         if each.value is None:

@@ -10,9 +10,9 @@ from itertools import product
 from parcours.errors import BadModel, one_of
 from parcours.model.expression import Expression
 from parcours_formats.guard_languages import refusal
-from parcours_formats.naming import Names, as_label
+from parcours_formats.naming import UniqueNames, as_label
 from parcours_formats.uppaal import declarations
-from parcours_formats.uppaal.declarations import Declaration, Declared, Instance, Routine, System
+from parcours_formats.uppaal.declarations import Declaration, Declared, InstanceLine, Routine, SystemLine
 from parcours_formats.uppaal.environment import Environment
 from parcours_formats.xml_lines import Element
 
@@ -38,8 +38,8 @@ class Instantiation:
         self, templates: dict[str, Template], declared: list[Declaration], around: Environment, origin: str
     ) -> None:
         self.templates, self.around, self.origin = templates, around, origin
-        self.instances = {each.name: each for each in declared if isinstance(each, Instance)}
-        self.systems = [each for each in declared if isinstance(each, System)]
+        self.instances = {each.name: each for each in declared if isinstance(each, InstanceLine)}
+        self.systems = [each for each in declared if isinstance(each, SystemLine)]
 
     def processes(self) -> list[Process]:
         """Return the processes that the system line names."""
@@ -148,7 +148,7 @@ class Location:
 
 
 @dataclass(frozen=True, slots=True)
-class Edge:
+class TemplateEdge:
     """An edge between locations, or from or to a branch point; `name` is its id, or counts from 1 in its template."""
 
     name: str
@@ -168,14 +168,14 @@ class Template:
     locations: dict[str, Location]
     forks: frozenset[str]
     initial: str
-    edges: tuple[Edge, ...]
+    edges: tuple[TemplateEdge, ...]
     line: int
 
-    def ways(self) -> list[tuple[Edge, ...]]:
+    def ways(self) -> list[tuple[TemplateEdge, ...]]:
         """Return the ways from location to location: an edge, or two with a branch point between."""
         #   a ---> (fork) --+--> b       is the ways  a -> b  and  a -> c: UPPAAL has no time and no
         #                   '--> c       other step between the two edges
-        found: list[tuple[Edge, ...]] = []
+        found: list[tuple[TemplateEdge, ...]] = []
         leaving = {fork: [edge for edge in self.edges if edge.source == fork] for fork in self.forks}
         for edge in self.edges:
             if edge.source in self.locations:
@@ -190,7 +190,7 @@ def read_template(element: Element, origin: str) -> Template:
     if not name:
         raise BadModel(where, "a template must have a name, but this one has none", "name it", slug="uppaal-structure")
     parameters, declared = label_of(element.first("parameter")), label_of(element.first("declaration"))
-    names = Names()
+    names = UniqueNames()
     locations = {each.get("id"): _location(each, names) for each in element.all("location")}
     forks = frozenset(each.get("id") for each in element.all("branchpoint"))
     start = element.first("init")
@@ -205,7 +205,7 @@ def read_template(element: Element, origin: str) -> Template:
         if source in forks and target in forks:
             rule = f"an edge of {name!r} must not join two branch points, but this one does"
             raise BadModel(f"{origin}:{each.line}", rule, slug="uppaal-structure")
-        edges.append(Edge(_name(each) or str(number), source, target, _labels(each), each.line))
+        edges.append(TemplateEdge(_name(each) or str(number), source, target, _labels(each), each.line))
     given = declarations.parse_parameters(parameters.text, origin, parameters.line)
     local = declarations.parse_declarations(declared.text, origin, declared.line)
     return Template(name, given, local, locations, forks, initial, tuple(edges), element.line)
@@ -226,7 +226,7 @@ def _name(element: Element) -> str:
     return "" if re.fullmatch(r"id[0-9]+", id) else as_label(id) if id else ""
 
 
-def _location(element: Element, names: Names) -> Location:
+def _location(element: Element, names: UniqueNames) -> Location:
     name = label_of(element.first("name")).text or element.get("id")
     is_urgent, is_committed = (element.first(kind) is not None for kind in ("urgent", "committed"))
     return Location(names.label(name), _labels(element), is_urgent, is_committed, element.line)

@@ -8,19 +8,19 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Set
 from dataclasses import dataclass, field
 
-from parcours.model.expression import Apply, Assignment, Binary, Expression, Field, Literal, Name, Unary, names
+from parcours.model.expression import Apply, Assignment, Binary, Expression, FieldAccess, Literal, Name, Unary, names
 from parcours.model.expression.syntax import walk
 from parcours.model.structure import CLOCK, ENVIRONMENT, Cefsm, Channel, Component, Send, Transition, Variable
 from parcours_formats.guard_languages.values import is_natural, naturals_of
 from parcours_formats.losses import Losses
-from parcours_formats.naming import Names
+from parcours_formats.naming import UniqueNames
 
 TESTER = "Environment"
 """The template that stands for the tester: one location, and an edge for each channel of the environment."""
 
 
 @dataclass(frozen=True, slots=True)
-class Wire:
+class SharedChannel:
     """How a channel is written: its name, and a variable of a type for each field that its messages have there.
 
     Messages wait in a queue of a capacity above 0, which is a counter; others meet, unless nobody reads them.
@@ -38,7 +38,7 @@ class Shared:
     def __init__(self, cefsm: Cefsm) -> None:
         self.cefsm = cefsm
         self.losses = Losses()
-        self.names = Names((*WORDS, TESTER))
+        self.names = UniqueNames((*WORDS, TESTER))
         self.scale = scale_of(cefsm)
         if self.scale != 1:
             self.losses.add("model", 0, f"the unit of time is 1/{self.scale} s there")
@@ -141,7 +141,7 @@ class Shared:
         met = [(self.links[each.name], "!" if each.sender == ENVIRONMENT else "?") for each in outer]
         return [link.name + sign for link, sign in met if link.meets]
 
-    def _link(self, channel: Channel, name: str, is_read: bool) -> Wire:
+    def _link(self, channel: Channel, name: str, is_read: bool) -> SharedChannel:
         where, line, fields = f"channel {channel.name!r}", channel.line, self.fields[channel.name]
         is_outer = ENVIRONMENT in (channel.sender, channel.receiver)
         capacity = channel.capacity if is_read and not is_outer else 0
@@ -165,7 +165,7 @@ class Shared:
                 self.losses.add(where, line, rule)
             else:
                 slots[part.name] = self.names.identifier(f"{name}_{part.name}"), part.type
-        return Wire(name, capacity, not capacity and (channel.receiver == ENVIRONMENT or is_read), slots)
+        return SharedChannel(name, capacity, not capacity and (channel.receiver == ENVIRONMENT or is_read), slots)
 
     def _name(self, component: Component, variable: Variable) -> None:
         where = f"variable '{component.name}.{variable.name}'"
@@ -254,7 +254,7 @@ class Rendering:
                 text = self.numbers[value]
             case Literal(int() | float() as value):
                 text = self.constant(value) if scale > 1 else self._number(value)
-            case Name() | Field():
+            case Name() | FieldAccess():
                 text = self._named(node)
             case Unary(operator, operand):
                 text, own = operator + self._of(operand, 8, scale), 8

@@ -13,19 +13,19 @@ from parcours_formats.guard_languages import Branch, Tokens, Translation, sized
 from parcours_formats.guard_languages.foreign_syntax import Parser
 from parcours_formats.guard_languages.values import FALSE, TRUE, conjunction
 from parcours_formats.losses import Losses
-from parcours_formats.naming import Names
+from parcours_formats.naming import UniqueNames
 from parcours_formats.uppaal.declarations import parse_selections
 from parcours_formats.uppaal.environment import Environment
 from parcours_formats.uppaal.execution import updates as updates_of
-from parcours_formats.uppaal.processes import Edge, Label, Process
-from parcours_formats.uppaal.symbols import Link
+from parcours_formats.uppaal.processes import Label, Process, TemplateEdge
+from parcours_formats.uppaal.symbols import UppaalChannel
 
 MAX_STEPS = 200_000
 """Most steps of all processes together."""
 
 
 @dataclass(frozen=True, slots=True)
-class Step:
+class ProcessStep:
     """One way of a process from location to location. `sign` is `!` or `?` if it meets another at `link`."""
 
     id: str
@@ -33,19 +33,19 @@ class Step:
     target: str
     guard: Expression
     actions: tuple[Assignment, ...]
-    link: Link | None
+    link: UppaalChannel | None
     sign: str
     weight: float
     line: int
 
 
-class Steps:
+class StepWriter:
     """Writes out the steps of the processes of one file; `losses` grows."""
 
     def __init__(self, origin: str) -> None:
-        self.origin, self.count, self.ids, self.losses = origin, 0, Names(), Losses()
+        self.origin, self.count, self.ids, self.losses = origin, 0, UniqueNames(), Losses()
 
-    def of(self, process: Process) -> Iterator[Step]:
+    def of(self, process: Process) -> Iterator[ProcessStep]:
         """Yield the steps of a process."""
         locations, ways = process.template.locations, process.template.ways()
         self._bounded(len(ways), process.template.line)
@@ -62,7 +62,9 @@ class Steps:
                 for number, (guard, branch, link, sign) in enumerate(found, 1):
                     own = f"{id}#{number}" if len(found) > 1 else id
                     weight = self._weight(way, environment)
-                    yield Step(self.ids.label(own), source, target, guard, branch.actions, link, sign, weight, line)
+                    yield ProcessStep(
+                        self.ids.label(own), source, target, guard, branch.actions, link, sign, weight, line
+                    )
             if self.count == before:
                 where = f"edge from {source!r} to {target!r} of {process.name!r}"
                 self.losses.add(where, line, "its guard is false whatever happens; it is left out")
@@ -72,7 +74,7 @@ class Steps:
             rule = f"a system is written out to at most {MAX_STEPS} steps, but this one goes beyond"
             raise BadModel(self._where(line), rule, "make its ranges smaller", slug="expansion-size")
 
-    def _selected(self, around: Environment, way: tuple[Edge, ...]) -> Iterator[tuple[Environment, str]]:
+    def _selected(self, around: Environment, way: tuple[TemplateEdge, ...]) -> Iterator[tuple[Environment, str]]:
         labels = _labels(way, "select")
         selections = [each for label in labels for each in parse_selections(label.text, *self._at(label))]
         where = self._where(way[0].line)
@@ -89,12 +91,12 @@ class Steps:
             yield environment, f"[{shown}]" if shown else ""
 
     def _written_out(
-        self, way: tuple[Edge, ...], environment: Environment
-    ) -> list[tuple[Expression, Branch, Link | None, str]]:
+        self, way: tuple[TemplateEdge, ...], environment: Environment
+    ) -> list[tuple[Expression, Branch, UppaalChannel | None, str]]:
         guards = [self.condition(label, environment) for label in _labels(way, "guard")]
         if FALSE in guards:  # a selection may put an index outside its array where the guard forbids it
             return []
-        meetings: list[tuple[Expression, Link | None, str]] = [(TRUE, None, "")]
+        meetings: list[tuple[Expression, UppaalChannel | None, str]] = [(TRUE, None, "")]
         for label in _labels(way, "synchronisation"):
             meetings = list(self._meetings(label, environment))
         updates = [Branch(TRUE, ())]
@@ -120,7 +122,7 @@ class Steps:
                 tokens.fail("an operator or the end")
         return conjunction(parts)
 
-    def _meetings(self, label: Label, environment: Environment) -> Iterator[tuple[Expression, Link, str]]:
+    def _meetings(self, label: Label, environment: Environment) -> Iterator[tuple[Expression, UppaalChannel, str]]:
         tokens = Tokens(label.text, "uppaal", *self._at(label))
         place = Parser(tokens).place()
         sign = tokens.token.text
@@ -132,7 +134,7 @@ class Steps:
         for case, link in environment.links(place, self._where(label.line)):
             yield case, link, sign
 
-    def _weight(self, way: tuple[Edge, ...], environment: Environment) -> float:
+    def _weight(self, way: tuple[TemplateEdge, ...], environment: Environment) -> float:
         weight = 1.0
         for label in _labels(way[1:], "probability"):
             tree = Parser(Tokens(label.text, "uppaal", *self._at(label))).condition()
@@ -146,5 +148,5 @@ class Steps:
         return f"{self.origin}:{line}"
 
 
-def _labels(way: tuple[Edge, ...], kind: str) -> list[Label]:
+def _labels(way: tuple[TemplateEdge, ...], kind: str) -> list[Label]:
     return [edge.labels[kind] for edge in way if kind in edge.labels]

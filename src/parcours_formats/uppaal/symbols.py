@@ -53,7 +53,7 @@ class Shape:
 
 
 @dataclass(frozen=True, slots=True)
-class Cell:
+class UppaalVariable:
     """A variable or clock; `id` is unique in the system. `low` and `high` bound an integer, if it has bounds."""
 
     id: str
@@ -66,14 +66,14 @@ class Cell:
 
 
 @dataclass(frozen=True, slots=True)
-class Held:
+class ParameterValue:
     """A constant, or the value a parameter was given: (condition, value) pairs of which one condition holds."""
 
     cases: tuple[tuple[Expression, Expression], ...]
 
 
 @dataclass(frozen=True, slots=True)
-class Link:
+class UppaalChannel:
     """A channel."""
 
     id: str
@@ -83,27 +83,27 @@ class Link:
 
 
 @dataclass(frozen=True, slots=True)
-class Row:
+class ArrayVariable:
     """An array, indexed from 0."""
 
     items: tuple[Symbol, ...]
 
 
 @dataclass(frozen=True, slots=True)
-class Record:
+class Struct:
     """A struct."""
 
     fields: dict[str, Symbol]
 
 
-Symbol: TypeAlias = Cell | Held | Link | Row | Record | Shape | Routine
+Symbol: TypeAlias = UppaalVariable | ParameterValue | UppaalChannel | ArrayVariable | Struct | Shape | Routine
 
 KINDS: dict[type, str] = {
-    Cell: "a variable",
-    Held: "a constant",
-    Link: "a channel",
-    Row: "an array",
-    Record: "a struct",
+    UppaalVariable: "a variable",
+    ParameterValue: "a constant",
+    UppaalChannel: "a channel",
+    ArrayVariable: "an array",
+    Struct: "a struct",
     Shape: "a type",
     Routine: "a function",
 }
@@ -119,7 +119,7 @@ class Cells:
     def __init__(self) -> None:
         self.kinds: dict[str, str] = {}
         self.naturals: set[str] = set()
-        self.cells: dict[str, Cell] = {}
+        self.cells: dict[str, UppaalVariable] = {}
         self.known: dict[str, Expression] = {}
         self.count = self.work = self.calls = self.depth = 0
         self._most = MAX_WORK
@@ -153,22 +153,22 @@ class Cells:
                 name: self.make(f"{id}_{name}", each, value, line, where, is_global=is_global)
                 for (name, each), value in zip(parts, values, strict=True)
             }
-            return Row(tuple(made.values())) if shape.lengths else Record(made)
+            return ArrayVariable(tuple(made.values())) if shape.lengths else Struct(made)
         self._count(1, where)
         if isinstance(given, tuple):
             raise BadModel(where, f"{id!r} must have one initial value, but has several", slug="initial")
         if shape.kind == "chan":
-            return Link(id, "urgent" in shape.prefixes, "broadcast" in shape.prefixes, line)
+            return UppaalChannel(id, "urgent" in shape.prefixes, "broadcast" in shape.prefixes, line)
         start = _start(shape, given)
         if "const" in shape.prefixes:
-            return Held(((TRUE, literal(start)),))
-        cell = self.cells[id] = Cell(id, shape.kind, start, shape.low, shape.high, is_global, line)
+            return ParameterValue(((TRUE, literal(start)),))
+        cell = self.cells[id] = UppaalVariable(id, shape.kind, start, shape.low, shape.high, is_global, line)
         self.kinds[id] = shape.kind
         if shape.low is not None and shape.low >= 0:
             self.naturals.add(id)
         return cell
 
-    def make_local(self, name: str, shape: Shape, line: int, where: str) -> tuple[Symbol, list[Cell]]:
+    def make_local(self, name: str, shape: Shape, line: int, where: str) -> tuple[Symbol, list[UppaalVariable]]:
         """Return a variable of a function, with the cells it consists of: they last for one call."""
         # No name of a file has an apostrophe, so that a local variable never meets another.
         self.calls += 1

@@ -5,23 +5,23 @@ from __future__ import annotations
 from pathlib import PurePath
 
 from parcours.errors import BadModel
-from parcours.model.conversion import Reading, accepted
+from parcours.model.conversion import ForeignModel, accepted
 from parcours.model.expression import Expression, names
 from parcours.model.structure import CLOCK, Cefsm
 from parcours_formats.guard_languages.values import TRUE, conjunction, conjuncts
 from parcours_formats.losses import Losses
 from parcours_formats.naming import as_label
-from parcours_formats.uppaal.composing import Composing, Part
-from parcours_formats.uppaal.declarations import Aside, Declared, Routine, System, parse_declarations
+from parcours_formats.uppaal.composing import Composing, ProcessPart
+from parcours_formats.uppaal.declarations import Aside, Declared, Routine, SystemLine, parse_declarations
 from parcours_formats.uppaal.execution import CallingEnvironment
 from parcours_formats.uppaal.processes import Instantiation, Process, label_of, read_template
 from parcours_formats.uppaal.sharing import TESTER
-from parcours_formats.uppaal.steps import Steps
+from parcours_formats.uppaal.steps import StepWriter
 from parcours_formats.uppaal.symbols import Cells
 from parcours_formats.xml_lines import parse_xml
 
 
-def read(text: str, origin: str) -> Reading:
+def read(text: str, origin: str) -> ForeignModel:
     """Return the system of a UPPAAL file as a model. Raises BadModel if it says what cannot be translated."""
     root = parse_xml(text, origin)
     if root.tag != "nta":
@@ -39,7 +39,7 @@ def read(text: str, origin: str) -> Reading:
             around.declare(each, f"{origin}:{each.line}")
         elif isinstance(each, Aside):
             losses.add("declarations", each.line, f"{each.what} is left out", alters="priorities" in each.what)
-        elif isinstance(each, System) and each.is_ranked:
+        elif isinstance(each, SystemLine) and each.is_ranked:
             losses.add("system", each.line, "priorities of processes are left out", alters=True)
     templates = {each.name: each for each in (read_template(element, origin) for element in root.all("template"))}
     for element in root.all("lsc"):
@@ -47,11 +47,11 @@ def read(text: str, origin: str) -> Reading:
     queries = [each for element in root.all("queries") for each in element.all("query")]
     if queries:
         losses.add("queries", queries[0].line, f"{len(queries)} queries are left out: a model says no properties")
-    steps = Steps(origin)
+    steps = StepWriter(origin)
     parts = []
     for process in Instantiation(templates, declared, around, origin).processes():
         losses += _location_losses(process)
-        parts.append(Part(process, list(steps.of(process)), _invariants(process, steps, cells, losses)))
+        parts.append(ProcessPart(process, list(steps.of(process)), _invariants(process, steps, cells, losses)))
     losses += steps.losses
     # A process `Environment` that only meets others is how our own writer writes the tester: it is read as that.
     testers = [part for part in parts if _is_tester(part)]
@@ -64,7 +64,7 @@ def read(text: str, origin: str) -> Reading:
     return accepted(cefsm, losses)
 
 
-def _is_tester(part: Part) -> bool:
+def _is_tester(part: ProcessPart) -> bool:
     template = part.process.template
     only_meets = all(step.link is not None and step.guard == TRUE and not step.actions for step in part.steps)
     return template.name == TESTER and len(template.locations) == 1 and not part.invariants and only_meets
@@ -82,7 +82,7 @@ def _location_losses(process: Process) -> Losses:
     return found
 
 
-def _invariants(process: Process, steps: Steps, cells: Cells, losses: Losses) -> list[tuple[str, Expression]]:
+def _invariants(process: Process, steps: StepWriter, cells: Cells, losses: Losses) -> list[tuple[str, Expression]]:
     found = []
     for location in process.template.locations.values():
         if "invariant" not in location.labels:

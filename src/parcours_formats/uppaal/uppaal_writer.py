@@ -16,7 +16,7 @@ from parcours.model.conversion import Writing
 from parcours.model.expression import Assignment, Expression
 from parcours.model.structure import Cefsm, Component, Machine, Transition
 from parcours_formats.losses import unsaid
-from parcours_formats.naming import Names, as_identifier
+from parcours_formats.naming import UniqueNames, as_identifier
 from parcours_formats.uppaal.sharing import TESTER, WORDS, Rendering, Shared, UnsayableError
 
 _HEAD = """<?xml version="1.0" encoding="utf-8"?>
@@ -29,7 +29,7 @@ def write(cefsm: Cefsm) -> Writing:
     """Return a model as a UPPAAL file."""
     shared = Shared(cefsm)
     shared.losses += unsaid(replace(cefsm, components=()), frozenset())
-    given, templates = Names([*WORDS, TESTER]), list[_Template]()
+    given, templates = UniqueNames([*WORDS, TESTER]), list[_Template]()
     for component in cefsm.components:
         alone = len(component.machines) == 1
         if component.title:
@@ -88,7 +88,7 @@ class _Template:
         yield f"\t<template>\n\t\t<name>{self.name}</name>"
         yield f"\t\t<declaration>{escape(chr(10).join(declared))}</declaration>"
         given = [name for own in self.shared.variables.values() for name in own.values()]
-        shown = Names([*WORDS, *given, *(link.name for link in self.shared.links.values())])
+        shown = UniqueNames([*WORDS, *given, *(link.name for link in self.shared.links.values())])
         for number, state in enumerate(machine.states):
             name = shown.identifier(state)
             if name != state:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from parcours import __version__
-from parcours.report.pieces import Figure, Finding, Findings, Page, Piece, Section, Text, Tone
+from parcours.report.pieces import Figure, Findings, KeyFigure, Page, Piece, Section, Text, Tone
 from parcours.report.rates import intervals, shares
 from parcours.report.standings import arrivals, dominance
 from parcours_navigation.comparison import tables
@@ -71,7 +71,7 @@ def _findings(found: Analysis) -> Findings:
     for one in found.standings:
         rate, touched = one.questions[_REACHED], one.questions[_TOUCHED].count
         note = f"95 %: {100 * rate.low:.1f} to {100 * rate.high:.1f}; touched while moving: {touched}"
-        items.append(Finding(f"{100 * rate.share:.1f} %", f"{one.name}: goal reached in time", note))
+        items.append(KeyFigure(f"{100 * rate.share:.1f} %", f"{one.name}: goal reached in time", note))
     return Findings(tuple(items))
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from parcours.errors import BadRequest, BadResults, ParcoursError
 from parcours.report.junit import CaseResult
 from parcours.report.pieces import Cell, Column, Marked, Page, Table, Tone
-from parcours.report.timings import Timed, timing_table
+from parcours.report.timings import TimingCase, timing_table
 from parcours.study.journal import read_journal
 from parcours.study.protocol import Measure
 from parcours.verdict.judgement import Judgement, Verdict
@@ -43,7 +43,7 @@ class Result:
     seconds: float
     scene: str = ""
     recording: str = ""
-    timing: Timed | None = None
+    timing: TimingCase | None = None
     passive: Mapping[str, list[int]] = field(default_factory=dict)
 
     def entry(self) -> dict[str, object]:
@@ -68,7 +68,7 @@ def _kept(entry: Mapping[str, Any], study: str) -> Result:
     judgement = Judgement(Verdict(entry["verdict"]), str(entry["why"]))
     judged = Judged(judgement, str(entry["outcome"]), tuple(entry["deaths"].items()), (), tuple(entry["held_ns"]))
     kept = entry["timing"]
-    timing = Timed(kept["name"], tuple(kept["durations"]), parse_bound(kept["bound"]), judgement) if kept else None
+    timing = TimingCase(kept["name"], tuple(kept["durations"]), parse_bound(kept["bound"]), judgement) if kept else None
     id, seconds = f"{study}/{entry['id']}", float(entry["seconds"])
     return Result(id, str(entry["kind"]), judged, seconds, recording=str(entry["recording"]), timing=timing)
 

@@ -12,7 +12,7 @@ from dataclasses import replace
 
 from parcours.abtc import interaction_paths
 from parcours.model.structure import ENVIRONMENT
-from parcours.report.timings import Timed
+from parcours.report.timings import TimingCase
 from parcours.run.binding.structure import Binding, Bound
 from parcours.run.hosts.ros1.foreign_session import Session
 from parcours.run.noise import Noise, NoiseMeter
@@ -99,7 +99,7 @@ class Exercise:
         return found
 
 
-def timed(span: Bound, took: list[int], warm_up: int, noise: Noise | None) -> list[Timed]:
+def timed(span: Bound, took: list[int], warm_up: int, noise: Noise | None) -> list[TimingCase]:
     """Return the durations of a span with their verdicts, one for each limit; the first ones do not count."""
     kept = took[warm_up:] if len(took) > warm_up else []
     found = []
@@ -110,5 +110,5 @@ def timed(span: Bound, took: list[int], warm_up: int, noise: Noise | None) -> li
         else:
             why = f"{len(took)} repeats were seen, of which {warm_up} are warm-up [few-repeats]"
             judgement = Judgement(Verdict.INCONCLUSIVE, why)
-        found.append(Timed(span.name, tuple(kept), bound, judgement))
+        found.append(TimingCase(span.name, tuple(kept), bound, judgement))
     return found

@@ -25,7 +25,7 @@ SILENT = 2_000_000_000
 SLOW_V, SLOW_W = 0.01, 0.02  # What is slower does not move [m/s], [rad/s]
 
 
-class Outcome(StrEnum):
+class RobotOutcome(StrEnum):
     """What became of the robot; the first that holds, in this order, with `ERROR` before all."""
 
     NOT_STRUCK = "not struck"
@@ -59,7 +59,7 @@ class CaseOutcome:
     """
 
     number: int  # of the case
-    outcome: Outcome  # of the robot
+    outcome: RobotOutcome  # of the robot
     t_goal: int = NEVER  # when it reached the goal [ns]; NEVER
     t_contact: int = NEVER  # when it, moving, first touched an obstacle [ns]; NEVER
     rest_after: int = NEVER
@@ -108,19 +108,21 @@ def judge(ran: ComponentRun, begins: int, until: int | None, t_goal_without: int
     if dead or silent:
         until = None
     if ran.strikes == 0:
-        outcome = Outcome.NOT_STRUCK
+        outcome = RobotOutcome.NOT_STRUCK
     elif touched:
-        outcome = Outcome.CONTACT
+        outcome = RobotOutcome.CONTACT
     elif t_goal != NEVER:
         if dead or silent:
-            outcome = Outcome.COASTS
+            outcome = RobotOutcome.COASTS
         elif t_goal <= t_goal_without + TOLERANCE:
-            outcome = Outcome.NO_EFFECT
+            outcome = RobotOutcome.NO_EFFECT
         else:
-            outcome = Outcome.LATE if until is None or t_goal < until else Outcome.RECOVERS
+            outcome = RobotOutcome.LATE if until is None or t_goal < until else RobotOutcome.RECOVERS
     elif since is None:
-        outcome = Outcome.RUNS_ON
+        outcome = RobotOutcome.RUNS_ON
     else:
-        outcome = Outcome.STOPS if until is None else Outcome.STUCK
-    rest = max(since - begins, 0) if since is not None and outcome in (Outcome.STOPS, Outcome.STUCK) else NEVER
+        outcome = RobotOutcome.STOPS if until is None else RobotOutcome.STUCK
+    rest = (
+        max(since - begins, 0) if since is not None and outcome in (RobotOutcome.STOPS, RobotOutcome.STUCK) else NEVER
+    )
     return CaseOutcome(number, outcome, t_goal, min(touched, default=NEVER), rest, ran.strikes, ran.deaths, silent)

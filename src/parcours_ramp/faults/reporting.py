@@ -6,25 +6,25 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict
 
-from parcours.report.pieces import Cell, Column, Finding, Findings, Marked, Page, Section, Table, Tone
+from parcours.report.pieces import Cell, Column, Findings, KeyFigure, Marked, Page, Section, Table, Tone
 from parcours.study.protocol import FaultReport, FaultRequest, Progress
 from parcours_navigation.facts import NEVER
 from parcours_ramp.faults.catalogue import chosen
-from parcours_ramp.faults.judging import Outcome
-from parcours_ramp.faults.running import WATCHED, FaultResults, Row, run_faults
+from parcours_ramp.faults.judging import RobotOutcome
+from parcours_ramp.faults.running import WATCHED, FaultResults, FaultRow, run_faults
 from parcours_ramp.system.study import SCHEDULES
 
-_TONE: dict[Outcome, Tone] = {
-    Outcome.NOT_STRUCK: "neutral",
-    Outcome.NO_EFFECT: "good",
-    Outcome.RECOVERS: "good",
-    Outcome.LATE: "fair",
-    Outcome.STOPS: "fair",
-    Outcome.STUCK: "poor",
-    Outcome.COASTS: "poor",
-    Outcome.RUNS_ON: "bad",
-    Outcome.CONTACT: "worst",
-    Outcome.ERROR: "bad",
+_TONE: dict[RobotOutcome, Tone] = {
+    RobotOutcome.NOT_STRUCK: "neutral",
+    RobotOutcome.NO_EFFECT: "good",
+    RobotOutcome.RECOVERS: "good",
+    RobotOutcome.LATE: "fair",
+    RobotOutcome.STOPS: "fair",
+    RobotOutcome.STUCK: "poor",
+    RobotOutcome.COASTS: "poor",
+    RobotOutcome.RUNS_ON: "bad",
+    RobotOutcome.CONTACT: "worst",
+    RobotOutcome.ERROR: "bad",
 }
 
 SHOWN = tuple(_TONE)  # all outcomes, from welcome to unwelcome
@@ -42,12 +42,12 @@ _NOTE = (
 )
 
 
-def count(rows: Sequence[Row]) -> Counter[Outcome]:
+def count(rows: Sequence[FaultRow]) -> Counter[RobotOutcome]:
     """Return how often each outcome occurs in the rows."""
     return Counter(one.outcome for row in rows for one in row.outcomes)
 
 
-def died(row: Row) -> str:
+def died(row: FaultRow) -> str:
     """Return which components died of a message (not of the crash asked for) or hung, in how many cases, and why."""
     found = Counter(
         (death.component, death.why.partition(":")[0])
@@ -72,7 +72,7 @@ def fault_table(results: FaultResults, schedule: str, group: str) -> Table:
     return Table(f"{_GROUPS[group]}, {schedule}", columns, tuple(_cells(row) for row in rows))
 
 
-def _cells(row: Row) -> tuple[Cell, ...]:
+def _cells(row: FaultRow) -> tuple[Cell, ...]:
     counts = count([row])
     rests = [one.rest_after for one in row.outcomes if one.rest_after != NEVER]
     return (
@@ -120,20 +120,20 @@ def fault_page(results: FaultResults) -> Page:
     return Page("RAMP under faults", f"A table of faults and outcomes, {n} cases each", facts, tuple(sections))
 
 
-def _findings(results: FaultResults) -> tuple[Finding, ...]:
-    found: list[Finding] = []
+def _findings(results: FaultResults) -> tuple[KeyFigure, ...]:
+    found: list[KeyFigure] = []
     for schedule in results.t_goal:
         counts = count([row for row in results.rows if row.schedule == schedule])
-        total = max(sum(counts.values()) - counts[Outcome.NOT_STRUCK], 1)
-        unsafe = counts[Outcome.CONTACT] + counts[Outcome.RUNS_ON]
+        total = max(sum(counts.values()) - counts[RobotOutcome.NOT_STRUCK], 1)
+        unsafe = counts[RobotOutcome.CONTACT] + counts[RobotOutcome.RUNS_ON]
         found.append(
-            Finding(
+            KeyFigure(
                 f"{unsafe / total:.1%}", f"of struck runs, {schedule}: contact, or never came to rest",
                 f"{unsafe} of {total}", "worst" if unsafe else "good",
             )
         )  # fmt: skip
-        reached = counts[Outcome.NO_EFFECT] + counts[Outcome.RECOVERS] + counts[Outcome.LATE]
-        found.append(Finding(f"{reached / total:.1%}", f"of struck runs, {schedule}: the goal, all alive",
+        reached = counts[RobotOutcome.NO_EFFECT] + counts[RobotOutcome.RECOVERS] + counts[RobotOutcome.LATE]
+        found.append(KeyFigure(f"{reached / total:.1%}", f"of struck runs, {schedule}: the goal, all alive",
                              f"{reached} of {total}", "neutral"))  # fmt: skip
     return tuple(found)
 

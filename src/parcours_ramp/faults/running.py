@@ -19,7 +19,7 @@ from parcours.run.faults import FaultPlan
 from parcours.run.workers import Crew, Done, Lost, failure_of
 from parcours_navigation.facts import NEVER
 from parcours_ramp.faults.catalogue import Entry
-from parcours_ramp.faults.judging import CaseOutcome, Outcome, judge
+from parcours_ramp.faults.judging import CaseOutcome, RobotOutcome, judge
 from parcours_ramp.planner.latency import none
 from parcours_ramp.system.component_form import run_components
 from parcours_ramp.system.study import SCHEDULES, SystemStudy, system_study
@@ -31,7 +31,7 @@ _BLOCK, _MOST = 64, 4096  # Cases are looked at by blocks, and at most this numb
 
 
 @dataclass(frozen=True, slots=True)
-class Row:
+class FaultRow:
     """One entry of the catalogue under one schedule, with an outcome a case."""
 
     schedule: str
@@ -45,7 +45,7 @@ class FaultResults:
 
     seed: int
     numbers: tuple[int, ...]
-    rows: tuple[Row, ...]
+    rows: tuple[FaultRow, ...]
     t_goal: dict[str, tuple[int, ...]]
 
 
@@ -110,7 +110,7 @@ def run_trial(trial: Trial) -> CaseOutcome:
     try:
         ran = run_components(trial.study, trial.number, recording=False, faults=plan)
     except HostFailure as error:
-        return CaseOutcome(trial.number, Outcome.ERROR, detail=str(error))
+        return CaseOutcome(trial.number, RobotOutcome.ERROR, detail=str(error))
     return judge(ran, plan.begins_ns, plan.until_ns, trial.t_goal)
 
 
@@ -146,7 +146,7 @@ def run_faults(
             number = trials[index].number
             if isinstance(answer, Lost):
                 why = f"hung for {patience:g} s" if answer.how == "hung" else answer.ending
-                found[index] = CaseOutcome(number, Outcome.ERROR, detail=f"its process {why}")
+                found[index] = CaseOutcome(number, RobotOutcome.ERROR, detail=f"its process {why}")
             elif isinstance(answer, Done):
                 found[index] = answer.result
             else:
@@ -155,5 +155,5 @@ def run_faults(
     rows = []
     for place, (schedule, entry) in enumerate((schedule, entry) for schedule in schedules for entry in entries):
         outcomes = found[place * cases : (place + 1) * cases]
-        rows.append(Row(schedule, entry, tuple(one for one in outcomes if one is not None)))
+        rows.append(FaultRow(schedule, entry, tuple(one for one in outcomes if one is not None)))
     return FaultResults(seed, numbers, tuple(rows), dict(zip(schedules, times, strict=True)))

@@ -11,7 +11,7 @@ from parcours.abtc import case_counts, combinations, interaction_paths, notation
 from parcours.model import Channel, Machine, to_svg
 from parcours.paths import internal_paths, measure
 from parcours.report.pieces import Cell, Code, Column, Figure, Marked, Piece, Section, Table, Text
-from parcours.report.timings import Timed, timing_figure, timing_table
+from parcours.report.timings import TimingCase, timing_figure, timing_table
 from parcours.study.components.results import ComponentResults, component_results, timed
 from parcours.verdict.judgement import Verdict
 from parcours_ramp.components.model import component_model
@@ -182,7 +182,7 @@ def _passed(counts: Counter[Verdict]) -> Cell:
     return Marked(f"{good} of {n}", "good" if good == n else "bad")
 
 
-def _window_table(cases: Sequence[Timed]) -> Table:
+def _window_table(cases: Sequence[TimingCase]) -> Table:
     """Return both readings of what Table VIII prints: a window of durations, or a range of upper limits."""
     rows: list[tuple[Cell, ...]] = []
     for itp, (low, high) in LIMITS.items():

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from parcours.data import cover
 from parcours.model import to_svg
 from parcours.report.distributions import histogram
-from parcours.report.pieces import Cell, Column, Figure, Finding, Findings, Piece, Section, Table
+from parcours.report.pieces import Cell, Column, Figure, Findings, KeyFigure, Piece, Section, Table
 from parcours.report.rates import intervals
 from parcours.verdict.statistics import Rate, compare_pairs, wilson
 from parcours_navigation.cases.family import obstacle_model, start_cases
@@ -79,16 +79,16 @@ def headline(results: PaperResults) -> Section:
     touched = [int((outcomes(f) == Outcome.COLLIDED).sum()) for f in (original, guarded)]
     passed = sum(run.judgement.passed for run in results.functional)
     items = (
-        Finding(f"{passed} / {len(results.functional)}", "component cases passed",
+        KeyFigure(f"{passed} / {len(results.functional)}", "component cases passed",
                 "67 abstract cases × 3 rows of data, each in its serialised order",
                 "good" if passed == len(results.functional) else "bad"),
-        Finding(_percent(stuck[0]), "stuck in imminent collision, original",
+        KeyFigure(_percent(stuck[0]), "stuck in imminent collision, original",
                 f"published: 7.7 % of 905; under the published protocol {_percent(like)}", "bad"),
-        Finding(_percent(stuck[1]), "stuck, guarded", "the repaired schedule on the same cases", "good"),
-        Finding(f"{goals[0].share:.1%} → {goals[1].share:.1%}", "goal reached within 20 s",
+        KeyFigure(_percent(stuck[1]), "stuck, guarded", "the repaired schedule on the same cases", "good"),
+        KeyFigure(f"{goals[0].share:.1%} → {goals[1].share:.1%}", "goal reached within 20 s",
                 f"original → guarded; {_percent(hit[0])} → {_percent(hit[1])} of these after an obstacle had driven "
                 "through the robot: obstacles are phantoms unless --solid is given"),
-        Finding(f"{touched[0]} → {touched[1]}", "cases in which the moving robot closed the gap to a contact",
+        KeyFigure(f"{touched[0]} → {touched[1]}", "cases in which the moving robot closed the gap to a contact",
                 f"of {len(original)}; the published tests had no contact oracle", "neutral"),
     )  # fmt: skip
     lead = (

@@ -43,11 +43,6 @@ def test_walls_in_reach_come_nearest_first_and_the_farthest_are_left_out(
         assert math.isclose(distance(tuple(row[:4]), x, y), row[5], abs_tol=1e-12)
 
 
-def test_walls_may_come_in_one_row_of_numbers() -> None:
-    walls = np.array([[0.0, 1.0, 2.0, 1.0], [3.0, -1.0, 3.0, 1.0]])
-    assert nearest(walls.ravel(), 1.0, 0.0) == nearest(walls, 1.0, 0.0) == (1.0, 1.0, 1.0)
-
-
 def test_without_walls_the_nearest_one_is_infinitely_far() -> None:
     assert nearest(np.empty(0), 1.0, 2.0)[0] == math.inf
     assert walls_within(np.empty((0, 4)), 0.0, 0.0, 1.0, np.empty((1, FOUND))) == 0

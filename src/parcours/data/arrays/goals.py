@@ -37,7 +37,7 @@ Ints = NDArray[np.int64]
 #      5     ...          When b2 of a row changes by d, its tuples in sets 1 and 2 move by d, that in set 0 stays.
 
 
-class Layout(NamedTuple):
+class GoalTables(NamedTuple):
     """What compiled code knows of goals and rules; every array is int64 but `needed` and `allowed`, which are bool.
 
     Sets of columns: `columns`, `strides` of shape (n_sets, width), filled up with stride 0; `widths` (n_sets,);
@@ -78,7 +78,7 @@ class Goals:
     sizes: tuple[int, ...]
     sets: tuple[tuple[int, ...], ...]
     rules: Rules
-    layout: Layout
+    layout: GoalTables
 
     @property
     def n_tuples(self) -> int:
@@ -175,14 +175,14 @@ def _without_parts(sets: set[tuple[int, ...]]) -> tuple[tuple[int, ...], ...]:
     return tuple(sorted(sets - parts))
 
 
-def _layout(sizes: Sequence[int], sets: tuple[tuple[int, ...], ...], rules: Rules) -> Layout:
+def _layout(sizes: Sequence[int], sets: tuple[tuple[int, ...], ...], rules: Rules) -> GoalTables:
     columns, strides, widths, start = _packed([(each, [sizes[c] for c in each]) for each in sets])
     needed = [rules.possible(each, sizes).ravel() for each in sets]
     tables = rules.tables
     rule_columns, rule_strides, rule_widths, rule_start = _packed([(t.columns, t.allowed.shape) for t in tables])
     holding = _by_column(len(sizes), sets)
     ruling = _by_column(len(sizes), [table.columns for table in tables])
-    return Layout(
+    return GoalTables(
         np.array(sizes), columns, strides, widths, start, *holding, np.concatenate([*needed, np.zeros(0, bool)]),
         rule_columns, rule_strides, rule_widths, rule_start,
         np.concatenate([*(table.allowed.ravel() for table in tables), np.zeros(0, bool)]), *ruling[:2],

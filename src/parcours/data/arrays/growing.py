@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from parcours.data.arrays.goals import Ints, Layout
+from parcours.data.arrays.goals import GoalTables, Ints
 from parcours.kernels import kernel
 from parcours.streams import Stream, below
 
 
 @kernel
-def is_permitted(layout: Layout, row: Ints, column: int) -> bool:
+def is_permitted(layout: GoalTables, row: Ints, column: int) -> bool:
     """Return whether no rule on this column is broken; a rule with an open column (below 0) is not yet."""
     for entry in range(layout.rules_of_column[column], layout.rules_of_column[column + 1]):
         rule = layout.rule_of[entry]
@@ -30,7 +30,7 @@ def is_permitted(layout: Layout, row: Ints, column: int) -> bool:
 
 
 @kernel
-def number_in(layout: Layout, row: Ints, set_: int) -> int:
+def number_in(layout: GoalTables, row: Ints, set_: int) -> int:
     """Return the number of the tuple that a whole row has in a set of columns."""
     number = int(layout.start[set_])
     for place in range(layout.widths[set_]):
@@ -39,7 +39,7 @@ def number_in(layout: Layout, row: Ints, set_: int) -> int:
 
 
 @kernel
-def _gain(layout: Layout, row: Ints, column: int, place: Ints) -> int:
+def _gain(layout: GoalTables, row: Ints, column: int, place: Ints) -> int:
     """Return how many missing tuples the block in this column makes with the columns taken so far."""
     gain = 0
     for entry in range(layout.of_column[column], layout.of_column[column + 1]):
@@ -58,7 +58,7 @@ def _gain(layout: Layout, row: Ints, column: int, place: Ints) -> int:
 
 
 @kernel
-def _fill(layout: Layout, row: Ints, order: Ints, n_open: int, place: Ints, stream: Stream) -> int:
+def _fill(layout: GoalTables, row: Ints, order: Ints, n_open: int, place: Ints, stream: Stream) -> int:
     """Fill the open columns of a row greedily, in the order given; return the gain, or -1 at a dead end."""
     total = 0
     for index in range(n_open):
@@ -83,7 +83,7 @@ def _fill(layout: Layout, row: Ints, order: Ints, n_open: int, place: Ints, stre
 
 
 @kernel
-def _start_from(layout: Layout, row: Ints, order: Ints, set_: int, number: int, stream: Stream) -> int:
+def _start_from(layout: GoalTables, row: Ints, order: Ints, set_: int, number: int, stream: Stream) -> int:
     """Put a tuple into an empty row, the other columns into a random order; return how many those are, or -1."""
     row[:] = -1
     rest = number - layout.start[set_]
@@ -103,7 +103,9 @@ def _start_from(layout: Layout, row: Ints, order: Ints, set_: int, number: int, 
 
 
 @kernel
-def grow(layout: Layout, rows: Ints, n: int, missing: Ints, n_missing: int, candidates: int, stream: Stream) -> Ints:
+def grow(
+    layout: GoalTables, rows: Ints, n: int, missing: Ints, n_missing: int, candidates: int, stream: Stream
+) -> Ints:
     """Add rows until nothing is missing, the table is full, or no candidate could be completed.
 
     Args:

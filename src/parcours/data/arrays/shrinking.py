@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from parcours.data.arrays.goals import Ints, Layout
+from parcours.data.arrays.goals import GoalTables, Ints
 from parcours.data.arrays.growing import is_permitted, number_in
 from parcours.kernels import kernel
 from parcours.streams import Stream, below
@@ -27,7 +27,7 @@ WALK = 1000
 _NEVER = -(1 << 40)
 
 
-class Table(NamedTuple):
+class DamagedArray(NamedTuple):
     """An array under repair, all int64: its rows, how often each tuple stands in it, and which are missing.
 
     `rows` (n_rows, n_columns); `counts` and `place` (n_tuples,): place[t] is where tuple t stands in `missing`, or -1;
@@ -43,17 +43,17 @@ class Table(NamedTuple):
     state: Ints
 
 
-def table_of(layout: Layout, rows: Ints) -> Table:
+def table_of(layout: GoalTables, rows: Ints) -> DamagedArray:
     """Return the rows as a table under repair."""
     n = int(layout.start[-1])
     counts, place, missing = np.zeros(n, np.int64), np.full(n, -1), np.empty(n, np.int64)
-    table = Table(rows.copy(), counts, missing, place, np.full(rows.shape, _NEVER), np.zeros(3, np.int64))
+    table = DamagedArray(rows.copy(), counts, missing, place, np.full(rows.shape, _NEVER), np.zeros(3, np.int64))
     _count(layout, table)
     return table
 
 
 @kernel
-def _count(layout: Layout, table: Table) -> None:
+def _count(layout: GoalTables, table: DamagedArray) -> None:
     for row in table.rows:
         for set_ in range(len(layout.widths)):
             table.counts[number_in(layout, row, set_)] += 1
@@ -65,7 +65,7 @@ def _count(layout: Layout, table: Table) -> None:
 
 
 @kernel
-def _loss(layout: Layout, table: Table, row: int, column: int, block: int) -> int:
+def _loss(layout: GoalTables, table: DamagedArray, row: int, column: int, block: int) -> int:
     """Return how many more tuples are missing when the cell has this block."""
     cells = table.rows[row]
     step = block - cells[column]
@@ -83,7 +83,7 @@ def _loss(layout: Layout, table: Table, row: int, column: int, block: int) -> in
 
 
 @kernel
-def _change(layout: Layout, table: Table, row: int, column: int, block: int) -> None:
+def _change(layout: GoalTables, table: DamagedArray, row: int, column: int, block: int) -> None:
     cells = table.rows[row]
     step = block - cells[column]
     for entry in range(layout.of_column[column], layout.of_column[column + 1]):
@@ -107,7 +107,7 @@ def _change(layout: Layout, table: Table, row: int, column: int, block: int) -> 
 
 
 @kernel
-def _can_change(layout: Layout, cells: Ints, column: int, block: int) -> bool:
+def _can_change(layout: GoalTables, cells: Ints, column: int, block: int) -> bool:
     old = cells[column]
     cells[column] = block
     can = is_permitted(layout, cells, column)
@@ -116,7 +116,7 @@ def _can_change(layout: Layout, cells: Ints, column: int, block: int) -> bool:
 
 
 @kernel
-def _write(layout: Layout, table: Table, row: int, set_: int, rest: int) -> None:
+def _write(layout: GoalTables, table: DamagedArray, row: int, set_: int, rest: int) -> None:
     """Write a tuple into a row, whatever that costs, as far as the rules allow it cell by cell."""
     for p in range(layout.widths[set_]):
         column, block = layout.columns[set_, p], rest // layout.strides[set_, p]
@@ -126,7 +126,7 @@ def _write(layout: Layout, table: Table, row: int, set_: int, rest: int) -> None
 
 
 @kernel
-def repair(layout: Layout, table: Table, fixed: int, work: int, stream: Stream) -> bool:
+def repair(layout: GoalTables, table: DamagedArray, fixed: int, work: int, stream: Stream) -> bool:
     """Change cells until no tuple is missing, or `work` tuples were looked up.
 
     Args:

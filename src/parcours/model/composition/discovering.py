@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parcours.model.composition.local import LocalMoves
-from parcours.model.composition.moves import Actor, Record
+from parcours.model.composition.moves import Actor, Discoveries
 from parcours.model.composition.space import Discovery, Space
 from parcours.model.configuration import Configuration, Layout, Message
 
@@ -18,7 +18,7 @@ LISTED = 100
 Flags = NDArray[np.bool_]
 
 
-def discoveries(space: Space, local: LocalMoves, record: Record, band: Sequence[Actor]) -> tuple[Discovery, ...]:
+def discoveries(space: Space, local: LocalMoves, record: Discoveries, band: Sequence[Actor]) -> tuple[Discovery, ...]:
     """Return what is wrong in a space, gravest kinds first, nearest to the initial configuration first."""
     faulty = _faulty(space, band) if record.faults else np.zeros(space.n_states, dtype=bool)
     ends = np.flatnonzero((np.diff(space.offsets) == 0) & ~faulty[: space.n_expanded]).tolist()

@@ -12,7 +12,7 @@ import numpy as np
 from parcours.errors import BadRequest
 from parcours.model.composition.discovering import discoveries
 from parcours.model.composition.local import LocalMoves
-from parcours.model.composition.moves import Actor, Record, actors
+from parcours.model.composition.moves import Actor, Discoveries, actors
 from parcours.model.composition.packing import Packing
 from parcours.model.composition.space import Space
 from parcours.model.configuration import Layout
@@ -43,14 +43,16 @@ def explore(cefsm: Cefsm, max_states: int = 1_000_000, progress: Progress | None
     if not 1 <= max_states <= MOST_STATES:
         rule = f"must keep 1 to {MOST_STATES} states, but {max_states} was given"
         raise BadRequest("exploration", rule, slug="explore-bound")
-    packing, record = Packing(Layout(cefsm)), Record()
+    packing, record = Packing(Layout(cefsm)), Discoveries()
     local = LocalMoves(cefsm, packing)
     band = actors(packing, local, record)
     space = replace(_search(packing, band, record, max_states, progress), doubts=local.doubts)
     return replace(space, findings=discoveries(space, local, record, band))
 
 
-def _search(packing: Packing, band: list[Actor], record: Record, max_states: int, progress: Progress | None) -> Space:
+def _search(
+    packing: Packing, band: list[Actor], record: Discoveries, max_states: int, progress: Progress | None
+) -> Space:
     # The inner loop does nothing but look up, add and append: it runs once for each edge.
     begun, stopped = time.monotonic(), ""
     packed, parents, arrivals = [0], array("i", [0]), array("i", [-1])

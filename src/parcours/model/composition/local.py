@@ -2,7 +2,7 @@
 
 A machine is set free of the others: it stands alone in a configuration in which every other machine is nowhere,
 queues have room without end, and a rendezvous with another component is cut into a message left waiting and a
-message found waiting. What `Steps` then says of it holds wherever its state and the variables that it reads are
+message found waiting. What `StepRelation` then says of it holds wherever its state and the variables that it reads are
 the same.
 
     as modelled       A ──c──> B            c is a rendezvous: neither moves without the other
@@ -19,7 +19,7 @@ from dataclasses import dataclass, replace
 from parcours.errors import BadModel, BadRequest
 from parcours.model.composition.packing import Packing
 from parcours.model.configuration import Configuration, Message, Move
-from parcours.model.steps import Steps
+from parcours.model.steps import StepRelation
 from parcours.model.structure import ENVIRONMENT, Cefsm, Channel
 
 _ENDLESS = 1 << 40
@@ -64,7 +64,7 @@ class LocalMoves:
     def __init__(self, cefsm: Cefsm, packing: Packing) -> None:
         self.packing = packing
         self.meetings = {channel.name for channel in cefsm.channels if _joins_two(channel)} & packing.layout.meetings
-        self._steps = Steps(replace(cefsm, channels=tuple(map(_freed, cefsm.channels))))
+        self._steps = StepRelation(replace(cefsm, channels=tuple(map(_freed, cefsm.channels))))
         self._start = self._steps.layout.initial()
         self._refused: dict[str, None] = {}
         self._known: dict[tuple[tuple[int, ...], int, str, Message], tuple[LocalMove, ...]] = {}

@@ -18,11 +18,11 @@ REMEMBERED = 1 << 18
 """Most views that an actor remembers; then it forgets them all and starts again."""
 
 Acts = tuple[tuple[int, int], ...]
-"""For each move what it adds to the packed configuration, and its number in `Record.moves`."""
+"""For each move what it adds to the packed configuration, and its number in `Discoveries.moves`."""
 
 
 @dataclass(slots=True)
-class Record:
+class Discoveries:
     """What the actors came upon, each with the number of the first configuration that shows it.
 
     Attributes:
@@ -43,7 +43,7 @@ class Actor:
     the views in which the step relation refuses to go on.
     """
 
-    def __init__(self, machines: tuple[int, ...], packing: Packing, local: LocalMoves, record: Record) -> None:
+    def __init__(self, machines: tuple[int, ...], packing: Packing, local: LocalMoves, record: Discoveries) -> None:
         self._packing, self._local, self._record = packing, local, record
         owners = {packing.layout.machines[at][0] for at in machines}
         # Machines of one component meet in one local move; those of two each do their half.
@@ -124,7 +124,7 @@ class Actor:
         return ""
 
 
-def actors(packing: Packing, local: LocalMoves, record: Record) -> list[Actor]:
+def actors(packing: Packing, local: LocalMoves, record: Discoveries) -> list[Actor]:
     """Return an actor for each machine, and one for each sender and receiver that can meet."""
     spoken = [{send.channel for each in machine.transitions for send in each.sends} for machine in packing.machines]
     heard = [{each.event.channel for each in machine.transitions if each.event} for machine in packing.machines]

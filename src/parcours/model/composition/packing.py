@@ -24,7 +24,7 @@ WIDEST = 32
 """Bits of a cell whose content has no known bound: more numbers than any memory holds configurations."""
 
 
-class Cell(Generic[Thing]):
+class PackedField(Generic[Thing]):
     """A field of the packed integer: what can stand there, numbered in the order of meeting it.
 
     The first thing met has number 0, so that the initial configuration is the integer 0.
@@ -71,9 +71,9 @@ class Packing:
         widths += [WIDEST if name in spoken else _bits(layout.capacity[name] + 1) for name in layout.channels]
         shifts = [0, *accumulate(widths)]
         places = iter(zip(shifts, widths, strict=False))
-        self.states: list[Cell[str]] = [Cell(*next(places)) for _ in self.machines]
-        self.values: list[Cell[object]] = [Cell(*next(places)) for _ in layout.variables]
-        self.queues: dict[str, Cell[Content]] = {name: Cell(*next(places)) for name in layout.channels}
+        self.states: list[PackedField[str]] = [PackedField(*next(places)) for _ in self.machines]
+        self.values: list[PackedField[object]] = [PackedField(*next(places)) for _ in layout.variables]
+        self.queues: dict[str, PackedField[Content]] = {name: PackedField(*next(places)) for name in layout.channels}
         self.pack(layout.initial())
 
     def pack(self, configuration: Configuration) -> int:

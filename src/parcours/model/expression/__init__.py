@@ -12,7 +12,7 @@ from parcours.model.expression.syntax import (
     Call,
     Each,
     Expression,
-    Field,
+    FieldAccess,
     Item,
     Literal,
     Name,
@@ -22,7 +22,7 @@ from parcours.model.expression.syntax import (
 from parcours.model.expression.typing import BOOL, INT, REAL, TEXT, Type, type_of
 
 __all__ = [
-    "BOOL", "INT", "REAL", "TEXT", "Apply", "Assignment", "Binary", "Call", "Each", "Expression", "Field", "Item",
+    "BOOL", "INT", "REAL", "TEXT", "Apply", "Assignment", "Binary", "Call", "Each", "Expression", "FieldAccess", "Item",
     "Literal", "Name", "Type", "Unary", "evaluate", "names", "parse_actions", "parse_calls", "parse_expression",
     "parse_formula", "type_of",
 ]  # fmt: skip

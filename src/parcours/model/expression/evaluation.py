@@ -18,7 +18,7 @@ from parcours.model.expression.syntax import (
     Binary,
     Each,
     Expression,
-    Field,
+    FieldAccess,
     Item,
     Literal,
     Name,
@@ -104,7 +104,7 @@ class _Compiler:
                 return lambda known: constant
             case Name(id):
                 return self.name(node, id)
-            case Field(of, name):
+            case FieldAccess(of, name):
                 return self.field(node, self.of(of), name)
             case Item(of, index):
                 return self.item(node, self.of(of), self.number(index))

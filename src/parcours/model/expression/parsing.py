@@ -35,7 +35,7 @@ from parcours.model.expression.syntax import (
     Call,
     Each,
     Expression,
-    Field,
+    FieldAccess,
     Item,
     Literal,
     Name,
@@ -193,7 +193,7 @@ class _Parser:
         return result
 
     def part_of(self, whole: Expression) -> Expression | None:
-        return Field(whole, self.name("a field name")) if self.accept(".") else None
+        return FieldAccess(whole, self.name("a field name")) if self.accept(".") else None
 
     def inner(self) -> Expression:
         return self.expression()

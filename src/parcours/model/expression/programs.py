@@ -19,7 +19,7 @@ from collections.abc import Mapping, Sequence
 from functools import lru_cache
 
 from parcours.model.expression.evaluation import INTEGER_LIMIT, Code, Value, _kind, _size, compiled
-from parcours.model.expression.syntax import Apply, Binary, Each, Expression, Field, Item, Literal, Name, Unary
+from parcours.model.expression.syntax import Apply, Binary, Each, Expression, FieldAccess, Item, Literal, Name, Unary
 
 _WORDS = {"&&": "and", "||": "or"}
 _KILLS = frozenset(("min", "max", "atan2"))  # of an operand that is not finite they may make one that is
@@ -112,7 +112,7 @@ class _Writer:
                 return repr(value) if not isinstance(value, float) or math.isfinite(value) else "_unsure()"
             case Name(id):
                 return self._bound[id][0] if id in self._bound else f"known[{id!r}]"
-            case Field(of, name):
+            case FieldAccess(of, name):
                 return f"{self.of(of)}[{name!r}]"
             case Item(of, index):
                 at = self._new()

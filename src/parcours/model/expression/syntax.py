@@ -57,7 +57,7 @@ class Name(_Node):
 
 
 @dataclass(frozen=True, slots=True)
-class Field(_Node):
+class FieldAccess(_Node):
     """The field `name` of the message that `of` stands for."""
 
     of: Expression
@@ -110,7 +110,7 @@ class Each(_Node):
     body: Expression
 
 
-Expression: TypeAlias = Literal | Name | Field | Unary | Binary | Apply | Item | Each
+Expression: TypeAlias = Literal | Name | FieldAccess | Unary | Binary | Apply | Item | Each
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,7 +147,7 @@ def _render(node: Expression, marked: Expression | None, level: int) -> str:
             text, own = _constant(value), _ATOM_LEVEL if isinstance(value, bool | str) else _UNARY_LEVEL
         case Name(id):
             text, own = id, _ATOM_LEVEL
-        case Field(of, name):
+        case FieldAccess(of, name):
             text, own = f"{_render(of, marked, _ATOM_LEVEL)}.{name}", _ATOM_LEVEL
         case Apply(function, arguments):
             inner = ", ".join(_render(argument, marked, 0) for argument in arguments)
@@ -186,7 +186,7 @@ def _escaped(character: str) -> str:
 def parts(node: Expression) -> tuple[Expression, ...]:
     """Return what a node is directly made of, left to right."""
     match node:
-        case Field(of, _):
+        case FieldAccess(of, _):
             return (of,)
         case Unary(_, operand):
             return (operand,)
@@ -214,8 +214,8 @@ def substitute(node: Expression, replace: Callable[[Expression], Expression | No
     if (new := replace(node)) is not None:
         return new
     match node:
-        case Field(of, name):
-            return Field(substitute(of, replace), name)
+        case FieldAccess(of, name):
+            return FieldAccess(substitute(of, replace), name)
         case Unary(operator, operand):
             return Unary(operator, substitute(operand, replace))
         case Binary(operator, left, right):

@@ -18,7 +18,7 @@ from parcours.model.expression.syntax import (
     Binary,
     Each,
     Expression,
-    Field,
+    FieldAccess,
     Item,
     Literal,
     Name,
@@ -95,7 +95,7 @@ class _Typing:
                     rule = f"a name must be declared, but {id!r} is not"
                     self.fail(node, rule, self.known(id, sorted(self.types)), "unknown-name")
                 return self.types[id]
-            case Field(of, name):
+            case FieldAccess(of, name):
                 return self.field(node, self.of(of), name)
             case Unary(operator, operand):
                 return self.only(operand, operator, "bool" if operator == "!" else "number")

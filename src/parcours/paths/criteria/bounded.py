@@ -8,14 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 
-from parcours.paths.criteria.requirement import Limits, Tally
+from parcours.paths.criteria.requirement import RequirementCounter, RequirementLimits
 from parcours.paths.graph import Came, Graph, breadth_first
 
 UNBOUNDED = 1 << 62
 """More edges than any walk has."""
 
 
-def switches(graph: Graph, n: int, limits: Limits | None = None) -> list[tuple[int, ...]]:
+def switches(graph: Graph, n: int, limits: RequirementLimits | None = None) -> list[tuple[int, ...]]:
     """Return the walks of n + 1 edges, in order of edges, and then the shorter walks that none of them contains.
 
     Those lead from a start that nothing enters to a state that nothing leaves. They are required so that n-switch
@@ -27,7 +27,7 @@ def switches(graph: Graph, n: int, limits: Limits | None = None) -> list[tuple[i
 
     Raises BadRequest: there are too many; the message says how many had been found.
     """
-    tally = Tally(limits or Limits(), f"{n}-switches of '{graph.name}'")
+    tally = RequirementCounter(limits or RequirementLimits(), f"{n}-switches of '{graph.name}'")
     longest = _longest(graph)
     everywhere = range(len(graph.edges))
     found = list(
@@ -39,20 +39,20 @@ def switches(graph: Graph, n: int, limits: Limits | None = None) -> list[tuple[i
     return found
 
 
-def complete_paths(graph: Graph, most: int, limits: Limits | None = None) -> list[tuple[int, ...]]:
+def complete_paths(graph: Graph, most: int, limits: RequirementLimits | None = None) -> list[tuple[int, ...]]:
     """Return the paths from the start to a final state of at least one and at most `most` edges."""
-    tally = Tally(limits or Limits(), f"complete paths of '{graph.name}' up to {most}")
+    tally = RequirementCounter(limits or RequirementLimits(), f"complete paths of '{graph.name}' up to {most}")
     return list(_up_to(graph, graph.finals, most, tally))
 
 
-def _up_to(graph: Graph, ends: Iterable[int], most: int, tally: Tally) -> Iterator[tuple[int, ...]]:
+def _up_to(graph: Graph, ends: Iterable[int], most: int, tally: RequirementCounter) -> Iterator[tuple[int, ...]]:
     nearest = _nearest(graph, ends)
     begin = graph.leaving()[0]
     return _walks(graph, begin, most, tally, lambda s, left: nearest[s] <= left, lambda s, _: not nearest[s])
 
 
 def _walks(
-    graph: Graph, firsts: Iterable[int], most: int, tally: Tally, may_become: Callable[[int, int], bool],
+    graph: Graph, firsts: Iterable[int], most: int, tally: RequirementCounter, may_become: Callable[[int, int], bool],
     is_complete: Callable[[int, int], bool],
 ) -> Iterator[tuple[int, ...]]:  # fmt: skip
     """Yield walks, depth first. The two questions are asked with a state and how many edges are left there."""

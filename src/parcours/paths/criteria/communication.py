@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from itertools import product
 
 from parcours.model.structure import ENVIRONMENT, Cefsm, Channel
-from parcours.paths.criteria.requirement import Limits, Requirement, Tally
+from parcours.paths.criteria.requirement import RequirementCounter, RequirementLimits, TestRequirement
 
 NOBODY = ""
 """The partner of a transition in a delivery from or to the environment."""
@@ -68,7 +68,9 @@ def wiring(cefsm: Cefsm) -> Wiring:
     return Wiring(used, senders, receivers, receives, sends)
 
 
-def communications(cefsm: Cefsm, criterion: str, limits: Limits | None = None) -> tuple[Requirement, ...]:
+def communications(
+    cefsm: Cefsm, criterion: str, limits: RequirementLimits | None = None
+) -> tuple[TestRequirement, ...]:
     """Return what a criterion over channels requires of a model.
 
     Args:
@@ -79,16 +81,16 @@ def communications(cefsm: Cefsm, criterion: str, limits: Limits | None = None) -
     """
     wires = wiring(cefsm)
     if criterion == "rendezvous":
-        tally = Tally(limits or Limits(), f"rendezvous of '{cefsm.name}'")
+        tally = RequirementCounter(limits or RequirementLimits(), f"rendezvous of '{cefsm.name}'")
         pairs: dict[tuple[str, str], None] = {}
         for _, sending, receiving in wires.rendezvous():
             tally.add(2)
             pairs[sending, receiving] = None
-        return tuple(Requirement("", "rendezvous", pair) for pair in pairs)
+        return tuple(TestRequirement("", "rendezvous", pair) for pair in pairs)
     if criterion == "channel":
-        return tuple(Requirement("", "channel", (name,)) for name in wires.channels)
+        return tuple(TestRequirement("", "channel", (name,)) for name in wires.channels)
     classes = dict.fromkeys(channel.message for channel in wires.channels.values())
-    return tuple(Requirement("", "message", (name,)) for name in classes)
+    return tuple(TestRequirement("", "message", (name,)) for name in classes)
 
 
 def delivered(wires: Wiring, criterion: str, run: Iterable[str]) -> set[tuple[str, ...]]:

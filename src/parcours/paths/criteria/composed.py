@@ -12,9 +12,9 @@ import numpy as np
 from parcours.errors import BadRequest
 from parcours.model.composition import Space
 from parcours.paths.criteria.communication import NOBODY, Wiring, communications, wiring
-from parcours.paths.criteria.grammar import Criterion, parse_criterion
-from parcours.paths.criteria.requirement import Goal, Limits, Requirement, Tally
-from parcours.paths.criteria.requiring import Demand, Subject, demands
+from parcours.paths.criteria.grammar import CoverageCriterion, parse_criterion
+from parcours.paths.criteria.requirement import Goal, RequirementCounter, RequirementLimits, TestRequirement
+from parcours.paths.criteria.requiring import CoverageSubject, Demand, demands
 from parcours.paths.graph import Came, Graph, Walk, breadth_first, graph_of, stranded, way_to
 
 
@@ -40,8 +40,8 @@ def composition_graph(space: Space) -> Graph:
 
 
 def composition_demand(
-    space: Space, criterion: str | Criterion, limits: Limits | None = None
-) -> tuple[Demand, tuple[Requirement, ...]]:
+    space: Space, criterion: str | CoverageCriterion, limits: RequirementLimits | None = None
+) -> tuple[Demand, tuple[TestRequirement, ...]]:
     """Return what a criterion over graphs or channels asks of a composition, and what no walk of it meets.
 
     That none can meet it is proven only if the space is exact (`Space.exact`).
@@ -60,14 +60,14 @@ def composition_demand(
     if chosen.family != "communication":
         return demands(graph, chosen, (), limits)[0], ()
     wires = wiring(space.cefsm)
-    tally = Tally(limits or Limits(), f"communications of '{graph.name}'")
+    tally = RequirementCounter(limits or RequirementLimits(), f"communications of '{graph.name}'")
     if chosen.name == "rendezvous":
         walks = _meetings(space, graph, wires, tally)
     else:
         walks = _deliveries(space, wires, chosen.name)
     required = communications(space.cefsm, chosen.name, limits)
     goals = tuple(Goal(each, walks[each.steps]) for each in required if each.steps in walks)
-    return Demand(Subject("", graph), graph, goals), tuple(each for each in required if each.steps not in walks)
+    return Demand(CoverageSubject("", graph), graph, goals), tuple(each for each in required if each.steps not in walks)
 
 
 def _rests(space: Space) -> list[int]:
@@ -96,7 +96,7 @@ def _deliveries(space: Space, wires: Wiring, criterion: str) -> dict[tuple[str, 
     return walks
 
 
-def _meetings(space: Space, graph: Graph, wires: Wiring, tally: Tally) -> dict[tuple[str, ...], Walk]:
+def _meetings(space: Space, graph: Graph, wires: Wiring, tally: RequirementCounter) -> dict[tuple[str, ...], Walk]:
     """Return for each pair of transitions that meet in the composition a shortest walk from the one to the other."""
     walks: dict[tuple[str, ...], Walk] = {}
     for edge, label in _first_edges(space):
@@ -127,7 +127,7 @@ class _Queue:
         for state, (parent, move) in enumerate(arrivals, start=1):
             self._length[state] = self._length[parent] + sends[move] - bool(self._receiver[move])
 
-    def walks_from(self, sending: str, tally: Tally) -> dict[tuple[str, ...], Walk]:
+    def walks_from(self, sending: str, tally: RequirementCounter) -> dict[tuple[str, ...], Walk]:
         """Return for each transition that receives what `sending` sent the shortest walk from the one to the other."""
         found: dict[tuple[str, ...], Walk] = {}
         came: Came[tuple[int, int], int] = {}

@@ -20,12 +20,12 @@ from parcours.errors import BadRequest
 from parcours.model.expression import Call, Expression, names
 from parcours.model.structure import Machine, Transition, Variable
 from parcours.paths.criteria.primes import simple_paths
-from parcours.paths.criteria.requirement import START, Goal, Limits, Requirement, Tally
+from parcours.paths.criteria.requirement import START, Goal, RequirementCounter, RequirementLimits, TestRequirement
 from parcours.paths.graph import Came, Graph, breadth_first, way_to
 
 
 @dataclass(frozen=True, slots=True)
-class Access:
+class VariableUse:
     """What one transition does with variables.
 
     Attributes:
@@ -53,13 +53,13 @@ class Dataflow:
 
     label: str
     graph: Graph
-    accesses: tuple[Access, ...]
+    accesses: tuple[VariableUse, ...]
 
 
 def dataflow(label: str, machine: Machine, graph: Graph, variables: Sequence[Variable]) -> Dataflow:
     """Return where a machine defines and uses the variables of its component."""
     roles = {variable.name: variable.role for variable in variables}
-    begin = Access(defines=tuple(variable.name for variable in variables if variable.role == "local"))
+    begin = VariableUse(defines=tuple(variable.name for variable in variables if variable.role == "local"))
     by_id = {transition.id: transition for transition in machine.transitions}
     accesses = (begin, *(access(by_id[edge], roles) for edge in graph.edges))
     begun = Graph(
@@ -69,7 +69,7 @@ def dataflow(label: str, machine: Machine, graph: Graph, variables: Sequence[Var
     return Dataflow(label, begun, accesses)
 
 
-def access(transition: Transition, roles: Mapping[str, str]) -> Access:
+def access(transition: Transition, roles: Mapping[str, str]) -> VariableUse:
     """Return what a transition does with variables, given each one's role, local or input."""
     bound = transition.event.name if transition.event is not None else ""
     reads: dict[str, None] = {}
@@ -102,42 +102,44 @@ def access(transition: Transition, roles: Mapping[str, str]) -> Access:
     for send in transition.sends:
         for value in send.payload:
             use(value, known=False)
-    return Access(tuple(reads), tuple(within), tuple(defined), tuple(name for name, used in defined.items() if used))
+    return VariableUse(
+        tuple(reads), tuple(within), tuple(defined), tuple(name for name, used in defined.items() if used)
+    )
 
 
-def definitions(flow: Dataflow, limits: Limits | None = None) -> Iterator[Goal]:
+def definitions(flow: Dataflow, limits: RequirementLimits | None = None) -> Iterator[Goal]:
     """Yield, for all-defs, each definition that reaches a use, with the shortest way to the nearest one.
 
     Where a transition uses a value and then overwrites it, or uses what it received, that is required as a du-path.
     """
-    tally = Tally(limits or Limits(), f"definitions in '{flow.graph.name}'")
+    tally = RequirementCounter(limits or RequirementLimits(), f"definitions in '{flow.graph.name}'")
     yield from _within(flow, tally, confirmed=False)
     for variable, ways in _ways(flow):
         for edge in ways.definitions:
             walk = (edge,) if variable in flow.accesses[edge].confirms else next(ways.shortest(edge, tally), None)
             if walk:
                 tally.add(len(walk))
-                yield Goal(Requirement(flow.label, "definition", (flow.graph.edges[edge],), variable), walk)
+                yield Goal(TestRequirement(flow.label, "definition", (flow.graph.edges[edge],), variable), walk)
 
 
-def uses(flow: Dataflow, limits: Limits | None = None) -> Iterator[Goal]:
+def uses(flow: Dataflow, limits: RequirementLimits | None = None) -> Iterator[Goal]:
     """Yield, for all-uses, each use that a definition reaches, with the shortest way."""
-    tally = Tally(limits or Limits(), f"uses in '{flow.graph.name}'")
+    tally = RequirementCounter(limits or RequirementLimits(), f"uses in '{flow.graph.name}'")
     yield from _within(flow, tally, confirmed=True)
     for variable, ways in _ways(flow):
         for edge in ways.definitions:
             for walk in ways.shortest(edge, tally):
                 ends = flow.graph.edges[edge], flow.graph.edges[walk[-1]]
                 tally.add(len(walk))
-                yield Goal(Requirement(flow.label, "use", ends, variable), walk)
+                yield Goal(TestRequirement(flow.label, "use", ends, variable), walk)
 
 
-def du_paths(flow: Dataflow, limits: Limits | None = None) -> Iterator[Goal]:
+def du_paths(flow: Dataflow, limits: RequirementLimits | None = None) -> Iterator[Goal]:
     """Yield, for all-du-paths, each du-path.
 
     Raises BadRequest: there are too many; the message tells how many had been found.
     """
-    tally = Tally(limits or Limits(), f"du-paths of '{flow.graph.name}'")
+    tally = RequirementCounter(limits or RequirementLimits(), f"du-paths of '{flow.graph.name}'")
     yield from _within(flow, tally, confirmed=True)
     for variable, ways in _ways(flow):
         for edge in ways.definitions:
@@ -159,7 +161,7 @@ class _Ways:
     clear: list[list[int]]
     uses: dict[int, list[int]]
 
-    def shortest(self, definition: int, tally: Tally) -> Iterator[tuple[int, ...]]:
+    def shortest(self, definition: int, tally: RequirementCounter) -> Iterator[tuple[int, ...]]:
         """Yield the shortest way from a definition to each use that it reaches, nearest first."""
         came: Came[int, int] = {}
 
@@ -190,7 +192,7 @@ def _ways(flow: Dataflow) -> Iterator[tuple[str, _Ways]]:
         yield variable, _Ways(targets, definitions, clear, reading.get(variable, {}))
 
 
-def _within(flow: Dataflow, tally: Tally, *, confirmed: bool) -> Iterator[Goal]:
+def _within(flow: Dataflow, tally: RequirementCounter, *, confirmed: bool) -> Iterator[Goal]:
     """Yield the du-paths of one transition, those of a definition that outlives it only if `confirmed`."""
     for edge, done in enumerate(flow.accesses):
         for variable in done.within:
@@ -201,4 +203,4 @@ def _within(flow: Dataflow, tally: Tally, *, confirmed: bool) -> Iterator[Goal]:
 
 def _du_path(flow: Dataflow, walk: tuple[int, ...], variable: str) -> Goal:
     steps = tuple(flow.graph.edges[edge] for edge in walk)
-    return Goal(Requirement(flow.label, "du-path", steps, variable), walk)
+    return Goal(TestRequirement(flow.label, "du-path", steps, variable), walk)

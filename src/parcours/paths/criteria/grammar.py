@@ -40,7 +40,7 @@ CRITERIA = {**GRAPH_CRITERIA, **DATA_CRITERIA, **COMMUNICATION_CRITERIA}
 
 
 @dataclass(frozen=True, slots=True)
-class Criterion:
+class CoverageCriterion:
     """A criterion with its parameter.
 
     Attributes:
@@ -48,7 +48,7 @@ class Criterion:
         number: of `switch` and `complete`.
         walks: of `specified`: transition ids in order.
 
-    >>> print(Criterion("switch", 2), Criterion("specified", walks=(("t1", "t2"), ("t3",))))
+    >>> print(CoverageCriterion("switch", 2), CoverageCriterion("specified", walks=(("t1", "t2"), ("t3",))))
     2-switch specified:t1 t2, t3
     """
 
@@ -73,12 +73,12 @@ class Criterion:
         return self.name
 
 
-def parse_criterion(text: str) -> Criterion:
+def parse_criterion(text: str) -> CoverageCriterion:
     """Return the criterion that a text names.
 
     Args:
         text: one of `CRITERIA`, with a number for N, or walks for WALKS. Transitions whose ids hold blanks or commas
-            cannot be written so: give `Criterion("specified", walks=...)` instead.
+            cannot be written so: give `CoverageCriterion("specified", walks=...)` instead.
 
     Raises BadRequest: no criterion is written like that.
 
@@ -96,13 +96,13 @@ was given; write it as complete:5 [criterion-number]
         if not walks:
             rule = "it needs walks of transitions, but none was given"
             raise BadRequest(f"coverage criterion {text!r}", rule, "write it as specified:t1 t2, t3", slug="no-walks")
-        return Criterion("specified", walks=walks)
+        return CoverageCriterion("specified", walks=walks)
     if head == "complete":
-        return Criterion("complete", _number(text, rest, 1, "complete:5"))
+        return CoverageCriterion("complete", _number(text, rest, 1, "complete:5"))
     if head.endswith("-switch") and not colon:
-        return Criterion("switch", _number(text, head.removesuffix("-switch"), 0, "2-switch"))
+        return CoverageCriterion("switch", _number(text, head.removesuffix("-switch"), 0, "2-switch"))
     require_known(text, list(CRITERIA), "coverage criterion", slug="unknown-criterion")
-    return Criterion(text)
+    return CoverageCriterion(text)
 
 
 def _number(text: str, given: str, least: int, example: str) -> int:
@@ -129,7 +129,7 @@ subsume all-uses: definitions and uses stand on transitions here, and a loop tha
 """
 
 
-def subsumes(stronger: str | Criterion, weaker: str | Criterion) -> bool:
+def subsumes(stronger: str | CoverageCriterion, weaker: str | CoverageCriterion) -> bool:
     """Return whether tests that satisfy the one criterion satisfy the other, whatever the graph.
 
     Raises BadRequest: one of them is not written like that.
@@ -141,7 +141,7 @@ def subsumes(stronger: str | Criterion, weaker: str | Criterion) -> bool:
     return any(subsumes(following, below) for following in SUBSUMES.get(written, ()))
 
 
-def _as_switch(given: str | Criterion) -> Criterion:
+def _as_switch(given: str | CoverageCriterion) -> CoverageCriterion:
     criterion = parse_criterion(given) if isinstance(given, str) else given
     switches = {"edge": 0, "edge-pair": 1}
-    return Criterion("switch", switches[criterion.name]) if criterion.name in switches else criterion
+    return CoverageCriterion("switch", switches[criterion.name]) if criterion.name in switches else criterion

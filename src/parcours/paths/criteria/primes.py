@@ -16,14 +16,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 
-from parcours.paths.criteria.requirement import Limits, Tally
+from parcours.paths.criteria.requirement import RequirementCounter, RequirementLimits
 from parcours.paths.graph import Came, Graph, breadth_first, components, way_to
 
 NEVER = -1
 """The `missing` states of a search that only completes by goal edges."""
 
 
-def prime_paths(graph: Graph, limits: Limits | None = None) -> list[tuple[int, ...]]:
+def prime_paths(graph: Graph, limits: RequirementLimits | None = None) -> list[tuple[int, ...]]:
     """Return all prime paths of at least one edge, by their first state, in depth-first order.
 
     Example: a loop is a prime path of its own, and so is each way round.
@@ -35,20 +35,20 @@ def prime_paths(graph: Graph, limits: Limits | None = None) -> list[tuple[int, .
     >>> [[lamp.edges[edge] for edge in path] for path in prime_paths(lamp)]
     [['t1', 't3'], ['t2'], ['t3', 't1']]
     """
-    return _primes(graph, limits or Limits(), only_round=False)
+    return _primes(graph, limits or RequirementLimits(), only_round=False)
 
 
-def round_trips(graph: Graph, limits: Limits | None = None) -> list[tuple[int, ...]]:
+def round_trips(graph: Graph, limits: RequirementLimits | None = None) -> list[tuple[int, ...]]:
     """Return all prime round trips, by their first state, in depth-first order; as `prime_paths`."""
-    return _primes(graph, limits or Limits(), only_round=True)
+    return _primes(graph, limits or RequirementLimits(), only_round=True)
 
 
-def shortest_round_trips(graph: Graph, limits: Limits | None = None) -> list[tuple[int, ...]]:
+def shortest_round_trips(graph: Graph, limits: RequirementLimits | None = None) -> list[tuple[int, ...]]:
     """Return for each state on a round trip a short one, by its first state: the shortest of the first that needs one.
 
     Where a round trip found for one state passes others, these get the same one, turned to begin with them.
     """
-    tally = Tally(limits or Limits(), f"round trips of '{graph.name}'")
+    tally = RequirementCounter(limits or RequirementLimits(), f"round trips of '{graph.name}'")
     targets, sources = graph.targets.tolist(), graph.sources.tolist()
     inner = _inner_edges(graph)
     chosen: dict[int, tuple[int, ...]] = {}
@@ -63,7 +63,7 @@ def shortest_round_trips(graph: Graph, limits: Limits | None = None) -> list[tup
 
 def simple_paths(
     start: int, targets: Sequence[int], onward: tuple[Sequence[Sequence[int]], Sequence[Sequence[int]]],
-    goals: Mapping[int, Sequence[int]], wanted: set[int] | None, tally: Tally,
+    goals: Mapping[int, Sequence[int]], wanted: set[int] | None, tally: RequirementCounter,
 ) -> Iterator[tuple[int, ...]]:  # fmt: skip
     """Yield paths from `start` on which no state comes twice, each completed in one of two ways.
 
@@ -131,9 +131,9 @@ def simple_paths(
                     missing += 1
 
 
-def _primes(graph: Graph, limits: Limits, *, only_round: bool) -> list[tuple[int, ...]]:
+def _primes(graph: Graph, limits: RequirementLimits, *, only_round: bool) -> list[tuple[int, ...]]:
     what = "round trips" if only_round else "prime paths"
-    tally = Tally(limits, f"{what} of '{graph.name}'")
+    tally = RequirementCounter(limits, f"{what} of '{graph.name}'")
     targets, sources, entering = graph.targets.tolist(), graph.sources.tolist(), graph.entering()
     inner = _inner_edges(graph)
     within = {edge for edges in inner for edge in edges}
@@ -161,7 +161,7 @@ def _inner_edges(graph: Graph) -> list[list[int]]:
 
 def _reaches(
     state: int, targets: Sequence[int], onward: Sequence[Sequence[int]], goals: Mapping[int, Sequence[int]],
-    visited: set[int], tally: Tally,
+    visited: set[int], tally: RequirementCounter,
 ) -> bool:  # fmt: skip
     """Return whether a state with a goal can be reached without those visited."""
     seen = {state}
@@ -179,7 +179,7 @@ def _reaches(
 
 
 def _shortest_trip(
-    start: int, inner: Sequence[Sequence[int]], targets: Sequence[int], tally: Tally
+    start: int, inner: Sequence[Sequence[int]], targets: Sequence[int], tally: RequirementCounter
 ) -> tuple[int, ...] | None:
     """Return the fewest edges from a state back to itself, None if there is no way."""
     came: Came[int, int] = {}

@@ -24,7 +24,7 @@ START = ""
 
 
 @dataclass(frozen=True, slots=True)
-class Requirement:
+class TestRequirement:
     """What a set of paths must visit.
 
     Attributes:
@@ -33,7 +33,7 @@ class Requirement:
         steps: states, transitions or channels; START is the beginning of a run.
         variable: the one defined and used; of criterion `tag` the tag.
 
-    >>> print(Requirement("lamp", "use", (START, "t4"), "switched"))
+    >>> print(TestRequirement("lamp", "use", (START, "t4"), "switched"))
     switched: (start) -> t4
     """
 
@@ -59,12 +59,12 @@ class Requirement:
 class Goal:
     """A requirement and a walk that meets it: edge numbers of a graph, empty if only a state is to be visited."""
 
-    requirement: Requirement
+    requirement: TestRequirement
     walk: tuple[int, ...]
 
 
 @dataclass(frozen=True, slots=True)
-class Limits:
+class RequirementLimits:
     """Bounds on the requirements of one criterion on one graph.
 
     Attributes:
@@ -78,10 +78,10 @@ class Limits:
     work: int = 16_000_000
 
 
-class Tally:
+class RequirementCounter:
     """Counts requirements as they are found, against limits.
 
-    >>> tally = Tally(Limits(count=1), "prime paths of 'door'")
+    >>> tally = RequirementCounter(RequirementLimits(count=1), "prime paths of 'door'")
     >>> tally.add(3)
     >>> tally.add(3)
     Traceback (most recent call last):
@@ -90,7 +90,7 @@ class Tally:
 [too-many-requirements]
     """
 
-    def __init__(self, limits: Limits, what: str) -> None:
+    def __init__(self, limits: RequirementLimits, what: str) -> None:
         self.limits, self.what = limits, what
         self.count = self.steps = self.work = 0
 

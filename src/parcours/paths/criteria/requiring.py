@@ -16,14 +16,14 @@ from parcours.model.structure import Cefsm, Machine, Variable
 from parcours.paths.criteria.bounded import complete_paths, switches
 from parcours.paths.criteria.communication import communications
 from parcours.paths.criteria.dataflow import DATA_ASKS, Dataflow, dataflow
-from parcours.paths.criteria.grammar import Criterion, parse_criterion
+from parcours.paths.criteria.grammar import CoverageCriterion, parse_criterion
 from parcours.paths.criteria.primes import prime_paths, round_trips, shortest_round_trips
-from parcours.paths.criteria.requirement import Goal, Limits, Requirement
+from parcours.paths.criteria.requirement import Goal, RequirementLimits, TestRequirement
 from parcours.paths.graph import Graph, Walk, graph_of
 
 
 @dataclass(frozen=True, slots=True)
-class Subject:
+class CoverageSubject:
     """What is covered or measured by itself: a graph, and the machine that it is of, with its component's variables.
 
     `label` is its name in requirements.
@@ -46,16 +46,16 @@ class Demand:
         flow: for data criteria, where variables are defined and used.
     """
 
-    subject: Subject
+    subject: CoverageSubject
     graph: Graph
     goals: tuple[Goal, ...]
     flow: Dataflow | None = None
 
 
 def requirements(
-    of: Machine | Graph | Cefsm, criterion: str | Criterion = "edge", *, variables: Sequence[Variable] = (),
-    limits: Limits | None = None,
-) -> tuple[Requirement, ...]:  # fmt: skip
+    of: Machine | Graph | Cefsm, criterion: str | CoverageCriterion = "edge", *, variables: Sequence[Variable] = (),
+    limits: RequirementLimits | None = None,
+) -> tuple[TestRequirement, ...]:  # fmt: skip
     """Return what a criterion requires, each once, in the order of the graph.
 
     Args:
@@ -73,7 +73,10 @@ def requirements(
 
 
 def demands(
-    of: Machine | Graph | Cefsm, criterion: Criterion, variables: Sequence[Variable] = (), limits: Limits | None = None
+    of: Machine | Graph | Cefsm,
+    criterion: CoverageCriterion,
+    variables: Sequence[Variable] = (),
+    limits: RequirementLimits | None = None,
 ) -> list[Demand]:
     """Return what a criterion over graphs or over variables asks, machine by machine, as `requirements`.
 
@@ -95,20 +98,20 @@ def demands(
     ]
 
 
-def subjects(of: Machine | Graph | Cefsm, variables: Sequence[Variable] = ()) -> list[Subject]:
+def subjects(of: Machine | Graph | Cefsm, variables: Sequence[Variable] = ()) -> list[CoverageSubject]:
     """Return what is to be covered, machine by machine; those of a model are called `Component.machine`."""
     if isinstance(of, Graph):
-        return [Subject(of.name, of)]
+        return [CoverageSubject(of.name, of)]
     if isinstance(of, Machine):
-        return [Subject(of.name, graph_of(of), of, tuple(variables))]
+        return [CoverageSubject(of.name, graph_of(of), of, tuple(variables))]
     return [
-        Subject(f"{component.name}.{machine.name}", graph_of(machine), machine, component.variables)
+        CoverageSubject(f"{component.name}.{machine.name}", graph_of(machine), machine, component.variables)
         for component in of.components
         for machine in component.machines
     ]
 
 
-def model_of(of: Machine | Graph | Cefsm, criterion: Criterion) -> Cefsm:
+def model_of(of: Machine | Graph | Cefsm, criterion: CoverageCriterion) -> Cefsm:
     """Return what was given if it is a model, which criteria over channels need. Raises BadRequest otherwise."""
     if not isinstance(of, Cefsm):
         rule = f"it looks at the channels of a model, but a {type(of).__name__.lower()} was given"
@@ -138,7 +141,9 @@ def edge_names(graph: Graph) -> tuple[str, ...]:
     return tuple(found)
 
 
-def _graph_goals(subject: Subject, criterion: Criterion, limits: Limits | None) -> Iterator[Goal]:
+def _graph_goals(
+    subject: CoverageSubject, criterion: CoverageCriterion, limits: RequirementLimits | None
+) -> Iterator[Goal]:
     graph = subject.graph
     match criterion.name:
         case "edge":
@@ -153,15 +158,15 @@ def _graph_goals(subject: Subject, criterion: Criterion, limits: Limits | None) 
             yield from _walks(subject, round_trips(graph, limits))
         case "simple-round-trip":
             for walk in shortest_round_trips(graph, limits):
-                yield Goal(Requirement(subject.label, "round trip", (graph.states[graph.sources[walk[0]]],)), walk)
+                yield Goal(TestRequirement(subject.label, "round trip", (graph.states[graph.sources[walk[0]]],)), walk)
         case "tag":
             yield from _tagged(subject)
         case _:  # node; or prime without an edge, where the state by itself is the one prime path
             for state in graph.states:
-                yield Goal(Requirement(subject.label, "state", (state,)), ())
+                yield Goal(TestRequirement(subject.label, "state", (state,)), ())
 
 
-def _tagged(subject: Subject) -> Iterator[Goal]:
+def _tagged(subject: CoverageSubject) -> Iterator[Goal]:
     graph, machine = subject.graph, subject.machine
     if machine is None:
         rule = f"it looks at the tags of machines, but {graph.name!r} is a graph"
@@ -170,20 +175,20 @@ def _tagged(subject: Subject) -> Iterator[Goal]:
         )
     for state, tag in machine.tags:
         if state in graph.states:
-            yield Goal(Requirement(subject.label, "state", (state,), tag), ())
+            yield Goal(TestRequirement(subject.label, "state", (state,), tag), ())
     tags = {each.id: each.tags for each in machine.transitions}
     for edge, name in enumerate(graph.edges):
         for tag in tags[name]:
-            yield Goal(Requirement(subject.label, "transitions", (name,), tag), (edge,))
+            yield Goal(TestRequirement(subject.label, "transitions", (name,), tag), (edge,))
 
 
-def _walks(subject: Subject, walks: Iterable[Walk]) -> Iterator[Goal]:
+def _walks(subject: CoverageSubject, walks: Iterable[Walk]) -> Iterator[Goal]:
     names = edge_names(subject.graph)
     for walk in walks:
-        yield Goal(Requirement(subject.label, "transitions", tuple(names[edge] for edge in walk)), walk)
+        yield Goal(TestRequirement(subject.label, "transitions", tuple(names[edge] for edge in walk)), walk)
 
 
-def _specified(subject: Subject, walks: Iterable[tuple[str, ...]]) -> Iterator[Goal]:
+def _specified(subject: CoverageSubject, walks: Iterable[tuple[str, ...]]) -> Iterator[Goal]:
     graph = subject.graph
     number = {name: edge for edge, name in enumerate(edge_names(graph))}
     for names in walks:
@@ -194,7 +199,7 @@ def _specified(subject: Subject, walks: Iterable[tuple[str, ...]]) -> Iterator[G
                 rule = f"each transition must begin where the one before it ends, but '{graph.edges[before]}' ends in "
                 rule += f"{ends[0]!r} and '{graph.edges[after]}' begins in {ends[1]!r}"
                 raise BadRequest(f"walk '{' '.join(names)}'", rule, "give the transitions between", slug="broken-walk")
-        yield Goal(Requirement(subject.label, "transitions", names), walk)
+        yield Goal(TestRequirement(subject.label, "transitions", names), walk)
 
 
 def _owner(walk: tuple[str, ...], name: str, owner: Mapping[str, int]) -> int:
@@ -204,7 +209,7 @@ def _owner(walk: tuple[str, ...], name: str, owner: Mapping[str, int]) -> int:
     return owner[name]
 
 
-def _demand(subject: Subject, criterion: Criterion, limits: Limits | None) -> Demand:
+def _demand(subject: CoverageSubject, criterion: CoverageCriterion, limits: RequirementLimits | None) -> Demand:
     if criterion.family == "graph":
         return Demand(subject, subject.graph, tuple(_graph_goals(subject, criterion, limits)))
     if criterion.family == "communication":

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 from parcours.model.structure import Cefsm, Machine, Variable
 from parcours.paths.criteria.communication import delivered, wiring
-from parcours.paths.criteria.grammar import Criterion, parse_criterion
-from parcours.paths.criteria.requirement import Limits, Requirement
+from parcours.paths.criteria.grammar import CoverageCriterion, parse_criterion
+from parcours.paths.criteria.requirement import RequirementLimits, TestRequirement
 from parcours.paths.criteria.requiring import demands, model_of, requirements
 from parcours.paths.graph import Graph
 from parcours.paths.measuring.answering import met_goals
@@ -21,9 +21,9 @@ class Coverage:
     """What a criterion requires, and how much of it was met; met and missed partition required."""
 
     criterion: str
-    required: tuple[Requirement, ...]
-    met: tuple[Requirement, ...]
-    missed: tuple[Requirement, ...]
+    required: tuple[TestRequirement, ...]
+    met: tuple[TestRequirement, ...]
+    missed: tuple[TestRequirement, ...]
 
     @property
     def ratio(self) -> float:
@@ -32,8 +32,8 @@ class Coverage:
 
 
 def measure(
-    of: Machine | Cefsm | Graph, criterion: str | Criterion, *sequences: Sequence[str], tours: Tours = "direct",
-    variables: Sequence[Variable] = (), limits: Limits | None = None,
+    of: Machine | Cefsm | Graph, criterion: str | CoverageCriterion, *sequences: Sequence[str], tours: Tours = "direct",
+    variables: Sequence[Variable] = (), limits: RequirementLimits | None = None,
 ) -> Coverage:  # fmt: skip
     """Return which requirements the sequences meet, seen machine by machine.
 
@@ -64,15 +64,15 @@ def measure(
     return _coverage(chosen, required, answers)
 
 
-def _coverage(criterion: Criterion, required: Sequence[Requirement], answers: Sequence[bool]) -> Coverage:
-    sides: dict[bool, list[Requirement]] = {True: [], False: []}
+def _coverage(criterion: CoverageCriterion, required: Sequence[TestRequirement], answers: Sequence[bool]) -> Coverage:
+    sides: dict[bool, list[TestRequirement]] = {True: [], False: []}
     for need, is_met in zip(required, answers, strict=True):
         sides[is_met].append(need)
     return Coverage(str(criterion), tuple(required), tuple(sides[True]), tuple(sides[False]))
 
 
 def _communication(
-    cefsm: Cefsm, criterion: Criterion, sequences: Sequence[Sequence[str]], limits: Limits | None
+    cefsm: Cefsm, criterion: CoverageCriterion, sequences: Sequence[Sequence[str]], limits: RequirementLimits | None
 ) -> Coverage:
     required = requirements(cefsm, criterion, limits=limits)
     wires = wiring(cefsm)

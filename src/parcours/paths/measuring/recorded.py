@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from parcours.errors import BadRequest, one_of
 from parcours.model.structure import Cefsm, Machine
-from parcours.paths.criteria.requiring import Subject, edge_names
+from parcours.paths.criteria.requiring import CoverageSubject, edge_names
 from parcours.paths.graph import Graph
 
 UNREACHABLE = -1
@@ -33,7 +33,9 @@ class Walks:
     begins: list[bool]
 
 
-def walks_of(of: Machine | Cefsm | Graph, asked: Sequence[Subject], sequences: Sequence[Sequence[str]]) -> list[Walks]:
+def walks_of(
+    of: Machine | Cefsm | Graph, asked: Sequence[CoverageSubject], sequences: Sequence[Sequence[str]]
+) -> list[Walks]:
     """Return what each machine did in the sequences."""
     if isinstance(of, Graph):
         parts = [[_along(of, sequence)] for sequence in sequences]

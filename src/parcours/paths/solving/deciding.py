@@ -13,15 +13,15 @@ from parcours.errors import require_known
 from parcours.model.configuration import Inputs, Move
 from parcours.model.structure import Cefsm, Component, Machine
 from parcours.paths.criteria import requirements
-from parcours.paths.criteria.requirement import Requirement
+from parcours.paths.criteria.requirement import TestRequirement
 from parcours.paths.graph import graph_of
 from parcours.paths.solving import verdicts
 from parcours.paths.solving.exploring import Exploration, Explored, Node, Targets
-from parcours.paths.solving.verdicts import BUDGET, Executability, Path, Spent, Work, has_solver
+from parcours.paths.solving.verdicts import BUDGET, BudgetSpent, Executability, Path, Work, has_solver
 from parcours.paths.spaces import part_of
 from parcours.paths.timing.clockwork import is_timed
 from parcours.paths.timing.events import events_of
-from parcours.paths.timing.replaying import Replay
+from parcours.paths.timing.replaying import StepReplay
 from parcours.paths.timing.schedules import Contradiction, Schedule, schedule
 
 if TYPE_CHECKING:
@@ -49,7 +49,7 @@ Report = Callable[[str, int, int], None]
 
 
 def solve(
-    cefsm: Cefsm, component: str, machine: str, wanted: str | Sequence[Requirement], budget: float = BUDGET,
+    cefsm: Cefsm, component: str, machine: str, wanted: str | Sequence[TestRequirement], budget: float = BUDGET,
     seed: int = 0, complete: bool = True, report: Report | None = None,
 ) -> Executability:  # fmt: skip
     """Return which requirements of one machine can be met, by few paths that run, and which cannot.
@@ -77,7 +77,7 @@ class _Verifier:
     def __init__(self, cefsm: Cefsm, component: Component, machine: Machine, finals: Collection[str]) -> None:
         self._cefsm, self._name, self._machine, self._finals = cefsm, component.name, machine, finals
         self._targets = {transition.id: transition.target for transition in machine.transitions}
-        self._timed, self._replay = is_timed(component), Replay(cefsm)
+        self._timed, self._replay = is_timed(component), StepReplay(cefsm)
 
     def runs(self, ids: Sequence[str], inputs: Sequence[Inputs]) -> bool:
         """Return whether transitions run with inputs; clock readings among these are taken to be in time."""
@@ -122,7 +122,7 @@ class _Verifier:
 # for what is impossible ends only with its budget.
 class _Solving:
     def __init__(
-        self, cefsm: Cefsm, owner: Component, machine: Machine, needs: Sequence[Requirement], budget: float,
+        self, cefsm: Cefsm, owner: Component, machine: Machine, needs: Sequence[TestRequirement], budget: float,
         report: Report | None,
     ) -> None:  # fmt: skip
         self.owner, self.machine, self.needs = owner, machine, tuple(dict.fromkeys(needs))
@@ -133,8 +133,8 @@ class _Solving:
         self.finals = frozenset(graph.states[state] for state in graph.finals)
         self.verifier = _Verifier(self.model, owner, machine, self.finals)
         self.open = dict.fromkeys(self.needs)
-        self.covered: dict[Requirement, Path] = {}
-        self.infeasible: dict[Requirement, tuple[str, ...]] = {}
+        self.covered: dict[TestRequirement, Path] = {}
+        self.infeasible: dict[TestRequirement, tuple[str, ...]] = {}
 
     def run(self, seed: int, *, complete: bool) -> Executability:
         """Return the verdicts."""
@@ -158,10 +158,10 @@ class _Solving:
         if not self.open:
             return ""
         from parcours.paths.solving.proving import Prover, bounds_of
-        from parcours.paths.solving.reading import Ground
+        from parcours.paths.solving.reading import ModelTables
         from parcours.paths.solving.searching import Prefixes, Search
 
-        ground = Ground(self.model)
+        ground = ModelTables(self.model)
         prover = Prover(
             ground, self.owner, self.machine, seed,
             bounds_of(ground, self.owner, self.work, self.work.after(0.2)), self.work,
@@ -182,12 +182,14 @@ class _Solving:
         prefixes.until = self.work.budget
         return self._grow(prefixes, root, prover, complete=complete) if self.open else reason
 
-    def _unreached(self, explored: Explored) -> list[Requirement]:
+    def _unreached(self, explored: Explored) -> list[TestRequirement]:
         """Return what no run meets, where all that can happen was seen."""
         reached = {need for run in explored.runs for need in self.targets.met(Path(run).ids)}
         return [need for need in self.open if need not in reached] if not explored.doubt else []
 
-    def _exclude(self, needs: Sequence[Requirement], proof: Callable[[Requirement], tuple[str, ...] | None]) -> None:
+    def _exclude(
+        self, needs: Sequence[TestRequirement], proof: Callable[[TestRequirement], tuple[str, ...] | None]
+    ) -> None:
         """Note what is infeasible."""
         for need in needs:
             if (found := proof(need)) is not None:
@@ -210,7 +212,7 @@ class _Solving:
                     found = self._extended(root.beginning(ids), lambda node: node[0] in self.finals) or found
                 moves = [Move(id, "", chosen) for id, chosen in zip(*found, strict=True)]
                 self._take(self.verifier.path(moves, in_time=True))
-        except Spent:
+        except BudgetSpent:
             return f"the budget of {self.work.budget:g} units was spent, {prefixes.checks} questions to the solver"
         if prefixes.doubt:
             return prefixes.doubt
@@ -222,7 +224,7 @@ class _Solving:
     def _extended(self, search: Search, wanted: Callable[[Node], bool]) -> Found | None:
         try:
             return search.onward(wanted, EXTENSION_CHECKS)
-        except Spent:
+        except BudgetSpent:
             return None
 
     def _meets(self, node: Node) -> bool:

@@ -15,15 +15,15 @@ from itertools import pairwise
 
 from parcours.errors import BadModel, BadRequest, one_of
 from parcours.model.choice import inexact
-from parcours.model.configuration import Move, Site
+from parcours.model.configuration import Move, TransitionSite
 from parcours.model.expression import Assignment, names
 from parcours.model.solutions import Question
 from parcours.model.structure import CLOCK, Cefsm, Machine, Transition
 from parcours.paths.automaton import Trie
-from parcours.paths.criteria.requirement import START, Requirement
+from parcours.paths.criteria.requirement import START, TestRequirement
 from parcours.paths.graph import Came, breadth_first, way_to
-from parcours.paths.solving.verdicts import Path, Spent, Work
-from parcours.paths.spaces import ModelSpace, Place
+from parcours.paths.solving.verdicts import BudgetSpent, Path, Work
+from parcours.paths.spaces import ModelSpace, SpaceNode
 from parcours.paths.timing.clockwork import is_timed
 from parcours.paths.timing.zones import Zone, Zones
 
@@ -41,7 +41,7 @@ class Targets:
     that the run has just done.
     """
 
-    def __init__(self, machine: Machine, requirements: Sequence[Requirement]) -> None:
+    def __init__(self, machine: Machine, requirements: Sequence[TestRequirement]) -> None:
         self.machine, self.requirements = machine, tuple(dict.fromkeys(requirements))
         self.transitions = {transition.id: transition for transition in machine.transitions}
         self.number = {START: 0, **{id: place for place, id in enumerate(self.transitions, start=1)}}
@@ -52,10 +52,10 @@ class Targets:
         self._check()
         sequences = [need for need in self.requirements if need.kind in SEQUENCES]
         self._trie = Trie(len(self.number), [[self.number[id] for id in need.steps] for need in sequences])
-        done: dict[int, list[Requirement]] = {}
+        done: dict[int, list[TestRequirement]] = {}
         for need, end in zip(sequences, self._trie.ends, strict=True):
             done.setdefault(end, []).append(need)
-        self._at_state: dict[str, list[Requirement]] = {}
+        self._at_state: dict[str, list[TestRequirement]] = {}
         for need in self.requirements:
             if need.kind == "state":
                 self._at_state.setdefault(need.steps[0], []).append(need)
@@ -72,12 +72,12 @@ class Targets:
         """Return the node after a transition, from the state where it leaves."""
         return self.transitions[id].target, self._trie.after(node[1], self.number[id])
 
-    def at(self, node: Node) -> list[Requirement]:
+    def at(self, node: Node) -> list[TestRequirement]:
         """Return the requirements that a run meets by coming to a node."""
         states = self._at_state.get(node[0])
         return self._at_node[node[1]] if states is None else [*self._at_node[node[1]], *states]
 
-    def met(self, ids: Iterable[str]) -> list[Requirement]:
+    def met(self, ids: Iterable[str]) -> list[TestRequirement]:
         """Return the requirements that a run meets, in their own order; other machines' transitions do not count."""
         node = self.start()
         found = set(self.at(node))
@@ -137,7 +137,7 @@ BEAM = 256
 LOOK = 1 / 64
 """What it costs to come to a state that was expanded before, in units of work."""
 
-Spot = tuple[Place, Zone | None]
+Spot = tuple[SpaceNode, Zone | None]
 """Where a run stands, and what its clocks may read; no zone where no time may pass, an empty one without clocks."""
 
 Position = tuple[Spot, Node]
@@ -146,7 +146,7 @@ Position = tuple[Spot, Node]
 Wanted = Callable[[Node], bool]
 """Whether to stop at a node of the requirements' automaton."""
 
-Found = tuple[list[Move], Position, set[Requirement]]
+Found = tuple[list[Move], Position, set[TestRequirement]]
 """A way, where it ends, and what it meets."""
 
 
@@ -182,7 +182,7 @@ class Exploration:
         (self._component,) = alone.components
         self._zones = Zones(self._component) if is_timed(self._component) else None
         self._after: dict[Spot, list[tuple[Move, Spot]]] = {}
-        self._untimed: dict[Place, list[tuple[Move, Place]]] = {}
+        self._untimed: dict[SpaceNode, list[tuple[Move, SpaceNode]]] = {}
         self._doubts: dict[str, str] = {}
         self._doubt = self._meeting_clock(alone)
 
@@ -219,7 +219,7 @@ class Exploration:
         while missing:
             try:
                 found = self._onward(here, meets)
-            except Spent as why:
+            except BudgetSpent as why:
                 found, doubt = None, str(why)
             if found is not None:
                 moves, here, seen = found
@@ -254,7 +254,7 @@ class Exploration:
                 self._work.spent += LOOK
                 try:
                     leaving = self._expanded(spot) if self._work.spent <= until else []
-                except Spent:
+                except BudgetSpent:
                     return runs
                 for move, then in leaving:
                     after = self._node_after(node, (move,))
@@ -282,7 +282,7 @@ class Exploration:
             return tuple(run)
         try:
             found = self._straight(here, is_home) or self._onward(here, is_home)
-        except Spent:
+        except BudgetSpent:
             return tuple(run)
         return (*run, *found[0]) if found is not None else tuple(run)
 
@@ -295,7 +295,7 @@ class Exploration:
             place = queue.popleft()
             self._work.spent += LOOK
             if self._work.spent > self._until:
-                raise Spent(f"the budget was spent after {len(self._after)} states")
+                raise BudgetSpent(f"the budget was spent after {len(self._after)} states")
             for move, then in self._expanded(place[0]):
                 node = self._node_after(place[1], (move,))
                 following = (then, node)
@@ -303,14 +303,14 @@ class Exploration:
                     continue
                 came[following] = move, place
                 if node != place[1] and wanted(node):
-                    met, back = set[Requirement](), following
+                    met, back = set[TestRequirement](), following
                     while (step := came[back]) is not None:
                         met.update(targets.at(back[1]))
                         back = step[1]
                     return way_to(following, came), following, met
                 queue.append(following)
                 if len(came) > 4 * self._most:
-                    raise Spent(f"more than {4 * self._most} states with what they have just met")
+                    raise BudgetSpent(f"more than {4 * self._most} states with what they have just met")
         return None
 
     def _straight(self, here: Position, wanted: Wanted) -> Found | None:
@@ -320,7 +320,7 @@ class Exploration:
         """
         targets = self._targets
         far = targets.distances(wanted, frozenset(targets.transitions))
-        moves, met = list[Move](), set[Requirement]()
+        moves, met = list[Move](), set[TestRequirement]()
         while not moves or not wanted(here[1]):
             nearer = (
                 (move, (then, node))
@@ -339,7 +339,7 @@ class Exploration:
     def _expanded(self, spot: Spot) -> list[tuple[Move, Spot]]:
         if spot not in self._after:
             if len(self._after) >= self._most:
-                raise Spent(f"more than {self._most} states")
+                raise BudgetSpent(f"more than {self._most} states")
             self._work.spent += 1
             self._after[spot] = list(self._timely(spot))
         return self._after[spot]
@@ -366,7 +366,7 @@ class Exploration:
             for after in self._zones.after(zone, states, moving):
                 yield move, (then, after)
 
-    def _moves(self, place: Place) -> Iterator[tuple[Move, Place]]:
+    def _moves(self, place: SpaceNode) -> Iterator[tuple[Move, SpaceNode]]:
         """Yield what can happen in a place, and where it leads."""
         for state, leaving in zip(place.configuration.states, self._space.steps.layout.leaving, strict=True):
             for site in leaving.get(state, ()):
@@ -389,7 +389,7 @@ class Exploration:
                         doubt = f"guard of {move}: no values were found for which it surely holds"
                         self._doubt = self._doubt or doubt
 
-    def _inexact(self, site: Site) -> str:
+    def _inexact(self, site: TransitionSite) -> str:
         """Return why the step relation may not try every different choice at a transition; empty if it does."""
         layout, transition = self._space.steps.layout, site.transition
         types, domains = layout.scopes.types(site.component, transition), layout.scopes.domains(site.component)

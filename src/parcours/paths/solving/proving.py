@@ -17,12 +17,12 @@ from parcours.model.expression import Assignment, Literal, names
 from parcours.model.expression.syntax import walk
 from parcours.model.scope import is_local
 from parcours.model.structure import Component, Machine, Transition
-from parcours.paths.criteria.requirement import START, Requirement
-from parcours.paths.solving.reading import Begin, Bound, Ground
+from parcours.paths.criteria.requirement import START, TestRequirement
+from parcours.paths.solving.reading import Begin, IntegerBound, ModelTables
 from parcours.paths.solving.terms import NoTerm
 from parcours.paths.solving.verdicts import Work
-from parcours.paths.solving.walk import Walk
-from parcours.paths.timing.events import Event
+from parcours.paths.solving.walk import SymbolicWalk
+from parcours.paths.timing.events import TimedEvent
 
 MAX_CONSTANTS = 12
 """Most constants that are guessed as bounds, the smallest in size."""
@@ -41,7 +41,13 @@ class Prover:
     """Searches backwards from a requirement for a conflict on every way to it."""
 
     def __init__(
-        self, ground: Ground, component: Component, machine: Machine, seed: int, bounds: frozenset[Bound], work: Work
+        self,
+        ground: ModelTables,
+        component: Component,
+        machine: Machine,
+        seed: int,
+        bounds: frozenset[IntegerBound],
+        work: Work,
     ) -> None:
         self._work = work
         self._bounds, self._unsteady = bounds, ground.unsteady(component.name, machine.name)
@@ -52,7 +58,7 @@ class Prover:
         for transition in machine.transitions:
             self._entering.setdefault(transition.target, []).append(transition)
 
-    def proof(self, need: Requirement, until: float, ways: int) -> tuple[str, ...] | None:
+    def proof(self, need: TestRequirement, until: float, ways: int) -> tuple[str, ...] | None:
         """Return what conflicts on every way to a requirement, or None if no proof was found."""
         if self._ground.timed:
             now = self._work.spent
@@ -61,7 +67,7 @@ class Prover:
                 return found
         return self._proof(need, until, ways, timed=self._ground.timed)
 
-    def _proof(self, need: Requirement, until: float, ways: int, *, timed: bool) -> tuple[str, ...] | None:
+    def _proof(self, need: TestRequirement, until: float, ways: int, *, timed: bool) -> tuple[str, ...] | None:
         ahead: list[tuple[str, Slice]]
         if need.kind == "state":
             if need.steps[0] == self._machine.initial:
@@ -108,13 +114,13 @@ class Prover:
         unsteady = self._unsteady if timed else self._unsteady | self._clocks
         for exact in (True, False):
             place = (0, self._component.name, self._machine.name)
-            steps = Walk(
+            steps = SymbolicWalk(
                 self._ground, [place], exact=exact, explain=True, begin=begin,
                 unsteady=unsteady, bounds=self._bounds, timed=timed, seed=self._seed, work=self._work,
             )  # fmt: skip
             try:
                 for number, id in enumerate(ids, start=1):
-                    steps.push(Event(number, *place, self._transitions[id]))
+                    steps.push(TimedEvent(number, *place, self._transitions[id]))
             except NoTerm:
                 return None
             if steps.check(CHECK_WORK) is not False:
@@ -141,7 +147,7 @@ class Prover:
                 yield f"{variable.name!r} starts at {shown}"
 
 
-def bounds_of(ground: Ground, component: Component, work: Work, until: float) -> frozenset[Bound]:
+def bounds_of(ground: ModelTables, component: Component, work: Work, until: float) -> frozenset[IntegerBound]:
     """Return bounds that the integer variables of a component never leave; none if the work ends before they are sure.
 
     Bounds are guessed: a variable stays above, or below, its initial value or one of the constants in the component.
@@ -157,17 +163,17 @@ def bounds_of(ground: Ground, component: Component, work: Work, until: float) ->
         for transition in machine.transitions
         if any(isinstance(each, Assignment) and each.target in guessed for each in transition.actions)
     ]
-    before: set[Bound] | None = None
+    before: set[IntegerBound] | None = None
     while alive != before:
         before = set(alive)
         for machine, transition in setters:
             if work.spent > until:
                 return frozenset()
-            alive = _kept(ground, Event(1, 0, component.name, machine, transition), alive, work)
+            alive = _kept(ground, TimedEvent(1, 0, component.name, machine, transition), alive, work)
     return frozenset(alive)
 
 
-def _guesses(component: Component) -> set[Bound]:
+def _guesses(component: Component) -> set[IntegerBound]:
     numbers = {0}
     said = [each.guard for each in component.transitions() if each.guard is not None]
     actions = (action for each in component.transitions() for action in each.actions)
@@ -177,14 +183,14 @@ def _guesses(component: Component) -> set[Bound]:
     for variable in component.variables:
         if variable.type == "int" and is_local(variable) and isinstance(variable.initial, int):
             for number in sorted({*numbers, variable.initial}, key=abs)[:MAX_CONSTANTS]:
-                found |= {Bound(variable.name, "<=", number)} if variable.initial <= number else set()
-                found |= {Bound(variable.name, ">=", number)} if variable.initial >= number else set()
+                found |= {IntegerBound(variable.name, "<=", number)} if variable.initial <= number else set()
+                found |= {IntegerBound(variable.name, ">=", number)} if variable.initial >= number else set()
     return found
 
 
-def _kept(ground: Ground, event: Event, alive: set[Bound], work: Work) -> set[Bound]:
+def _kept(ground: ModelTables, event: TimedEvent, alive: set[IntegerBound], work: Work) -> set[IntegerBound]:
     """Return the bounds that still hold after an event before which all of them did."""
-    steps = Walk(ground, [event.place], begin="anywhere", bounds=frozenset(alive), work=work)
+    steps = SymbolicWalk(ground, [event.place], begin="anywhere", bounds=frozenset(alive), work=work)
     try:
         steps.push(event)
     except NoTerm:

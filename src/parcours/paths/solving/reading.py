@@ -9,17 +9,17 @@ from typing import Literal
 import z3
 
 from parcours.model.configuration import Layout
-from parcours.model.expression import Apply, Assignment, Expression, Field, Name, Type, names, type_of
+from parcours.model.expression import Apply, Assignment, Expression, FieldAccess, Name, Type, names, type_of
 from parcours.model.scope import is_local, variable_type
 from parcours.model.structure import CLOCK, Cefsm, Component, Variable
 from parcours.paths.solving.terms import Symbols, Translator, Value, constant, fits, rational, variable
 from parcours.paths.timing.clocks import Setting
 from parcours.paths.timing.clockwork import Clockwork, is_timed
-from parcours.paths.timing.events import Event
+from parcours.paths.timing.events import TimedEvent
 
 
 @dataclass(frozen=True, slots=True)
-class Bound:
+class IntegerBound:
     """An integer variable never leaves a number on one side."""
 
     variable: str
@@ -34,7 +34,7 @@ class Bound:
         return f"always {self.variable} {self.operator} {self.number}"
 
 
-class Ground:
+class ModelTables:
     """The tables of one model."""
 
     def __init__(self, cefsm: Cefsm) -> None:
@@ -87,7 +87,7 @@ def path_of(node: Expression) -> list[str]:
     if isinstance(node, Apply):
         node = node.arguments[0]
     parts: list[str] = []
-    while isinstance(node, Field):
+    while isinstance(node, FieldAccess):
         parts.append(node.name)
         node = node.of
     return [str(node), *reversed(parts)]
@@ -109,7 +109,7 @@ Begin = Literal["initial", "anywhere"]
 
 
 @dataclass(slots=True)
-class Level:
+class Snapshot:
     """What stands after an event: a copy for each, so that taking one back costs nothing.
 
     Attributes:
@@ -125,19 +125,19 @@ class Level:
     values: dict[Slot, Value]
     messages: dict[tuple[int, str], Mapping[str, Value]]
     clockwork: Clockwork | None = None
-    event: Event | None = None
+    event: TimedEvent | None = None
     opens: dict[str, tuple[Value, Type]] = field(default_factory=dict)
     clocks: dict[str, Setting] = field(default_factory=dict)
     rounds: bool = False
 
-    def following(self, event: Event) -> Level:
+    def following(self, event: TimedEvent) -> Snapshot:
         """Return the level that an event starts from."""
         clockwork = None if self.clockwork is None else self.clockwork.copy()
-        return Level(dict(self.values), dict(self.messages), clockwork, event)
+        return Snapshot(dict(self.values), dict(self.messages), clockwork, event)
 
 
 @dataclass(slots=True)
-class Reading:
+class WalkReading:
     """How one walk reads.
 
     Attributes:
@@ -150,11 +150,11 @@ class Reading:
         demand: takes a condition and what demands it.
     """
 
-    ground: Ground
+    ground: ModelTables
     begin: Begin
     exact: bool
     unsteady: frozenset[str]
-    bounds: frozenset[Bound]
+    bounds: frozenset[IntegerBound]
     add: Callable[[Value], None]
     demand: Callable[[Value, str], None]
     _count: int = 0
@@ -164,7 +164,7 @@ class Reading:
         self._count += 1
         return f"v{self._count}"
 
-    def translator(self, event: Event, level: Level) -> Translator:
+    def translator(self, event: TimedEvent, level: Snapshot) -> Translator:
         """Return what translates the expressions of an event, as it is reached."""
         scopes, transition = self.ground.layout.scopes, event.transition
         types = scopes.types(event.component, transition)
@@ -175,7 +175,7 @@ class Reading:
             name, *fields = path_of(node)
             if name in level.clocks:
                 return self.clock(event, name, event.number, level.clocks[name])
-            if name == message and isinstance(node, Field) and len(fields) == 1 and fields[0] in taken:
+            if name == message and isinstance(node, FieldAccess) and len(fields) == 1 and fields[0] in taken:
                 return taken[fields[0]]
             declared = self.ground.variables[event.component].get(name)
             if name == message or not isinstance(node, Name):
@@ -192,7 +192,7 @@ class Reading:
 
         return Translator(types_of, lookup, self.ground.symbols, level.clocks, self.fresh, exact=self.exact)
 
-    def clock(self, event: Event, name: str, now: int, setting: Setting) -> Value:
+    def clock(self, event: TimedEvent, name: str, now: int, setting: Setting) -> Value:
         """Return what a clock of the event's component reads at the time of event `now`."""
         if name in self.unsteady:
             reading = z3.Real(f"clock:{now}:{name}")
@@ -205,7 +205,7 @@ class Reading:
             return time_of(now) + before
         return time_of(now) - time_of(since) + rational(value)
 
-    def _first(self, event: Event, declared: Variable) -> Value:
+    def _first(self, event: TimedEvent, declared: Variable) -> Value:
         start = self.ground.initial(declared, exact=self.exact)
         if self.begin == "initial":
             return start
@@ -235,7 +235,9 @@ class Reading:
             if bound.variable == name:
                 self.demand(bound.of(symbol), str(bound))
 
-    def _open(self, event: Event, node: Expression, type_: Type, declared: Variable | None, level: Level) -> Value:
+    def _open(
+        self, event: TimedEvent, node: Expression, type_: Type, declared: Variable | None, level: Snapshot
+    ) -> Value:
         inner = ".".join(path_of(node))
         sized = isinstance(node, Apply)
         term = f"{event.component}.size({inner})" if sized else f"{event.component}.{inner}"

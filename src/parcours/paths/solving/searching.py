@@ -15,11 +15,11 @@ from collections.abc import Callable, Iterator
 from parcours.model.configuration import Inputs
 from parcours.model.structure import Component, Machine
 from parcours.paths.solving.exploring import Node, Targets
-from parcours.paths.solving.reading import Ground
+from parcours.paths.solving.reading import ModelTables
 from parcours.paths.solving.terms import NoTerm
-from parcours.paths.solving.verdicts import Spent, Work
-from parcours.paths.solving.walk import Walk
-from parcours.paths.timing.events import Event
+from parcours.paths.solving.verdicts import BudgetSpent, Work
+from parcours.paths.solving.walk import SymbolicWalk
+from parcours.paths.timing.events import TimedEvent
 
 Ids = tuple[str, ...]
 """A path: transitions from the initial state on."""
@@ -41,9 +41,11 @@ class Prefixes:
     nothing, and is empty if it does.
     """
 
-    def __init__(self, ground: Ground, component: Component, machine: Machine, seed: int, work: Work) -> None:
+    def __init__(self, ground: ModelTables, component: Component, machine: Machine, seed: int, work: Work) -> None:
         self._place = (0, component.name, machine.name)
-        self._walk = Walk(ground, [(0, component.name, each.name) for each in component.machines], seed=seed, work=work)
+        self._walk = SymbolicWalk(
+            ground, [(0, component.name, each.name) for each in component.machines], seed=seed, work=work
+        )
         self._ids: Ids = ()
         # Where time counts no two paths are alike, so loops would have no end.
         self.longest = LOOPS * (len(machine.states) + len(machine.transitions)) if ground.timed else sys.maxsize
@@ -78,7 +80,7 @@ class Prefixes:
         answer = self._walk.check(min(CHECK_WORK, self.until - self.work.spent))
         if answer is None:
             if self.work.spent > self.until:
-                raise Spent
+                raise BudgetSpent
             self.doubt = self.doubt or f"the solver gave no answer to a question within {CHECK_WORK} units of work"
         elif not answer and self._walk.rounds:
             self.doubt = self.doubt or "rounding might make a path run"
@@ -107,7 +109,7 @@ class Prefixes:
 
     def _step(self, id: str) -> None:
         _, component, machine = self._place
-        self._walk.push(Event(len(self._walk) + 1, 0, component, machine, self._transitions[id]))
+        self._walk.push(TimedEvent(len(self._walk) + 1, 0, component, machine, self._transitions[id]))
         self._ids = (*self._ids, id)
 
 
@@ -144,7 +146,7 @@ class Search:
         distances = self._targets.distances(wanted, prefixes.allowed)
         while self._heap:
             if prefixes.work.spent > prefixes.until or prefixes.checks >= last:
-                raise Spent
+                raise BudgetSpent
             cost, order, ids, node = heapq.heappop(self._heap)
             hits = len(ids) > len(self._root) and wanted(node) and ids not in self.unverified
             now = len(ids) + (0 if hits else distances.get(node, -1))
@@ -155,7 +157,7 @@ class Search:
                 continue
             try:
                 runs = prefixes.runs(ids)
-            except Spent:
+            except BudgetSpent:
                 heapq.heappush(self._heap, (cost, order, ids, node))
                 raise
             if not runs:

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from parcours.model.structure import Cefsm
-from parcours.paths.criteria.requirement import Requirement
+from parcours.paths.criteria.requirement import TestRequirement
 from parcours.paths.solving.verdicts import BUDGET, Covered, Infeasible, Path, Undecided, Verdict, Work, require_solver
-from parcours.paths.timing.events import Event, events_of, places_of, taken_messages
-from parcours.paths.timing.replaying import Replay
+from parcours.paths.timing.events import TimedEvent, events_of, places_of, taken_messages
+from parcours.paths.timing.replaying import StepReplay
 from parcours.paths.timing.schedules import Contradiction, Schedule, Unscheduled, schedule
 
 
@@ -36,7 +36,7 @@ def solve_sequence(
     from parcours.paths.solving.terms import NoTerm
 
     work = Work(budget)
-    need = Requirement("", "transitions", tuple(transition_ids))
+    need = TestRequirement("", "transitions", tuple(transition_ids))
     try:
         found = _decided(cefsm, events, work, seed)
     except NoTerm as reason:
@@ -46,16 +46,16 @@ def solve_sequence(
     return Infeasible(need, found) if isinstance(found, tuple) else Covered(need, found)
 
 
-def _decided(cefsm: Cefsm, events: Sequence[Event], work: Work, seed: int) -> Path | tuple[str, ...] | str:
+def _decided(cefsm: Cefsm, events: Sequence[TimedEvent], work: Work, seed: int) -> Path | tuple[str, ...] | str:
     """Return a path that runs, what conflicts, or why neither is known."""
-    from parcours.paths.solving.reading import Ground
-    from parcours.paths.solving.walk import Walk
+    from parcours.paths.solving.reading import ModelTables
+    from parcours.paths.solving.walk import SymbolicWalk
 
-    ground, places = Ground(cefsm), places_of(cefsm, events)
+    ground, places = ModelTables(cefsm), places_of(cefsm, events)
     taken = frozenset(taken_messages(events))
 
-    def walked(*, exact: bool, explain: bool) -> Walk:
-        walk = Walk(ground, places, exact=exact, explain=explain, taken=taken, seed=seed, work=work)
+    def walked(*, exact: bool, explain: bool) -> SymbolicWalk:
+        walk = SymbolicWalk(ground, places, exact=exact, explain=explain, taken=taken, seed=seed, work=work)
         for event in events:
             walk.push(event)
         walk.finish()
@@ -64,7 +64,7 @@ def _decided(cefsm: Cefsm, events: Sequence[Event], work: Work, seed: int) -> Pa
     walk = walked(exact=True, explain=False)
     answer = walk.check(work.budget)
     if answer:
-        replay, why_not = Replay(cefsm), ""
+        replay, why_not = StepReplay(cefsm), ""
         for inputs in (walk.inputs, walk.settled):
             run = replay.run(events, inputs())
             if not run.why_not:

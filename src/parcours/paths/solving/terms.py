@@ -20,7 +20,7 @@ from typing import Any
 
 import z3
 
-from parcours.model.expression import Apply, Binary, Expression, Field, Literal, Name, Type, Unary
+from parcours.model.expression import Apply, Binary, Expression, FieldAccess, Literal, Name, Type, Unary
 from parcours.model.expression.evaluation import INTEGER_LIMIT
 from parcours.model.expression.syntax import names
 
@@ -139,7 +139,7 @@ class Translator:
         match node:
             case Literal(value):
                 return _sure(constant(value, self._symbols, exact=self._exact or timed))
-            case Name() | Field() | Apply("size", (Name() | Field(),)):
+            case Name() | FieldAccess() | Apply("size", (Name() | FieldAccess(),)):
                 return _sure(self._lookup(node, self._types_of(node)))
             case Unary(operator, operand):
                 inner = self._of(operand, timed=timed)

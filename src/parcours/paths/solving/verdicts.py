@@ -7,7 +7,7 @@ from typing import Literal, TypeAlias
 
 from parcours.errors import BadRequest
 from parcours.model.configuration import Inputs, Move
-from parcours.paths.criteria.requirement import Requirement
+from parcours.paths.criteria.requirement import TestRequirement
 
 BUDGET = 10_000
 """Units of work for one machine, or for one question about a sequence: some 10 s."""
@@ -16,7 +16,7 @@ SOLVER_STEPS = 5_000
 """Steps of z3 (its `rlimit`) in one unit of work."""
 
 
-class Spent(Exception):
+class BudgetSpent(Exception):
     """The work allowed is done; the text says what came of it."""
 
 
@@ -72,7 +72,7 @@ class Path:
 class Covered:
     """The requirement is met by a path; it was run through the model's step relation."""
 
-    requirement: Requirement
+    requirement: TestRequirement
     path: Path
     verdict: Literal["covered"] = "covered"
 
@@ -86,7 +86,7 @@ class Infeasible:
         proof: what conflicts (guards, actions, ranges, bounds of time), or how all runs were seen.
     """
 
-    requirement: Requirement
+    requirement: TestRequirement
     proof: tuple[str, ...]
     verdict: Literal["infeasible"] = "infeasible"
 
@@ -101,7 +101,7 @@ class Undecided:
         spent: the work done for it and its companions, in units of `Work`.
     """
 
-    requirement: Requirement
+    requirement: TestRequirement
     reason: str
     spent: int
     verdict: Literal["undecided"] = "undecided"

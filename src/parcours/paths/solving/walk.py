@@ -18,20 +18,20 @@ from parcours.model.configuration import Inputs
 from parcours.model.expression import Assignment, Expression, Type, names
 from parcours.model.scope import is_local, variable_type
 from parcours.model.structure import Transition, Variable
-from parcours.paths.solving.reading import Begin, Bound, Ground, Level, Reading, domain_text, time_of
+from parcours.paths.solving.reading import Begin, IntegerBound, ModelTables, Snapshot, WalkReading, domain_text, time_of
 from parcours.paths.solving.terms import NoTerm, Translator, Value, is_constant, rational, variable
 from parcours.paths.solving.verdicts import SOLVER_STEPS, Work
-from parcours.paths.timing.clocks import Condition, NoBound, ways
+from parcours.paths.timing.clocks import ClockConstraint, NoBound, ways
 from parcours.paths.timing.clockwork import Clockwork, Facts, set_when
-from parcours.paths.timing.events import Event, Place
+from parcours.paths.timing.events import Place, TimedEvent
 
 
-class Walk:
+class SymbolicWalk:
     """A sequence of events taken symbolically, one longer by `push` and one shorter by `pop`."""
 
     def __init__(
-        self, ground: Ground, places: Sequence[Place], *, exact: bool = True, explain: bool = False,
-        begin: Begin = "initial", unsteady: frozenset[str] = frozenset(), bounds: frozenset[Bound] = frozenset(),
+        self, ground: ModelTables, places: Sequence[Place], *, exact: bool = True, explain: bool = False,
+        begin: Begin = "initial", unsteady: frozenset[str] = frozenset(), bounds: frozenset[IntegerBound] = frozenset(),
         taken: frozenset[tuple[int, str]] = frozenset(), timed: bool = True, seed: int = 0, work: Work | None = None,
     ) -> None:  # fmt: skip
         self.work = work or Work(inf)
@@ -41,9 +41,9 @@ class Walk:
         self._solver.set("random_seed", seed % 2**31)
         if explain:
             self._solver.set("core.minimize", True)
-        self._reading = Reading(ground, begin, exact, unsteady, bounds, self._solver.add, self._demand)
+        self._reading = WalkReading(ground, begin, exact, unsteady, bounds, self._solver.add, self._demand)
         self._why: dict[str, str] = {}
-        self._levels = [Level({}, {})]
+        self._levels = [Snapshot({}, {})]
         self._limit = 0
 
     def __len__(self) -> int:
@@ -63,7 +63,7 @@ class Walk:
         begun = {slot: self.ground.initial(self.ground.variables[slot[1]][slot[2]]) for slot in values}
         return frozenset((slot, str(value)) for slot, value in values.items() if str(value) != str(begun[slot]))
 
-    def push(self, event: Event) -> None:
+    def push(self, event: TimedEvent) -> None:
         """Take an event. Raises NoTerm, with nothing changed, if it has no faithful translation."""
         self._solver.push()
         self._levels.append(self._levels[-1].following(event))
@@ -88,7 +88,7 @@ class Walk:
         if level.clockwork is not None and level.event is not None:
             self._keep(level.clockwork.finish(level.event.number), level.event)
 
-    def values(self, event: Event) -> dict[str, Value]:
+    def values(self, event: TimedEvent) -> dict[str, Value]:
         """Return the terms of the variables that were read or set so far, of the component of an event."""
         top = self._levels[-1].values.items()
         return {slot[2]: value for slot, value in top if slot[:2] == (event.instance, event.component)}
@@ -140,7 +140,7 @@ class Walk:
         self._solver.pop(self._solver.num_scopes() - scopes)
         return found
 
-    def _take(self, event: Event, level: Level) -> None:
+    def _take(self, event: TimedEvent, level: Snapshot) -> None:
         transition, at = event.transition, f"{event.transition.id!r}"
         if self._timed:
             self._tick(event, level)
@@ -174,7 +174,7 @@ class Walk:
             self._solver.add(side)
         level.rounds = translator.rounds
 
-    def _tick(self, event: Event, level: Level) -> None:
+    def _tick(self, event: TimedEvent, level: Snapshot) -> None:
         if level.clockwork is None:  # time begins with the first event
             stands = None if self._reading.begin == "initial" else {event.place: event.transition.source}
             level.clockwork = Clockwork(self.ground.cefsm, self._places, stands)
@@ -183,7 +183,7 @@ class Walk:
         self._solver.add(time_of(event.number) >= 0)
         self._keep(level.clockwork.advance(event), event)
 
-    def _keep(self, facts: Facts, event: Event) -> None:
+    def _keep(self, facts: Facts, event: TimedEvent) -> None:
         limits, conditions = facts
         for limit in limits:
             apart, most = time_of(limit.later) - time_of(limit.earlier), rational(limit.most)
@@ -194,7 +194,7 @@ class Walk:
                     raise NoTerm(f"{condition.why} holds at times that are not one interval")
                 self._demand(self._invariant(condition, event), condition.why)
 
-    def _invariant(self, condition: Condition, event: Event) -> Value:
+    def _invariant(self, condition: ClockConstraint, event: TimedEvent) -> Value:
         def reads(node: Expression, type_: Type) -> Value:
             return self._reading.clock(event, str(node), condition.at, condition.clocks[str(node)])
 
@@ -215,7 +215,7 @@ class Walk:
         self._demand(self.ground.within(value, declared), f"range of {declared.name!r}: {domain_text(declared)}")
         return value
 
-    def _refuse_clocks_read_late(self, transition: Transition, level: Level) -> None:
+    def _refuse_clocks_read_late(self, transition: Transition, level: Snapshot) -> None:
         late: set[str] = set()
         parts = [each for each in transition.actions if isinstance(each, Assignment)]
         read = [(each.target, names(each.value)) for each in parts]
@@ -236,7 +236,7 @@ class Walk:
         self._why[label] = why
         self._solver.assert_and_track(condition, label)
 
-    def _inputs(self, level: Level, model: z3.ModelRef) -> Inputs:
+    def _inputs(self, level: Snapshot, model: z3.ModelRef) -> Inputs:
         found = {
             term: self._constant(model.eval(value, model_completion=True), type_)
             for term, (value, type_) in level.opens.items()

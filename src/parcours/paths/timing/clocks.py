@@ -31,7 +31,7 @@ class NoBound(Exception):
 
 
 @dataclass(frozen=True, slots=True)
-class Condition:
+class ClockConstraint:
     """What must hold at an event.
 
     Attributes:
@@ -53,13 +53,13 @@ Way = tuple[Limit, ...]
 """Bounds that together make a condition hold."""
 
 
-def ways(condition: Condition, known: Mapping[str, object] | None = None) -> list[Way]:
+def ways(condition: ClockConstraint, known: Mapping[str, object] | None = None) -> list[Way]:
     """Return the ways in which a condition can hold; none if it cannot."""
     return _Reader(condition, known).ways(condition.expression, positive=True, alone=True)
 
 
 class _Reader:
-    def __init__(self, condition: Condition, known: Mapping[str, object] | None) -> None:
+    def __init__(self, condition: ClockConstraint, known: Mapping[str, object] | None) -> None:
         self.condition, self.known = condition, known
 
     def ways(self, node: Expression, *, positive: bool, alone: bool) -> list[Way]:

@@ -15,11 +15,11 @@ from math import inf
 from parcours.errors import BadModel
 from parcours.model.expression import Assignment, Expression, evaluate, names
 from parcours.model.structure import CLOCK, Cefsm, Component, Transition
-from parcours.paths.timing.clocks import Condition, NoBound, Setting, decimal
-from parcours.paths.timing.events import Event, Place
+from parcours.paths.timing.clocks import ClockConstraint, NoBound, Setting, decimal
+from parcours.paths.timing.events import Place, TimedEvent
 from parcours.paths.timing.network import Limit
 
-Facts = tuple[list[Limit], list[Condition]]
+Facts = tuple[list[Limit], list[ClockConstraint]]
 """Bounds on the times of events, and conditions over clocks at them."""
 
 
@@ -60,7 +60,7 @@ class Clockwork:
         twin._entered, twin._stands = dict(self._entered), dict(self._stands)
         return twin
 
-    def clocks(self, event: Event) -> dict[str, Setting]:
+    def clocks(self, event: TimedEvent) -> dict[str, Setting]:
         """Return how the clocks that an event reads were last set."""
         return self._clocks[event.instance, event.component]
 
@@ -68,7 +68,7 @@ class Clockwork:
         """Return what holds at the start."""
         return [], [found for place in self._stands for found in self._watch(place, 0)]
 
-    def advance(self, event: Event) -> Facts:
+    def advance(self, event: TimedEvent) -> Facts:
         """Let an event happen, and return what it says about its time and earlier ones.
 
         Raises NoBound: a clock is set to something else than a number, 0 or more.
@@ -85,11 +85,11 @@ class Clockwork:
                 limits.append(Limit(before, now, decimal(most), why=f"{event} takes at most {most:g} s"))
         if event.meets:
             limits.append(Limit(event.send, now, Fraction(0), why=f"{event} meets step {event.send}"))
-        conditions: list[Condition] = []
+        conditions: list[ClockConstraint] = []
         clocks = self._clocks[event.instance, event.component]
         if transition.guard is not None and not names(transition.guard).isdisjoint(clocks):
             why = f"guard of {event}: {transition.guard}{set_when(transition.guard, clocks)}"
-            conditions.append(Condition(transition.guard, now, dict(clocks), why, now))
+            conditions.append(ClockConstraint(transition.guard, now, dict(clocks), why, now))
         settings = dict(settings_of(transition, clocks))
         moved = [each for each in self._stands if each[:2] == place[:2]]
         conditions += (found for each in moved for found in self._watch(each, now, settings if each != place else None))
@@ -102,13 +102,13 @@ class Clockwork:
         """Return what holds at the last event for the machines that stand still by then."""
         return [], [found for place in self._stands for found in self._watch(place, now)]
 
-    def _watch(self, place: Place, now: int, settings: dict[str, Fraction] | None = None) -> Iterator[Condition]:
+    def _watch(self, place: Place, now: int, settings: dict[str, Fraction] | None = None) -> Iterator[ClockConstraint]:
         # The invariants of the state where a machine stands; only those that read the clocks being set, if given.
         for condition in self._invariants[place].get(self._stands[place], ()):
             if settings is None or not names(condition).isdisjoint(settings):
                 clocks = dict(self._clocks[place[:2]])
                 why = f"invariant of {self._stands[place]!r}: {condition}{set_when(condition, clocks)}"
-                yield Condition(condition, now, clocks, why)
+                yield ClockConstraint(condition, now, clocks, why)
 
 
 def set_when(condition: Expression, clocks: Mapping[str, Setting]) -> str:

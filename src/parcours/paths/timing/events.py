@@ -14,7 +14,7 @@ Place = tuple[int, str, str]
 
 
 @dataclass(frozen=True, slots=True)
-class Event:
+class TimedEvent:
     """A transition taken.
 
     Attributes:
@@ -46,7 +46,7 @@ class Event:
 
 def events_of(
     cefsm: Cefsm, transition_ids: Sequence[str], instances: Sequence[int] = (), sends: Sequence[int | None] = ()
-) -> tuple[Event, ...]:
+) -> tuple[TimedEvent, ...]:
     """Return the events of a sequence over one machine or several, each from its initial state on.
 
     Args:
@@ -63,7 +63,7 @@ def events_of(
     inner = {name for name, each in channels.items() if ENVIRONMENT not in (each.sender, each.receiver)}
     stands: dict[Place, str] = {}
     waiting: dict[str, deque[int]] = {}
-    found: list[Event] = []
+    found: list[TimedEvent] = []
     for position, id in enumerate(transition_ids):
         if id not in owners:
             rule = f"must name transitions of {cefsm.name!r}, but {id!r} is not one"
@@ -83,13 +83,13 @@ def events_of(
         elif channel in inner and waiting.get(channel):
             send = waiting[channel].popleft()
         meets = bool(send) and channels[channel].capacity == 0
-        found.append(Event(position + 1, place[0], component.name, machine.name, transition, send, meets))
+        found.append(TimedEvent(position + 1, place[0], component.name, machine.name, transition, send, meets))
         for sent in transition.sends:
             waiting.setdefault(sent.channel, deque()).append(position + 1)
     return tuple(found)
 
 
-def places_of(cefsm: Cefsm, events: Sequence[Event]) -> list[Place]:
+def places_of(cefsm: Cefsm, events: Sequence[TimedEvent]) -> list[Place]:
     """Return the machines of all components that take part: also those that stand still, for time passes there too."""
     return [
         (instance, component, machine.name)
@@ -98,7 +98,7 @@ def places_of(cefsm: Cefsm, events: Sequence[Event]) -> list[Place]:
     ]
 
 
-def taken_messages(events: Sequence[Event]) -> set[tuple[int, str]]:
+def taken_messages(events: Sequence[TimedEvent]) -> set[tuple[int, str]]:
     """Return the messages that some event takes from another, as (number of the sending event, channel)."""
     return {(each.send, each.transition.event.channel) for each in events if each.send and each.transition.event}
 
@@ -112,7 +112,7 @@ def _owners(cefsm: Cefsm) -> dict[str, tuple[Component, Machine, Transition]]:
     }
 
 
-def _said(sends: Sequence[int | None], position: int, channel: str, found: Sequence[Event]) -> int:
+def _said(sends: Sequence[int | None], position: int, channel: str, found: Sequence[TimedEvent]) -> int:
     send = sends[position]
     if send is None:
         return 0

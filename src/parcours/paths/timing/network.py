@@ -28,7 +28,7 @@ class Limit:
 
 
 @dataclass(frozen=True, slots=True)
-class Window:
+class TimeWindow:
     """When an event can happen [s]: `latest` is None without a limit; an open end is not reached itself."""
 
     earliest: Fraction
@@ -52,8 +52,8 @@ class Windows:
         times: times for all of them together [s], early ones, that keep every bound.
     """
 
-    windows: tuple[Window, ...]
-    gaps: tuple[Window, ...]
+    windows: tuple[TimeWindow, ...]
+    gaps: tuple[TimeWindow, ...]
     times: tuple[Fraction, ...]
 
 
@@ -78,11 +78,11 @@ def windows_of(n_events: int, limits: Sequence[Limit]) -> Windows | tuple[Limit,
     from_start, backwards = _from(0, n_events, arcs), [(b, a, weight, place) for a, b, weight, place in arcs]
     to_start = _from(0, n_events, backwards)
 
-    def window(least: int | None, most: int | None) -> Window:
+    def window(least: int | None, most: int | None) -> TimeWindow:
         earliest, opens = _parts(-(least or 0), wide, up=False)
         latest, closes = (None, 0) if most is None else _parts(most, wide, up=True)
         shown = None if latest is None else Fraction(latest, scale)
-        return Window(Fraction(earliest, scale), shown, bool(opens), bool(closes))
+        return TimeWindow(Fraction(earliest, scale), shown, bool(opens), bool(closes))
 
     reach = [from_start, *(_from(event, n_events, arcs) for event in range(1, n_events))]
     return Windows(

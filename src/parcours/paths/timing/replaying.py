@@ -11,12 +11,12 @@ from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass
 
 from parcours.errors import BadModel, BadRequest
-from parcours.model import Steps
+from parcours.model import StepRelation
 from parcours.model.configuration import Configuration, Inputs, Layout, Move
 from parcours.model.expression import evaluate
 from parcours.model.solutions import with_terms
 from parcours.model.structure import Cefsm
-from parcours.paths.timing.events import Event, taken_messages
+from parcours.paths.timing.events import TimedEvent, taken_messages
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,14 +34,14 @@ class Replayed:
     why_not: str = ""
 
 
-class Replay:
+class StepReplay:
     """The step relation of one model, for sequences of events."""
 
     def __init__(self, cefsm: Cefsm) -> None:
-        self._steps = Steps(cefsm, frozenset(channel.name for channel in cefsm.channels))
+        self._steps = StepRelation(cefsm, frozenset(channel.name for channel in cefsm.channels))
         self._sites = Layout(cefsm).sites
 
-    def run(self, events: Sequence[Event], inputs: Sequence[Inputs]) -> Replayed:
+    def run(self, events: Sequence[TimedEvent], inputs: Sequence[Inputs]) -> Replayed:
         """Return the run of some events from the initial configuration."""
         stands: dict[int, Configuration] = {}
         taken = taken_messages(events)
@@ -70,7 +70,7 @@ class Replay:
         return Replayed(tuple(moves), tuple(known))
 
     def _posted(
-        self, event: Event, read: Mapping[str, object], taken: Set[tuple[int, str]]
+        self, event: TimedEvent, read: Mapping[str, object], taken: Set[tuple[int, str]]
     ) -> dict[tuple[int, str], tuple[tuple[str, object], ...]]:
         # What the messages say that leave with an event and are taken; fields that are not computed stay open.
         found = {}
@@ -88,7 +88,7 @@ class Replay:
         return found
 
 
-def _unread(event: Event, known: Mapping[str, object]) -> str | None:
+def _unread(event: TimedEvent, known: Mapping[str, object]) -> str | None:
     # The step relation lets a guard pass that reads what nobody chose: nothing is shown by that here.
     try:
         if event.transition.guard is not None:

@@ -12,8 +12,8 @@ from parcours.model.structure import Cefsm
 from parcours.paths.timing.clocks import NoBound, Way, ways
 from parcours.paths.timing.clockwork import Clockwork, Facts
 from parcours.paths.timing.events import events_of, places_of
-from parcours.paths.timing.network import Limit, Window, Windows, windows_of
-from parcours.paths.timing.replaying import Replay
+from parcours.paths.timing.network import Limit, TimeWindow, Windows, windows_of
+from parcours.paths.timing.replaying import StepReplay
 
 EFFORT = 400
 """Most networks solved for one sequence, where conditions can hold in several ways."""
@@ -31,8 +31,8 @@ class Schedule:
         readings: what the clocks of its component read at each transition then, by name.
     """
 
-    windows: tuple[Window, ...]
-    gaps: tuple[Window, ...]
+    windows: tuple[TimeWindow, ...]
+    gaps: tuple[TimeWindow, ...]
     times: tuple[Fraction, ...]
     readings: tuple[Mapping[str, float], ...] = ()
 
@@ -88,7 +88,7 @@ def schedule(
         return Schedule((), (), ())
     known: Sequence[Mapping[str, object]] | None = None
     if inputs is not None:
-        replayed = Replay(cefsm).run(events, inputs)
+        replayed = StepReplay(cefsm).run(events, inputs)
         if replayed.why_not:
             rule = f"must make the sequence run, but {replayed.why_not}"
             raise BadRequest("inputs", rule, "let solved_schedule find some", slug="inputs-fail")

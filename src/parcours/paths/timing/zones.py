@@ -16,7 +16,7 @@ from math import ceil, inf, lcm
 from parcours.model.expression import Assignment, Binary, Expression, Literal, names
 from parcours.model.expression.syntax import walk
 from parcours.model.structure import CLOCK, Component, Transition
-from parcours.paths.timing.clocks import Condition, NoBound, Way, decimal, ways
+from parcours.paths.timing.clocks import ClockConstraint, NoBound, Way, decimal, ways
 from parcours.paths.timing.clockwork import settings_of
 from parcours.paths.timing.network import Limit
 
@@ -92,7 +92,7 @@ class Zones:
 
     def _ways(self, part: Expression, known: Mapping[str, object] | None) -> list[Way]:
         try:
-            return ways(Condition(part, 0, self._clocks, ""), known)
+            return ways(ClockConstraint(part, 0, self._clocks, ""), known)
         except NoBound:
             return [()]
 
@@ -178,7 +178,7 @@ class Zones:
             most[clock] = max(durations)
         for part in said:
             try:
-                limits = [limit for way in ways(Condition(part, 0, self._clocks, "")) for limit in way]
+                limits = [limit for way in ways(ClockConstraint(part, 0, self._clocks, "")) for limit in way]
                 number = max((abs(limit.most) for limit in limits), default=Fraction(0))
             except NoBound:  # it is compared with data, which lies in its range
                 ranges = [self._domains[name] for name in names(part) & self._domains.keys()]

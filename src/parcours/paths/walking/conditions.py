@@ -25,7 +25,7 @@ UNITS = {"ms": 1e-3, "s": 1.0, "min": 60.0, "h": 3600.0}
 
 
 @dataclass(frozen=True, slots=True)
-class Condition:
+class StopCondition:
     """One condition, or several joined.
 
     Attributes:
@@ -39,7 +39,7 @@ class Condition:
     kind: Literal["covered", "reached", "taken", "steps", "restarts", "elapsed", "never", "and", "or"]
     name: str = ""
     amount: float = 0.0
-    parts: tuple[Condition, ...] = ()
+    parts: tuple[StopCondition, ...] = ()
 
     def __str__(self) -> str:
         short = f"{self.amount:g}"
@@ -60,7 +60,7 @@ class Condition:
         return self.kind
 
 
-def is_bounded(condition: Condition) -> bool:
+def is_bounded(condition: StopCondition) -> bool:
     """Return whether the condition comes to hold on every walk, whatever the model.
 
     >>> is_bounded(parse_condition("edge>=100% or 30 s")), is_bounded(parse_condition("edge>=100% and 30 s"))
@@ -74,12 +74,12 @@ def is_bounded(condition: Condition) -> bool:
     return condition.kind in ("steps", "elapsed")
 
 
-def leaves(condition: Condition) -> tuple[Condition, ...]:
+def leaves(condition: StopCondition) -> tuple[StopCondition, ...]:
     """Return the conditions that are joined, in order."""
     return tuple(leaf for part in condition.parts for leaf in leaves(part)) if condition.parts else (condition,)
 
 
-def parse_condition(text: str) -> Condition:
+def parse_condition(text: str) -> StopCondition:
     """Return the condition that a text says.
 
     Args:
@@ -97,10 +97,10 @@ def parse_condition(text: str) -> Condition:
     return condition
 
 
-def joined(reader: TokenReader, leaf: Callable[[TokenReader], Condition], depth: int = 0) -> Condition:
+def joined(reader: TokenReader, leaf: Callable[[TokenReader], StopCondition], depth: int = 0) -> StopCondition:
     """Return what 'or', 'and' and parentheses make of the conditions that `leaf` reads."""
 
-    def one() -> Condition:
+    def one() -> StopCondition:
         if not reader.take("("):
             return leaf(reader)
         if depth >= MAX_DEPTH:
@@ -109,34 +109,34 @@ def joined(reader: TokenReader, leaf: Callable[[TokenReader], Condition], depth:
         reader.need(")", "what a '(' opens")
         return inner
 
-    def chain(kind: Literal["and", "or"], sign: str, part: Callable[[], Condition]) -> Condition:
+    def chain(kind: Literal["and", "or"], sign: str, part: Callable[[], StopCondition]) -> StopCondition:
         parts = [part()]
         while reader.take(kind, sign):
             parts.append(part())
-        return parts[0] if len(parts) == 1 else Condition(kind, parts=tuple(parts))
+        return parts[0] if len(parts) == 1 else StopCondition(kind, parts=tuple(parts))
 
     return chain("or", "||", lambda: chain("and", "&&", one))
 
 
-def _leaf(reader: TokenReader) -> Condition:
+def _leaf(reader: TokenReader) -> StopCondition:
     token = reader.here
     if token is not None and token.kind == "number":
         amount, unit = reader.number(), reader.take(*UNITS)
         if not unit:
             reader.fail(f"a time must have a unit, {', '.join(UNITS)}")
-        return Condition("elapsed", amount=amount * UNITS[unit])
+        return StopCondition("elapsed", amount=amount * UNITS[unit])
     word = reader.kind("word", "quoted")
     match word.lower():
         case "":
             return reader.fail("a condition must stand here")
         case "never":
-            return Condition("never")
+            return StopCondition("never")
         case "reached" | "taken" as kind:
-            return Condition(kind, reader.argument(word))
+            return StopCondition(kind, reader.argument(word))
         case "steps" | "restarts" as kind:
             reader.need(">=", f"'{word}'")
-            return Condition(kind, amount=reader.number())
+            return StopCondition(kind, amount=reader.number())
     reader.need(">=", f"'{word}'")
     share = reader.number()
     reader.need("%", "the share of a criterion")
-    return Condition("covered", word, reader.percent(share))
+    return StopCondition("covered", word, reader.percent(share))

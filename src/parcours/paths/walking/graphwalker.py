@@ -13,7 +13,7 @@ from typing import Literal
 from parcours.errors import BadRequest, one_of
 from parcours.model.structure import Machine
 from parcours.paths.covering import cover
-from parcours.paths.walking.conditions import Condition, joined, leaves
+from parcours.paths.walking.conditions import StopCondition, joined, leaves
 from parcours.paths.walking.tokens import TokenReader
 from parcours.paths.walking.walk import Phase
 from parcours.paths.walking.walkers import Guided, Planned, Random, Walker, Weighted
@@ -82,7 +82,7 @@ def _phase(reader: TokenReader, machines: Machines, predefined: Sequence[str]) -
     if short not in GENERATORS:
         rule = f"must be one of GraphWalker's, but is {name!r}"
         raise BadRequest("generator", rule, one_of(name, list(GENERATORS.values())), slug="unknown-generator")
-    until = Condition("never")
+    until = StopCondition("never")
     if short not in TOURS or (reader.here is not None and reader.here.text == "("):
         reader.need("(", f"'{name}'")
         until = joined(reader, _leaf)
@@ -107,7 +107,7 @@ def _walker(short: str, machines: Machines, predefined: Sequence[str]) -> Walker
     return Planned([predefined])
 
 
-def _leaf(reader: TokenReader) -> Condition:
+def _leaf(reader: TokenReader) -> StopCondition:
     word = reader.kind("word")
     short = _short(word)
     if not short:
@@ -115,15 +115,15 @@ def _leaf(reader: TokenReader) -> Condition:
     if short in ("never", "predefined"):
         if reader.take("("):
             reader.need(")", "a '('")
-        return Condition("never")
+        return StopCondition("never")
     if short in TARGETS:
-        return Condition(TARGETS[short][1], reader.argument(word))
+        return StopCondition(TARGETS[short][1], reader.argument(word))
     if short in AMOUNTS:
         _, kind, criterion = AMOUNTS[short]
         reader.need("(", f"'{word}'")
         amount = reader.number()
         reader.need(")", "the number")
-        return Condition(kind, criterion, reader.percent(amount) if kind == "covered" else amount)
+        return StopCondition(kind, criterion, reader.percent(amount) if kind == "covered" else amount)
     if short in UNKNOWN_HERE:
         rule = f"models of Parcours have no {UNKNOWN_HERE[short]}, but {word!r} asks for them"
         remedy = "use edge_coverage, reached_vertex or reached_edge"

@@ -15,15 +15,15 @@ from parcours.errors import BadRequest
 from parcours.model.structure import Machine
 from parcours.paths.automaton import Trie
 from parcours.paths.criteria import requirements
-from parcours.paths.criteria.requirement import Requirement
+from parcours.paths.criteria.requirement import TestRequirement
 from parcours.paths.spaces import Taken
-from parcours.paths.walking.conditions import Condition
+from parcours.paths.walking.conditions import StopCondition
 
 Nodes = tuple[int, ...]
 """For each machine the node of its trie: the longest part of a wanted sequence that it has just done."""
 
 
-class Tally:
+class CoverageTally:
     """What one criterion, or one target, requires, and how much of it was met.
 
     Attributes:
@@ -35,7 +35,7 @@ class Tally:
 
     __slots__ = ("flags", "goal", "met", "name", "required", "size")
 
-    def __init__(self, name: str, required: tuple[Requirement, ...] = (), size: int = 1) -> None:
+    def __init__(self, name: str, required: tuple[TestRequirement, ...] = (), size: int = 1) -> None:
         self.name, self.required = name, required
         self.size = len(required) if required else size
         self.flags = bytearray(self.size)
@@ -47,7 +47,7 @@ class Tally:
         return self.met / self.size if self.size else 1.0
 
     @property
-    def missed(self) -> tuple[Requirement, ...]:
+    def missed(self) -> tuple[TestRequirement, ...]:
         """The requirements that are not met, in order."""
         return tuple(need for need, flag in zip(self.required, self.flags, strict=True) if not flag)
 
@@ -61,7 +61,7 @@ class Tally:
         self.flags[place] = 1
 
 
-Entry = tuple[Tally, int]
+Entry = tuple[CoverageTally, int]
 """One requirement: its tally and its place there."""
 
 
@@ -76,8 +76,8 @@ class Tallies:
     """
 
     def __init__(self, machines: Sequence[tuple[str, Machine]], criteria: Iterable[str]) -> None:
-        self.of: dict[str, Tally] = {}
-        self.targets: list[Tally] = []
+        self.of: dict[str, CoverageTally] = {}
+        self.targets: list[CoverageTally] = []
         self.counts = {t.id: 0 for _, machine in machines for t in machine.transitions}
         self._by_state: dict[tuple[int, str], list[Entry]] = {}
         self._by_id: dict[str, list[Entry]] = {}
@@ -86,7 +86,7 @@ class Tallies:
         for name in dict.fromkeys(criteria):
             needs = [(slot, need) for slot, (_, each) in enumerate(machines) for need in requirements(each, name)]
             named = (replace(need, machine=machines[slot][0]) for slot, need in needs)
-            tally = self.of[name] = Tally(name, tuple(named), size=0)
+            tally = self.of[name] = CoverageTally(name, tuple(named), size=0)
             for place, (slot, need) in enumerate(needs):
                 if need.kind == "state":
                     self._by_state.setdefault((slot, need.steps[0]), []).append((tally, place))
@@ -98,7 +98,7 @@ class Tallies:
         self._tries = [_Matcher(machine, mine) for (_, machine), mine in zip(machines, sequences, strict=True)]
         self.nodes: Nodes = (0,) * len(machines)
 
-    def aim(self, targets: Iterable[Condition]) -> None:
+    def aim(self, targets: Iterable[StopCondition]) -> None:
         """Replace the targets: states reached, also as machine.state or component.machine.state, and transitions taken.
 
         Raises BadRequest: no machine that walks has such a state or transition.
@@ -117,7 +117,7 @@ class Tallies:
                 what = "state" if target.kind == "reached" else "transition"
                 rule = f"must name a {what} of a machine that walks, but {target.name!r} is not one"
                 raise BadRequest(f"stop condition {str(target)!r}", rule, slug="unknown-target")
-            tally = Tally(str(target))
+            tally = CoverageTally(str(target))
             self.targets.append(tally)
             for entries in lists:
                 entries.append((tally, 0))

@@ -12,7 +12,7 @@ import numpy as np
 from parcours.errors import require_known
 from parcours.model.configuration import Configuration, Move
 from parcours.paths.spaces import ModelSpace
-from parcours.paths.walking.conditions import Condition, is_bounded, leaves, parse_condition
+from parcours.paths.walking.conditions import StopCondition, is_bounded, leaves, parse_condition
 from parcours.paths.walking.tallies import Tallies
 from parcours.paths.walking.walkers import WALKERS, Chance, Ending, View, Walker
 
@@ -30,7 +30,7 @@ BUDGET = 1_000_000
 
 
 @dataclass(frozen=True, slots=True)
-class Step:
+class WalkStep:
     """One move of a walk.
 
     Attributes:
@@ -51,7 +51,7 @@ class Phase:
     """A walker, and the condition until which it walks."""
 
     walker: Walker
-    until: Condition
+    until: StopCondition
 
 
 @dataclass(slots=True)
@@ -102,10 +102,10 @@ class Walk:
         self._here = space.place(space.initial)
         self._moves = self._walked()
 
-    def __iter__(self) -> Iterator[Step]:
+    def __iter__(self) -> Iterator[WalkStep]:
         return self._moves
 
-    def _walked(self) -> Iterator[Step]:
+    def _walked(self) -> Iterator[WalkStep]:
         self.tallies.begin(self._here.configuration.states)
         for each in self._phases:
             self.ended = None
@@ -113,7 +113,7 @@ class Walk:
             if self.ended not in (Ending.HELD, Ending.PLAN_DONE):
                 return
 
-    def _phase(self, phase: Phase) -> Iterator[Step]:
+    def _phase(self, phase: Phase) -> Iterator[WalkStep]:
         spent = Odometer(began=self._clock())
         self._aim(phase)
         self.tallies.stand(self._here.configuration.states)
@@ -144,7 +144,7 @@ class Walk:
             tallies.take(option.taken)
             spent.steps += 1
             self.steps += 1
-            yield Step(self.steps, option.moves[choice], self._here.configuration, fresh)
+            yield WalkStep(self.steps, option.moves[choice], self._here.configuration, fresh)
             fresh = False
         self.ended = Ending.HELD
 
@@ -178,7 +178,7 @@ def phase(walker: str, until: str) -> Phase:
     return Phase(WALKERS[walker](), parse_condition(until))
 
 
-def _compiled(condition: Condition, tallies: Tallies, spent: Odometer, clock: Clock) -> Question:
+def _compiled(condition: StopCondition, tallies: Tallies, spent: Odometer, clock: Clock) -> Question:
     """Return the question whether the condition holds now, answered from counters."""
     least = condition.amount
     match condition.kind:

@@ -16,7 +16,7 @@ import numpy as np
 
 from parcours.errors import BadModel
 from parcours.paths.graph import Came, way_to
-from parcours.paths.spaces import ModelSpace, Option, Place
+from parcours.paths.spaces import ModelSpace, Option, SpaceNode
 from parcours.paths.walking.tallies import Nodes, Tallies
 
 LOOK_AHEAD = 10_000
@@ -81,7 +81,7 @@ class View:
 class Walker(Protocol):
     """Chooses the next move."""
 
-    def choose(self, here: Place, options: Sequence[Option], view: View) -> Choice:
+    def choose(self, here: SpaceNode, options: Sequence[Option], view: View) -> Choice:
         """Return what to do here; Ending.DEAD_END if there is no option."""
 
 
@@ -95,7 +95,7 @@ def _any(options: Sequence[Option], view: View) -> Choice:
 class Random:
     """Any transition that can be taken, each as likely as the others; then any choice of inputs for it."""
 
-    def choose(self, here: Place, options: Sequence[Option], view: View) -> Choice:
+    def choose(self, here: SpaceNode, options: Sequence[Option], view: View) -> Choice:
         """Return one of the options."""
         return _any(options, view)
 
@@ -103,7 +103,7 @@ class Random:
 class Weighted:
     """Any transition, as likely as its weight is beside those of its rivals; never one of weight 0."""
 
-    def choose(self, here: Place, options: Sequence[Option], view: View) -> Choice:
+    def choose(self, here: SpaceNode, options: Sequence[Option], view: View) -> Choice:
         """Return one of the options, or a dead end if none has weight."""
         left = view.chance.share() * sum(option.weight for option in options)
         chosen: list[Option] = []
@@ -119,7 +119,7 @@ class Weighted:
 class LeastVisited:
     """The transition taken least often so far; ties at random."""
 
-    def choose(self, here: Place, options: Sequence[Option], view: View) -> Choice:
+    def choose(self, here: SpaceNode, options: Sequence[Option], view: View) -> Choice:
         """Return one of the options."""
         counts = view.tallies.counts
         often = [sum(counts[transition.id] for _, transition in option.taken) for option in options]
@@ -141,7 +141,7 @@ class Guided:
         self._way: deque[tuple[Option, int]] = deque()
         self._patience = 0
 
-    def choose(self, here: Place, options: Sequence[Option], view: View) -> Choice:
+    def choose(self, here: SpaceNode, options: Sequence[Option], view: View) -> Choice:
         """Return the next step of the way; start again, or end, if only that can help."""
         if self._way:
             return self._way.popleft()
@@ -163,9 +163,9 @@ class Guided:
         self._patience = self._pause
         return _any(options, view)
 
-    def _nearest(self, here: Place, nodes: Nodes, view: View) -> tuple[list[tuple[Option, int]], bool]:
+    def _nearest(self, here: SpaceNode, nodes: Nodes, view: View) -> tuple[list[tuple[Option, int]], bool]:
         """Return the fewest moves to something wanted, none if none was found, and whether every place was seen."""
-        came: Came[tuple[Place, Nodes], tuple[Option, int]] = {(here, nodes): None}
+        came: Came[tuple[SpaceNode, Nodes], tuple[Option, int]] = {(here, nodes): None}
         queue = deque(came)
         while queue and len(came) < self._look_ahead:
             place, done = key = queue.popleft()
@@ -195,7 +195,7 @@ class Planned:
         self._left = deque(deque(path) for path in paths if path)
         self._begun = False
 
-    def choose(self, here: Place, options: Sequence[Option], view: View) -> Choice:
+    def choose(self, here: SpaceNode, options: Sequence[Option], view: View) -> Choice:
         """Return the next step of the plan, or that it cannot be taken here."""
         while self._left and not self._left[0]:
             self._left.popleft()

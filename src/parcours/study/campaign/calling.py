@@ -41,7 +41,7 @@ _ADDRESS = re.compile(r"\b0x[0-9a-fA-F]{6,}")
 _MOST_ROWS = 100_000
 
 
-class Overdue(BaseException):
+class CallTimeout(BaseException):
     """Raised in code that takes too long; not an Exception, so that it is not caught by mistake."""
 
 
@@ -86,7 +86,7 @@ class Alarm:
             self._left -= 1
             if not self._left:
                 self._left = 1  # code that catches this is interrupted again
-                raise Overdue
+                raise CallTimeout
 
 
 class Faulty(Exception):

@@ -22,8 +22,8 @@ from parcours.study.campaign.calling import (
     HUNG,
     LOADING,
     Alarm,
+    CallTimeout,
     Faulty,
-    Overdue,
     ProgramCaller,
     PythonCaller,
     facts_in,
@@ -142,7 +142,7 @@ class Simulation:
             try:
                 alarm.set(case.number, limit, rings=isinstance(caller, PythonCaller))
                 return facts_in(self.study.facts, caller(case)), Fault.NONE, ""
-            except Overdue:
+            except CallTimeout:
                 return None, Fault.HUNG, HUNG.format(limit)
             except Faulty as error:
                 return None, error.fault, str(error)
@@ -158,6 +158,6 @@ class Simulation:
                     os._exit(0)  # a child that the simulation forked: the case is its parent's
                 canaries.after_case()
                 alarm.off()
-        except Overdue:  # it rang while an exception was put into words
+        except CallTimeout:  # it rang while an exception was put into words
             alarm.off()
             return None, Fault.HUNG, HUNG.format(limit)

@@ -17,13 +17,13 @@ from parcours.run.heartbeat import write_place
 from parcours.run.hosts.launching import ending
 from parcours.run.workers import Crew, Done, Lost, failure_of
 
-__all__ = ["Done", "Overdue", "longest", "run_apart", "watched"]
+__all__ = ["Done", "TurnTimeout", "longest", "run_apart", "watched"]
 
 T = TypeVar("T")
 _GRACE = 2.0  # so much longer than a turn may take, an item is waited for after its last sign of life [s]
 
 
-class Overdue(Exception):
+class TurnTimeout(Exception):
     """A component did not finish its turn in time."""
 
 
@@ -31,7 +31,7 @@ def watched(patience: float) -> Callable[[Event], contextlib.AbstractContextMana
     """Return what is entered around a turn: it raises in a component that takes longer than `patience` [s]."""
 
     def ring(number: int, frame: object) -> None:
-        raise Overdue(f"no answer within {longest(patience):g} s")
+        raise TurnTimeout(f"no answer within {longest(patience):g} s")
 
     @contextlib.contextmanager
     def watch(event: Event) -> Iterator[None]:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from parcours.errors import BadRequest, BadResults, ParcoursError
 from parcours.report.junit import CaseResult
 from parcours.report.pieces import Column, Figure, Page, Section, Table
-from parcours.report.timings import Timed, timing_figure, timing_table
+from parcours.report.timings import TimingCase, timing_figure, timing_table
 from parcours.report.writing import write_text
 from parcours.run.noise import Noise, noise_of
 from parcours.run.port import Reported
@@ -224,10 +224,10 @@ def read_landing(folder: Path) -> Glance | None:
 _KINDS = {"guard": "guards", "actions": "actions", "operations": "actions", "message": "messages"}
 
 
-def timed(given: ComponentResults) -> list[Timed]:
+def timed(given: ComponentResults) -> list[TimingCase]:
     """Return the timing cases as the report draws them."""
     return [
-        Timed(one.interaction, one.durations, parse_bound(one.bound), Judgement(Verdict(one.verdict), one.why))
+        TimingCase(one.interaction, one.durations, parse_bound(one.bound), Judgement(Verdict(one.verdict), one.why))
         for one in given.results
         if one.bound
     ]

@@ -24,7 +24,7 @@ from parcours.model.expression import (
     Assignment,
     Binary,
     Expression,
-    Field,
+    FieldAccess,
     Literal,
     Name,
     Unary,
@@ -286,7 +286,7 @@ def _resolved(node: Expression, scope: Record) -> Symbolic:
             if name not in scope:
                 raise _Unknown
             return scope[name]
-        case Field(of, name):
+        case FieldAccess(of, name):
             owner = _resolved(of, scope)
             if not isinstance(owner, dict) or name not in owner:
                 raise _Unknown

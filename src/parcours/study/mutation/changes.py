@@ -47,7 +47,7 @@ class Change:
 
 
 @dataclass(frozen=True, slots=True)
-class Names:
+class KnownNames:
     """What is known of names beyond the function itself."""
 
     transitions: Mapping[str, str]  # transition of the model -> another of the same component
@@ -57,7 +57,7 @@ class Names:
     globals: Collection[str]  # what the module defines or imports
 
 
-def changes_of(function: ast.FunctionDef, names: Names, compiled: bool) -> Iterator[Change]:
+def changes_of(function: ast.FunctionDef, names: KnownNames, compiled: bool) -> Iterator[Change]:
     """Yield the changes to a function, statement by statement; not those to functions within it.
 
     Args:
@@ -68,7 +68,7 @@ def changes_of(function: ast.FunctionDef, names: Names, compiled: bool) -> Itera
 
 
 class _Finder:
-    def __init__(self, names: Names, compiled: bool) -> None:
+    def __init__(self, names: KnownNames, compiled: bool) -> None:
         self._names, self._compiled = names, compiled
 
     def block(self, body: list[ast.stmt], bound: set[str]) -> Iterator[Change]:

@@ -23,7 +23,7 @@ _NOTE = (
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
-class Comparison:
+class SuiteComparison:
     """What became of the same mutants under each suite: its results, and how many cases it has."""
 
     study: str
@@ -74,7 +74,7 @@ class Comparison:
 
 def compare(
     study: ComponentStudy, request: MutationRequest, out: Path, progress: Progress, suites: Sequence[Suite] = COMPARED
-) -> tuple[Comparison, bool]:  # fmt: skip
+) -> tuple[SuiteComparison, bool]:  # fmt: skip
     """Run the mutants of a study under each suite, in one build; return what came of it, and whether Ctrl-C ended it.
 
     Of random tests there are as many as the largest other suite has. If a number of cases is asked for, a suite's are
@@ -94,5 +94,5 @@ def compare(
         # Cases that contradict themselves are left out, which only those who ran the suite know.
         found[suite] = results, max((one.suite for one in results.outcomes.values()), default=n) or n
         if interrupted:
-            return Comparison(study.name, found), True
-    return Comparison(study.name, found), False
+            return SuiteComparison(study.name, found), True
+    return SuiteComparison(study.name, found), False

@@ -33,9 +33,9 @@ from parcours.study.mutation.observing import (
     CHECK,
     PATIENCE,
     TWIN,
+    CaseObservation,
     Components,
-    Observation,
-    Subject,
+    MutationSubject,
     allowed,
     strikes_of,
     subject_of,
@@ -74,7 +74,7 @@ class Build:
 
 
 @dataclass(frozen=True, slots=True)
-class Outcome:
+class MutantOutcome:
     """What became of a mutant."""
 
     # ended: as it should. timeout: a loop went on and on. hung, died: its process. refused: by the compiler
@@ -85,11 +85,11 @@ class Outcome:
     suite: int = 0  # how many cases the suite has
     sound: int = 0  # how many of them the original passes; the others notice nothing
 
-    def joined(self, other: Outcome) -> Outcome:
+    def joined(self, other: MutantOutcome) -> MutantOutcome:
         """Return what became of the mutant in the cases of two studies."""
         end = other.end if self.end == "ended" else self.end
-        return Outcome(end, {**other.seen, **self.seen}, self.cases + other.cases, {**other.at, **self.at}, self.suite,
-                       self.sound)  # fmt: skip
+        seen, at = {**other.seen, **self.seen}, {**other.at, **self.at}
+        return MutantOutcome(end, seen, self.cases + other.cases, at, self.suite, self.sound)
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,7 +100,7 @@ class Refused:
     why: str
 
 
-Report = tuple[str, Outcome] | Refused | tuple[str, int, int]  # an outcome, or how far the originals are
+Report = tuple[str, MutantOutcome] | Refused | tuple[str, int, int]  # an outcome, or how far the originals are
 
 
 def judge_mutants(build: Build, ids: Sequence[str], workers: int, heard: Callable[[Report], None]) -> None:
@@ -140,7 +140,7 @@ def _built(build: Build, ids: tuple[str, ...], workers: int) -> None:
                 # Where the model is changed, what runs is the original: a judge that hangs has noticed nothing.
                 stages = () if build.of == "model" else (bench.subject.stages[0], TWIN)
                 for id in items[k]:
-                    tell((id, Outcome(answer.how, dict.fromkeys(stages, ("", why)))))
+                    tell((id, MutantOutcome(answer.how, dict.fromkeys(stages, ("", why)))))
             else:
                 raise failure_of(items[k][0], answer, "mutants-build")
 
@@ -155,14 +155,14 @@ class Bench:
         self._places = install(build).places if build.of == "code" else {}
         study = with_suite(find(build.where), build.suite, build.seed)
         self.patience = PATIENCE * float(getattr(study, "patience", 5.0))
-        self.subject: Subject = subject_of(study, build.settings, build.seed)
+        self.subject: MutationSubject = subject_of(study, build.settings, build.seed)
         self._build = build
         if build.of != "code":
             assert isinstance(study, ComponentStudy)
             self._models = {one.id: model for one, model in model_mutants(study.model)}
             self._strikes = dict(strikes_of(study))
         self._cases: list[Case] = list(self.subject.cases(build.cases))
-        self._originals: list[Observation] = []
+        self._originals: list[CaseObservation] = []
         for k, case in enumerate(self._cases):
             found = self.subject.observe(case)
             if any(found.noticed.values()) and not found.refused:  # it may have been held up by the compiler
@@ -176,7 +176,7 @@ class Bench:
             raise HostFailure(self._cases[0].id, f"a case of the original must pass, but none does: {said}",
                               "repair the study first", slug="mutants-original")  # fmt: skip
         self._sound = sum(not one.noticed[self.subject.stages[0]] for one in self._originals)
-        self._beyond: list[tuple[Case, Observation]] = []
+        self._beyond: list[tuple[Case, CaseObservation]] = []
         """The twin's cases beyond the suite, with what the original does there."""
         if build.of == "code" and build.twin > len(self._cases):
             for case in islice(self.subject.cases(build.twin), len(self._cases), None):
@@ -197,14 +197,14 @@ class Bench:
         raise HostFailure("mutants", f"the compiler must accept what is built, but: {why[:2000]}",
                           "leave the module out", slug="mutants-build")  # fmt: skip
 
-    def judge(self, numbers: tuple[int, ...]) -> list[Outcome]:
+    def judge(self, numbers: tuple[int, ...]) -> list[MutantOutcome]:
         """Return what becomes of mutants, by their numbers in the build."""
         if self._build.of == "model":
             return self._judged_models([self._build.built[number - 1] for number in numbers])
         judge = self._judged_code if self._build.of == "code" else self._judged_channel
         return [judge(number) for number in numbers]
 
-    def _judged_models(self, ids: Sequence[str]) -> list[Outcome]:
+    def _judged_models(self, ids: Sequence[str]) -> list[MutantOutcome]:
         """Check models that say something else, and judge clean traces by them."""
         assert isinstance(self.subject, Components)
         judges = {id: self.subject.judge_of(self._models[id]) for id in ids}
@@ -221,9 +221,9 @@ class Bench:
                     for stage, why in judges[id](case, trace).items():
                         if why and not original.noticed[stage]:
                             seen[id].setdefault(stage, (case.id, why[:_LONG]))
-        return [Outcome("ended", seen[id], len(self._cases)) for id in ids]
+        return [MutantOutcome("ended", seen[id], len(self._cases)) for id in ids]
 
-    def _judged_channel(self, number: int) -> Outcome:
+    def _judged_channel(self, number: int) -> MutantOutcome:
         """Execute cases under a fault on a channel."""
         strike = self._strikes[self._build.built[number - 1]]
         assert isinstance(self.subject, Components)
@@ -237,16 +237,18 @@ class Bench:
             self._note(case, original, found, seen)
             if len(seen) == len(self.subject.stages) + 1:
                 break
-        return Outcome("ended", seen, ran)
+        return MutantOutcome("ended", seen, ran)
 
-    def _note(self, case: Case, original: Observation, found: Observation, seen: dict[str, tuple[str, str]]) -> None:
+    def _note(
+        self, case: Case, original: CaseObservation, found: CaseObservation, seen: dict[str, tuple[str, str]]
+    ) -> None:
         for stage, why in found.noticed.items():
             if why and not original.noticed[stage]:
                 seen.setdefault(stage, (case.id, why[:_LONG]))
         if found.print != original.print:
             seen.setdefault(TWIN, (case.id, ""))
 
-    def _judged_code(self, number: int) -> Outcome:
+    def _judged_code(self, number: int) -> MutantOutcome:
         """Run a mutant until every stage has seen it, or in all cases; one that shows nothing in more of them."""
         seen: dict[str, tuple[str, str]] = {}
         at: dict[str, int] = {}
@@ -263,7 +265,7 @@ class Bench:
                 seen = {self.subject.stages[0]: (case.id, why), TWIN: (case.id, why), **seen}
             at = {stage: at.get(stage, k) for stage in seen}
             if not found.ended:
-                return Outcome("timeout", seen, ran, at, len(self._cases), self._sound)
+                return MutantOutcome("timeout", seen, ran, at, len(self._cases), self._sound)
             if TWIN in seen and not had_effect:
                 seen[TWIN] = (case.id, self.subject.difference(case, number, allowed(original))[:_LONG])
             if len(seen) == len(self.subject.stages) + 1:
@@ -277,7 +279,7 @@ class Bench:
                 if self.subject.observe(case, number, rounds, judged=False).print != original.print:
                     seen[TWIN] = (case.id, self.subject.difference(case, number, rounds)[:_LONG])
                     break
-        return Outcome("ended", seen, ran, at, len(self._cases), self._sound)
+        return MutantOutcome("ended", seen, ran, at, len(self._cases), self._sound)
 
     def _place(self, number: int) -> int:
         return self._places[place_of(self._build.built[number - 1])]

@@ -53,7 +53,7 @@ _MARGIN, _FREE = 10, 100_000  # A mutant's loops may go round so much more often
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
-class Observation:
+class CaseObservation:
     """What became of one case."""
 
     noticed: Mapping[str, str]  # stage -> why it does not let the case pass; empty if it does
@@ -64,12 +64,12 @@ class Observation:
     refused: tuple[tuple[str, int], ...] = ()  # what the compiler complains of, (file, line)
 
 
-def allowed(original: Observation) -> int:
+def allowed(original: CaseObservation) -> int:
     """Return how often the loops of a mutant may go round in a case."""
     return _MARGIN * original.rounds + _FREE
 
 
-class Subject(Protocol):
+class MutationSubject(Protocol):
     """A study whose cases are executed on mutants."""
 
     @property
@@ -79,21 +79,23 @@ class Subject(Protocol):
     def cases(self, n: int | None) -> Iterator[Case]:
         """Yield the first n cases; as many as the study has if None."""
 
-    def observe(self, case: Case, number: int = 0, rounds: int = _PLENTY, *, judged: bool = True) -> Observation:
+    def observe(self, case: Case, number: int = 0, rounds: int = _PLENTY, *, judged: bool = True) -> CaseObservation:
         """Execute a case on a mutant, by default on the original, and judge it."""
 
     def difference(self, case: Case, number: int, rounds: int) -> str:
         """Return what a mutant does otherwise first in a case: a channel and a field, a transition, a fact."""
 
 
-def subject_of(study: Study, settings: Settings, seed: int) -> Subject:
+def subject_of(study: Study, settings: Settings, seed: int) -> MutationSubject:
     """Return the study as mutants are run in it."""
     from parcours.study.campaign.study import CampaignStudy
     from parcours.study.components.study import ComponentStudy
 
     if isinstance(study, ComponentStudy):
         return Components(study, settings, seed)
-    return Campaign(study, settings, seed) if isinstance(study, CampaignStudy) else AnyStudy(study, settings, seed)
+    return (
+        CampaignSubject(study, settings, seed) if isinstance(study, CampaignStudy) else AnyStudy(study, settings, seed)
+    )
 
 
 class Components:
@@ -118,18 +120,18 @@ class Components:
         return (case for case in self._study.suite(self._settings, self._seed, n)
                 if not self._exercise.contradiction(case))  # fmt: skip
 
-    def observe(self, case: Case, number: int = 0, rounds: int = _PLENTY, *, judged: bool = True) -> Observation:
+    def observe(self, case: Case, number: int = 0, rounds: int = _PLENTY, *, judged: bool = True) -> CaseObservation:
         """Execute a case in simulated time, in this process."""
         self._refused.clear()
         choose(number, rounds)
         try:
             trace = self._execute(case).trace
         except Spent as error:  # what a component shows, say, goes round and round
-            return Observation({CASES: str(error)}, b"", rounds, places_run(), ended=False)
+            return CaseObservation({CASES: str(error)}, b"", rounds, places_run(), ended=False)
         except Exception as error:  # the tester's own work
             if not refused_lines(error):
                 raise
-            return Observation({CASES: str(error)}, b"", 0, refused=tuple(refused_lines(error)))
+            return CaseObservation({CASES: str(error)}, b"", 0, refused=tuple(refused_lines(error)))
         finally:
             left, places = rounds_left(), places_run()
             choose(0)
@@ -138,7 +140,7 @@ class Components:
             judgement = executing.judge_trace(self._exercise, case, trace)
             noticed = {CASES: _why(judgement), CONFORMANCE: conformance_of(self._study, trace)}
         print, refused = print_of(trace, self._study.recorded), tuple(self._refused)
-        return Observation(noticed, print, rounds - left, places, left >= 0, refused)
+        return CaseObservation(noticed, print, rounds - left, places, left >= 0, refused)
 
     def difference(self, case: Case, number: int, rounds: int) -> str:
         """Return the first event that differs, and in which field of its message."""
@@ -150,7 +152,7 @@ class Components:
             choose(0)
         return difference_of(original, mutant, self._study.recorded, self._study.fields)
 
-    def struck(self, case: Case, strike: Strike) -> Observation | None:
+    def struck(self, case: Case, strike: Strike) -> CaseObservation | None:
         """Return what becomes of a case under a fault; None if it does not strike there."""
         self._struck = Struck(strike, self._study.recorded, self._seed)
         found = self.observe(case)
@@ -162,7 +164,7 @@ class Components:
         return self._execute(case).trace
 
     def judge_of(self, model: Cefsm) -> Callable[[Case, Trace], Mapping[str, str]]:
-        """Return what judges traces by another model of the same system, as `Observation.noticed` has it."""
+        """Return what judges traces by another model of the same system, as `CaseObservation.noticed` has it."""
         study = dataclasses.replace(self._study, model=model)
         study.__dict__["abstracts"] = self._study.abstracts  # the cases stay as they are
         exercise = dataclasses.replace(study.exercise(self._settings), contradiction=lambda case: "")
@@ -277,7 +279,7 @@ class AnyStudy:
         """Yield the first cases; a few hundred at most if nothing is said."""
         return islice(self._study.suite(self._settings, self._seed, n), n or _CAMPAIGN)
 
-    def observe(self, case: Case, number: int = 0, rounds: int = _PLENTY, *, judged: bool = True) -> Observation:
+    def observe(self, case: Case, number: int = 0, rounds: int = _PLENTY, *, judged: bool = True) -> CaseObservation:
         """Execute a case and judge it by the study's own oracles; some show their messages, too."""
         write_place(case.id)
         choose(number, rounds)
@@ -295,7 +297,7 @@ class AnyStudy:
         left, places = rounds_left(), places_run()
         choose(0)
         digest = hashlib.sha256(repr((why, facts)).encode()).digest()[:16]
-        return Observation(noticed, digest, rounds - left, places, left >= 0, tuple(refused))
+        return CaseObservation(noticed, digest, rounds - left, places, left >= 0, tuple(refused))
 
     def _shown(self, case: Case) -> str:
         assert isinstance(self._study, Showing)
@@ -320,7 +322,7 @@ class AnyStudy:
         return _why(Judgement(judged.verdict, judged.why)), judged.facts
 
 
-class Campaign(AnyStudy):
+class CampaignSubject(AnyStudy):
     """A campaign of numbered cases, simulated in this process."""
 
     def __init__(self, study: CampaignStudy, settings: Settings, seed: int) -> None:

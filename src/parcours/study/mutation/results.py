@@ -10,7 +10,7 @@ from typing import cast
 import numpy as np
 
 from parcours.report.pieces import Cell, Column, Table
-from parcours.study.mutation.laboratory import Kind, Outcome
+from parcours.study.mutation.laboratory import Kind, MutantOutcome
 from parcours.study.mutation.mutant import Mutant
 from parcours.study.mutation.observing import CASES, CHECK, CONFORMANCE, STAGES, TWIN
 from parcours.study.protocol import Measure
@@ -22,15 +22,15 @@ _NOTE = (
 )
 
 
-def entry_of(outcome: Outcome) -> dict[str, object]:
+def entry_of(outcome: MutantOutcome) -> dict[str, object]:
     """Return an outcome as a line of a journal."""
     return asdict(outcome)
 
 
-def outcome_of(entry: Mapping[str, object]) -> Outcome:
+def outcome_of(entry: Mapping[str, object]) -> MutantOutcome:
     """Return the outcome that a line of a journal holds."""
     seen = cast("Mapping[str, Sequence[str]]", entry["seen"])
-    return Outcome(
+    return MutantOutcome(
         str(entry["end"]), {stage: (by[0], by[1]) for stage, by in seen.items()}, int(cast(int, entry["cases"])),
         dict(cast("Mapping[str, int]", entry.get("at", {}))), int(cast(int, entry.get("suite", 0))),
         int(cast(int, entry.get("sound", 0))),
@@ -44,9 +44,9 @@ class MutationResults:
     study: str
     of: Kind
     mutants: tuple[Mutant, ...]
-    outcomes: Mapping[str, Outcome]
+    outcomes: Mapping[str, MutantOutcome]
 
-    def finished(self) -> Iterator[tuple[Mutant, Outcome]]:
+    def finished(self) -> Iterator[tuple[Mutant, MutantOutcome]]:
         """Yield the mutants that ran, with their outcomes."""
         for one in self.mutants:
             if one.id in self.outcomes and self.outcomes[one.id].end != "refused":
@@ -60,16 +60,16 @@ class MutationResults:
         always |= {CHECK} if self.of == "model" else set()
         return [one for one in STAGES if one in found | always]
 
-    def effective(self) -> list[tuple[Mutant, Outcome]]:
+    def effective(self) -> list[tuple[Mutant, MutantOutcome]]:
         """Return the mutants with a visible effect; of a model, all of them."""
         return [(mutant, outcome) for mutant, outcome in self.finished() if outcome.seen or self.of == "model"]
 
-    def survivors(self) -> list[tuple[Mutant, Outcome]]:
+    def survivors(self) -> list[tuple[Mutant, MutantOutcome]]:
         """Return the mutants with a visible effect that no stage noticed."""
         return [(mutant, outcome) for mutant, outcome in self.effective() if set(outcome.seen) <= {TWIN}]
 
     @staticmethod
-    def seen_by(outcome: Outcome) -> str:
+    def seen_by(outcome: MutantOutcome) -> str:
         """Return which oracle would have seen a survivor: where the golden twin sees it part from the original."""
         case, what = outcome.seen.get(TWIN, ("", ""))
         return "; ".join(part for part in (what, f"in {case}" if case else "") if part)

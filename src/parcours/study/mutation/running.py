@@ -12,7 +12,7 @@ from parcours.errors import BadRequest, one_of
 from parcours.run.campaign import terminable
 from parcours.study.components.study import ComponentStudy
 from parcours.study.journal import Journal, write_question
-from parcours.study.mutation.laboratory import Build, Kind, Outcome, Refused, Report, judge_mutants
+from parcours.study.mutation.laboratory import Build, Kind, MutantOutcome, Refused, Report, judge_mutants
 from parcours.study.mutation.models import model_mutants
 from parcours.study.mutation.mutant import Mutant, sampled
 from parcours.study.mutation.observing import strikes_of
@@ -92,7 +92,7 @@ def mutate(
     """
     sources = sources_of(studies[0], request.of)
     mutants = mutants_of(studies[0], sources, request)
-    outcomes: dict[str, Outcome] = {}
+    outcomes: dict[str, MutantOutcome] = {}
     interrupted = False
     with terminable():
         for study, settings in zip(studies, request.settings, strict=True):
@@ -141,8 +141,8 @@ def _judge(
             if isinstance(report, Refused):
                 again = True
                 for id in report.ids:
-                    journal.add(id, entry_of(Outcome("refused", {})))
-            elif isinstance(report[1], Outcome):
+                    journal.add(id, entry_of(MutantOutcome("refused", {})))
+            elif isinstance(report[1], MutantOutcome):
                 journal.add(report[0], entry_of(report[1]))
                 progress(what, sum(one.id in journal.done for one in mutants), len(mutants))
             else:

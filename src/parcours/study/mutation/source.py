@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING
 from parcours.errors import BadRequest
 from parcours.kernels import PLACES
 from parcours.study.loading import file_of
-from parcours.study.mutation.changes import Change, Names, changes_of
+from parcours.study.mutation.changes import Change, KnownNames, changes_of
 from parcours.study.mutation.mutant import Mutant, diff_of
 
 if TYPE_CHECKING:
@@ -163,7 +163,7 @@ class Sources:
         top = {alias.asname or alias.name for one in tree.body if isinstance(one, ast.Import | ast.ImportFrom)
                for alias in one.names}  # fmt: skip
         top |= {one.name for one in tree.body if isinstance(one, ast.FunctionDef | ast.ClassDef)}
-        names = Names(self._others, self._channels, known, self._signatures, top)
+        names = KnownNames(self._others, self._channels, known, self._signatures, top)
         counts: Counter[tuple[str, str]] = Counter()
         for place, function in _functions(tree):
             for change in changes_of(function, names, _is_kernel(function)):

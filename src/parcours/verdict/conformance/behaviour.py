@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 from parcours.errors import BadModel, BadRequest, one_of
 from parcours.model.configuration import Configuration, Message
-from parcours.model.steps import Steps
+from parcours.model.steps import StepRelation
 from parcours.model.structure import BASE_TYPES, Cefsm, Component, Machine, Receive, Transition
 
 _OTHERS = "the others"
@@ -75,7 +75,7 @@ class Behaviour:
         for name in sorted(allowance.unmodelled - set(names)):
             rule = f"only a channel can be let pass, but {name!r} is none"
             raise BadRequest("unmodelled", rule, one_of(name, names), slug="unknown-channel")
-        self._steps = Steps(_alone(cefsm, own))
+        self._steps = StepRelation(_alone(cefsm, own))
         self.reads = tuple(dict.fromkeys(each.event.channel for each in own.transitions() if each.event))
         self.sends = frozenset(channel.name for channel in cefsm.channels if channel.sender == component)
         self.transitions = {each.id: each for each in own.transitions()}

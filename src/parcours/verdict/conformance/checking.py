@@ -15,7 +15,7 @@ from parcours.verdict.conformance.behaviour import Allowance
 from parcours.verdict.conformance.channels import Channels
 from parcours.verdict.conformance.findings import Deviation, Expectation
 from parcours.verdict.conformance.silence import Debts
-from parcours.verdict.conformance.tracking import Edge, Node, Observes, Tracker, trackers
+from parcours.verdict.conformance.tracking import Observes, StateSet, Successor, Tracker, trackers
 from parcours.verdict.contracts import Monitor, Tally, View, Violation, contracts_of
 
 Fields = View
@@ -37,7 +37,7 @@ def no_fields(channel: str, payload: object) -> None:
 class _Instance:
     name: str
     tracker: Tracker
-    node: Node
+    node: StateSet
     path: deque[str] = field(default_factory=lambda: deque(maxlen=LONGEST_PATH))
     doubt: str = ""
     """Why it may stand elsewhere, too."""
@@ -264,7 +264,7 @@ class Checker:
                 return
             self._note(instance, seen=f"?{channel}" if self._observes == "messages" else "")
 
-    def _follow(self, instance: _Instance, edge: Edge) -> bool:
+    def _follow(self, instance: _Instance, edge: Successor) -> bool:
         if edge.doubt and not instance.doubt:
             instance.doubt = edge.doubt
         if edge.node is None:

@@ -12,13 +12,13 @@ from typing import NamedTuple
 
 from parcours.errors import BadRequest, one_of
 from parcours.model.structure import Cefsm
-from parcours.verdict.conformance.tracking import Node, Tracker
+from parcours.verdict.conformance.tracking import StateSet, Tracker
 
 NEVER = 1 << 62
 """Later than any time [ns]."""
 
 
-class Overdue(NamedTuple):
+class MissingMessage(NamedTuple):
     """A message that did not come: when its time was over [ns], who owed it, on which channel."""
 
     time: int
@@ -46,7 +46,7 @@ class Debts:
         self.deadline = NEVER
         self._since: dict[tuple[str, str], int] = {}
 
-    def note(self, component: str, tracker: Tracker, node: Node, now: int, sent: str = "") -> None:
+    def note(self, component: str, tracker: Tracker, node: StateSet, now: int, sent: str = "") -> None:
         """Take note of where a component stands at `now` [ns], after a message was `sent` on a channel, or none."""
         for channel in self.timeouts:
             key = component, channel
@@ -56,6 +56,6 @@ class Debts:
                 self._since[key] = now
         self.deadline = min((since + self.timeouts[key[1]] for key, since in self._since.items()), default=NEVER)
 
-    def first(self) -> Overdue:
+    def first(self) -> MissingMessage:
         """Return the debt that is overdue first; there must be one."""
-        return min(Overdue(since + self.timeouts[key[1]], *key) for key, since in self._since.items())
+        return min(MissingMessage(since + self.timeouts[key[1]], *key) for key, since in self._since.items())

@@ -27,15 +27,15 @@ _KEPT = 50_000  # edges of a node, nodes of a tracker: a long run must not fill 
 _OPEN: tuple[Message, ...] = ((),)
 
 
-class Edge(NamedTuple):
+class Successor(NamedTuple):
     """Where an observation leads."""
 
-    node: Node | None  # None: the model does not allow the observation
+    node: StateSet | None  # None: the model does not allow the observation
     contents: tuple[Message, ...]  # of a message sent: what it may hold
     doubt: str  # why there may be more states than those of the node; empty if there are not
 
 
-class Node:
+class StateSet:
     """A set of states, and what has been found out about it so far."""
 
     __slots__ = ("doubt", "edges", "expected", "owed", "states")
@@ -43,11 +43,11 @@ class Node:
     def __init__(self, states: frozenset[State], doubt: str) -> None:
         self.states = states
         self.doubt = doubt  # why unseen steps may lead to more states than these; empty if they cannot
-        self.edges: dict[object, Edge] = {}  # by observation
+        self.edges: dict[object, Successor] = {}  # by observation
         self.owed: dict[str, bool] = {}  # by channel
         self.expected: tuple[Expectation, ...] | None = None
 
-    def keep(self, key: object, edge: Edge) -> Edge:
+    def keep(self, key: object, edge: Successor) -> Successor:
         """Remember where an observation leads, and return it."""
         if len(self.edges) >= _KEPT:
             self.edges.clear()
@@ -68,13 +68,13 @@ class Tracker:
 
     def __init__(self, behaviour: Behaviour, observes: Observes, hidden: int, *, apart: bool = False) -> None:
         self.behaviour, self.observes, self._hidden = behaviour, observes, hidden
-        self._nodes: dict[frozenset[State], Node] = {}
+        self._nodes: dict[frozenset[State], StateSet] = {}
         self._debts: dict[tuple[State, str], bool] = {}
         begin = self._node(behaviour.initial(apart=apart))
         assert begin is not None
-        self.begin: Node = begin
+        self.begin: StateSet = begin
 
-    def take(self, node: Node, id: str) -> Edge:
+    def take(self, node: StateSet, id: str) -> Successor:
         """Return what follows when the transition was taken."""
         edge = node.edges.get(id)
         if edge is None:
@@ -83,7 +83,7 @@ class Tracker:
             edge = node.keep(id, _edge(after, _OPEN, next((why for why in doubts if why), "")))
         return edge
 
-    def send(self, node: Node, channel: str, observed: Message = ()) -> Edge:
+    def send(self, node: StateSet, channel: str, observed: Message = ()) -> Successor:
         """Return what follows when a message was sent, with the fields observed, or none."""
         key = ("!", channel, observed)
         edge = node.edges.get(key)
@@ -102,7 +102,7 @@ class Tracker:
             edge = node.keep(key, _edge(self._node(after), tuple(contents) or _OPEN))
         return edge
 
-    def receive(self, node: Node, channel: str, contents: tuple[Message, ...] = _OPEN) -> Edge:
+    def receive(self, node: StateSet, channel: str, contents: tuple[Message, ...] = _OPEN) -> Successor:
         """Return what follows when a message was received; nothing may while a transition has yet to send."""
         key = ("?", channel, contents)
         edge = node.edges.get(key)
@@ -113,13 +113,13 @@ class Tracker:
             edge = node.keep(key, _edge(after, _OPEN))
         return edge
 
-    def expected(self, node: Node) -> tuple[Expectation, ...]:
+    def expected(self, node: StateSet) -> tuple[Expectation, ...]:
         """Return what the model lets come next, sorted."""
         if node.expected is None:
             node.expected = tuple(sorted(set(self._expectations(node)), key=str))
         return node.expected
 
-    def owes(self, node: Node, channel: str) -> bool:
+    def owes(self, node: StateSet, channel: str) -> bool:
         """Return whether a message must come on the channel, whatever the component does, if nothing else reaches it.
 
         The component is assumed to be fair: it leaves a loop that it can leave.
@@ -128,7 +128,7 @@ class Tracker:
             node.owed[channel] = all(self._owes(state, channel) for state in node.states)
         return node.owed[channel]
 
-    def running(self, node: Node, id: str) -> Node:
+    def running(self, node: StateSet, id: str) -> StateSet:
         """Return the set without the states in which the machine of a transition does not run."""
         return self._node(state for state in node.states if self.behaviour.runs(state, id)) or node
 
@@ -140,11 +140,11 @@ class Tracker:
             self._debts[key] = self._is_owed(state, channel)
         return self._debts[key]
 
-    def is_settled(self, node: Node) -> bool:
+    def is_settled(self, node: StateSet) -> bool:
         """Return whether the transition under way has sent all it must, in some state of the set."""
         return any(not state.due for state in node.states)
 
-    def why_not_taken(self, node: Node, transition: str) -> str:
+    def why_not_taken(self, node: StateSet, transition: str) -> str:
         """Return why a transition cannot have been taken from any state of the set."""
         behaviour = self.behaviour
         known = behaviour.transitions.get(transition)
@@ -159,7 +159,7 @@ class Tracker:
                 return f"{transition} needs a message of {channel}, but none was there to take up"
         return f"{transition} cannot be taken here"
 
-    def why_not_sent(self, node: Node, channel: str, observed: Message) -> str:
+    def why_not_sent(self, node: StateSet, channel: str, observed: Message) -> str:
         """Return why a message cannot have been sent from any state of the set."""
         behaviour = self.behaviour
         if channel not in behaviour.sends:
@@ -173,7 +173,7 @@ class Tracker:
             return f"{channel} was sent, where the transition taken sends another message"
         return f"{channel} was sent, but no transition taken sends it"
 
-    def _expectations(self, node: Node) -> Iterator[Expectation]:
+    def _expectations(self, node: StateSet) -> Iterator[Expectation]:
         for state in node.states:
             if state.due:
                 yield Expectation("send", *state.due[0])
@@ -186,7 +186,7 @@ class Tracker:
             for channel in self.behaviour.allowance.unmodelled & self.behaviour.sends:
                 yield Expectation("send", channel)
 
-    def _node(self, states: Iterable[State]) -> Node | None:
+    def _node(self, states: Iterable[State]) -> StateSet | None:
         found = dict.fromkeys(states)
         doubt = self._close(found) if self.observes == "messages" else ""
         if not found:
@@ -198,7 +198,7 @@ class Tracker:
                 for old in self._nodes.values():
                     old.edges.clear()
                 self._nodes.clear()
-            node = self._nodes[key] = Node(key, doubt)
+            node = self._nodes[key] = StateSet(key, doubt)
         return node
 
     def _close(self, found: dict[State, None]) -> str:
@@ -281,8 +281,8 @@ def trackers(cefsm: Cefsm, observes: Observes, allowance: Allowance, hidden: int
     return _recent[0]
 
 
-def _edge(node: Node | None, contents: tuple[Message, ...], doubt: str = "") -> Edge:
-    return Edge(node, contents, doubt or (node.doubt if node is not None else ""))
+def _edge(node: StateSet | None, contents: tuple[Message, ...], doubt: str = "") -> Successor:
+    return Successor(node, contents, doubt or (node.doubt if node is not None else ""))
 
 
 def _agree(said: Message, observed: Message) -> bool:
