@@ -11,7 +11,7 @@ from parcours.model import parse_model
 from parcours.model.expression import Assignment, Binary, Call, Expression, Literal, Name
 from parcours.model.structure import Machine, Receive, Send, Transition, Variable
 from parcours.paths import measure, requirements
-from parcours.paths.criteria import START, RequirementLimits, TestRequirement
+from parcours.paths.criteria import START, CoverageRequirement, RequirementLimits
 from parcours.paths.criteria.dataflow import access
 from parcours.paths.graph import graph_of
 from parcours.paths.measuring import Tours
@@ -104,7 +104,7 @@ def test_du_paths_are_the_simple_ways_on_which_a_value_comes_from_its_definition
     assert len(set(found)) == len(found)
 
 
-def ends(needs: Sequence[TestRequirement]) -> set[tuple[str, str, str]]:
+def ends(needs: Sequence[CoverageRequirement]) -> set[tuple[str, str, str]]:
     return {(need.variable, need.steps[0], need.steps[-1]) for need in needs}
 
 
@@ -163,7 +163,7 @@ def test_a_du_path_with_side_trips_brings_the_value_along_all_its_transitions(
     ids = [id for id, _ in walk]
     states = ["", machine.initial, *(by_id[id].target for id in run)]
 
-    def follows(need: TestRequirement, begun: int, ended: int, *, by_state: bool) -> bool:
+    def follows(need: CoverageRequirement, begun: int, ended: int, *, by_state: bool) -> bool:
         inner = need.steps[1:-1]
         if by_state:
             first = machine.initial if need.steps[0] == START else by_id[need.steps[0]].target

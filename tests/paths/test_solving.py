@@ -25,7 +25,7 @@ from parcours.model import (
 from parcours.model.configuration import Configuration, Move
 from parcours.model.expression import Assignment, evaluate, parse_expression
 from parcours.model.structure import Field
-from parcours.paths.criteria import TestRequirement, requirements
+from parcours.paths.criteria import CoverageRequirement, requirements
 from parcours.paths.solving import Covered, Executability, Infeasible, Undecided, deciding, solve
 
 GUARDS = ["", "n > 1", "n == k", "n + k < 2", "go", "!go || n == 2", "it.v == n + 1", "it.v < 0 && go", "k * n == 4"]
@@ -135,7 +135,7 @@ def test_a_loop_that_must_be_taken_often_is_taken_so_often(component: Callable[.
         "t1: {from: a, to: a, action: n := n + step}",
         "t2: {from: a, to: b, guard: n == 20}",
     )
-    (path,) = solve(cefsm, "C", "m", [TestRequirement("m", "transitions", ("t2",))], budget=10_000).paths
+    (path,) = solve(cefsm, "C", "m", [CoverageRequirement("m", "transitions", ("t2",))], budget=10_000).paths
     assert len(path.ids) == 8, "seven steps, as each is 3 at most, and out"
     assert sum(value for move in path.moves for _, value in move.inputs if isinstance(value, int)) == 20
 
@@ -152,7 +152,7 @@ def test_a_proof_names_the_guards_that_conflict_and_no_other(
     )
     found = solve(cefsm, "C", "m", "edge", budget=5_000)
     assert verdict(found, "t2") == Infeasible(
-        TestRequirement("m", "transitions", ("t2",)), ("guard of 't2': v > 1.0 && v < 0.5",)
+        CoverageRequirement("m", "transitions", ("t2",)), ("guard of 't2': v > 1.0 && v < 0.5",)
     )
     assert isinstance(verdict(found, "t3"), Covered)
 
@@ -170,9 +170,9 @@ def test_a_proof_goes_back_to_the_start_where_it_must(
     )
     found = solve(cefsm, "C", "m", "edge", budget=3_000)
     back = ("'b' starts at false", "guard of 't3': b", "guard of 't1': v > 1.0 && v < 0.5")
-    assert verdict(found, "t3") == Infeasible(TestRequirement("m", "transitions", ("t3",)), back)
+    assert verdict(found, "t3") == Infeasible(CoverageRequirement("m", "transitions", ("t3",)), back)
     bound = ("always m >= 0", "guard of 't4': m < 0")
-    assert verdict(found, "t4") == Infeasible(TestRequirement("m", "transitions", ("t4",)), bound)
+    assert verdict(found, "t4") == Infeasible(CoverageRequirement("m", "transitions", ("t4",)), bound)
 
 
 def test_what_only_rounding_allows_is_not_called_infeasible(component: Callable[..., Cefsm]) -> None:
@@ -218,7 +218,7 @@ def test_paths_end_where_a_test_may_end_unless_they_may_end_anywhere(component: 
         "t3: {from: b, to: a, guard: n == 0}",
         extra="        final: [a]",
     )
-    need = [TestRequirement("m", "transitions", ("t1", "t2"))]
+    need = [CoverageRequirement("m", "transitions", ("t1", "t2"))]
     (path,) = solve(cefsm, "C", "m", need).paths
     assert path.ids == ("t1", "t2", "t2", "t2", "t3") and path.ends
     (path,) = solve(cefsm, "C", "m", need, complete=False).paths
@@ -267,13 +267,13 @@ def test_without_the_solver_small_spaces_are_still_decided(
 @pytest.mark.parametrize(
     ("need", "slug"),
     [
-        (TestRequirement("m", "transitions", ("t1", "t1")), "broken-sequence"),
-        (TestRequirement("m", "transitions", ("nowhere",)), "foreign-transition"),
-        (TestRequirement("m", "state", ("nowhere",)), "foreign-transition"),
-        (TestRequirement("m", "round trip", ("a",)), "requirement-kind"),
+        (CoverageRequirement("m", "transitions", ("t1", "t1")), "broken-sequence"),
+        (CoverageRequirement("m", "transitions", ("nowhere",)), "foreign-transition"),
+        (CoverageRequirement("m", "state", ("nowhere",)), "foreign-transition"),
+        (CoverageRequirement("m", "round trip", ("a",)), "requirement-kind"),
     ],
 )
-def test_requirements_that_make_no_sense_are_refused(need: TestRequirement, slug: str) -> None:
+def test_requirements_that_make_no_sense_are_refused(need: CoverageRequirement, slug: str) -> None:
     with pytest.raises(BadRequest) as refused:
         solve(parse_model(SHARED), "C", "m", [need])
     assert refused.value.slug == slug

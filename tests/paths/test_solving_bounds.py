@@ -9,7 +9,7 @@ from itertools import count
 import pytest
 
 from parcours.model import Cefsm
-from parcours.paths.criteria import TestRequirement
+from parcours.paths.criteria import CoverageRequirement
 from parcours.paths.solving import Covered, Executability, Infeasible, Undecided, deciding, searching, solve
 
 
@@ -95,7 +95,7 @@ def test_the_way_home_is_found_however_large_the_space_is(
     cefsm = component(
         "", "t1: {from: a, to: b}", "t2: {from: b, to: d}", "t3: {from: d, to: a}", extra="        final: [a]"
     )
-    (path,) = solve(cefsm, "C", "m", [TestRequirement("m", "transitions", ("t1",))]).paths
+    (path,) = solve(cefsm, "C", "m", [CoverageRequirement("m", "transitions", ("t1",))]).paths
     assert path.ids == ("t1", "t2", "t3") and path.ends
 
 

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from parcours.model.structure import Cefsm
     from parcours.paths.covering import MachineCover
     from parcours.paths.criteria import CoverageCriterion, RequirementLimits
-    from parcours.paths.criteria.requirement import TestRequirement
+    from parcours.paths.criteria.requirement import CoverageRequirement
     from parcours.paths.measuring import Tours
     from parcours.paths.visiting import Cover, Shape
 
@@ -180,7 +180,7 @@ def _list(cefsm: Cefsm, part: Cefsm, criterion: CoverageCriterion, limits: Requi
     _print_needs(f"{len(needs)} requirements, {criterion} coverage", cefsm, needs)
 
 
-def _print_needs(title: str, cefsm: Cefsm, needs: Sequence[TestRequirement]) -> None:
+def _print_needs(title: str, cefsm: Cefsm, needs: Sequence[CoverageRequirement]) -> None:
     rows = ((need.machine or cefsm.name, need.kind, str(need)) for need in needs)
     print_rows(title, ("machine", "kind", "requirement"), rows)
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from itertools import product
 
 from parcours.model.structure import ENVIRONMENT, Cefsm, Channel
-from parcours.paths.criteria.requirement import RequirementCounter, RequirementLimits, TestRequirement
+from parcours.paths.criteria.requirement import CoverageRequirement, RequirementCounter, RequirementLimits
 
 NOBODY = ""
 """The partner of a transition in a delivery from or to the environment."""
@@ -70,7 +70,7 @@ def wiring(cefsm: Cefsm) -> Wiring:
 
 def communications(
     cefsm: Cefsm, criterion: str, limits: RequirementLimits | None = None
-) -> tuple[TestRequirement, ...]:
+) -> tuple[CoverageRequirement, ...]:
     """Return what a criterion over channels requires of a model.
 
     Args:
@@ -86,11 +86,11 @@ def communications(
         for _, sending, receiving in wires.rendezvous():
             tally.add(2)
             pairs[sending, receiving] = None
-        return tuple(TestRequirement("", "rendezvous", pair) for pair in pairs)
+        return tuple(CoverageRequirement("", "rendezvous", pair) for pair in pairs)
     if criterion == "channel":
-        return tuple(TestRequirement("", "channel", (name,)) for name in wires.channels)
+        return tuple(CoverageRequirement("", "channel", (name,)) for name in wires.channels)
     classes = dict.fromkeys(channel.message for channel in wires.channels.values())
-    return tuple(TestRequirement("", "message", (name,)) for name in classes)
+    return tuple(CoverageRequirement("", "message", (name,)) for name in classes)
 
 
 def delivered(wires: Wiring, criterion: str, run: Iterable[str]) -> set[tuple[str, ...]]:

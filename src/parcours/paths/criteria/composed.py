@@ -13,7 +13,7 @@ from parcours.errors import BadRequest
 from parcours.model.composition import Space
 from parcours.paths.criteria.communication import NOBODY, Wiring, communications, wiring
 from parcours.paths.criteria.grammar import CoverageCriterion, parse_criterion
-from parcours.paths.criteria.requirement import Goal, RequirementCounter, RequirementLimits, TestRequirement
+from parcours.paths.criteria.requirement import CoverageRequirement, Goal, RequirementCounter, RequirementLimits
 from parcours.paths.criteria.requiring import CoverageSubject, Demand, demands
 from parcours.paths.graph import Came, Graph, Walk, breadth_first, graph_of, stranded, way_to
 
@@ -41,7 +41,7 @@ def composition_graph(space: Space) -> Graph:
 
 def composition_demand(
     space: Space, criterion: str | CoverageCriterion, limits: RequirementLimits | None = None
-) -> tuple[Demand, tuple[TestRequirement, ...]]:
+) -> tuple[Demand, tuple[CoverageRequirement, ...]]:
     """Return what a criterion over graphs or channels asks of a composition, and what no walk of it meets.
 
     That none can meet it is proven only if the space is exact (`Space.exact`).

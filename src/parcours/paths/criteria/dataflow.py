@@ -20,7 +20,7 @@ from parcours.errors import BadRequest
 from parcours.model.expression import Call, Expression, names
 from parcours.model.structure import Machine, Transition, Variable
 from parcours.paths.criteria.primes import simple_paths
-from parcours.paths.criteria.requirement import START, Goal, RequirementCounter, RequirementLimits, TestRequirement
+from parcours.paths.criteria.requirement import START, CoverageRequirement, Goal, RequirementCounter, RequirementLimits
 from parcours.paths.graph import Came, Graph, breadth_first, way_to
 
 
@@ -119,7 +119,7 @@ def definitions(flow: Dataflow, limits: RequirementLimits | None = None) -> Iter
             walk = (edge,) if variable in flow.accesses[edge].confirms else next(ways.shortest(edge, tally), None)
             if walk:
                 tally.add(len(walk))
-                yield Goal(TestRequirement(flow.label, "definition", (flow.graph.edges[edge],), variable), walk)
+                yield Goal(CoverageRequirement(flow.label, "definition", (flow.graph.edges[edge],), variable), walk)
 
 
 def uses(flow: Dataflow, limits: RequirementLimits | None = None) -> Iterator[Goal]:
@@ -131,7 +131,7 @@ def uses(flow: Dataflow, limits: RequirementLimits | None = None) -> Iterator[Go
             for walk in ways.shortest(edge, tally):
                 ends = flow.graph.edges[edge], flow.graph.edges[walk[-1]]
                 tally.add(len(walk))
-                yield Goal(TestRequirement(flow.label, "use", ends, variable), walk)
+                yield Goal(CoverageRequirement(flow.label, "use", ends, variable), walk)
 
 
 def du_paths(flow: Dataflow, limits: RequirementLimits | None = None) -> Iterator[Goal]:
@@ -203,4 +203,4 @@ def _within(flow: Dataflow, tally: RequirementCounter, *, confirmed: bool) -> It
 
 def _du_path(flow: Dataflow, walk: tuple[int, ...], variable: str) -> Goal:
     steps = tuple(flow.graph.edges[edge] for edge in walk)
-    return Goal(TestRequirement(flow.label, "du-path", steps, variable), walk)
+    return Goal(CoverageRequirement(flow.label, "du-path", steps, variable), walk)

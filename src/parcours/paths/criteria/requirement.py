@@ -24,7 +24,7 @@ START = ""
 
 
 @dataclass(frozen=True, slots=True)
-class TestRequirement:
+class CoverageRequirement:
     """What a set of paths must visit.
 
     Attributes:
@@ -33,7 +33,7 @@ class TestRequirement:
         steps: states, transitions or channels; START is the beginning of a run.
         variable: the one defined and used; of criterion `tag` the tag.
 
-    >>> print(TestRequirement("lamp", "use", (START, "t4"), "switched"))
+    >>> print(CoverageRequirement("lamp", "use", (START, "t4"), "switched"))
     switched: (start) -> t4
     """
 
@@ -59,7 +59,7 @@ class TestRequirement:
 class Goal:
     """A requirement and a walk that meets it: edge numbers of a graph, empty if only a state is to be visited."""
 
-    requirement: TestRequirement
+    requirement: CoverageRequirement
     walk: tuple[int, ...]
 
 

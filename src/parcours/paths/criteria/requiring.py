@@ -18,7 +18,7 @@ from parcours.paths.criteria.communication import communications
 from parcours.paths.criteria.dataflow import DATA_ASKS, Dataflow, dataflow
 from parcours.paths.criteria.grammar import CoverageCriterion, parse_criterion
 from parcours.paths.criteria.primes import prime_paths, round_trips, shortest_round_trips
-from parcours.paths.criteria.requirement import Goal, RequirementLimits, TestRequirement
+from parcours.paths.criteria.requirement import CoverageRequirement, Goal, RequirementLimits
 from parcours.paths.graph import Graph, Walk, graph_of
 
 
@@ -55,7 +55,7 @@ class Demand:
 def requirements(
     of: Machine | Graph | Cefsm, criterion: str | CoverageCriterion = "edge", *, variables: Sequence[Variable] = (),
     limits: RequirementLimits | None = None,
-) -> tuple[TestRequirement, ...]:  # fmt: skip
+) -> tuple[CoverageRequirement, ...]:  # fmt: skip
     """Return what a criterion requires, each once, in the order of the graph.
 
     Args:
@@ -158,12 +158,14 @@ def _graph_goals(
             yield from _walks(subject, round_trips(graph, limits))
         case "simple-round-trip":
             for walk in shortest_round_trips(graph, limits):
-                yield Goal(TestRequirement(subject.label, "round trip", (graph.states[graph.sources[walk[0]]],)), walk)
+                yield Goal(
+                    CoverageRequirement(subject.label, "round trip", (graph.states[graph.sources[walk[0]]],)), walk
+                )
         case "tag":
             yield from _tagged(subject)
         case _:  # node; or prime without an edge, where the state by itself is the one prime path
             for state in graph.states:
-                yield Goal(TestRequirement(subject.label, "state", (state,)), ())
+                yield Goal(CoverageRequirement(subject.label, "state", (state,)), ())
 
 
 def _tagged(subject: CoverageSubject) -> Iterator[Goal]:
@@ -175,17 +177,17 @@ def _tagged(subject: CoverageSubject) -> Iterator[Goal]:
         )
     for state, tag in machine.tags:
         if state in graph.states:
-            yield Goal(TestRequirement(subject.label, "state", (state,), tag), ())
+            yield Goal(CoverageRequirement(subject.label, "state", (state,), tag), ())
     tags = {each.id: each.tags for each in machine.transitions}
     for edge, name in enumerate(graph.edges):
         for tag in tags[name]:
-            yield Goal(TestRequirement(subject.label, "transitions", (name,), tag), (edge,))
+            yield Goal(CoverageRequirement(subject.label, "transitions", (name,), tag), (edge,))
 
 
 def _walks(subject: CoverageSubject, walks: Iterable[Walk]) -> Iterator[Goal]:
     names = edge_names(subject.graph)
     for walk in walks:
-        yield Goal(TestRequirement(subject.label, "transitions", tuple(names[edge] for edge in walk)), walk)
+        yield Goal(CoverageRequirement(subject.label, "transitions", tuple(names[edge] for edge in walk)), walk)
 
 
 def _specified(subject: CoverageSubject, walks: Iterable[tuple[str, ...]]) -> Iterator[Goal]:
@@ -199,7 +201,7 @@ def _specified(subject: CoverageSubject, walks: Iterable[tuple[str, ...]]) -> It
                 rule = f"each transition must begin where the one before it ends, but '{graph.edges[before]}' ends in "
                 rule += f"{ends[0]!r} and '{graph.edges[after]}' begins in {ends[1]!r}"
                 raise BadRequest(f"walk '{' '.join(names)}'", rule, "give the transitions between", slug="broken-walk")
-        yield Goal(TestRequirement(subject.label, "transitions", names), walk)
+        yield Goal(CoverageRequirement(subject.label, "transitions", names), walk)
 
 
 def _owner(walk: tuple[str, ...], name: str, owner: Mapping[str, int]) -> int:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from parcours.model.structure import Cefsm, Machine, Variable
 from parcours.paths.criteria.communication import delivered, wiring
 from parcours.paths.criteria.grammar import CoverageCriterion, parse_criterion
-from parcours.paths.criteria.requirement import RequirementLimits, TestRequirement
+from parcours.paths.criteria.requirement import CoverageRequirement, RequirementLimits
 from parcours.paths.criteria.requiring import demands, model_of, requirements
 from parcours.paths.graph import Graph
 from parcours.paths.measuring.answering import met_goals
@@ -21,9 +21,9 @@ class Coverage:
     """What a criterion requires, and how much of it was met; met and missed partition required."""
 
     criterion: str
-    required: tuple[TestRequirement, ...]
-    met: tuple[TestRequirement, ...]
-    missed: tuple[TestRequirement, ...]
+    required: tuple[CoverageRequirement, ...]
+    met: tuple[CoverageRequirement, ...]
+    missed: tuple[CoverageRequirement, ...]
 
     @property
     def ratio(self) -> float:
@@ -64,8 +64,10 @@ def measure(
     return _coverage(chosen, required, answers)
 
 
-def _coverage(criterion: CoverageCriterion, required: Sequence[TestRequirement], answers: Sequence[bool]) -> Coverage:
-    sides: dict[bool, list[TestRequirement]] = {True: [], False: []}
+def _coverage(
+    criterion: CoverageCriterion, required: Sequence[CoverageRequirement], answers: Sequence[bool]
+) -> Coverage:
+    sides: dict[bool, list[CoverageRequirement]] = {True: [], False: []}
     for need, is_met in zip(required, answers, strict=True):
         sides[is_met].append(need)
     return Coverage(str(criterion), tuple(required), tuple(sides[True]), tuple(sides[False]))

@@ -13,7 +13,7 @@ from parcours.errors import require_known
 from parcours.model.configuration import Inputs, Move
 from parcours.model.structure import Cefsm, Component, Machine
 from parcours.paths.criteria import requirements
-from parcours.paths.criteria.requirement import TestRequirement
+from parcours.paths.criteria.requirement import CoverageRequirement
 from parcours.paths.graph import graph_of
 from parcours.paths.solving import verdicts
 from parcours.paths.solving.exploring import Exploration, Explored, Node, Targets
@@ -49,7 +49,7 @@ Report = Callable[[str, int, int], None]
 
 
 def solve(
-    cefsm: Cefsm, component: str, machine: str, wanted: str | Sequence[TestRequirement], budget: float = BUDGET,
+    cefsm: Cefsm, component: str, machine: str, wanted: str | Sequence[CoverageRequirement], budget: float = BUDGET,
     seed: int = 0, complete: bool = True, report: Report | None = None,
 ) -> Executability:  # fmt: skip
     """Return which requirements of one machine can be met, by few paths that run, and which cannot.
@@ -122,7 +122,7 @@ class _Verifier:
 # for what is impossible ends only with its budget.
 class _Solving:
     def __init__(
-        self, cefsm: Cefsm, owner: Component, machine: Machine, needs: Sequence[TestRequirement], budget: float,
+        self, cefsm: Cefsm, owner: Component, machine: Machine, needs: Sequence[CoverageRequirement], budget: float,
         report: Report | None,
     ) -> None:  # fmt: skip
         self.owner, self.machine, self.needs = owner, machine, tuple(dict.fromkeys(needs))
@@ -133,8 +133,8 @@ class _Solving:
         self.finals = frozenset(graph.states[state] for state in graph.finals)
         self.verifier = _Verifier(self.model, owner, machine, self.finals)
         self.open = dict.fromkeys(self.needs)
-        self.covered: dict[TestRequirement, Path] = {}
-        self.infeasible: dict[TestRequirement, tuple[str, ...]] = {}
+        self.covered: dict[CoverageRequirement, Path] = {}
+        self.infeasible: dict[CoverageRequirement, tuple[str, ...]] = {}
 
     def run(self, seed: int, *, complete: bool) -> Executability:
         """Return the verdicts."""
@@ -182,13 +182,13 @@ class _Solving:
         prefixes.until = self.work.budget
         return self._grow(prefixes, root, prover, complete=complete) if self.open else reason
 
-    def _unreached(self, explored: Explored) -> list[TestRequirement]:
+    def _unreached(self, explored: Explored) -> list[CoverageRequirement]:
         """Return what no run meets, where all that can happen was seen."""
         reached = {need for run in explored.runs for need in self.targets.met(Path(run).ids)}
         return [need for need in self.open if need not in reached] if not explored.doubt else []
 
     def _exclude(
-        self, needs: Sequence[TestRequirement], proof: Callable[[TestRequirement], tuple[str, ...] | None]
+        self, needs: Sequence[CoverageRequirement], proof: Callable[[CoverageRequirement], tuple[str, ...] | None]
     ) -> None:
         """Note what is infeasible."""
         for need in needs:

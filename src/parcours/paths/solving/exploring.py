@@ -20,7 +20,7 @@ from parcours.model.expression import Assignment, names
 from parcours.model.solutions import Question
 from parcours.model.structure import CLOCK, Cefsm, Machine, Transition
 from parcours.paths.automaton import Trie
-from parcours.paths.criteria.requirement import START, TestRequirement
+from parcours.paths.criteria.requirement import START, CoverageRequirement
 from parcours.paths.graph import Came, breadth_first, way_to
 from parcours.paths.solving.verdicts import BudgetSpent, Path, Work
 from parcours.paths.spaces import ModelSpace, SpaceNode
@@ -41,7 +41,7 @@ class Targets:
     that the run has just done.
     """
 
-    def __init__(self, machine: Machine, requirements: Sequence[TestRequirement]) -> None:
+    def __init__(self, machine: Machine, requirements: Sequence[CoverageRequirement]) -> None:
         self.machine, self.requirements = machine, tuple(dict.fromkeys(requirements))
         self.transitions = {transition.id: transition for transition in machine.transitions}
         self.number = {START: 0, **{id: place for place, id in enumerate(self.transitions, start=1)}}
@@ -52,10 +52,10 @@ class Targets:
         self._check()
         sequences = [need for need in self.requirements if need.kind in SEQUENCES]
         self._trie = Trie(len(self.number), [[self.number[id] for id in need.steps] for need in sequences])
-        done: dict[int, list[TestRequirement]] = {}
+        done: dict[int, list[CoverageRequirement]] = {}
         for need, end in zip(sequences, self._trie.ends, strict=True):
             done.setdefault(end, []).append(need)
-        self._at_state: dict[str, list[TestRequirement]] = {}
+        self._at_state: dict[str, list[CoverageRequirement]] = {}
         for need in self.requirements:
             if need.kind == "state":
                 self._at_state.setdefault(need.steps[0], []).append(need)
@@ -72,12 +72,12 @@ class Targets:
         """Return the node after a transition, from the state where it leaves."""
         return self.transitions[id].target, self._trie.after(node[1], self.number[id])
 
-    def at(self, node: Node) -> list[TestRequirement]:
+    def at(self, node: Node) -> list[CoverageRequirement]:
         """Return the requirements that a run meets by coming to a node."""
         states = self._at_state.get(node[0])
         return self._at_node[node[1]] if states is None else [*self._at_node[node[1]], *states]
 
-    def met(self, ids: Iterable[str]) -> list[TestRequirement]:
+    def met(self, ids: Iterable[str]) -> list[CoverageRequirement]:
         """Return the requirements that a run meets, in their own order; other machines' transitions do not count."""
         node = self.start()
         found = set(self.at(node))
@@ -146,7 +146,7 @@ Position = tuple[Spot, Node]
 Wanted = Callable[[Node], bool]
 """Whether to stop at a node of the requirements' automaton."""
 
-Found = tuple[list[Move], Position, set[TestRequirement]]
+Found = tuple[list[Move], Position, set[CoverageRequirement]]
 """A way, where it ends, and what it meets."""
 
 
@@ -303,7 +303,7 @@ class Exploration:
                     continue
                 came[following] = move, place
                 if node != place[1] and wanted(node):
-                    met, back = set[TestRequirement](), following
+                    met, back = set[CoverageRequirement](), following
                     while (step := came[back]) is not None:
                         met.update(targets.at(back[1]))
                         back = step[1]
@@ -320,7 +320,7 @@ class Exploration:
         """
         targets = self._targets
         far = targets.distances(wanted, frozenset(targets.transitions))
-        moves, met = list[Move](), set[TestRequirement]()
+        moves, met = list[Move](), set[CoverageRequirement]()
         while not moves or not wanted(here[1]):
             nearer = (
                 (move, (then, node))

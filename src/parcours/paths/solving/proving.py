@@ -17,7 +17,7 @@ from parcours.model.expression import Assignment, Literal, names
 from parcours.model.expression.syntax import walk
 from parcours.model.scope import is_local
 from parcours.model.structure import Component, Machine, Transition
-from parcours.paths.criteria.requirement import START, TestRequirement
+from parcours.paths.criteria.requirement import START, CoverageRequirement
 from parcours.paths.solving.reading import Begin, IntegerBound, ModelTables
 from parcours.paths.solving.terms import NoTerm
 from parcours.paths.solving.verdicts import Work
@@ -58,7 +58,7 @@ class Prover:
         for transition in machine.transitions:
             self._entering.setdefault(transition.target, []).append(transition)
 
-    def proof(self, need: TestRequirement, until: float, ways: int) -> tuple[str, ...] | None:
+    def proof(self, need: CoverageRequirement, until: float, ways: int) -> tuple[str, ...] | None:
         """Return what conflicts on every way to a requirement, or None if no proof was found."""
         if self._ground.timed:
             now = self._work.spent
@@ -67,7 +67,7 @@ class Prover:
                 return found
         return self._proof(need, until, ways, timed=self._ground.timed)
 
-    def _proof(self, need: TestRequirement, until: float, ways: int, *, timed: bool) -> tuple[str, ...] | None:
+    def _proof(self, need: CoverageRequirement, until: float, ways: int, *, timed: bool) -> tuple[str, ...] | None:
         ahead: list[tuple[str, Slice]]
         if need.kind == "state":
             if need.steps[0] == self._machine.initial:

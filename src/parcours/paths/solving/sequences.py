@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from parcours.model.structure import Cefsm
-from parcours.paths.criteria.requirement import TestRequirement
+from parcours.paths.criteria.requirement import CoverageRequirement
 from parcours.paths.solving.verdicts import BUDGET, Covered, Infeasible, Path, Undecided, Verdict, Work, require_solver
 from parcours.paths.timing.events import TimedEvent, events_of, places_of, taken_messages
 from parcours.paths.timing.replaying import StepReplay
@@ -36,7 +36,7 @@ def solve_sequence(
     from parcours.paths.solving.terms import NoTerm
 
     work = Work(budget)
-    need = TestRequirement("", "transitions", tuple(transition_ids))
+    need = CoverageRequirement("", "transitions", tuple(transition_ids))
     try:
         found = _decided(cefsm, events, work, seed)
     except NoTerm as reason:

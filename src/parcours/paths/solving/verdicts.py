@@ -7,7 +7,7 @@ from typing import Literal, TypeAlias
 
 from parcours.errors import BadRequest
 from parcours.model.configuration import Inputs, Move
-from parcours.paths.criteria.requirement import TestRequirement
+from parcours.paths.criteria.requirement import CoverageRequirement
 
 BUDGET = 10_000
 """Units of work for one machine, or for one question about a sequence: some 10 s."""
@@ -72,7 +72,7 @@ class Path:
 class Covered:
     """The requirement is met by a path; it was run through the model's step relation."""
 
-    requirement: TestRequirement
+    requirement: CoverageRequirement
     path: Path
     verdict: Literal["covered"] = "covered"
 
@@ -86,7 +86,7 @@ class Infeasible:
         proof: what conflicts (guards, actions, ranges, bounds of time), or how all runs were seen.
     """
 
-    requirement: TestRequirement
+    requirement: CoverageRequirement
     proof: tuple[str, ...]
     verdict: Literal["infeasible"] = "infeasible"
 
@@ -101,7 +101,7 @@ class Undecided:
         spent: the work done for it and its companions, in units of `Work`.
     """
 
-    requirement: TestRequirement
+    requirement: CoverageRequirement
     reason: str
     spent: int
     verdict: Literal["undecided"] = "undecided"

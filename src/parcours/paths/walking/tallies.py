@@ -15,7 +15,7 @@ from parcours.errors import BadRequest
 from parcours.model.structure import Machine
 from parcours.paths.automaton import Trie
 from parcours.paths.criteria import requirements
-from parcours.paths.criteria.requirement import TestRequirement
+from parcours.paths.criteria.requirement import CoverageRequirement
 from parcours.paths.spaces import Taken
 from parcours.paths.walking.conditions import StopCondition
 
@@ -35,7 +35,7 @@ class CoverageTally:
 
     __slots__ = ("flags", "goal", "met", "name", "required", "size")
 
-    def __init__(self, name: str, required: tuple[TestRequirement, ...] = (), size: int = 1) -> None:
+    def __init__(self, name: str, required: tuple[CoverageRequirement, ...] = (), size: int = 1) -> None:
         self.name, self.required = name, required
         self.size = len(required) if required else size
         self.flags = bytearray(self.size)
@@ -47,7 +47,7 @@ class CoverageTally:
         return self.met / self.size if self.size else 1.0
 
     @property
-    def missed(self) -> tuple[TestRequirement, ...]:
+    def missed(self) -> tuple[CoverageRequirement, ...]:
         """The requirements that are not met, in order."""
         return tuple(need for need, flag in zip(self.required, self.flags, strict=True) if not flag)
 
