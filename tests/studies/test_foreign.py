@@ -17,6 +17,7 @@ from parcours.run.binding.relay import Relay
 from parcours.run.binding.slots import SlotPlan, Spoke, apart, whole
 from parcours.run.binding.structure import Bound
 from parcours.run.faults.text import parse_plan
+from parcours.run.recording import Raw
 from parcours.run.trace import TraceEvent
 from parcours_navigation.facts import NEVER
 from parcours_navigation.foreign.cases import abstract_scenes, find_scenes
@@ -39,10 +40,10 @@ def test_each_reference_of_a_case_has_a_process_behind_names_of_its_own(binding:
     assert [slot.name for slot in slot_plan.slots] == ["Follower#0", "Planner#1", "Follower#2"]
     first, _, second = slot_plan.slots
     assert (first.ros_node, second.ros_node) == ("/follower", "/follower_2")
-    assert "__name:=follower_2" in second.arguments
+    assert "__name:=follower_2" in second.arguments("ros1")
     names = [{name for _, name in slot.remap} for slot in (first, second)]
     assert names[0].isdisjoint(names[1])
-    assert "/plan:=/parcours/out/Follower_2/plan" in second.arguments
+    assert "/plan:=/parcours/out/Follower_2/plan" in second.arguments("ros1")
 
 
 def test_a_node_of_somebody_else_cannot_be_two_references() -> None:
@@ -78,7 +79,7 @@ class _Graph:
 
 def _relay(binding: Binding, faults: str = "") -> tuple[Relay, _Graph, SlotPlan]:
     graph, slot_plan = _Graph(), whole(binding)
-    relay = Relay(binding, slot_plan, graph, lambda channel: (channel, "*", ""), graph.now, parse_plan(faults))
+    relay = Relay(binding, slot_plan, graph, lambda channel: Raw(channel, "*", "", b""), graph.now, parse_plan(faults))
     relay.case_began = 0
     return relay, graph, slot_plan
 

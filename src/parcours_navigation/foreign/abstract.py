@@ -22,7 +22,7 @@ from parcours.abtc import Event
 from parcours.run.binding.passing import CONTINUED, ENDS, STOPPED, Call, Message
 from parcours.run.binding.slots import Slot
 from parcours.run.enforcement import Precedence, instance_name
-from parcours.run.hosts.ros1.foreign_session import Session
+from parcours.run.hosts.foreign.session import Session
 from parcours_navigation.foreign.judging import AbstractJudge
 from parcours_navigation.foreign.tester_messages import Maker
 

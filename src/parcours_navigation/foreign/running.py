@@ -12,8 +12,8 @@ from parcours.errors import HostFailure
 from parcours.run.binding.passing import ENDS, Message
 from parcours.run.binding.slots import apart, whole
 from parcours.run.faults import FaultPlan, read_plan
-from parcours.run.hosts.ros1.foreign import ForeignHost
-from parcours.run.hosts.ros1.foreign_session import Session
+from parcours.run.hosts.foreign.host import ForeignHost
+from parcours.run.hosts.foreign.session import Session
 from parcours.run.hosts.scheduling import real_time
 from parcours.run.noise import NoiseMeter
 from parcours.run.trace import TraceEvent
@@ -208,7 +208,7 @@ class ForeignStudy:
             about |= {"kind": "system", "number": str(scene.number), "protocol": scene.protocol}
         else:
             about |= {"kind": "abstract"}
-        return Tape(Path(order.out) / recording_place(scene.id, order.record), scene.id, session.begin, about)
+        return Tape(Path(order.out) / recording_place(scene.id, order.record), scene.id, session.begin, about, f"{self._host.graph.label}, foreign")
 
     def _timing(self) -> Iterator[Result]:
         """Yield the verdict on each limit: spans that the tester can begin are repeated as often as is wanted."""

@@ -7,7 +7,6 @@ import time
 from collections.abc import Mapping, Sequence
 
 from parcours.run.binding import Compiled
-from parcours.run.binding.decoding import encoded
 from parcours.run.binding.passing import Message
 from parcours.run.binding.readings import Writer, message_type
 from parcours.run.binding.relay import Relay
@@ -44,7 +43,7 @@ class Maker:
         if channel not in self._writers:
             type_ = message_type(self._compiled.binding.channel(channel))
             self._writers[channel] = Writer(type_, self._compiled.types, f"channel {channel!r}")
-        return encoded(self._writers[channel].message({**self._inputs, **values}, items))
+        return self._compiled.types.packed(self._writers[channel].message({**self._inputs, **values}, items))
 
     def of_the_environment(self, channel: str, now: int) -> bytes:
         """Return what the environment of an abstract case says at `now` [ns since it began]: the robot is at its start.
@@ -75,4 +74,4 @@ class Maker:
             return
         with contextlib.suppress(KeyError):
             empty = self._compiled.types.create(halves["request"].type + "Response")
-            relay.finish(message.call, encoded(empty))
+            relay.finish(message.call, self._compiled.types.packed(empty))

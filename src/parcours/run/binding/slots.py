@@ -12,8 +12,8 @@ from typing import Literal
 
 from parcours.errors import HostFailure
 from parcours.model.structure import ENVIRONMENT
-from parcours.run.binding.routes import INTO, OUT, remappings, routes
-from parcours.run.binding.structure import Binding, BoundChannel, Process
+from parcours.run.binding.routes import INTO, OUT, remapping_words, remappings, routes
+from parcours.run.binding.structure import Binding, BoundChannel, Process, Transport
 
 Side = Literal["out", "into"]
 """out: where the tester hears a node, or serves it. into: where it speaks to a node, or calls it."""
@@ -37,11 +37,13 @@ class Slot:
     ros_node: str = ""
     remap: tuple[tuple[str, str], ...] = ()
 
-    @property
-    def arguments(self) -> tuple[str, ...]:
-        """What is appended to the command of a ROS 1 node."""
-        renamed = (f"__name:={self.ros_node[1:]}",) if self.ros_node != self.node.ros_node else ()
-        return (*renamed, *(f"{address}:={name}" for address, name in self.remap))
+    def arguments(self, transport: Transport) -> tuple[str, ...]:
+        """Return what is appended to the command of its node, which may be one of several in its process on ROS 2."""
+        if self.ros_node == self.node.ros_node:
+            return remapping_words(transport, self.remap)
+        own, instead = self.node.ros_node.rpartition("/")[2], self.ros_node.rpartition("/")[2]
+        key = "__name" if transport == "ros1" else f"{own}:__node" if own else "__node"
+        return remapping_words(transport, ((key, instead), *self.remap))
 
     def component(self, name: str) -> str:
         """Return how a component that runs here is called in a trace."""

@@ -10,7 +10,7 @@ from parcours.run.binding.graph import Graph, graph_findings
 from parcours.run.binding.relay import Relay
 from parcours.run.binding.slots import Slot, SlotPlan
 from parcours.run.binding.structure import Ready
-from parcours.run.hosts.ros1.foreign import ForeignHost
+from parcours.run.hosts.foreign.host import ForeignHost
 
 _EARLIEST, _LOOK, _SAME = 1_500_000_000, 200_000_000, 1_000_000_000
 """A graph that has not changed for `_SAME` counts as complete; when, and how often, it is looked at [ns]."""
@@ -54,7 +54,7 @@ class Readiness:
         elapsed, self._looked = now - self._looked, now
         if any(one.kind != "bound" or one.timeout != 4.0 for slot in self._seating.slots for one in slot.node.ready):
             return False
-        state, worked = self._host.master.state(), sum(process.worked() for _, process in self._host.running.values())
+        state, worked = self._host.graph.state(), sum(process.worked() for _, process in self._host.running.values())
         if state != self._state or worked - self._worked > _AT_WORK * elapsed * 1e-9:
             self._changed = now
         self._state, self._worked = state, worked
@@ -74,40 +74,45 @@ class Readiness:
             case "after":
                 return self._now() - self._began >= float(one.value) * 1e9
             case "parameter":
-                return bool(host.master.parameter(one.name) == one.value)
+                return bool(host.graph.parameter(one.name) == one.value)
             case "node":
-                return bool(host.master.address_of(one.name))
+                return host.graph.answers(one.name)
             case "message":
                 return any(one.name == host.binding.channel(event.channel).address for event in self._relay.events
                            if event.kind == "send")  # fmt: skip
-        state = host.master.state()
+        state = host.graph.state()
         tables = (state.servers,) if one.kind == "service" else (state.publishers, state.subscribers)
         return any(table.get(one.name) for table in tables)
 
     def complaint(self, late: list[tuple[Slot, Ready]]) -> HostFailure:
         """Return what is missing by now; `late` is what has not come in its time."""
-        found = self.findings()
         where = self._host.binding.source or self._host.binding.name
-        if found:
+        absent = [(slot, one) for slot, one in late if slot.ros_node and not self._host.graph.answers(slot.ros_node)]
+        found = self.findings()
+        if found and not absent:
             if len(found) == 1:
                 return HostFailure(found[0].where, found[0].message, found[0].remedy, slug=found[0].rule)
             listed = "".join(f"\n  {one}" for one in found) + "\n "
             rule = f"the running system must have what is bound, but {len(found)} things are wrong:{listed}"
             return HostFailure(where, rule, "correct them from the first on", slug=found[0].rule)
-        names = ", ".join(dict.fromkeys(f"{slot.name} ({_said(one)})" for slot, one in late))
-        slot, one = late[0]
+        named = absent or late
+        names = ", ".join(dict.fromkeys(f"{slot.name} ({_said(one)})" for slot, one in named))
+        slot, one = named[0]
         process = self._host.running.get(slot.name)
         said = process[1].tail() if process else []
-        why = "; ".join(self._host.refusals[:3]) or (f"its last lines: {' | '.join(said)}" if said else "no sign of it")
+        why = "; ".join(self._host.graph.refusals[:3]) or (f"its last lines: {' | '.join(said)}" if said else "it says nothing")
+        if absent:
+            lives = f"; its process lives and has worked for {process[1].worked():.1f} s" if process else ""
+            why = f"the graph knows no {slot.ros_node}{lives}; {why}"
         rule = f"must be ready within {one.timeout:g} s, but is not: {why}"
-        return HostFailure(f"{where}:{one.line}: node {names}", rule, "see 'ready' and 'timeout'", slug="foreign-ready")
+        remedy = "give it a longer 'timeout' if it starts slowly; see 'ready' and 'ros_node'"
+        return HostFailure(f"{where}:{one.line}: node {names}", rule, remedy, slug="foreign-ready")
 
     def findings(self) -> list[Finding]:
         """Return what the graph lacks, or has with another type, by now."""
-        graph = self._host.master.graph(self._host.binding, {s.address for s in self._seating.spokes if s.is_service})
-        if any(slot.reference is not None for slot in self._seating.slots):
-            return []
-        return graph_findings(self._host.binding, graph, self._seating.absent)
+        binding = self._host.binding
+        services = {one.address for one in self._seating.spokes} | {one.address for one in binding.channels}
+        return graph_findings(binding, self._host.graph.state(services), self._seating)
 
 
 def _said(one: Ready) -> str:
