@@ -22,6 +22,7 @@ from parcours.run.binding import Binding, compile_binding
 from parcours.run.campaign import terminable
 from parcours.run.faults import read_plan
 from parcours.run.hosts.foreign.graph import types_of
+from parcours.run.recording.topic import no_bag
 from parcours.study.journal import Journal, read_question, write_question
 from parcours.study.parameters import Parameter, Settings
 from parcours.study.protocol import Finding, Judged, Progress, Rejudged, Reported, Request, Run
@@ -112,6 +113,8 @@ class RosStudy:
         cases = self._chosen(request) if request.chosen else list(self.suite(settings, request.seed, request.n_cases))
         ids = [case.id.partition("/")[2] for case in cases]
         timing = [] if request.chosen else self._limits(settings)
+        if settings["record"] == "bag" and self.binding.transport == "ros2":
+            raise no_bag("--record bag")
         require_writable(out)
         decides = {one.name: settings[one.name] for one in self.parameters if one.decides}
         decides["faults"] = str(read_plan(str(settings["faults"]))) if settings["faults"] else ""

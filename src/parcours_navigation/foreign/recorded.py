@@ -33,7 +33,8 @@ class Tape:
 
     def __init__(self, path: Path, case: str, begin: int, about: Mapping[str, str], host: str) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
-        self._recorder = Recorder(path, clock="wall", host=host, case=case, begin=begin, about=about)
+        self._recorder = Recorder(path, clock="wall", host=host, case=case, begin=begin, about=about,
+                                  encoding="cdr" if host.startswith("ros2") else "ros1")  # fmt: skip
         self._beside: Beside[TraceEvent] = Beside(self._recorder.write, "recording")
         self.write = self._beside.put
 

@@ -65,9 +65,24 @@ class _Check:
                 if counts[component] > 1:
                     rule = f"a component must run in one node, but {component!r} runs in {counts[component]}"
                     self.add(node.line, "duplicate", rule, "take it out of all but one")
+        self.order()
         if self.binding.master and not _MASTER.fullmatch(self.binding.master):
             rule = f"'master' must be an address with a port, but is {self.binding.master[:60]!r}"
             self.add(0, "binding-master", rule, "e.g. http://127.0.0.1:11311")
+
+    def order(self) -> None:
+        """Each node starts after others that are there, and none after itself."""
+        nodes = {node.name: node for node in self.binding.nodes}
+        for node in self.binding.nodes:
+            for name in node.after:
+                self.known(name, list(nodes), f"a node that {node.name!r} starts after", node.line)
+        started: set[str] = set()
+        while fresh := {one.name for one in self.binding.nodes if set(one.after) & set(nodes) <= started} - started:
+            started |= fresh
+        for node in self.binding.nodes:
+            if node.name not in started:
+                rule = f"a node must start after nodes that can be there, but {node.name!r} is in a circle of 'after'"
+                self.add(node.line, "binding-start", rule, "take one of them out")
 
     def channels(self) -> None:
         for name, count in Counter(channel.name for channel in self.binding.channels).items():

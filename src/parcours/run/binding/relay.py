@@ -14,7 +14,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 from parcours.model.structure import ENVIRONMENT
-from parcours.run.binding.passing import Call, Ends, Message
+from parcours.run.binding.passing import MADE, Call, Ends, Message
 from parcours.run.binding.slots import Slot, SlotPlan, Spoke
 from parcours.run.binding.structure import Binding
 from parcours.run.faults import FaultPlan
@@ -87,7 +87,7 @@ class Relay:
         if self._closed:
             reply(None)
             return
-        call = Call(spoke.address, spoke.slot, reply)
+        call = Call(spoke.address, spoke.slot, reply, request=data)
         self.calls.append(call)
         if spoke.channels[0]:
             self.arrived(self._message(spoke.channels[0], spoke.slot, data, call))
@@ -242,7 +242,7 @@ class Relay:
 
     def _message(self, channel: str, slot: str, data: bytes, call: Call | None = None) -> Message:
         message = Message(next(self._numbers), channel, slot, self._name(channel, slot, 0), data, self._now(), call)
-        self.record("send", message.sender, message)
+        self.record("send", message.sender, message, "" if slot else MADE)
         return message
 
     def _payload(self, message: Message) -> Raw:

@@ -98,7 +98,7 @@ class PartReader(QuantityReader):
             "components": (self.identifiers, (name,)), "command": (self.words, ()), "running": (self.boolean, False),
             "env": (self.pairs(self.text, self.label), ()), "cwd": (self.path, self.here),
             "remap": (self.boolean, None), "ros_node": (self.address, ""), "ready": (self.conditions, ()),
-            "timeout": (self.duration, 4.0), "stop": (self.duration, 2.0),
+            "timeout": (self.duration, parts.START), "after": (self.identifiers, ()), "stop": (self.duration, 2.0),
             "restart": (self.choice("every-case", "when-dead"), "every-case"),
         }  # fmt: skip
         said = self.section(node, what, table)

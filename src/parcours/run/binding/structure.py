@@ -24,6 +24,10 @@ Value: TypeAlias = "bool | int | float | str | tuple[Value, ...] | tuple[tuple[s
 Constant: TypeAlias = "bool | int | float | str"
 
 
+START = 20.0
+"""How long a node that says nothing else may take to start [s]; a graph that lacks something is complete earlier."""
+
+
 @dataclass(frozen=True, slots=True)
 class Ready:
     """What must be seen before a node counts as started, and for how long it is waited for [s].
@@ -35,7 +39,7 @@ class Ready:
     kind: Literal["bound", "topic", "service", "node", "parameter", "message", "after"]
     name: str = ""
     value: Constant = True
-    timeout: float = 4.0
+    timeout: float = START
     line: int = field(default=0, compare=False)
 
 
@@ -44,8 +48,8 @@ class Process:
     """An operating-system process (an entry of `nodes`) that runs one or more components of the model.
 
     An empty `command` is a node that the user starts. `ros_node` is the name under which the graph knows it. `remap`
-    tells whether it obeys remapping arguments that are appended to its command. It is asked to stop, and ended after
-    `stop` [s].
+    tells whether it obeys remapping arguments that are appended to its command. It is started when the nodes `after`
+    are ready, asked to stop, and ended after `stop` [s].
     """
 
     name: str
@@ -56,6 +60,7 @@ class Process:
     remap: bool = True
     ros_node: str = ""
     ready: tuple[Ready, ...] = ()
+    after: tuple[str, ...] = ()
     restart: Literal["when-dead", "every-case"] = "every-case"
     stop: float = 2.0
     line: int = field(default=0, compare=False)

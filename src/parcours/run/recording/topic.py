@@ -124,15 +124,27 @@ class Writer(ABC):
     def _end_chunk(self) -> None: ...
 
 
-def open_writer(form: Format, file: BinaryIO, where: str) -> Writer:
-    """Return what writes a recording to an empty file."""
+def open_writer(form: Format, file: BinaryIO, where: str, encoding: Encoding = "ros1") -> Writer:
+    """Return what writes a recording to an empty file; Parcours' own messages, too, in the encoding given.
+
+    Raises:
+        BadRequest: a bag holds messages of ROS 1 only.
+    """
     if form == "mcap":  # imported here: most runs are not recorded, and the libraries cost a tenth of a second each
         from parcours.run.recording.mcap import McapWriter
 
-        return McapWriter(file, where)
+        return McapWriter(file, where, encoding)
+    if encoding != "ros1":
+        raise no_bag(where)
     from parcours.run.recording.bag import BagWriter
 
     return BagWriter(file, where)
+
+
+def no_bag(where: str) -> BadRequest:
+    """Return the complaint that messages of ROS 2 cannot be written to a bag of ROS 1."""
+    rule = "a ROS 1 bag holds messages of ROS 1, but these are of ROS 2"
+    return BadRequest(where, rule, "record MCAP", slug="recording-encoding")
 
 
 def messages(source: Source, form: Format) -> Iterator[Message]:

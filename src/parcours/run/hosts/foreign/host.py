@@ -91,7 +91,6 @@ class ForeignHost:
 
         Raises HostFailure if a command cannot be run.
         """
-        self.stop([name for name, (_, process) in self.running.items() if not process.is_alive])
         fresh = [slot for slot in slots if slot.node.is_ours and slot.name not in self.running]
         for slot in fresh:
             node = slot.node

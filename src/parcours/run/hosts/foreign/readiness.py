@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 from parcours.errors import HostFailure
 from parcours.model.finding import Finding
 from parcours.run.binding.graph import Graph, graph_findings
 from parcours.run.binding.relay import Relay
 from parcours.run.binding.slots import Slot, SlotPlan
+from parcours.run.binding import structure
 from parcours.run.binding.structure import Ready
 from parcours.run.hosts.foreign.host import ForeignHost
 
@@ -20,42 +21,65 @@ _AT_WORK = 0.15
 
 
 class Readiness:
-    """What is still waited for, from now on."""
+    """What is still waited for, of the slots that have been started."""
 
     def __init__(self, host: ForeignHost, slot_plan: SlotPlan, relay: Relay, now: Callable[[], int]) -> None:
         self._host, self._seating, self._relay, self._now = host, slot_plan, relay, now
-        self._began = now()
-        self._waiting = {slot.name: list(slot.node.ready) for slot in slot_plan.slots}
+        self._began: dict[str, int] = {}
+        self._waiting: dict[str, list[Ready]] = {}
         self._looked, self._changed, self._state, self._worked = 0, 0, Graph(), 0.0
 
+    def begin(self, slots: Iterable[Slot]) -> None:
+        """Wait for these, too, from now on."""
+        self._changed = self._now()
+        for slot in slots:
+            self._began[slot.name], self._waiting[slot.name] = self._now(), list(slot.node.ready)
+
+    def startable(self) -> list[Slot]:
+        """Return the slots that are not started, whose predecessors are ready."""
+        done = {slot.node.name for slot in self._seating.slots} - {
+            slot.node.name for slot in self._seating.slots if self._waiting.get(slot.name, [1])
+        }
+        there = {slot.node.name for slot in self._seating.slots}
+        return [
+            slot for slot in self._seating.slots
+            if slot.name not in self._began and set(slot.node.after) & there <= done
+        ]  # fmt: skip
+
     def looks(self) -> bool:
-        """Return whether everything is there.
+        """Return whether all is there of what has been started.
 
         Raises HostFailure if something is not, in its time, or will not be; the message lists what is missing.
         """
-        for slot in self._seating.slots:
+        begun = [slot for slot in self._seating.slots if slot.name in self._began]
+        for slot in begun:
             self._waiting[slot.name] = [one for one in self._waiting[slot.name] if not self._holds(slot, one)]
         if not any(self._waiting.values()):
+            twice = [one for one in self.findings() if one.rule == "node-twice"]
+            if twice and len(begun) == len(self._seating.slots):
+                raise HostFailure(twice[0].where, twice[0].message, twice[0].remedy, slug=twice[0].rule)
             return True
         now = self._now()
         late = [
-            (slot, one) for slot in self._seating.slots for one in self._waiting[slot.name]
-            if now - self._began > one.timeout * 1e9
+            (slot, one) for slot in begun for one in self._waiting[slot.name]
+            if now - self._began[slot.name] > one.timeout * 1e9
         ]  # fmt: skip
-        if late or self._has_settled():
+        if late or self._has_settled(begun):
             raise self.complaint(late)
         return False
 
-    def _has_settled(self) -> bool:
+    def _has_settled(self, begun: list[Slot]) -> bool:
         """Whether nodes that have the usual time to start have registered what they will, and something is missing."""
         now = self._now()
-        if now - self._began < _EARLIEST or now - self._looked < _LOOK:
+        if now - max(self._began.values()) < _EARLIEST or now - self._looked < _LOOK:
             return False
         elapsed, self._looked = now - self._looked, now
-        if any(one.kind != "bound" or one.timeout != 4.0 for slot in self._seating.slots for one in slot.node.ready):
+        if any(one.kind != "bound" or one.timeout != structure.START for slot in begun for one in slot.node.ready):
             return False
-        state, worked = self._host.graph.state(), sum(process.worked() for _, process in self._host.running.values())
-        if state != self._state or worked - self._worked > _AT_WORK * elapsed * 1e-9:
+        state, works = self._host.graph.state(), [process.worked() for _, process in self._host.running.values()]
+        worked = sum(time for time, _ in works)
+        is_busy = any(wants for _, wants in works) or worked - self._worked > _AT_WORK * elapsed * 1e-9
+        if state != self._state or is_busy:
             self._changed = now
         self._state, self._worked = state, worked
         return now - self._changed > _SAME and bool(self.findings())
@@ -67,12 +91,12 @@ class Readiness:
                 spokes = [spoke for spoke in self._seating.spokes if spoke.slot == slot.name]
                 if (
                     any(call.client == slot.name for call in self._relay.calls)
-                    and self._now() - self._began > _EARLIEST
+                    and self._now() - self._began[slot.name] > _EARLIEST
                 ):
                     return True  # it waits for an answer before it goes on
                 return all(host.is_connected(spoke, slot.ros_node) for spoke in spokes)
             case "after":
-                return self._now() - self._began >= float(one.value) * 1e9
+                return self._now() - self._began[slot.name] >= float(one.value) * 1e9
             case "parameter":
                 return bool(host.graph.parameter(one.name) == one.value)
             case "node":
@@ -102,7 +126,7 @@ class Readiness:
         said = process[1].tail() if process else []
         why = "; ".join(self._host.graph.refusals[:3]) or (f"its last lines: {' | '.join(said)}" if said else "it says nothing")
         if absent:
-            lives = f"; its process lives and has worked for {process[1].worked():.1f} s" if process else ""
+            lives = f"; its process lives and has worked for {process[1].worked()[0]:.1f} s" if process else ""
             why = f"the graph knows no {slot.ros_node}{lives}; {why}"
         rule = f"must be ready within {one.timeout:g} s, but is not: {why}"
         remedy = "give it a longer 'timeout' if it starts slowly; see 'ready' and 'ros_node'"

@@ -91,9 +91,12 @@ class Session:
         self.host.graph.spin(0)
         self.host.attach(self.slot_plan, self.relay.heard, self.relay.asked)
         self._listen_to_machine()
-        self.host.start(list(self.slot_plan.slots))
         self.readiness = Readiness(self.host, self.slot_plan, self.relay, self.now)
-        while not self.readiness.looks():
+        self.host.stop([name for name, (_, process) in self.host.running.items() if not process.is_alive])
+        while not self.readiness.looks() or self.readiness.startable():
+            if fresh := self.readiness.startable():
+                self.host.start(fresh)
+                self.readiness.begin(fresh)
             self.poll(self.now() + _STEP)
             self._must_live()
         until = self.now() + _SETTLED
@@ -160,10 +163,11 @@ class Session:
             return
         for slot, process in self._processes():
             if not process.is_alive:
-                self._bury(slot, process.how(), process.ended - self.zero)
+                self._bury(slot, process.how(self.zero + self.case_began), process.ended - self.zero)
         for name, when in list(self._lost.items()):
             slot = cast(Slot, self.slot_plan.slot(name))
-            self._bury(slot, f"{slot.ros_node} does not answer any more", when)
+            since = f" since {max(when - self.case_began, 0) * 1e-9:.3f} s"
+            self._bury(slot, f"{slot.ros_node} does not answer any more{since}", when)
 
     def _bury(self, slot: Slot, how: str, when: int) -> None:
         for component in slot.node.components:
