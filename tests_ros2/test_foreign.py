@@ -8,7 +8,6 @@ import shutil
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +21,6 @@ from parcours.run.binding.slots import whole
 from parcours.run.hosts.foreign.host import ForeignHost
 from parcours.run.hosts.foreign.session import Session
 from parcours.run.hosts.ros2.transport import claim
-from parcours.run.trace import held
 from parcours.verdict.judgement import Verdict
 from parcours_navigation.foreign.isolation import Order
 from parcours_navigation.foreign.recorded import rejudge
@@ -157,14 +155,14 @@ WRONG = {
                      r"needs a node that publishes /stoped, but none does; did you mean '/stopped'\?"),
     "other type": ("follower.py", ("create_publisher(Bool,", "create_publisher(Odometry,"), "topic-type",
                    "'stopped' is bound as std_msgs/Bool, but /follower publishes /stopped as nav_msgs/Odometry"),
-    "other quality": ("obstacle_filter.py", ('PoseArray, "/obstacles", 1', 'PoseArray, "/obstacles", qos_profile_sensor_data'),
-                      "qos-mismatch", "cannot connect /obstacle_filter with /avoider: /obstacle_filter offers best effort, "
-                                      "but reliable is requested by /avoider"),
+    "other quality": ("obstacle_filter.py", ('obstacles", 1', 'obstacles", qos_profile_sensor_data'), "qos-mismatch",
+                      "cannot connect /obstacle_filter with /avoider: /obstacle_filter offers best effort, but reliable "
+                      "is requested by /avoider"),
     "no remapping": ("obstacle_filter.py", IGNORANT, "absent-topic",
                      "the node does not obey the remapping: /obstacles is there under its own name"),
-    "other name": ("binding.yaml", ("ros_node: /obstacle_filter", "ros_node: /filter"), "foreign-ready",
-                   "the graph knows no /filter"),
-    "unknown type": ("binding.yaml", ("type: nav_msgs/Odometry", "type: nav_msgs/Odometri"), "binding-errors",
+    "other name": ("binding.yaml", ("ros_node: /obstacle_filter", "ros_node: /filter"), "absent-topic",
+                   "needs /filter, which subscribes to /detections, but /obstacle_filter does; correct 'ros_node'"),
+    "unknown type": ("binding.yaml", ("type: nav_msgs/Odometry", "type: nav_msgs/Odometri"), "unknown-message-type",
                      "nav_msgs/Odometri of channel 'odometry' is not"),
     "parameter of nobody": ("binding.yaml", ("/follower/speed: 1.2", "/folower/speed: 1.2"), "binding-parameter",
                             "no node of the binding is called /folower; did you mean '/follower'"),
@@ -207,7 +205,10 @@ def test_an_interpreter_without_ros_2_is_told_what_to_install() -> None:
 
 
 def test_a_node_starts_when_those_before_it_are_ready(nodes: Path, tmp_path: Path) -> None:
-    edit(nodes / "binding.yaml", ("    ros_node: /obstacle_filter\n", "    ros_node: /obstacle_filter\n    after: [Planner]\n"))
+    edit(
+        nodes / "binding.yaml",
+        ("    ros_node: /obstacle_filter\n", "    ros_node: /obstacle_filter\n    after: [Planner]\n"),
+    )
     edit(nodes / "avoider.py", ("    rclpy.init()", "    import time; time.sleep(2.0)\n    rclpy.init()"))
     with ForeignHost(read_binding(nodes / "binding.yaml"), tmp_path) as host:
         session = Session(host, whole(host.binding))

@@ -12,7 +12,7 @@ import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
@@ -200,14 +200,16 @@ class RosStudy:
             rule = "the binding describes some, but none is run"
             found.append(Finding("note", "system cases", rule, "write system: 10"))
         master, network = str(settings["master"]), str(settings["network"])
-        checks: tuple[tuple[str, Callable[[], None]], ...] = (
+        checks: tuple[tuple[str, Callable[[], list[str] | None]], ...] = (
             ("message types", lambda: check_types(self.binding, others=True)),
             ("nodes started", lambda: check_nodes(self.binding, master, network)),
         )
         for done, (what, check) in enumerate(checks):
             progress("checks", done, len(checks))
             try:
-                check()
+                for said in check() or ():
+                    where, _, rule = said.partition(": ")
+                    found.append(Finding("note", where, *rule.split("; ", 1)))
             except ParcoursError as error:
                 absent = error.slug in ("no-ros1", "ros2-missing", "network-namespace")
                 rule = f"not checked: {error.rule}" if absent else error.rule
@@ -319,12 +321,13 @@ def check_types(binding: Binding, *, others: bool = False) -> None:
             raise
 
 
-def check_nodes(binding: Binding, master: str, network: str) -> None:
-    """Start the nodes of a binding once, and compare what they register with it.
+def check_nodes(binding: Binding, master: str, network: str) -> list[str]:
+    """Start the nodes of a binding once, compare what they register with it, and return what it should say otherwise.
 
     Raises:
         HostFailure: a node does not start, or something bound is missing or of another type.
     """
     with tempfile.TemporaryDirectory(prefix="parcours-") as folder:
         own = _is_own(binding, master, network)
-        list(run_apart(Order(binding.source, folder, own, master, only_check=True)))
+        [result] = run_apart(Order(binding.source, folder, own, master, only_check=True))
+    return [str(one) for one in cast(list[object], result["proposals"])]

@@ -155,7 +155,7 @@ def _obey(order: Order, say: Callable[[str, object], None]) -> None:
     binding, out = read_binding(order.binding), Path(order.out)
     with ForeignHost(binding, out / "nodes", order.master) as host:
         if order.only_check:
-            check_live(host)
+            say("result", {"proposals": check_live(host)})
             return
         for result in ForeignStudy(host, order).run():
             say("result", result.entry())

@@ -11,7 +11,7 @@ from parcours.run.binding.formulas import Formula
 from parcours.run.binding.places import path_text
 from parcours.run.binding.routes import separation_findings
 from parcours.run.binding.structure import Binding, BoundChannel
-from parcours.run.binding.worlds import EACH_NAMES, WORLD_NAMES
+from parcours.run.binding.worlds import ASKED, EACH_NAMES, WORLD_NAMES
 
 _ITP = re.compile(r"ITP[0-9]{1,4}", re.ASCII)
 _MASTER = re.compile(r"https?://[A-Za-z0-9._\-\[\]:]+:[0-9]{1,5}/?", re.ASCII)
@@ -124,20 +124,29 @@ class _Check:
                 rule = f"the tester sends on {channel.name!r}, but no 'inject' says what: all will be 0 or empty"
                 self.warn(channel.line, "binding-inject", rule, "add inject: {base: {...}, set: {...}}")
             return
+        if channel.inject.each is not None and channel.part != "response":
+            rule = f"'for each' counts the items of a request, but {channel.name!r} answers none"
+            self.add(channel.inject.line, "binding-inject", rule, "delete it")
         system = self.binding.system
         each = system is not None and channel.name in system.each
         for place, formula in channel.inject.set:
             names = self.given | set(EACH_NAMES) if each or place.is_each else self.given
-            self.spoken(formula, sorted(names), f"{str(place)!r} of {channel.name!r}")
+            self.spoken(formula, sorted(names), f"{str(place)!r} of {channel.name!r}", channel)
             if place.steps.count("*") > 1:
                 rule = f"a place that is set has one [*] at most, but {place} has {place.steps.count('*')}"
                 self.add(formula.line, "binding-place", rule)
 
-    def spoken(self, formula: Formula, known: Sequence[str], what: str) -> None:
+    def spoken(self, formula: Formula, known: Sequence[str], what: str, channel: BoundChannel) -> None:
         for place in formula.places:
+            if channel.part == "response" and place.steps[0] in ASKED and len(place.steps) > 1:
+                continue
             self.known(str(place), known, f"a name in {what}", formula.line)
 
     def services(self) -> None:
+        for channel in self.binding.channels:
+            if channel.answer == "node" and channel.part != "request":
+                rule = f"a node answers requests, but {channel.name!r} is none"
+                self.add(channel.line, "binding-service", rule, "write 'answer: node' where 'part: request' stands")
         parts: dict[tuple[str, str, str], list[BoundChannel]] = {}
         for channel in self.binding.channels:
             modelled = self.modelled.get(channel.name)

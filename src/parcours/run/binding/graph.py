@@ -1,4 +1,4 @@
-"""Compares a binding with what nodes have registered on a graph: is everything there, of the bound types and qualities?"""
+"""Compares a binding with what nodes have registered on a graph: all there, of the bound types and qualities?"""
 
 from __future__ import annotations
 
@@ -127,7 +127,9 @@ def _named(binding: Binding, line: int, node: str, graph: Graph) -> list[Finding
     if not node or node not in graph.twice:
         return []
     rule = f"a node's name must be its own, but two nodes on the graph are called {node}"
-    return [Finding(binding.source, line, "error", "node-twice", rule, "end the other one, or use a network of your own")]
+    return [
+        Finding(binding.source, line, "error", "node-twice", rule, "end the other one, or use a network of your own")
+    ]
 
 
 def _unlike(binding: Binding, graph: Graph, plan: SlotPlan) -> list[Finding]:
@@ -140,7 +142,9 @@ def _unlike(binding: Binding, graph: Graph, plan: SlotPlan) -> list[Finding]:
                 for sender, offered in graph.offered.get(out.address, {}).items():
                     for receiver, requested in graph.requested.get(into.address, {}).items():
                         if lacking := offered.lacks(requested):
-                            rule = f"channel {channel.name!r} cannot connect {sender} with {receiver}: {sender} {lacking}"
+                            rule = (
+                                f"channel {channel.name!r} cannot connect {sender} with {receiver}: {sender} {lacking}"
+                            )
                             remedy = f"correct the QoS of {channel.address} in one of the two"
                             found.append(_finding(binding, channel, "qos-mismatch", f"{rule} by {receiver}", remedy))
     return found

@@ -147,7 +147,6 @@ class MessageTypes:
         made: object = kind()
         return made
 
-
     def packed(self, message: object) -> bytes:
         """Return the bytes of a message. Raises HostFailure if a field holds what cannot be written."""
         try:

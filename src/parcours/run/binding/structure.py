@@ -73,10 +73,14 @@ class Process:
 
 @dataclass(frozen=True, slots=True)
 class Injection:
-    """How a message of the tester is made: a base (plain data, as a tree with lines), then places set to formulas."""
+    """How a message of the tester is made: a base (plain data, as a tree with lines), then places set to formulas.
+
+    A place of a response with `[*]` is set once for each item of the list `each` of its request.
+    """
 
     base: Tree | None = None
     set: tuple[tuple[Place, Formula], ...] = ()
+    each: Place | None = None
     line: int = field(default=0, compare=False)
 
 
@@ -99,6 +103,7 @@ class BoundChannel:
         quiescence: after how long without a message it counts as silent [s].
         timeout: how long a service may take [s].
         inject: how the tester makes its messages.
+        answer: who answers calls of a service that are no part of an abstract case: the tester, or a node run for it.
         ends: the nodes that send and receive it, for role `between` only.
     """
 
@@ -116,6 +121,7 @@ class BoundChannel:
     quiescence: float = 0.5
     timeout: float = 2.0
     inject: Injection | None = None
+    answer: Literal["tester", "node"] = "tester"
     ends: tuple[str, str] = ("", "")
     line: int = field(default=0, compare=False)
 

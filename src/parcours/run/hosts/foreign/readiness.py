@@ -6,10 +6,10 @@ from collections.abc import Callable, Iterable
 
 from parcours.errors import HostFailure
 from parcours.model.finding import Finding
+from parcours.run.binding import structure
 from parcours.run.binding.graph import Graph, graph_findings
 from parcours.run.binding.relay import Relay
 from parcours.run.binding.slots import Slot, SlotPlan
-from parcours.run.binding import structure
 from parcours.run.binding.structure import Ready
 from parcours.run.hosts.foreign.host import ForeignHost
 
@@ -74,12 +74,20 @@ class Readiness:
         if now - max(self._began.values()) < _EARLIEST or now - self._looked < _LOOK:
             return False
         elapsed, self._looked = now - self._looked, now
-        if any(one.kind != "bound" or one.timeout != structure.START for slot in begun for one in slot.node.ready):
+        if len(begun) < len(self._seating.slots) or any(
+            one.kind != "bound" or one.timeout != structure.START for slot in begun for one in slot.node.ready
+        ):
             return False
         state, works = self._host.graph.state(), [process.worked() for _, process in self._host.running.values()]
         worked = sum(time for time, _ in works)
         is_busy = any(wants for _, wants in works) or worked - self._worked > _AT_WORK * elapsed * 1e-9
-        if state != self._state or is_busy:
+        known = {
+            who
+            for table in (state.publishers, state.subscribers, state.servers)
+            for all_ in table.values()
+            for who in all_
+        }
+        if state != self._state or is_busy or len(known) < len(begun):  # one may not even be discovered
             self._changed = now
         self._state, self._worked = state, worked
         return now - self._changed > _SAME and bool(self.findings())
@@ -124,7 +132,9 @@ class Readiness:
         slot, one = named[0]
         process = self._host.running.get(slot.name)
         said = process[1].tail() if process else []
-        why = "; ".join(self._host.graph.refusals[:3]) or (f"its last lines: {' | '.join(said)}" if said else "it says nothing")
+        why = "; ".join(self._host.graph.refusals[:3]) or (
+            f"its last lines: {' | '.join(said)}" if said else "it says nothing"
+        )
         if absent:
             lives = f"; its process lives and has worked for {process[1].worked()[0]:.1f} s" if process else ""
             why = f"the graph knows no {slot.ros_node}{lives}; {why}"

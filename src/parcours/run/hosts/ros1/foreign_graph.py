@@ -168,7 +168,7 @@ class Ros1Graph:
         ask_all(self._uri, [("setParam", (TESTER, key, plain_value(value))) for key, value in values.items()])
 
     def arguments(self, slot: Slot) -> tuple[str, ...]:
-        """Return a slot's remappings; one under another name gets a copy of the parameters that it has under its own."""
+        """Return a slot's remappings; under another name it gets a copy of the parameters of its own."""
         source, target = slot.node.ros_node, slot.ros_node
         if source and source != target and (values := self.parameter(source)) is not None:
             ask_all(self._uri, [("setParam", (TESTER, target, values))])

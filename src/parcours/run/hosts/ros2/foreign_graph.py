@@ -96,8 +96,11 @@ class _End:
         if not self.looks():
             return set()
         theirs = self._fitting()
-        return {_full_name(one.node_name, one.node_namespace) for one in theirs} if 0 < len(theirs) <= self._matched() \
+        return (
+            {_full_name(one.node_name, one.node_namespace) for one in theirs}
+            if 0 < len(theirs) <= self._matched()
             else set()
+        )
 
 
 class _Listener(_End):
@@ -150,6 +153,13 @@ class _Speaker(_End):
 
     def _matched(self) -> int:
         return int(self._made.get_subscription_count())
+
+    @property
+    def peers(self) -> set[str]:
+        """The same; while the sender whose messages are passed on is not there, who will hear them."""
+        if self._like and not self.looks() and not self._graph.published(self._like):
+            return {_full_name(one.node_name, one.node_namespace) for one in self._fitting()}
+        return super().peers
 
     def send(self, data: bytes) -> int:
         """Publish; a latched message waits for its first reader."""
@@ -432,7 +442,9 @@ class Ros2Graph:
     def _inquired(self, key: str, kind: Any, service: str, request: Any) -> Any:
         """Return a node's answer; None if there is none in time."""
         answers: list[Any] = []
-        client = self.participant.inquire(kind, f"{_owner(key)}/{service}", lambda number, answer: answers.append(answer))
+        client = self.participant.inquire(
+            kind, f"{_owner(key)}/{service}", lambda number, answer: answers.append(answer)
+        )
         until, is_sent = time.perf_counter_ns() + int(_ANSWER * 1e9), False
         try:
             while not answers and time.perf_counter_ns() < until:

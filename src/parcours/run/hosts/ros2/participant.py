@@ -321,8 +321,8 @@ def require_rclpy() -> None:
         where = f"ROS 2 module {error.name or 'rclpy'!r}"
         rule = f"must be importable, but {sys.executable} does not find it: {error}"
         remedy = (
-            "install ros-DISTRO-rclpy and ros-DISTRO-common-interfaces (Ubuntu), source /opt/ros/DISTRO/setup.bash, and "
-            "use an interpreter that sees Parcours, too; docs/ros2.md tells of wheels"
+            "install ros-DISTRO-rclpy and ros-DISTRO-common-interfaces (Ubuntu), source /opt/ros/DISTRO/setup.bash, "
+            "and use an interpreter that sees Parcours, too; docs/ros2.md tells of wheels"
         )
         raise HostFailure(where, rule, remedy, slug="ros2-missing") from error
 
