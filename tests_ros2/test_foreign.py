@@ -156,8 +156,8 @@ WRONG = {
     "other type": ("follower.py", ("create_publisher(Bool,", "create_publisher(Odometry,"), "topic-type",
                    "'stopped' is bound as std_msgs/Bool, but /follower publishes /stopped as nav_msgs/Odometry"),
     "other quality": ("obstacle_filter.py", ('obstacles", 1', 'obstacles", qos_profile_sensor_data'), "qos-mismatch",
-                      "cannot connect /obstacle_filter with /avoider: /obstacle_filter offers best effort, but reliable "
-                      "is requested by /avoider"),
+                      "cannot connect /obstacle_filter with /avoider: /obstacle_filter offers best effort, "
+                      "but reliable is requested by /avoider"),
     "no remapping": ("obstacle_filter.py", IGNORANT, "absent-topic",
                      "the node does not obey the remapping: /obstacles is there under its own name"),
     "other name": ("binding.yaml", ("ros_node: /obstacle_filter", "ros_node: /filter"), "absent-topic",
