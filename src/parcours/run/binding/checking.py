@@ -138,7 +138,7 @@ class _Check:
 
     def spoken(self, formula: Formula, known: Sequence[str], what: str, channel: BoundChannel) -> None:
         for place in formula.places:
-            if channel.part == "response" and place.steps[0] in ASKED and len(place.steps) > 1:
+            if channel.part == "response" and place.steps[0] in ASKED:
                 continue
             self.known(str(place), known, f"a name in {what}", formula.line)
 

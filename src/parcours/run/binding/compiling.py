@@ -198,7 +198,9 @@ class _Work:
                 self.add(node.line, "message-value", rule)
             base.append((access, value))
         pairs = ((self.place(place, type_, where, formula.line), formula) for place, formula in injection.set)
-        seen = {name: access.type for name, access in asked.items()}
+        seen = {
+            name: Type(access.type.name, rank=access.type.rank - access.place.is_each) for name, access in asked.items()
+        }
         fit = tuple(
             (access, formula) for access, formula in pairs if access and self.fits(access, formula, where, seen)
         )
@@ -234,17 +236,14 @@ class _Work:
         """Whether the value of a formula over constants, numbers and what is seen can be put at a place."""
         known, place = self.constants, access.place
         types = {
-            p: _TYPE_OF[type(known[str(p)])] if str(p) in known
-            else Type(seen[str(p)].name) if str(p).startswith("item.") and str(p) in seen
-            else seen.get(str(p), REAL)
-            for p in formula.places
-        }  # fmt: skip
+            p: _TYPE_OF[type(known[str(p)])] if str(p) in known else seen.get(str(p), REAL) for p in formula.places
+        }
         try:
             given = formula.type(types, f"{str(place)!r} of {where}")
         except BadModel as error:
             self.add(formula.line, error.slug, error.rule, error.remedy)
             return False
-        wanted = Type(access.type.name) if place.is_each else access.type
+        wanted = Type(access.type.name, rank=access.type.rank - place.is_each)
         if accepts(wanted, given) or {wanted, given} == {INT, REAL}:
             return True
         rule = f"a formula must fit its field, but {place} is {access.slot} and {str(formula)!r} is {given}"

@@ -90,10 +90,10 @@ class Writer:
 
         Raises HostFailure if it has too few items for an index.
         """
-        values = {name: access.read(request) for name, access in self.asked if not name.startswith("item.")}
+        values = {name: access.read(request) for name, access in self.asked if not access.place.is_each}
         if self.each is None:
             return values, []
-        listed = {name: access.read(request) for name, access in self.asked if name.startswith("item.")}
+        listed = {name: access.read(request) for name, access in self.asked if access.place.is_each}
         n = len(cast(Sequence[object], self.each.read(request)))
         return values, [
             {"item.index": k, **{name: cast(Sequence[object], found)[k] for name, found in listed.items()}}
