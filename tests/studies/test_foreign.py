@@ -10,9 +10,10 @@ import pytest
 
 from message_classes import defined_types
 from parcours.errors import HostFailure
-from parcours.run.binding import Binding, compile_binding, parse_binding, read_binding
+from parcours.run.binding import Binding, Graph, compile_binding, graph_findings, parse_binding, read_binding
 from parcours.run.binding.decoding import Decoder
-from parcours.run.binding.passing import BEGINS, CONTINUED, STALLED, STOPPED, Answered, Message
+from parcours.run.binding.graph import Quality
+from parcours.run.binding.passing import BEGINS, CONTINUED, MADE, STALLED, STOPPED, Answered, Message
 from parcours.run.binding.relay import Relay
 from parcours.run.binding.slots import SlotPlan, Spoke, apart, whole
 from parcours.run.binding.structure import Bound
@@ -22,6 +23,7 @@ from parcours.run.trace import TraceEvent
 from parcours_navigation.facts import NEVER
 from parcours_navigation.foreign.cases import abstract_scenes, find_scenes
 from parcours_navigation.foreign.conforming import SLACK, Conformers, visible
+from parcours_navigation.foreign.quiescence import proposals, silences
 from parcours_navigation.foreign.timing import durations, spans
 from parcours_navigation.foreign.world import ForeignWorld, Scene
 
@@ -269,3 +271,37 @@ def test_abstract_cases_are_found_by_their_ids(binding: Binding) -> None:
     assert len(ids) == len(set(ids)) == 29
     absent = ["nothing/0", ids[0].removesuffix("/0"), f"{ids[0]}x", ids[0].removesuffix("0") + "1"]
     assert list(find_scenes(binding, 1, [ids[-1], *absent])) == [ids[-1]]
+
+
+def test_a_silence_longer_than_the_quiescence_is_proposed_for(binding: Binding) -> None:
+    times = {"send": (0, 800, 1900), "receive": (100, 900, 2000)}
+    events = [TraceEvent(time * MS, "send", "Follower", channel="command") for time in times["send"]]
+    for kind, channel, late in (("receive", "plan_request", 0), ("send", "plan_response", 20)):
+        events += [TraceEvent((time + late) * MS, kind, "Planner", channel=channel) for time in times["receive"]]  # type: ignore[arg-type]
+    events.sort(key=lambda event: event.time)
+    assert silences(binding, events) == {"command": 1100 * MS, "plan_response": 20 * MS}
+    [said] = proposals(binding, events)
+    assert "channel 'command' was silent for 1.1 s, but its quiescence is 1 s; write quiescence: 2.2 s" in said
+
+
+def test_what_the_tester_made_and_cannot_be_read_is_no_error(binding: Binding) -> None:
+    compiled = compile_binding(binding, defined_types(TEXTS))
+    for text, is_blamed in ((MADE, False), ("", True)):
+        conformers = Conformers(compiled, ["Planner"], Decoder(binding, compiled.types))
+        spoilt = Raw("nav_msgs/GetPlan", "", "", b"?")
+        for event in (
+            TraceEvent(0, "note", text=BEGINS),
+            TraceEvent(1, "send", "environment", channel="plan_request", message=7, text=text, payload=spoilt),
+            TraceEvent(2, "receive", "Planner", channel="plan_request", message=7, payload=spoilt),
+        ):
+            conformers.take(event)
+        assert (conformers.error is not None) == is_blamed
+
+
+def test_qualities_that_do_not_connect_are_named_with_both_sides(binding: Binding) -> None:
+    plan = whole(binding)
+    [out] = [one.address for one in plan.spokes if one.side == "out" and "obstacles" in one.channels]
+    into = next(one.address for one in plan.spokes if one.side == "into" and "obstacles" in one.channels)
+    graph = Graph(offered={out: {"/a": Quality(deadline=2 * MS)}}, requested={into: {"/b": Quality(deadline=MS)}})
+    [found] = [one for one in graph_findings(binding, graph) if one.rule == "qos-mismatch"]
+    assert "/a offers a deadline of 2 ms, but a deadline of 1 ms is requested by /b" in found.message
