@@ -39,6 +39,7 @@ def nodes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     edit(tmp_path / "ros2_python" / "binding.yaml", ("/follower/speed: 0.25", "/follower/speed: 1.2"),
          ("v_max: 0.25", "v_max: 1.2"), ("quiescence: 1 s", "quiescence: 5 s"))  # fmt: skip
     monkeypatch.setenv("PATH", f"{Path(sys.executable).parent}:{os.environ['PATH']}")
+    monkeypatch.setenv("ROS_DOMAIN_ID", "43")  # other tests leave their nodes on that of this run
     monkeypatch.setattr("parcours.run.binding.structure.START", 60.0)
     return tmp_path / "ros2_python"
 
@@ -160,8 +161,8 @@ WRONG = {
                       "but reliable is requested by /avoider"),
     "no remapping": ("obstacle_filter.py", IGNORANT, "absent-topic",
                      "the node does not obey the remapping: /obstacles is there under its own name"),
-    "other name": ("binding.yaml", ("ros_node: /obstacle_filter", "ros_node: /filter"), "absent-topic",
-                   "needs /filter, which subscribes to /detections, but /obstacle_filter does; correct 'ros_node'"),
+    "other name": ("binding.yaml", ("ros_node: /obstacle_filter", "ros_node: /filter\n    timeout: 5 s"), "foreign-ready",
+                   "must be ready within 5 s, but is not: the graph knows no /filter; its process lives"),
     "unknown type": ("binding.yaml", ("type: nav_msgs/Odometry", "type: nav_msgs/Odometri"), "unknown-message-type",
                      "nav_msgs/Odometri of channel 'odometry' is not"),
     "parameter of nobody": ("binding.yaml", ("/follower/speed: 1.2", "/folower/speed: 1.2"), "binding-parameter",

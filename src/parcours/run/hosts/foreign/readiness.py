@@ -87,7 +87,8 @@ class Readiness:
             for all_ in table.values()
             for who in all_
         }
-        if state != self._state or is_busy or len(known) < len(begun):  # one may not even be discovered
+        are_there = all(slot.ros_node in known for slot in begun if slot.ros_node)
+        if state != self._state or is_busy or not are_there:  # one may not even be discovered
             self._changed = now
         self._state, self._worked = state, worked
         return now - self._changed > _SAME and bool(self.findings())
