@@ -162,7 +162,7 @@ WRONG = {
     "no remapping": ("obstacle_filter.py", IGNORANT, "absent-topic",
                      "the node does not obey the remapping: /obstacles is there under its own name"),
     "other name": ("binding.yaml", ("ros_node: /obstacle_filter", "ros_node: /filter\n    timeout: 5 s"),
-                   "foreign-ready", "must be ready within 5 s, but is not: the graph knows no /filter; its process lives"),
+                   "foreign-ready", "must be ready within 5 s, but is not: the graph knows no /filter"),
     "unknown type": ("binding.yaml", ("type: nav_msgs/Odometry", "type: nav_msgs/Odometri"), "unknown-message-type",
                      "nav_msgs/Odometri of channel 'odometry' is not"),
     "parameter of nobody": ("binding.yaml", ("/follower/speed: 1.2", "/folower/speed: 1.2"), "binding-parameter",
