@@ -17,10 +17,10 @@ import pytest
 from tests_ros1.conftest import patient
 
 from parcours.run.binding import read_binding
+from parcours.run.hosts.foreign.host import ForeignHost
+from parcours.run.hosts.foreign.session import Session
 from parcours.run.hosts.ros1.client import Client
 from parcours.run.hosts.ros1.ends import Kind
-from parcours.run.hosts.ros1.foreign import ForeignHost
-from parcours.run.hosts.ros1.foreign_session import Session
 from parcours.run.hosts.ros1.graph import Slave, ask
 from parcours.run.hosts.ros1.master import Master
 from parcours.run.hosts.ros1.streams import Stream, read_header, write_header

@@ -14,10 +14,10 @@ from tests_ros1.conftest import patient
 from parcours.errors import HostFailure
 from parcours.run.binding import read_binding
 from parcours.run.binding.slots import whole
-from parcours.run.hosts.ros1.foreign import ForeignHost
-from parcours.run.hosts.ros1.foreign_session import Session
+from parcours.run.hosts.foreign.host import ForeignHost
+from parcours.run.hosts.foreign.process import KeptProcess
+from parcours.run.hosts.foreign.session import Session
 from parcours.run.hosts.ros1.master import Master
-from parcours.run.hosts.ros1.process import KeptProcess
 from parcours.verdict.judgement import Verdict
 from parcours_navigation.foreign.isolation import Order
 from parcours_navigation.foreign.running import ForeignStudy

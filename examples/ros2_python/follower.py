@@ -2,7 +2,8 @@
 """Drives along the path that /plan gives, by /cmd_vel (geometry_msgs/TwistStamped) at 20 Hz; stops before obstacles.
 
 It asks for a new path once a second until it has arrived. If the planner does not answer, it goes on along the last
-path: from outside, a robot whose planner is dead looks as if all were well. All times are those of its node's clock.
+path: from outside, a robot whose planner is dead looks as if all were well. /stopped (std_msgs/Bool) tells whether an
+obstacle keeps it from moving. All times are those of its node's clock.
 """
 
 import contextlib
@@ -14,6 +15,8 @@ from nav_msgs.msg import Odometry
 from nav_msgs.srv import GetPlan
 from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from std_msgs.msg import Bool
 
 
 class Follower(Node):
@@ -25,10 +28,13 @@ class Follower(Node):
         self.turn_rate = self.declare_parameter("turn_rate", 1.5).value
         self.stop_distance = self.declare_parameter("stop_distance", 0.5).value
         self.arrived = self.declare_parameter("arrived", 0.1).value
-        self.pose = self.goal = None
+        self.patience = self.declare_parameter("patience", 2.0).value
+        self.pose = self.goal = self.question = self.asked = None
         self.path, self.obstacles = [], []
         self.plan = self.create_client(GetPlan, "/plan")
         self.commands = self.create_publisher(TwistStamped, "/cmd_vel", 1)
+        kept = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        self.stops = self.create_publisher(Bool, "/stopped", kept)
         self.create_subscription(Odometry, "/odom", self.on_odometry, 1)
         self.create_subscription(PoseArray, "/obstacles", self.on_obstacles, 1)
         self.create_subscription(PoseStamped, "/goal", self.on_goal, 1)
@@ -50,15 +56,21 @@ class Follower(Node):
         self.ask()
 
     def ask(self):
-        """Ask the planner for a path from here; keep the old one if it does not answer."""
-        if self.pose is None or self.goal is None or not self.plan.service_is_ready():
+        """Ask the planner for a path from here, one question at a time; keep the old one if it does not answer."""
+        now = self.get_clock().now()
+        if self.question is not None and (now - self.asked).nanoseconds > self.patience * 1e9:
+            self.plan.remove_pending_request(self.question)
+            self.question = None
+        if self.pose is None or self.goal is None or self.question or not self.plan.service_is_ready():
             return
         request = GetPlan.Request(goal=self.goal)
         request.start.pose.position.x, request.start.pose.position.y = self.pose[:2]
-        self.plan.call_async(request).add_done_callback(self.on_path)
+        self.asked, self.question = now, self.plan.call_async(request)
+        self.question.add_done_callback(self.on_path)
 
     def on_path(self, answer):
         """Follow the new path from its second point on."""
+        self.question = None
         self.path = [(pose.pose.position.x, pose.pose.position.y) for pose in answer.result().plan.poses][1:]
 
     def drive(self):
@@ -70,13 +82,17 @@ class Follower(Node):
         x, y, heading = self.pose
         while self.path and math.hypot(self.path[0][0] - x, self.path[0][1] - y) < self.arrived:
             self.path.pop(0)
+            self.goal = self.goal if self.path else None
+        stopped = False
         if self.path:
             bearing = math.atan2(self.path[0][1] - y, self.path[0][0] - x) - heading
             bearing = math.atan2(math.sin(bearing), math.cos(bearing))
             command.twist.angular.z = max(-self.turn_rate, min(self.turn_rate, 3.0 * bearing))
-            if abs(bearing) < 0.5 and not self.is_blocked(x, y, heading):
+            stopped = self.is_blocked(x, y, heading)
+            if abs(bearing) < 0.5 and not stopped:
                 command.twist.linear.x = self.speed
         self.commands.publish(command)
+        self.stops.publish(Bool(data=stopped))
 
     def is_blocked(self, x, y, heading):
         """Return whether an obstacle is ahead and near."""

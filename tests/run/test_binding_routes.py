@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 from message_classes import defined_types
+from parcours.errors import BadRequest
 from parcours.model import check_file
 from parcours.run.binding import (
     Binding,
@@ -77,6 +78,80 @@ def test_the_model_of_the_examples_has_nothing_wrong() -> None:
 def test_the_shipped_bindings_fit_the_standard_messages(path: Path) -> None:
     compiled = compile_binding(read_binding(path), TYPES)
     assert set(compiled.writers) == {"detections", "odometry", "goal", "plan_request", "plan_response"}
+
+
+RAMP_DEFINITIONS = {
+    **DEFINITIONS,
+    "ramp_msgs/MotionState": "float64[] positions\nfloat64[] velocities",
+    "ramp_msgs/KnotPoint": "ramp_msgs/MotionState motionState",
+    "ramp_msgs/Path": "ramp_msgs/KnotPoint[] points",
+    "ramp_msgs/Circle": "geometry_msgs/Point center\nfloat64 radius",
+    "ramp_msgs/CircleGroup": "ramp_msgs/Circle fitCir",
+    "ramp_msgs/Obstacle": "ramp_msgs/MotionState ob_ms\nramp_msgs/CircleGroup cirGroup",
+    "ramp_msgs/ObstacleList": "ramp_msgs/Obstacle[] obstacles",
+    "trajectory_msgs/JointTrajectoryPoint": "float64[] positions\nfloat64[] velocities\nduration time_from_start",
+    "trajectory_msgs/JointTrajectory": "trajectory_msgs/JointTrajectoryPoint[] points",
+    "ramp_msgs/RampTrajectory": "uint16 id\ntrajectory_msgs/JointTrajectory trajectory\nuint16[] i_knotPoints\n"
+    "ramp_msgs/Path holonomic_path\nbool feasible\nfloat64 fitness\nduration t_firstCollision",
+    "ramp_msgs/TrajectoryRequest": "ramp_msgs/Path path\nuint8 type\nint8 segments\nfloat64 max_speed_linear\n"
+    "float64 max_speed_angular",
+    "ramp_msgs/TrajectoryResponse": "ramp_msgs/RampTrajectory trajectory\nbool error",
+    "ramp_msgs/EvaluationRequest": "ramp_msgs/RampTrajectory trajectory\nfloat64 robot_radius\nfloat64 currentTheta\n"
+    "bool imminent_collision\nbool full_eval",
+    "ramp_msgs/EvaluationResponse": "float64 fitness\nbool feasible\nduration t_firstCollision",
+    "ramp_msgs/TrajectorySrv": "ramp_msgs/TrajectoryRequest[] reqs\n---\nramp_msgs/TrajectoryResponse[] resps",
+    "ramp_msgs/EvaluationSrv": "ramp_msgs/EvaluationRequest[] reqs\n---\nramp_msgs/EvaluationResponse[] resps",
+    "ramp_msgs/ModificationRequest": "ramp_msgs/Path[] paths\nstring op\nfloat64 repair_dist\nfloat64 repair_dir\n"
+    "---\nramp_msgs/Path[] mod_paths",
+}
+"""The fields of the published RAMP's messages that its binding names."""
+
+
+def test_every_service_of_the_published_ramp_is_answered_as_long_as_it_asks() -> None:
+    types = defined_types(RAMP_DEFINITIONS)
+    compiled = compile_binding(read_binding(RAMP), types)
+    assert all(compiled.writers[f"{name}_{half}"] for name in ("trajectory", "evaluation", "modification")
+               for half in ("request", "response"))  # fmt: skip
+    request: Any = types.create("ramp_msgs/TrajectorySrvRequest")
+    for x in (0.5, 1.5, 2.5):
+        asked: Any = types.create("ramp_msgs/TrajectoryRequest")
+        for step in (0.0, 0.25):
+            knot: Any = types.create("ramp_msgs/KnotPoint")
+            knot.motionState.positions = [x + step, 0.0, 0.0]
+            asked.path.points.append(knot)
+        request.reqs.append(asked)
+    writer = compiled.writers["trajectory_response"]
+    values, items = writer.of_request(request)
+    answer: Any = writer.message(values, items)
+    ends = [[point.positions[0] for point in one.trajectory.trajectory.points] for one in answer.resps]
+    assert ends == [[0.5, 0.75], [1.5, 1.75], [2.5, 2.75]]
+    assert [len(one.trajectory.holonomic_path.points) for one in answer.resps] == [2, 2, 2]
+    assert answer.resps[0].trajectory.holonomic_path is not request.reqs[0].path
+
+
+@pytest.mark.parametrize(
+    ("given", "instead", "said"),
+    [
+        ("for each: paths", "for each: roads", "ModificationRequestRequest has no 'roads'"),
+        (
+            '{for each: paths, set: {"mod_paths[*]": item}}',
+            "{set: {'mod_paths[*]': item}}",
+            "stands without 'for each'",
+        ),
+        ("fitness: 1.0", "fitness: item.trajectori.fitness", "did you mean 'trajectory'?"),
+        ("fitness: 1.0", "fitness: item.full_eval", "fitness is float64 and 'item.full_eval' is bool"),
+    ],
+)
+def test_what_a_request_does_not_have_is_said_with_its_line(given: str, instead: str, said: str) -> None:
+    with pytest.raises(BadRequest) as caught:
+        compile_binding(bound(RAMP, (given, instead)), defined_types(RAMP_DEFINITIONS))
+    assert said in str(caught.value).replace("\n", " ")
+
+
+def test_nodes_start_in_an_order_that_can_be() -> None:
+    line = "    ros_node: /path_modification\n"
+    found = check_binding(edited(RAMP, (line, f"{line}    after: [Planner]\n")), str(RAMP))[1]
+    assert ["is in a circle of 'after'" in str(one) for one in found] == [True, True]
 
 
 def test_the_example_nodes_import_nothing_of_parcours() -> None:

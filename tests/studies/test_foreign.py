@@ -10,17 +10,20 @@ import pytest
 
 from message_classes import defined_types
 from parcours.errors import HostFailure
-from parcours.run.binding import Binding, compile_binding, parse_binding, read_binding
+from parcours.run.binding import Binding, Graph, compile_binding, graph_findings, parse_binding, read_binding
 from parcours.run.binding.decoding import Decoder
-from parcours.run.binding.passing import BEGINS, CONTINUED, STALLED, STOPPED, Answered, Message
+from parcours.run.binding.graph import Quality
+from parcours.run.binding.passing import BEGINS, CONTINUED, MADE, STALLED, STOPPED, Answered, Message
 from parcours.run.binding.relay import Relay
 from parcours.run.binding.slots import SlotPlan, Spoke, apart, whole
 from parcours.run.binding.structure import Bound
 from parcours.run.faults.text import parse_plan
+from parcours.run.recording import Raw
 from parcours.run.trace import TraceEvent
 from parcours_navigation.facts import NEVER
 from parcours_navigation.foreign.cases import abstract_scenes, find_scenes
 from parcours_navigation.foreign.conforming import SLACK, Conformers, visible
+from parcours_navigation.foreign.quiescence import proposals, silences
 from parcours_navigation.foreign.timing import durations, spans
 from parcours_navigation.foreign.world import ForeignWorld, Scene
 
@@ -39,10 +42,10 @@ def test_each_reference_of_a_case_has_a_process_behind_names_of_its_own(binding:
     assert [slot.name for slot in slot_plan.slots] == ["Follower#0", "Planner#1", "Follower#2"]
     first, _, second = slot_plan.slots
     assert (first.ros_node, second.ros_node) == ("/follower", "/follower_2")
-    assert "__name:=follower_2" in second.arguments
+    assert "__name:=follower_2" in second.arguments("ros1")
     names = [{name for _, name in slot.remap} for slot in (first, second)]
     assert names[0].isdisjoint(names[1])
-    assert "/plan:=/parcours/out/Follower_2/plan" in second.arguments
+    assert "/plan:=/parcours/out/Follower_2/plan" in second.arguments("ros1")
 
 
 def test_a_node_of_somebody_else_cannot_be_two_references() -> None:
@@ -78,7 +81,7 @@ class _Graph:
 
 def _relay(binding: Binding, faults: str = "") -> tuple[Relay, _Graph, SlotPlan]:
     graph, slot_plan = _Graph(), whole(binding)
-    relay = Relay(binding, slot_plan, graph, lambda channel: (channel, "*", ""), graph.now, parse_plan(faults))
+    relay = Relay(binding, slot_plan, graph, lambda channel: Raw(channel, "*", "", b""), graph.now, parse_plan(faults))
     relay.case_began = 0
     return relay, graph, slot_plan
 
@@ -268,3 +271,37 @@ def test_abstract_cases_are_found_by_their_ids(binding: Binding) -> None:
     assert len(ids) == len(set(ids)) == 29
     absent = ["nothing/0", ids[0].removesuffix("/0"), f"{ids[0]}x", ids[0].removesuffix("0") + "1"]
     assert list(find_scenes(binding, 1, [ids[-1], *absent])) == [ids[-1]]
+
+
+def test_a_silence_longer_than_the_quiescence_is_proposed_for(binding: Binding) -> None:
+    times = {"send": (0, 800, 1900), "receive": (100, 900, 2000)}
+    events = [TraceEvent(time * MS, "send", "Follower", channel="command") for time in times["send"]]
+    for kind, channel, late in (("receive", "plan_request", 0), ("send", "plan_response", 20)):
+        events += [TraceEvent((time + late) * MS, kind, "Planner", channel=channel) for time in times["receive"]]  # type: ignore[arg-type]
+    events.sort(key=lambda event: event.time)
+    assert silences(binding, events) == {"command": 1100 * MS, "plan_response": 20 * MS}
+    [said] = proposals(binding, events)
+    assert "channel 'command' was silent for 1.1 s, but its quiescence is 1 s; write quiescence: 2.2 s" in said
+
+
+def test_what_the_tester_made_and_cannot_be_read_is_no_error(binding: Binding) -> None:
+    compiled = compile_binding(binding, defined_types(TEXTS))
+    for text, is_blamed in ((MADE, False), ("", True)):
+        conformers = Conformers(compiled, ["Planner"], Decoder(binding, compiled.types))
+        spoilt = Raw("nav_msgs/GetPlan", "", "", b"?")
+        for event in (
+            TraceEvent(0, "note", text=BEGINS),
+            TraceEvent(1, "send", "environment", channel="plan_request", message=7, text=text, payload=spoilt),
+            TraceEvent(2, "receive", "Planner", channel="plan_request", message=7, payload=spoilt),
+        ):
+            conformers.take(event)
+        assert (conformers.error is not None) == is_blamed
+
+
+def test_qualities_that_do_not_connect_are_named_with_both_sides(binding: Binding) -> None:
+    plan = whole(binding)
+    [out] = [one.address for one in plan.spokes if one.side == "out" and "obstacles" in one.channels]
+    into = next(one.address for one in plan.spokes if one.side == "into" and "obstacles" in one.channels)
+    graph = Graph(offered={out: {"/a": Quality(deadline=2 * MS)}}, requested={into: {"/b": Quality(deadline=MS)}})
+    [found] = [one for one in graph_findings(binding, graph) if one.rule == "qos-mismatch"]
+    assert "/a offers a deadline of 2 ms, but a deadline of 1 ms is requested by /b" in found.message

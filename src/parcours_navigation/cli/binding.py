@@ -14,7 +14,7 @@ def command() -> None:
 
 @command.command("check")
 @click.argument("file", type=click.Path(path_type=Path))
-@click.option("--live", is_flag=True, help="Start the nodes, too, and compare what they register.")
+@click.option("--live", is_flag=True, help="Start the nodes, too, compare what they register, and measure silences.")
 @click.option("--master", default="", metavar="URI", help="A ROS 1 master that runs; else one of its own.")
 @click.option("--network", type=click.Choice(["own", "shared"]), default="own", show_default=True,
               help="Whether its own master and the nodes are out of reach of everybody.")  # fmt: skip
@@ -32,7 +32,8 @@ def check(file: Path, live: bool, master: str, network: str) -> None:
         click.echo(str(finding), err=True)
     where = f"{file}: {len(binding.nodes)} nodes, {len(binding.channels)} channels of {binding.model.name!r}"
     if live:
-        check_nodes(binding, master, network)
+        for proposal in check_nodes(binding, master, network):
+            click.echo(f"note: {proposal}", err=True)
         click.echo(f"{where}: the running system has all that is bound")
         return
     try:

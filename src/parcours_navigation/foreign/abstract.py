@@ -22,7 +22,7 @@ from parcours.abtc import Event
 from parcours.run.binding.passing import CONTINUED, ENDS, STOPPED, Call, Message
 from parcours.run.binding.slots import Slot
 from parcours.run.enforcement import Precedence, instance_name
-from parcours.run.hosts.ros1.foreign_session import Session
+from parcours.run.hosts.foreign.session import Session
 from parcours_navigation.foreign.judging import AbstractJudge
 from parcours_navigation.foreign.tester_messages import Maker
 
@@ -95,6 +95,7 @@ class AbstractDrive:
         self._slots: dict[int, Slot] = {
             slot.reference: slot for slot in session.slot_plan.slots if slot.reference is not None
         }
+        self._beside = {slot.name for slot in session.slot_plan.slots if slot.reference is None}
         self._of_slot = {slot.name: reference for reference, slot in self._slots.items()}
         self._bound = {one.name for one in self._binding.channels if one.role == "model"}
         self._to_do: dict[int, deque[_Turn]] = {}
@@ -138,8 +139,8 @@ class AbstractDrive:
         wrong = self._failed or watch.deviations or self._session.deaths or watch.unreadable
         return bool(wrong) or len(self._done) == len(self._events)
 
-    def _made(self, channel: str) -> Message:
-        data = self._maker.of_the_environment(channel, self._session.now() - self._session.case_began)
+    def _made(self, channel: str, call: Call | None = None) -> Message:
+        data = self._maker.of_the_environment(channel, self._session.now() - self._session.case_began, call)
         return self._relay.made(channel, data)
 
     # Whose turn it is.
@@ -175,8 +176,9 @@ class AbstractDrive:
         event, slot = turn.event, self._slots[reference]
         assert event.receives is not None
         channel, source = event.receives.channel, event.receives.event
+        call = self._call_of(slot, channel) if self._binding.channel(channel).part == "response" else None
         if source is None:
-            message = self._made(channel)
+            message = self._made(channel, call)
         else:
             gate = self._gates.get((source, channel))
             if not gate:
@@ -185,7 +187,6 @@ class AbstractDrive:
             message = gate.popleft()
             self._relay.record("release", message.sender, message)
         if self._binding.channel(channel).part == "response":
-            call = self._call_of(slot, channel)
             if call is None:
                 self._failed = f"{event.transition} of {slot.name} awaits an answer on {channel}, but has asked nothing"
                 return
@@ -270,7 +271,10 @@ class AbstractDrive:
         return any(send.channel == message.channel for each in own for transition in each for send in transition.sends)
 
     def _aside(self, message: Message, turn: _Turn | None) -> None:
-        """Something that is no part of the case: the tester takes it, and answers what is asked."""
+        """Something that is no part of the case: the tester takes it, and answers what is asked, or lets a node."""
+        if message.slot in self._beside and self._binding.channel(message.channel).part == "response":
+            self._relay.release(message)
+            return
         self._relay.settle(message)
         self._relay.collect(message)
         if self._binding.channel(message.channel).role == "between":
@@ -280,7 +284,18 @@ class AbstractDrive:
                 f"{message.sender} sent {message.channel} where {turn.event.transition} was due"
             )
         if message.call is not None and message.call.reply is not None:
-            self._maker.answer(self._relay, message)
+            server = self._server_beside(message)
+            if server is None:
+                self._maker.answer(self._relay, message)
+            else:
+                self._relay.release(message, server)
+
+    def _server_beside(self, message: Message) -> str | None:
+        """Return the slot of the node that answers a call that is no part of the case; None if the tester does."""
+        if self._binding.channel(message.channel).answer != "node" or message.slot in self._beside:
+            return None
+        spokes = self._session.slot_plan.speaking(message.channel)
+        return next((one.slot for one in spokes if one.slot in self._beside), None)
 
     def _expire(self, now: int) -> None:
         for reference, to_do in self._to_do.items():

@@ -16,7 +16,7 @@ from parcours.errors import HostFailure
 from parcours.model.structure import Cefsm, Component, Transition
 from parcours.run.binding import Compiled
 from parcours.run.binding.decoding import Decoder
-from parcours.run.binding.passing import BEGINS, CONTINUED, STALLED, STOPPED
+from parcours.run.binding.passing import BEGINS, CONTINUED, MADE, STALLED, STOPPED
 from parcours.run.binding.structure import Binding
 from parcours.run.recording import Raw
 from parcours.run.trace import TraceEvent
@@ -153,6 +153,13 @@ class _Fields:
         self._readings, self._decoder = compiled.fields, decoder
         self.error: HostFailure | None = None
 
+    def can_read(self, channel: str, payload: object) -> bool:
+        """Return whether all fields of a message can be read; no complaint is kept."""
+        before = self.error
+        self(channel, payload)
+        is_fine, self.error = self.error is before, before
+        return is_fine
+
     def __call__(self, channel: str, payload: object) -> Mapping[str, object] | None:
         readings = self._readings.get(channel)
         if not readings or not isinstance(payload, Raw):
@@ -186,6 +193,7 @@ class Conformers:
             for name in names if name.partition("#")[0] in known
         }  # fmt: skip
         self._channels = set(quiescence)
+        self._unreadable: set[int] = set()
 
     @property
     def error(self) -> HostFailure | None:
@@ -204,9 +212,13 @@ class Conformers:
         if event.kind == "note" and event.text.startswith(STALLED):
             for each in self._followed.values():
                 each.skip(int(event.text.removeprefix(STALLED)))
+        if event.kind == "send" and event.text == MADE and not self._fields.can_read(event.channel, event.payload):
+            self._unreadable.add(event.message)
         followed = self._followed.get(event.component)
         if followed is None:
             return
+        if event.message in self._unreadable:
+            event = replace(event, payload=None)
         if event.kind == "note":
             if event.text == STOPPED:
                 followed.stop(event.time)

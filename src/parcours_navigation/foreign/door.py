@@ -12,15 +12,17 @@ import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
 from parcours.errors import BadRequest, BadResults, BadSuite, ParcoursError, one_of
 from parcours.run.atomic import require_writable, write_atomically
-from parcours.run.binding import Binding, MessageTypes, compile_binding
+from parcours.run.binding import Binding, compile_binding
 from parcours.run.campaign import terminable
 from parcours.run.faults import read_plan
+from parcours.run.hosts.foreign.graph import types_of
+from parcours.run.recording.topic import no_bag
 from parcours.study.journal import Journal, read_question, write_question
 from parcours.study.parameters import Parameter, Settings
 from parcours.study.protocol import Finding, Judged, Progress, Rejudged, Reported, Request, Run
@@ -61,7 +63,7 @@ class RosStudy:
 
     Args:
         name: first part of every case id.
-        binding: of transport ros1.
+        binding: of any transport.
         doc: a sentence about the study.
         where: how a command line names it.
         n_cases: how many abstract cases are run if nothing is said; None for each once.
@@ -105,12 +107,14 @@ class RosStudy:
         Raises:
             BadRequest: the folder cannot be written to, or a chosen case is not the study's.
             BadResults: it holds another run.
-            HostFailure: ROS 1 or the nodes cannot be had here.
+            HostFailure: ROS or the nodes cannot be had here.
         """
         settings, out = request.settings, request.out
         cases = self._chosen(request) if request.chosen else list(self.suite(settings, request.seed, request.n_cases))
         ids = [case.id.partition("/")[2] for case in cases]
         timing = [] if request.chosen else self._limits(settings)
+        if settings["record"] == "bag" and self.binding.transport == "ros2":
+            raise no_bag("--record bag")
         require_writable(out)
         decides = {one.name: settings[one.name] for one in self.parameters if one.decides}
         decides["faults"] = str(read_plan(str(settings["faults"]))) if settings["faults"] else ""
@@ -124,7 +128,7 @@ class RosStudy:
             try:
                 for entry in self._missing(ids, timing, journal, request):
                     journal.add(str(entry["id"]), entry)
-                    progress("cases, ros1", sum(id in journal.done for id in wanted), planned)
+                    progress(f"cases, {self.binding.transport}", sum(id in journal.done for id in wanted), planned)
             except KeyboardInterrupt:
                 interrupted = True
             n = sum(id in journal.done for id in wanted)
@@ -146,7 +150,7 @@ class RosStudy:
             except (OSError, ValueError, KeyError, TypeError) as error:
                 rule = f"must say how many cases were planned, but: {error}"
                 raise BadResults(str(folder / FILE), rule, "run the study again", slug="results-manifest") from error
-        return RosResults(self.name, folder, planned)
+        return RosResults(self.name, folder, planned, self.binding.transport)
 
     def report(self, results: Mapping[str, Results]) -> Reported:
         """Return tables, pieces and documents on results of foreign nodes."""
@@ -196,16 +200,18 @@ class RosStudy:
             rule = "the binding describes some, but none is run"
             found.append(Finding("note", "system cases", rule, "write system: 10"))
         master, network = str(settings["master"]), str(settings["network"])
-        checks: tuple[tuple[str, Callable[[], None]], ...] = (
+        checks: tuple[tuple[str, Callable[[], list[str] | None]], ...] = (
             ("message types", lambda: check_types(self.binding, others=True)),
             ("nodes started", lambda: check_nodes(self.binding, master, network)),
         )
         for done, (what, check) in enumerate(checks):
             progress("checks", done, len(checks))
             try:
-                check()
+                for said in check() or ():
+                    where, _, rule = said.partition(": ")
+                    found.append(Finding("note", where, *rule.split("; ", 1)))
             except ParcoursError as error:
-                absent = error.slug in ("no-ros1", "network-namespace")
+                absent = error.slug in ("no-ros1", "ros2-missing", "network-namespace")
                 rule = f"not checked: {error.rule}" if absent else error.rule
                 found.append(Finding("note" if absent else "error", f"{what}, {error.where}", rule, error.remedy))
                 break  # what comes after would only say it again
@@ -306,26 +312,22 @@ def check_types(binding: Binding, *, others: bool = False) -> None:
 
     Raises:
         BadRequest: a place or a formula does not fit its type, or a type is not known.
-        HostFailure: there is no ROS 1.
+        HostFailure: there is no such ROS.
     """
-    from parcours.run.hosts.ros1.foreign_types import ForeignTypes
-
-    if binding.transport != "ros1":
-        return
-    types = ForeignTypes(binding.python_paths, binding.interfaces)
     try:
-        compile_binding(binding, MessageTypes(types.find))
+        compile_binding(binding, types_of(binding))
     except BadRequest as error:
-        if not others or "unknown-message-type" not in str(error):
+        if not others or binding.transport != "ros1" or "unknown-message-type" not in str(error):
             raise
 
 
-def check_nodes(binding: Binding, master: str, network: str) -> None:
-    """Start the nodes of a binding once, and compare what they register with it.
+def check_nodes(binding: Binding, master: str, network: str) -> list[str]:
+    """Start the nodes of a binding once, compare what they register with it, and return what it should say otherwise.
 
     Raises:
         HostFailure: a node does not start, or something bound is missing or of another type.
     """
     with tempfile.TemporaryDirectory(prefix="parcours-") as folder:
         own = _is_own(binding, master, network)
-        list(run_apart(Order(binding.source, folder, own, master, only_check=True)))
+        [result] = run_apart(Order(binding.source, folder, own, master, only_check=True))
+    return [str(one) for one in cast(list[object], result["proposals"])]

@@ -149,13 +149,13 @@ def _end_with_study() -> None:
 
 def _obey(order: Order, say: Callable[[str, object], None]) -> None:
     from parcours.run.binding import read_binding
-    from parcours.run.hosts.ros1.foreign import ForeignHost
+    from parcours.run.hosts.foreign.host import ForeignHost
     from parcours_navigation.foreign.running import ForeignStudy, check_live
 
     binding, out = read_binding(order.binding), Path(order.out)
     with ForeignHost(binding, out / "nodes", order.master) as host:
         if order.only_check:
-            check_live(host)
+            say("result", {"proposals": check_live(host)})
             return
         for result in ForeignStudy(host, order).run():
             say("result", result.entry())

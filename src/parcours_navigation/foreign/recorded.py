@@ -7,9 +7,8 @@ from pathlib import Path
 
 from parcours.errors import BadResults
 from parcours.filenames import file_name
-from parcours.run.binding import Binding, MessageTypes, compile_binding
-from parcours.run.hosts.ros1.ends import Kind
-from parcours.run.hosts.ros1.foreign_types import ForeignTypes
+from parcours.run.binding import Binding, compile_binding
+from parcours.run.hosts.foreign.graph import types_of
 from parcours.run.recording import Raw, Recorder, read_recording
 from parcours.run.trace import TraceEvent
 from parcours.verdict.judgement import Judgement, Verdict
@@ -26,14 +25,16 @@ class Tape:
         case: its id.
         begin: when the run began [ns since the epoch].
         about: what is needed to judge it again.
+        host: where it ran.
 
     Raises:
         BadRequest: the file cannot be written.
     """
 
-    def __init__(self, path: Path, case: str, begin: int, about: Mapping[str, str]) -> None:
+    def __init__(self, path: Path, case: str, begin: int, about: Mapping[str, str], host: str) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
-        self._recorder = Recorder(path, clock="wall", host="ros1, foreign", case=case, begin=begin, about=about)
+        self._recorder = Recorder(path, clock="wall", host=host, case=case, begin=begin, about=about,
+                                  encoding="cdr" if host.startswith("ros2") else "ros1")  # fmt: skip
         self._beside: Beside[TraceEvent] = Beside(self._recorder.write, "recording")
         self.write = self._beside.put
 
@@ -62,18 +63,15 @@ def rejudge(path: Path, binding: Binding) -> tuple[Judged, str, str]:
 
     Raises:
         BadResults: it cannot be read, or is not of this binding.
-        HostFailure: there is no genpy.
+        HostFailure: there is no such ROS.
     """
     recording = read_recording(path)
     about, case = recording.about, recording.trace.case
     if about.get("binding") != binding.name or about.get("kind") not in ("abstract", "system"):
         rule = f"must be of the binding {binding.name!r}, but is of {about.get('binding', 'none')!r}"
         raise BadResults(str(path), rule, "name the binding it was recorded with", slug="foreign-recording")
-    types = ForeignTypes(binding.python_paths, binding.interfaces)
-    for event in recording.trace.events:
-        if isinstance(event.payload, Raw):
-            types.learn(Kind(event.payload.type, event.payload.md5, event.payload.definition))
-    compiled = compile_binding(binding, MessageTypes(types.find))
+    learned = {one.type: one for event in recording.trace.events if isinstance(one := event.payload, Raw)}
+    compiled = compile_binding(binding, types_of(binding, learned.values()))
     names = about.get("names", "").split()
     seed, number = int(about.get("seed", "0")), about.get("number", "0")
     judge: SystemJudge | AbstractJudge

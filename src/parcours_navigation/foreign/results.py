@@ -80,15 +80,14 @@ class RosResults:
         study: its name.
         folder: that its run wrote.
         planned: how many results the last run was to have.
+        label: the transport.
 
     Raises:
         BadResults: a line is damaged.
     """
 
-    label = "ros1"
-
-    def __init__(self, study: str, folder: Path, planned: int) -> None:
-        self.study = study
+    def __init__(self, study: str, folder: Path, planned: int, label: str) -> None:
+        self.study, self.label = study, label
         self.entries = list(read_journal(folder).values())
         try:
             self.found = [_kept(entry, study) for entry in self.entries]

@@ -12,8 +12,8 @@ from parcours.errors import HostFailure
 from parcours.run.binding.passing import ENDS, Message
 from parcours.run.binding.slots import apart, whole
 from parcours.run.faults import FaultPlan, read_plan
-from parcours.run.hosts.ros1.foreign import ForeignHost
-from parcours.run.hosts.ros1.foreign_session import Session
+from parcours.run.hosts.foreign.host import ForeignHost
+from parcours.run.hosts.foreign.session import Session
 from parcours.run.hosts.scheduling import real_time
 from parcours.run.noise import NoiseMeter
 from parcours.run.trace import TraceEvent
@@ -22,6 +22,7 @@ from parcours_navigation.foreign.abstract import AbstractDrive
 from parcours_navigation.foreign.cases import AbstractScene, find_scenes
 from parcours_navigation.foreign.isolation import Order
 from parcours_navigation.foreign.judging import FAULTY, AbstractJudge, Judged, SystemJudge
+from parcours_navigation.foreign.quiescence import proposals
 from parcours_navigation.foreign.recorded import Tape, recording_place
 from parcours_navigation.foreign.results import Result
 from parcours_navigation.foreign.setup_steps import act
@@ -37,6 +38,10 @@ _ONCE = 200_000_000
 
 _GIVES_UP = 5_000_000_000
 """How long beyond its duration a case is given up [ns]."""
+
+
+_DRY = 5_000_000_000
+"""How long a dry run lasts at most [ns]."""
 
 
 class _Subscriber:
@@ -63,11 +68,11 @@ class _Subscriber:
 class SystemDrive:
     """Lets the nodes of a session, whose listener is the judge, drive a simulated robot among obstacles."""
 
-    def __init__(self, session: Session, judge: SystemJudge, maker: Maker) -> None:
+    def __init__(self, session: Session, judge: SystemJudge, maker: Maker, limit: int | None = None) -> None:
         system = session.host.binding.system
         assert system is not None
         self._session, self._judge, self._maker = session, judge, maker
-        self._limit = round(system.duration * 1e9) + _GIVES_UP
+        self._limit = round(system.duration * 1e9) + _GIVES_UP if limit is None else limit
         self._periods = {channel: round(period * 1e9) for channel, period in system.sense}
         self._next = dict.fromkeys(self._periods, 0)
         self._each = {channel: index for index, channel in enumerate(system.each)}
@@ -171,7 +176,8 @@ class ForeignStudy:
             if self._faults:
                 session.relay.note(FAULTY)
             compiled = host.compile()
-            names = [slot.component(component) for slot in slot_plan.slots for component in slot.node.components]
+            judged_slots = [slot for slot in slot_plan.slots if is_system or slot.reference is not None]
+            names = [slot.component(component) for slot in judged_slots for component in slot.node.components]
             with _attentive():
                 judge: SystemJudge | AbstractJudge
                 drive: SystemDrive | AbstractDrive
@@ -208,7 +214,13 @@ class ForeignStudy:
             about |= {"kind": "system", "number": str(scene.number), "protocol": scene.protocol}
         else:
             about |= {"kind": "abstract"}
-        return Tape(Path(order.out) / recording_place(scene.id, order.record), scene.id, session.begin, about)
+        return Tape(
+            Path(order.out) / recording_place(scene.id, order.record),
+            scene.id,
+            session.begin,
+            about,
+            f"{self._host.graph.label}, foreign",
+        )
 
     def _timing(self) -> Iterator[Result]:
         """Yield the verdict on each limit: spans that the tester can begin are repeated as often as is wanted."""
@@ -236,17 +248,30 @@ class ForeignStudy:
                 yield Result(id, "timing", Judged(one.judgement), time.monotonic() - began, timing=one)
 
 
-def check_live(host: ForeignHost) -> None:
-    """Start the nodes once, and compare what they register with the binding.
+def check_live(host: ForeignHost) -> list[str]:
+    """Start the nodes once, compare what they register with the binding, and let them drive for a moment.
+
+    Returns:
+        what to change in the binding so that nobody's usual silence counts as one.
 
     Raises:
         HostFailure: a node does not start, or something bound is missing or of another type.
     """
-    session = Session(host, whole(host.binding))
+    subscriber = _Subscriber()
+    session = Session(host, whole(host.binding), listener=subscriber)
     try:
         session.start()
         if session.readiness.findings():
             raise session.readiness.complaint([])
+        if host.binding.system is None:
+            return []
+        act(session, "before_case")
+        compiled = host.compile()
+        with _attentive():
+            judge = SystemJudge(compiled, Scene(1, 0, "empty"), [])
+            subscriber.add(judge.observe)
+            SystemDrive(session, judge, Maker(compiled), _DRY).run()
+        return proposals(host.binding, [one for one in session.relay.events if one.time >= session.case_began])
     finally:
         session.end()
 

@@ -7,11 +7,8 @@ from collections.abc import Callable
 from typing import Literal
 
 from parcours.errors import HostFailure
-from parcours.run.binding.decoding import encoded
-from parcours.run.binding.structure import Action
-from parcours.run.hosts.ros1.ends import Kind
-from parcours.run.hosts.ros1.foreign_master import plain_value
-from parcours.run.hosts.ros1.foreign_session import Session
+from parcours.run.binding.structure import Action, Value
+from parcours.run.hosts.foreign.session import Session
 from parcours_navigation.foreign.world import PLACES
 
 _READERS = 0.3
@@ -30,15 +27,16 @@ def act(session: Session, key: Literal["before_case", "after_case"]) -> None:
         where = f"{binding.source}:{action.line}: {key}"
         match action.kind:
             case "set":
-                session.host.master.set_parameters({action.name: _value(session, action, where)})
+                session.host.graph.set_parameter(action.name, _value(session, action, where))
             case "wait":
                 _wait(session, action, where)
             case _:
-                data = encoded(session.host.compile().calls[key, position].message(_known(session)))
+                compiled = session.host.compile()
+                data = compiled.types.packed(compiled.calls[key, position].message(_known(session)))
                 if action.kind == "call":
                     _call(session, action, data, where)
                 else:
-                    _publish(session, action, data)
+                    _publish(session, action, data, where)
 
 
 def _known(session: Session) -> dict[str, object]:
@@ -46,15 +44,20 @@ def _known(session: Session) -> dict[str, object]:
     return {**PLACES, "wall_time": time.time(), **dict(session.host.binding.constants)}
 
 
-def _value(session: Session, action: Action, where: str) -> object:
+def _value(session: Session, action: Action, where: str) -> Value:
     if action.formula is None:
-        return plain_value(action.value)
+        return action.value
     known = _known(session)
     for place in action.formula.places:
         if str(place) not in known:
             rule = f"a name must have a value between cases, but {str(place)!r} has none"
             raise HostFailure(where, rule, slug="binding-value")
-    return action.formula.value({place: known[str(place)] for place in action.formula.places}, where)
+    return action.formula.value({place: known[str(place)] for place in action.formula.places}, where)  # type: ignore[return-value]
+
+
+def _listed(value: Value) -> object:
+    """Return a value with lists for tuples, as graphs give it back."""
+    return [_listed(one) for one in value] if isinstance(value, tuple) else value
 
 
 def _poll_until(session: Session, done: Callable[[], object], seconds: float) -> None:
@@ -64,31 +67,33 @@ def _poll_until(session: Session, done: Callable[[], object], seconds: float) ->
 
 
 def _wait(session: Session, action: Action, where: str) -> None:
-    wanted, master = plain_value(action.value), session.host.master
-    _poll_until(session, lambda: master.parameter(action.name) == wanted, action.timeout)
-    if (found := master.parameter(action.name)) != wanted:
+    wanted, graph = _listed(action.value), session.host.graph
+    _poll_until(session, lambda: graph.parameter(action.name) == wanted, action.timeout)
+    if (found := graph.parameter(action.name)) != wanted:
         rule = f"{action.name} must become {wanted!r} within {action.timeout:g} s, but is {found!r}"
         raise HostFailure(where, rule, slug="foreign-step")
 
 
 def _call(session: Session, action: Action, data: bytes, where: str) -> None:
     host = session.host
-    kind = host.types.service(action.type)
-    if kind is None:
+    if not host.graph.knows_service(action.type):
         raise HostFailure(where, f"{action.type} must be known, but is not", slug="unknown-message-type")
     answers: list[tuple[bytes | None, str]] = []
-    host.middle.call(action.name, kind).ask(data, lambda answer, why: answers.append((answer, why)))
-    _poll_until(session, lambda: answers, action.timeout)
+    caller, until = host.graph.call(action.name, action.type), time.monotonic() + action.timeout
+    _poll_until(session, lambda: caller.is_matched, action.timeout)
+    caller.ask(data, lambda answer, why: answers.append((answer, why)))
+    _poll_until(session, lambda: answers, until - time.monotonic())
     answer, why = answers[0] if answers else (None, f"no answer within {action.timeout:g} s")
     if answer is None:
         raise HostFailure(where, f"{action.name} must answer, but: {why}", slug="foreign-step")
 
 
-def _publish(session: Session, action: Action, data: bytes) -> None:
+def _publish(session: Session, action: Action, data: bytes, where: str) -> None:
     host = session.host
-    kind = host.types.kind(action.type) or Kind(action.type, "*")
-    publisher = host.middle.publish(action.name, kind, latch=True)
+    publisher = host.graph.publish(action.name, action.type, queue=16, latch=True)
+    if publisher is None:
+        raise HostFailure(where, f"{action.type} must be known, but is not", slug="unknown-message-type")
     _poll_until(session, lambda: publisher.peers, _READERS)
     publisher.send(data)
     session.poll(session.now() + 10_000_000)
-    host.middle.leave([action.name])
+    host.graph.leave(action.name)

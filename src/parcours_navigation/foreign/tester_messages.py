@@ -6,9 +6,9 @@ import contextlib
 import time
 from collections.abc import Mapping, Sequence
 
+from parcours.errors import HostFailure
 from parcours.run.binding import Compiled
-from parcours.run.binding.decoding import encoded
-from parcours.run.binding.passing import Message
+from parcours.run.binding.passing import Call, Message
 from parcours.run.binding.readings import Writer, message_type
 from parcours.run.binding.relay import Relay
 from parcours.run.binding.worlds import body
@@ -44,13 +44,18 @@ class Maker:
         if channel not in self._writers:
             type_ = message_type(self._compiled.binding.channel(channel))
             self._writers[channel] = Writer(type_, self._compiled.types, f"channel {channel!r}")
-        return encoded(self._writers[channel].message({**self._inputs, **values}, items))
+        return self._compiled.types.packed(self._writers[channel].message({**self._inputs, **values}, items))
 
-    def of_the_environment(self, channel: str, now: int) -> bytes:
+    def of_the_environment(self, channel: str, now: int, call: Call | None = None) -> bytes:
         """Return what the environment of an abstract case says at `now` [ns since it began]: the robot is at its start.
 
+        Args:
+            channel: of the binding.
+            now: see above.
+            call: that it answers.
+
         Raises:
-            HostFailure: as `message`.
+            HostFailure: as `message`, or the request cannot be read.
         """
         system = self._compiled.binding.system
         radius = (LIMITS | dict(system.robot) if system else LIMITS)["radius"]
@@ -60,8 +65,23 @@ class Maker:
             "wall_time": time.time(),
             "obstacles": 1,
         }
+        writer = self._writers.get(channel)
+        if writer is not None and (writer.asked or writer.each):
+            asked, items = writer.of_request(self._request(channel, call))
+            return self.message(channel, {**values, **asked}, items)
         is_each = system is not None and channel in system.each
         return self.message(channel, {**values, **_OBSTACLE} if is_each else values, [_OBSTACLE])
+
+    def _request(self, channel: str, call: Call | None) -> object:
+        bound, types = self._compiled.binding.channel(channel), self._compiled.types
+        if call is None or not call.request:
+            return types.create(f"{bound.type}Request")
+        try:
+            return types.unpacked(f"{bound.type}Request", call.request)
+        except Exception as error:  # whatever the generated code raises
+            where = f"{self._compiled.binding.source}:{bound.line}: channel {channel!r}"
+            rule = f"a request must be a {bound.type}, but these {len(call.request)} bytes are none: {error}"
+            raise HostFailure(where, rule, "look at its sender", slug="message-size") from error
 
     def answer(self, relay: Relay, message: Message) -> None:
         """Answer a request in the place of a node: as the binding's `inject` says, or with an empty message."""
@@ -71,8 +91,8 @@ class Maker:
         halves = {one.part: one for one in reversed(relay.binding.channels) if one.address == service}
         if "response" in halves:
             name = halves["response"].name
-            relay.answer(message.call, relay.made(name, self.of_the_environment(name, 0)))
+            relay.answer(message.call, relay.made(name, self.of_the_environment(name, 0, message.call)))
             return
         with contextlib.suppress(KeyError):
             empty = self._compiled.types.create(halves["request"].type + "Response")
-            relay.finish(message.call, encoded(empty))
+            relay.finish(message.call, self._compiled.types.packed(empty))

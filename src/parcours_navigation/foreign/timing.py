@@ -14,7 +14,7 @@ from parcours.abtc import interaction_paths
 from parcours.model.structure import ENVIRONMENT
 from parcours.report.timings import TimingCase
 from parcours.run.binding.structure import Binding, Bound
-from parcours.run.hosts.ros1.foreign_session import Session
+from parcours.run.hosts.foreign.session import Session
 from parcours.run.noise import Noise, NoiseMeter
 from parcours.run.trace import TraceEvent
 from parcours.verdict.judgement import Judgement, Verdict

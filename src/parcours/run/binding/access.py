@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -75,7 +76,7 @@ class Access:
                 rule = f"a message must reach to {path_text(steps[: at + 1])!r}, but has {len(listed)} items there"
                 remedy = "correct the binding or the sender"
                 raise HostFailure(self.message, rule, remedy, slug="message-size") from None
-        return current
+        return current.tolist() if hasattr(current, "tolist") else current  # ROS 2 has arrays of numpy
 
     def _seen(self, value: object) -> float:
         if self.place.lens == "yaw":
@@ -111,6 +112,8 @@ class Access:
     def _stored(self, current: object, slot: Slot, value: object) -> object:
         if self.place.lens:
             return self._through_lens(current, value)
+        if slot.length is None and slot.is_message and isinstance(value, self.types.class_of(slot.item) or ()):
+            return copy.deepcopy(value)
         if slot.length is None:
             return self._scalar(slot, value)
         if not isinstance(value, list | tuple) or (slot.length and len(value) != slot.length):

@@ -11,7 +11,7 @@ from parcours.run.binding.formulas import Formula
 from parcours.run.binding.places import path_text
 from parcours.run.binding.routes import separation_findings
 from parcours.run.binding.structure import Binding, BoundChannel
-from parcours.run.binding.worlds import EACH_NAMES, WORLD_NAMES
+from parcours.run.binding.worlds import ASKED, EACH_NAMES, WORLD_NAMES
 
 _ITP = re.compile(r"ITP[0-9]{1,4}", re.ASCII)
 _MASTER = re.compile(r"https?://[A-Za-z0-9._\-\[\]:]+:[0-9]{1,5}/?", re.ASCII)
@@ -65,9 +65,24 @@ class _Check:
                 if counts[component] > 1:
                     rule = f"a component must run in one node, but {component!r} runs in {counts[component]}"
                     self.add(node.line, "duplicate", rule, "take it out of all but one")
+        self.order()
         if self.binding.master and not _MASTER.fullmatch(self.binding.master):
             rule = f"'master' must be an address with a port, but is {self.binding.master[:60]!r}"
             self.add(0, "binding-master", rule, "e.g. http://127.0.0.1:11311")
+
+    def order(self) -> None:
+        """Each node starts after others that are there, and none after itself."""
+        nodes = {node.name: node for node in self.binding.nodes}
+        for node in self.binding.nodes:
+            for name in node.after:
+                self.known(name, list(nodes), f"a node that {node.name!r} starts after", node.line)
+        started: set[str] = set()
+        while fresh := {one.name for one in self.binding.nodes if set(one.after) & set(nodes) <= started} - started:
+            started |= fresh
+        for node in self.binding.nodes:
+            if node.name not in started:
+                rule = f"a node must start after nodes that can be there, but {node.name!r} is in a circle of 'after'"
+                self.add(node.line, "binding-start", rule, "take one of them out")
 
     def channels(self) -> None:
         for name, count in Counter(channel.name for channel in self.binding.channels).items():
@@ -109,20 +124,29 @@ class _Check:
                 rule = f"the tester sends on {channel.name!r}, but no 'inject' says what: all will be 0 or empty"
                 self.warn(channel.line, "binding-inject", rule, "add inject: {base: {...}, set: {...}}")
             return
+        if channel.inject.each is not None and channel.part != "response":
+            rule = f"'for each' counts the items of a request, but {channel.name!r} answers none"
+            self.add(channel.inject.line, "binding-inject", rule, "delete it")
         system = self.binding.system
         each = system is not None and channel.name in system.each
         for place, formula in channel.inject.set:
             names = self.given | set(EACH_NAMES) if each or place.is_each else self.given
-            self.spoken(formula, sorted(names), f"{str(place)!r} of {channel.name!r}")
+            self.spoken(formula, sorted(names), f"{str(place)!r} of {channel.name!r}", channel)
             if place.steps.count("*") > 1:
                 rule = f"a place that is set has one [*] at most, but {place} has {place.steps.count('*')}"
                 self.add(formula.line, "binding-place", rule)
 
-    def spoken(self, formula: Formula, known: Sequence[str], what: str) -> None:
+    def spoken(self, formula: Formula, known: Sequence[str], what: str, channel: BoundChannel) -> None:
         for place in formula.places:
+            if channel.part == "response" and place.steps[0] in ASKED:
+                continue
             self.known(str(place), known, f"a name in {what}", formula.line)
 
     def services(self) -> None:
+        for channel in self.binding.channels:
+            if channel.answer == "node" and channel.part != "request":
+                rule = f"a node answers requests, but {channel.name!r} is none"
+                self.add(channel.line, "binding-service", rule, "write 'answer: node' where 'part: request' stands")
         parts: dict[tuple[str, str, str], list[BoundChannel]] = {}
         for channel in self.binding.channels:
             modelled = self.modelled.get(channel.name)

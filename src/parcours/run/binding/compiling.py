@@ -18,10 +18,11 @@ from parcours.run.binding.access import Access, compile_place
 from parcours.run.binding.binding_file import refusal
 from parcours.run.binding.formulas import Formula
 from parcours.run.binding.message_types import MessageTypes
-from parcours.run.binding.places import Place, path_text
+from parcours.run.binding.places import EVERY, Place, path_text
 from parcours.run.binding.quantities import plain
 from parcours.run.binding.readings import Reading, Writer, message_type
 from parcours.run.binding.structure import Action, Binding, BoundChannel, Constant, Injection
+from parcours.run.binding.worlds import ASKED
 
 _TYPE_OF = {bool: BOOL, int: INT, float: REAL, str: TEXT}
 
@@ -92,10 +93,13 @@ class _Work:
         channels = [channel for channel in binding.channels if channel.name not in self.unknown]
         fields = {channel.name: self.fields(channel) for channel in channels}
         writers = {
-            channel.name: self.writer(channel.inject, message_type(channel), f"channel {channel.name!r}")
+            channel.name: self.writer(
+                channel.inject, message_type(channel), f"channel {channel.name!r}",
+                f"{channel.type}Request" if channel.part == "response" else "",
+            )
             for channel in channels
             if channel.inject or channel.role == "provide"
-        }
+        }  # fmt: skip
         command, alarm = None, None
         if binding.system is not None:
             linear = self.prefixed(binding.system.command.linear, "'linear'", REAL)
@@ -175,10 +179,11 @@ class _Work:
         given = types[formula.places[0]] if formula.place else formula.type(types, where)
         return Reading(formula, given, tuple(sources), constants, where)
 
-    def writer(self, injection: Injection | None, type_: str, where: str) -> Writer:
-        """Return what makes the tester's messages of a known type."""
+    def writer(self, injection: Injection | None, type_: str, where: str, request: str = "") -> Writer:
+        """Return what makes the tester's messages of a known type; a response may speak of its request."""
         if injection is None:
             return Writer(type_, self.types, where)
+        asked, each = self.asked(injection, request, where) if request else ({}, None)
         base: list[tuple[Access, object]] = []
         trial = self.types.create(type_)
         for steps, node in _leaves(injection.base, ()):
@@ -193,8 +198,32 @@ class _Work:
                 self.add(node.line, "message-value", rule)
             base.append((access, value))
         pairs = ((self.place(place, type_, where, formula.line), formula) for place, formula in injection.set)
-        fit = tuple((access, formula) for access, formula in pairs if access and self.fits(access, formula, where))
-        return Writer(type_, self.types, where, tuple(base), fit)
+        seen = {
+            name: Type(access.type.name, rank=access.type.rank - access.place.is_each) for name, access in asked.items()
+        }
+        fit = tuple(
+            (access, formula) for access, formula in pairs if access and self.fits(access, formula, where, seen)
+        )
+        return Writer(type_, self.types, where, tuple(base), fit, tuple(asked.items()), each)
+
+    def asked(self, injection: Injection, request: str, where: str) -> tuple[dict[str, Access], Access | None]:
+        """Return where in a request the names lie that speak of it, and the list that is counted."""
+        found: dict[str, Access] = {}
+        each = None if injection.each is None else self.place(injection.each, request, where, injection.line)
+        listed = () if injection.each is None else injection.each.steps
+        for _, formula in injection.set:
+            for place in formula.places:
+                if place.steps[0] not in ASKED or str(place) == "item.index":
+                    continue
+                if place.steps[0] == "item" and not listed:
+                    rule = f"{where}: an item must be of a list, but {str(place)!r} stands without 'for each'"
+                    self.add(formula.line, "binding-inject", rule, "add e.g. for each: reqs")
+                    continue
+                front = (*listed, EVERY) if place.steps[0] == "item" else ()
+                access = self.place(Place((*front, *place.steps[1:]), place.lens), request, where, formula.line)
+                if access is not None:
+                    found[str(place)] = access
+        return found, each
 
     def place(self, place: Place, type_: str, where: str, line: int) -> Access | None:
         try:
@@ -203,16 +232,18 @@ class _Work:
             self.add(line, error.slug, error.rule, error.remedy)
             return None
 
-    def fits(self, access: Access, formula: Formula, where: str) -> bool:
-        """Whether the value of a formula over constants and numbers can be put at a place."""
+    def fits(self, access: Access, formula: Formula, where: str, seen: Mapping[str, Type]) -> bool:
+        """Whether the value of a formula over constants, numbers and what is seen can be put at a place."""
         known, place = self.constants, access.place
-        types = {p: _TYPE_OF[type(known[str(p)])] if str(p) in known else REAL for p in formula.places}
+        types = {
+            p: _TYPE_OF[type(known[str(p)])] if str(p) in known else seen.get(str(p), REAL) for p in formula.places
+        }
         try:
             given = formula.type(types, f"{str(place)!r} of {where}")
         except BadModel as error:
             self.add(formula.line, error.slug, error.rule, error.remedy)
             return False
-        wanted = Type(access.type.name) if place.is_each else access.type
+        wanted = Type(access.type.name, rank=access.type.rank - place.is_each)
         if accepts(wanted, given) or {wanted, given} == {INT, REAL}:
             return True
         rule = f"a formula must fit its field, but {place} is {access.slot} and {str(formula)!r} is {given}"

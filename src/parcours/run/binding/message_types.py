@@ -6,13 +6,15 @@ imported: who has it gives a function from the name of a type to its class.
 
 from __future__ import annotations
 
+import io
 import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
+from typing import Any
 
-from parcours.errors import BadRequest
+from parcours.errors import BadRequest, HostFailure
 from parcours.model.expression import BOOL, INT, REAL, TEXT, Type
 
 _SLOT = re.compile(
@@ -87,23 +89,43 @@ def limits(item: str) -> tuple[int, int] | None:
     return _INTEGERS.get(item)
 
 
+def ros1_bytes(message: Any) -> bytes:
+    """Return the bytes of a message of ROS 1, whose generated classes know how."""
+    buffer = io.BytesIO()
+    message.serialize(buffer)
+    return buffer.getvalue()
+
+
+def ros1_message(kind: Any, data: bytes) -> object:
+    """Return the message of ROS 1 that the bytes are."""
+    made: object = kind()
+    made.deserialize(data)  # type: ignore[attr-defined]
+    return made
+
+
 class MessageTypes:
     """What is known of message classes, looked up once each.
 
     Args:
         find: from a type such as `geometry_msgs/Twist` to its class, or None if there is none. Halves of a service are
             asked for as `nav_msgs/GetPlanRequest` and `nav_msgs/GetPlanResponse`.
+        pack: from a message to its bytes.
+        unpack: from a class and bytes to the message; it may raise anything.
     """
 
-    def __init__(self, find: Callable[[str], type | None]) -> None:
-        self._find = find
-        self._classes: dict[str, type | None] = {}
+    def __init__(self, find: Callable[[str], type | None], pack: Callable[[object], bytes] = ros1_bytes,
+                 unpack: Callable[[type, bytes], object] = ros1_message) -> None:  # fmt: skip
+        self._find, self._pack, self._unpack = find, pack, unpack
+        self._classes: dict[str, type] = {}
         self._fields: dict[str, Mapping[str, Slot]] = {}
 
     def class_of(self, name: str) -> type | None:
         """Return the class of a type, or None."""
         if name not in self._classes:
-            self._classes[name] = self._find(name)
+            found = self._find(name)
+            if found is None:
+                return None  # it may become known yet
+            self._classes[name] = found
         return self._classes[name]
 
     def fields(self, name: str) -> Mapping[str, Slot] | None:
@@ -124,6 +146,25 @@ class MessageTypes:
             raise KeyError(name)
         made: object = kind()
         return made
+
+    def packed(self, message: object) -> bytes:
+        """Return the bytes of a message. Raises HostFailure if a field holds what cannot be written."""
+        try:
+            return self._pack(message)
+        except Exception as error:  # whatever the generated code raises
+            rule = f"a message's fields must hold what their types say, but: {error}"
+            raise HostFailure(type(message).__name__, rule, slug="message-value") from error
+
+    def unpacked(self, name: str, data: bytes) -> object:
+        """Return the message of a known type that the bytes are; raises whatever the generated code raises."""
+        kind = self.class_of(name)
+        if kind is None:
+            raise KeyError(name)
+        return self.unpacked_as(kind, data)
+
+    def unpacked_as(self, kind: type, data: bytes) -> object:
+        """Return the message of a class that the bytes are; raises whatever the generated code raises."""
+        return self._unpack(kind, data)
 
 
 def _fields_of(kind: type) -> dict[str, str]:

@@ -14,6 +14,9 @@ BEGINS, ENDS = "the case begins", "the case ends"
 STOPPED, CONTINUED = "stopped by the tester", "continued by the tester"
 """Notes in a trace between which a component was kept from doing anything; nothing is owed meanwhile."""
 
+MADE = "made by the tester"
+"""The text of what the tester sends in the place of others: what cannot be read of it is no sender's fault."""
+
 STALLED = "the machine stood still for [ns] "
 """How the note begins that says for how long, from then on, an ordinary process was not let run."""
 
@@ -41,6 +44,7 @@ class Call:
     client: str
     reply: Callable[[bytes | None], None] | None
     is_over: bool = False
+    request: bytes = b""
 
 
 @dataclass(eq=False, slots=True)

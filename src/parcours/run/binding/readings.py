@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import cast
 
 from parcours.errors import HostFailure
 from parcours.model.expression import Type
@@ -50,13 +51,19 @@ class Reading:
 
 @dataclass(frozen=True, slots=True)
 class Writer:
-    """Makes messages of one type: all 0 or empty, but for some places with values, then some set to formulas."""
+    """Makes messages of one type: all 0 or empty, but for some places with values, then some set to formulas.
+
+    Of a response `asked` are the names that speak of its request, with where they are in it; `each` is the list whose
+    items are counted.
+    """
 
     type: str
     types: MessageTypes
     where: str
     base: tuple[tuple[Access, object], ...] = ()
     set: tuple[tuple[Access, Formula], ...] = ()
+    asked: tuple[tuple[str, Access], ...] = ()
+    each: Access | None = None
 
     def message(self, values: Mapping[str, object], items: Sequence[Mapping[str, object]] = ()) -> object:
         """Return a new message.
@@ -77,6 +84,21 @@ class Writer:
             for index, more in enumerate(rounds):
                 access.write(made, self._value(formula, values, more), index)
         return made
+
+    def of_request(self, request: object) -> tuple[dict[str, object], list[dict[str, object]]]:
+        """Return the values that a request gives to names, and those of each item of its list.
+
+        Raises HostFailure if it has too few items for an index.
+        """
+        values = {name: access.read(request) for name, access in self.asked if not access.place.is_each}
+        if self.each is None:
+            return values, []
+        listed = {name: access.read(request) for name, access in self.asked if access.place.is_each}
+        n = len(cast(Sequence[object], self.each.read(request)))
+        return values, [
+            {"item.index": k, **{name: cast(Sequence[object], found)[k] for name, found in listed.items()}}
+            for k in range(n)
+        ]
 
     def _value(self, formula: Formula, values: Mapping[str, object], more: Mapping[str, object]) -> object:
         found: dict[Place, object] = {}

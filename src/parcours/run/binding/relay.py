@@ -11,9 +11,10 @@ from __future__ import annotations
 import itertools
 from collections import Counter
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 
 from parcours.model.structure import ENVIRONMENT
-from parcours.run.binding.passing import Call, Ends, Message
+from parcours.run.binding.passing import MADE, Call, Ends, Message
 from parcours.run.binding.slots import Slot, SlotPlan, Spoke
 from parcours.run.binding.structure import Binding
 from parcours.run.faults import FaultPlan
@@ -32,7 +33,7 @@ class Relay:
         binding: whose channels.
         slot_plan: who is there.
         ends: lets bytes go on.
-        kinds: channel -> (type, md5, definition) of its messages, for recordings; asked for at each message.
+        kinds: channel -> an empty message of its type, for recordings; asked for at each message.
         now: the time since the run began [ns].
         faults: of messages.
         listener: called with each event as soon as it has happened, payload included.
@@ -43,7 +44,7 @@ class Relay:
     """
 
     def __init__(
-        self, binding: Binding, slot_plan: SlotPlan, ends: Ends, kinds: Callable[[str], tuple[str, str, str]],
+        self, binding: Binding, slot_plan: SlotPlan, ends: Ends, kinds: Callable[[str], Raw],
         now: Callable[[], int], faults: FaultPlan | None = None,
         listener: Callable[[TraceEvent], None] = lambda event: None,
     ) -> None:  # fmt: skip
@@ -86,7 +87,7 @@ class Relay:
         if self._closed:
             reply(None)
             return
-        call = Call(spoke.address, spoke.slot, reply)
+        call = Call(spoke.address, spoke.slot, reply, request=data)
         self.calls.append(call)
         if spoke.channels[0]:
             self.arrived(self._message(spoke.channels[0], spoke.slot, data, call))
@@ -220,7 +221,7 @@ class Relay:
         """Write what happened to a message into the trace."""
         payload = self._payload(message)
         if data is not None and data is not message.data:
-            payload = Raw(payload.type, payload.md5, payload.definition, data)
+            payload = replace(payload, content=data)
         when = message.time if kind == "send" else self._now()
         self._tell(TraceEvent(when, kind, component, transition, message.channel, message.number, text, payload))
 
@@ -241,14 +242,14 @@ class Relay:
 
     def _message(self, channel: str, slot: str, data: bytes, call: Call | None = None) -> Message:
         message = Message(next(self._numbers), channel, slot, self._name(channel, slot, 0), data, self._now(), call)
-        self.record("send", message.sender, message)
+        self.record("send", message.sender, message, "" if slot else MADE)
         return message
 
     def _payload(self, message: Message) -> Raw:
         if message.number not in self._raw:
             if len(self._raw) > 4096:
                 self._raw.clear()
-            self._raw[message.number] = Raw(*self._kinds(message.channel), message.data)
+            self._raw[message.number] = replace(self._kinds(message.channel), content=message.data)
         return self._raw[message.number]
 
     def _name(self, channel: str, slot: str, end: int) -> str:

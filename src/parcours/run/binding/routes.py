@@ -8,13 +8,13 @@ to several nodes, they are moved, too, to `/parcours/in/<node>/...`, so that eac
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from typing import Literal
 
 from parcours.model.finding import Finding
 from parcours.model.structure import ENVIRONMENT
-from parcours.run.binding.structure import Binding, BoundChannel, Part, Process
+from parcours.run.binding.structure import Binding, BoundChannel, Part, Process, Transport
 
 Access = Literal["relay", "observe", "inject", "collect"]
 """relay: between two nodes, by way of the tester. observe: between nodes, overheard. inject: from the tester to a node.
@@ -58,8 +58,12 @@ def remappings(binding: Binding, absent: Collection[str] = ()) -> dict[str, tupl
 
 def arguments(binding: Binding, process: str, absent: Collection[str] = ()) -> tuple[str, ...]:
     """Return what is appended to the command of a process, in the form of the binding's transport."""
-    pairs = remappings(binding, absent).get(process, ())
-    if binding.transport == "ros1":
+    return remapping_words(binding.transport, remappings(binding, absent).get(process, ()))
+
+
+def remapping_words(transport: Transport, pairs: Iterable[tuple[str, str]]) -> tuple[str, ...]:
+    """Return the arguments that remap (address, name instead) for a node of a transport."""
+    if transport == "ros1":
         return tuple(f"{address}:={name}" for address, name in pairs)
     remaps = tuple(part for address, name in pairs for part in ("-r", f"{address}:={name}"))
     return ("--ros-args", *remaps) if remaps else ()

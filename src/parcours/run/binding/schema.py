@@ -98,7 +98,7 @@ class PartReader(QuantityReader):
             "components": (self.identifiers, (name,)), "command": (self.words, ()), "running": (self.boolean, False),
             "env": (self.pairs(self.text, self.label), ()), "cwd": (self.path, self.here),
             "remap": (self.boolean, None), "ros_node": (self.address, ""), "ready": (self.conditions, ()),
-            "timeout": (self.duration, 4.0), "stop": (self.duration, 2.0),
+            "timeout": (self.duration, parts.START), "after": (self.identifiers, ()), "stop": (self.duration, 2.0),
             "restart": (self.choice("every-case", "when-dead"), "every-case"),
         }  # fmt: skip
         said = self.section(node, what, table)
@@ -149,6 +149,7 @@ class PartReader(QuantityReader):
             table["service"] = self.address, ""
             table["part"] = self.choice("request", "response"), ""
             table["timeout"] = self.duration, 2.0
+            table["answer"] = self.choice("tester", "node"), "tester"
         if role == "between":
             table |= {"from": (self.identifier, ""), "to": (self.identifier, "")}
         said = self.section(node, what, table, ("type", "from", "to") if role == "between" else ("type",))
@@ -169,8 +170,10 @@ class PartReader(QuantityReader):
 
     def injection(self, node: Node, what: str) -> parts.Injection:
         """Return how the tester makes messages of a channel."""
-        said = self.section(node, what, {"base": (self.base, None), "set": (self.places, ())})
-        return parts.Injection(line=node.line, **said)
+        said = self.section(
+            node, what, {"base": (self.base, None), "set": (self.places, ()), "for each": (self.place, None)}
+        )
+        return parts.Injection(said["base"], said["set"], said["for each"], node.line)
 
     def base(self, node: Node, what: str) -> Mapping | None:
         """Return the tree that a message is made of."""
@@ -178,6 +181,10 @@ class PartReader(QuantityReader):
             return node
         self.add(node, "kind", f"{what} must be a mapping, but is {shown(node)}")
         return None
+
+    def place(self, node: Node, what: str) -> Place | None:
+        """Return a place, or None if it is none."""
+        return self.parsed(node, what, parse_place, None)
 
     def places(self, node: Node, what: str) -> tuple[tuple[Place, Formula], ...]:
         """Return places, each with the formula that it is set to."""

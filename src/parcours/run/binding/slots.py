@@ -6,14 +6,17 @@ reference of an abstract case, each behind names of its own: any message can be 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
 from parcours.errors import HostFailure
 from parcours.model.structure import ENVIRONMENT
-from parcours.run.binding.routes import INTO, OUT, remappings, routes
-from parcours.run.binding.structure import Binding, BoundChannel, Process
+from parcours.run.binding.routes import INTO, OUT, remapping_words, remappings, routes
+from parcours.run.binding.structure import Binding, BoundChannel, Process, Transport
+
+BESIDE = "beside"
+"""Stands for the number of a reference in the names of a node that is run beside an abstract case."""
 
 Side = Literal["out", "into"]
 """out: where the tester hears a node, or serves it. into: where it speaks to a node, or calls it."""
@@ -37,11 +40,13 @@ class Slot:
     ros_node: str = ""
     remap: tuple[tuple[str, str], ...] = ()
 
-    @property
-    def arguments(self) -> tuple[str, ...]:
-        """What is appended to the command of a ROS 1 node."""
-        renamed = (f"__name:={self.ros_node[1:]}",) if self.ros_node != self.node.ros_node else ()
-        return (*renamed, *(f"{address}:={name}" for address, name in self.remap))
+    def arguments(self, transport: Transport) -> tuple[str, ...]:
+        """Return what is appended to the command of its node, which may be one of several in its process on ROS 2."""
+        if self.ros_node == self.node.ros_node:
+            return remapping_words(transport, self.remap)
+        own, instead = self.node.ros_node.rpartition("/")[2], self.ros_node.rpartition("/")[2]
+        key = "__name" if transport == "ros1" else f"{own}:__node" if own else "__node"
+        return remapping_words(transport, ((key, instead), *self.remap))
 
     def component(self, name: str) -> str:
         """Return how a component that runs here is called in a trace."""
@@ -140,6 +145,9 @@ def apart(binding: Binding, references: Mapping[int, str]) -> SlotPlan:
             raise HostFailure(f"node {node.name}", f"{rule}, but {why}", slug="foreign-instances")
         own = node.ros_node or f"/{node.name.lower()}"
         slots.append(_seated(binding, node, f"{node.name}#{number}", number, "" if is_first else own, spokes))
+    for node in dict.fromkeys(_asked_beside(binding) if slots else ()):
+        own = node.ros_node or f"/{node.name.lower()}"
+        slots.append(_seated(binding, node, node.name, None, own if node.name in taken else "", spokes))
     if not slots:
         rule = "needs at least one component that a node runs, but has none"
         raise HostFailure("abstract case", rule, "add the node to the binding", slug="foreign-instances")
@@ -148,8 +156,18 @@ def apart(binding: Binding, references: Mapping[int, str]) -> SlotPlan:
     return SlotPlan(tuple(slots), tuple(spokes.found.values()), absent)
 
 
-def _seated(binding: Binding, node: Process, name: str, number: int, renamed: str, spokes: _Spokes) -> Slot:
-    ros_node = f"{renamed}_{number}" if renamed else node.ros_node
+def _asked_beside(binding: Binding) -> Iterator[Process]:
+    """Yield the nodes that answer what is no part of a case; only one that can be run once more is one."""
+    for channel in binding.channels:
+        if channel.answer == "node" and channel.part == "request":
+            node = binding.process_of(binding.model.channel(channel.name).receiver)
+            if node is not None and node.is_ours and node.remap:
+                yield node
+
+
+def _seated(binding: Binding, node: Process, name: str, number: int | None, renamed: str, spokes: _Spokes) -> Slot:
+    tag = BESIDE if number is None else str(number)
+    ros_node = f"{renamed}_{tag}" if renamed else node.ros_node
     remap: set[tuple[str, str]] = set()
     for channel in binding.channels:
         if channel.role in ("provide", "observe") or channel.observe:
@@ -164,7 +182,7 @@ def _seated(binding: Binding, node: Process, name: str, number: int, renamed: st
             if not is_mine:
                 continue
             prefix = OUT if side == "out" else INTO
-            address = f"{prefix}/{node.name}_{number}{channel.address}" if node.remap else given or channel.address
+            address = f"{prefix}/{node.name}_{tag}{channel.address}" if node.remap else given or channel.address
             spokes.add(channel, name, side, address)
             if node.remap:
                 key = channel.address

@@ -24,6 +24,10 @@ Value: TypeAlias = "bool | int | float | str | tuple[Value, ...] | tuple[tuple[s
 Constant: TypeAlias = "bool | int | float | str"
 
 
+START = 20.0
+"""How long a node that says nothing else may take to start [s]; a graph that lacks something is complete earlier."""
+
+
 @dataclass(frozen=True, slots=True)
 class Ready:
     """What must be seen before a node counts as started, and for how long it is waited for [s].
@@ -35,7 +39,7 @@ class Ready:
     kind: Literal["bound", "topic", "service", "node", "parameter", "message", "after"]
     name: str = ""
     value: Constant = True
-    timeout: float = 4.0
+    timeout: float = START
     line: int = field(default=0, compare=False)
 
 
@@ -44,8 +48,8 @@ class Process:
     """An operating-system process (an entry of `nodes`) that runs one or more components of the model.
 
     An empty `command` is a node that the user starts. `ros_node` is the name under which the graph knows it. `remap`
-    tells whether it obeys remapping arguments that are appended to its command. It is asked to stop, and ended after
-    `stop` [s].
+    tells whether it obeys remapping arguments that are appended to its command. It is started when the nodes `after`
+    are ready, asked to stop, and ended after `stop` [s].
     """
 
     name: str
@@ -56,6 +60,7 @@ class Process:
     remap: bool = True
     ros_node: str = ""
     ready: tuple[Ready, ...] = ()
+    after: tuple[str, ...] = ()
     restart: Literal["when-dead", "every-case"] = "every-case"
     stop: float = 2.0
     line: int = field(default=0, compare=False)
@@ -68,10 +73,14 @@ class Process:
 
 @dataclass(frozen=True, slots=True)
 class Injection:
-    """How a message of the tester is made: a base (plain data, as a tree with lines), then places set to formulas."""
+    """How a message of the tester is made: a base (plain data, as a tree with lines), then places set to formulas.
+
+    A place of a response with `[*]` is set once for each item of the list `each` of its request.
+    """
 
     base: Tree | None = None
     set: tuple[tuple[Place, Formula], ...] = ()
+    each: Place | None = None
     line: int = field(default=0, compare=False)
 
 
@@ -94,6 +103,7 @@ class BoundChannel:
         quiescence: after how long without a message it counts as silent [s].
         timeout: how long a service may take [s].
         inject: how the tester makes its messages.
+        answer: who answers calls of a service that are no part of an abstract case: the tester, or a node run for it.
         ends: the nodes that send and receive it, for role `between` only.
     """
 
@@ -111,6 +121,7 @@ class BoundChannel:
     quiescence: float = 0.5
     timeout: float = 2.0
     inject: Injection | None = None
+    answer: Literal["tester", "node"] = "tester"
     ends: tuple[str, str] = ("", "")
     line: int = field(default=0, compare=False)
 

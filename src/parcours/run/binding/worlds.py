@@ -19,6 +19,9 @@ GOAL_NAMES = ("goal.x", "goal.y", "goal.heading", "start.x", "start.y", "start.h
 EACH_NAMES = tuple(f"obstacle.{name}" for name in ("x", "y", "heading", "v", "w", "vx", "vy", "radius", "index"))
 """One obstacle, in places with `[*]`, and on the channels of `each`."""
 
+ASKED = ("request", "item")
+"""What names of a response's `inject` start with that speak of its request, and of one item of its list `for each`."""
+
 WORLD_NAMES = ("time", "wall_time", "obstacles", *ROBOT_NAMES, *ODOM_NAMES, *GOAL_NAMES)
 """Every name but those of one obstacle. `time` is since the case began, `wall_time` since 1970, `obstacles` how many
 there are."""

@@ -21,6 +21,9 @@ from typing import NoReturn
 from parcours.errors import HostFailure
 
 _NEW_USER, _NEW_NETWORK = 0x10000000, 0x40000000  # clone(2)
+_ALONE = {"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET", "FASTDDS_BUILTIN_TRANSPORTS": "UDPv4"}
+"""What ROS 2 is told there: loopback is all there is, and shared memory would be shared with other networks."""
+
 _SET_FLAGS = 0x8914  # SIOCSIFFLAGS, netdevice(7)
 _UP_AND_RUNNING = 0x1 | 0x40
 
@@ -53,6 +56,7 @@ def enter_own_network() -> None:
         )
         _refuse(rule, remedy)
     _raise_loopback()
+    os.environ.update(_ALONE)
 
 
 def _unshare(flags: int) -> int:

@@ -19,7 +19,7 @@ from rosbags.typesys.msg import normalize_msgtype
 
 from parcours.errors import BadResults
 from parcours.run.recording.source import CutOff, Source, damaged
-from parcours.run.recording.topic import BAG_MAGIC, CHUNK, Message, Topic, Writer
+from parcours.run.recording.topic import BAG_MAGIC, CHUNK, Message, Topic, Writer, no_bag
 
 _BILLION = 1_000_000_000
 
@@ -37,6 +37,8 @@ class BagWriter(Writer):
         self._writer.open()
 
     def _declared(self, topic: Topic) -> Connection:
+        if topic.encoding != "ros1":
+            raise no_bag(self._where)
         if "/" not in topic.type:
             raise damaged(self._where, f"the type {topic.type[:60]!r} names no package")
         return self._writer.add_connection(

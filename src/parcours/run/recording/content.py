@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 from parcours.run.recording.layout import Entry, Layout, flat_md5
-from parcours.run.recording.topic import Topic
+from parcours.run.recording.topic import Raw, Topic
 
 FORMAT = "recording/1"
 
@@ -61,9 +61,9 @@ class Names:
         kind = _free("parcours/" + "".join(word[0].upper() + word[1:] for word in words), "", self._types)
         return Topic(name, kind, flat_md5(definition), definition)
 
-    def raw(self, channel: str, kind: str, md5: str, definition: str) -> Topic:
-        """Return a topic for the channel's messages of a foreign type."""
-        return Topic(self._name(channel), kind, md5, definition)
+    def raw(self, channel: str, one: Raw) -> Topic:
+        """Return a topic for the channel's messages of a foreign type, that of one of them."""
+        return Topic(self._name(channel), one.type, one.md5, one.definition, encoding=one.encoding)
 
     def _name(self, channel: str) -> str:
         plain = re.sub(r"[^A-Za-z0-9_/]+|/(?![A-Za-z])", "_", channel.strip("/"))

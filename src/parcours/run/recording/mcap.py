@@ -1,8 +1,8 @@
-"""Writes and reads messages of ROS 1 types in MCAP files, by the library `mcap`."""
+"""Writes and reads messages of ROS types in MCAP files, by the library `mcap`."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from typing import Any, BinaryIO
 
@@ -14,7 +14,12 @@ from mcap.writer import Writer as LibraryWriter
 
 from parcours.errors import BadResults
 from parcours.run.recording.source import CutOff, Source, damaged
-from parcours.run.recording.topic import CHUNK, Message, Topic, Writer
+from parcours.run.recording.topic import CHUNK, Encoding, Message, Topic, Writer
+
+_OWN = "parcours_md5sum"
+"""What the channel of a message says that Parcours packs as ROS 1, and that was changed to CDR."""
+
+Change = Callable[[bytes], bytes]
 
 
 class McapWriter(Writer):
@@ -22,20 +27,29 @@ class McapWriter(Writer):
 
     latest = 1 << 63
 
-    def __init__(self, file: BinaryIO, where: str) -> None:
+    def __init__(self, file: BinaryIO, where: str, encoding: Encoding) -> None:
         super().__init__(file, where)
+        self._encoding = encoding
         self._writer: Any = LibraryWriter(file, chunk_size=CHUNK, compression=CompressionType.NONE)
-        self._writer.start("ros1", "parcours")
+        self._writer.start("ros1" if encoding == "ros1" else "ros2", "parcours")
 
-    def _declared(self, topic: Topic) -> int:
+    def _declared(self, topic: Topic) -> tuple[int, Change | None]:
+        # Readers of ROS 2 take files of one encoding only: what Parcours packs as ROS 1 is changed for them.
+        is_changed = topic.encoding == "ros1" and self._encoding == "cdr"
+        name, known = topic.type, {"md5sum": topic.md5, "latching": str(int(topic.latched))}
+        encoding: Encoding = "cdr" if is_changed else topic.encoding
+        if encoding == "cdr":
+            known = {_OWN: topic.md5} if is_changed else {}
+            known["offered_qos_profiles"] = ""
+            name = name.replace("/", "/msg/") if is_changed else name
+        change = _change(topic.definition, name, to_cdr=True) if is_changed else None
         definition = topic.definition.encode(errors="backslashreplace")
-        schema = self._writer.register_schema(_valid(topic.type), "ros1msg", definition)
-        known = {"md5sum": topic.md5, "latching": str(int(topic.latched))}
-        channel: int = self._writer.register_channel(topic.name, "ros1", schema, known)
-        return channel
+        schema = self._writer.register_schema(_valid(name), "ros1msg" if encoding == "ros1" else "ros2msg", definition)
+        return self._writer.register_channel(topic.name, encoding, schema, known), change
 
-    def _add(self, known: int, time: int, content: bytes) -> None:
-        self._writer.add_message(known, time, content, time)
+    def _add(self, known: tuple[int, Change | None], time: int, content: bytes) -> None:
+        channel, change = known
+        self._writer.add_message(channel, time, content if change is None else change(content), time)
 
     def _end_chunk(self) -> None:
         self._writer.flush()
@@ -50,6 +64,16 @@ class McapWriter(Writer):
         self._file.close()
 
 
+def _change(definition: str, name: str, *, to_cdr: bool) -> Change:
+    """Return what changes messages of a definition from the encoding of ROS 1 to CDR, or back."""
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+    store = get_typestore(Stores.EMPTY)
+    store.register(get_types_from_msg(definition, name))
+    convert = store.ros1_to_cdr if to_cdr else store.cdr_to_ros1
+    return lambda content: bytes(convert(content, name))
+
+
 def _valid(text: str) -> str:
     """Return the text as UTF-8 can hold it."""
     return text.encode(errors="backslashreplace").decode()
@@ -60,17 +84,22 @@ def mcap_messages(source: Source) -> Iterator[Message]:
     stream: Any = source
     schemas: dict[int, Schema] = {}
     topics: dict[int, Topic] = {}
+    changes: dict[int, Change] = {}
     try:
         for outer in StreamReader(stream, emit_chunks=True, record_size_limit=None).records:
             for record in _inside(outer, source) if isinstance(outer, Chunk) else (outer,):
                 if isinstance(record, McapMessage):
                     if record.channel_id not in topics:
                         raise damaged(source.where, f"channel {record.channel_id} has messages but was never declared")
-                    yield topics[record.channel_id], record.log_time, record.data
+                    topic, change = topics[record.channel_id], changes.get(record.channel_id)
+                    yield topic, record.log_time, change(record.data) if change else record.data
                 elif isinstance(record, Schema):
                     schemas[record.id] = record
                 elif isinstance(record, Channel):
-                    topics[record.id] = _topic(record, schemas.get(record.schema_id), source.where)
+                    schema = schemas.get(record.schema_id)
+                    topics[record.id] = _topic(record, schema, source.where)
+                    if schema is not None and _OWN in record.metadata:
+                        changes[record.id] = _change(schema.data.decode(), schema.name, to_cdr=False)
     except (BadResults, CutOff):
         raise
     except Exception as error:  # the library raises many things at a file that lies
@@ -86,11 +115,15 @@ def _inside(chunk: Chunk, source: Source) -> list[McapRecord]:
 
 
 def _topic(channel: Channel, schema: Schema | None, where: str) -> Topic:
-    if schema is None or channel.message_encoding != "ros1":
+    if schema is None or channel.message_encoding not in ("ros1", "cdr"):
         given = f"those of {channel.topic[:60]!r} are not (encoding {channel.message_encoding[:20]!r})"
-        rule = f"messages are of ROS 1 types that the file defines, but {given}"
+        rule = f"messages are of ROS types that the file defines, but {given}"
         raise BadResults(where, rule, "name a recording that Parcours wrote", slug="recording-encoding")
     definition, known = schema.data.decode(), channel.metadata
+    if _OWN in known:
+        return Topic(channel.topic, schema.name.replace("/msg/", "/"), known[_OWN], definition)
+    if channel.message_encoding == "cdr":
+        return Topic(channel.topic, schema.name, "", definition, encoding="cdr")
     md5 = known.get("md5sum") or md5_of(definition, schema.name)
     return Topic(channel.topic, schema.name, md5, definition, known.get("latching") == "1")
 

@@ -18,7 +18,7 @@ from parcours.run.noise import Noise
 from parcours.run.port import Reported
 from parcours.run.recording.content import BEGIN, END, EVENT, EVENTS, FORMAT, RUN, TEXT, Names
 from parcours.run.recording.layout import Codec, Layout
-from parcours.run.recording.topic import Format, Raw, Topic, format_of, open_writer
+from parcours.run.recording.topic import Encoding, Format, Raw, Topic, format_of, open_writer
 from parcours.run.trace import Trace, TraceEvent, told
 
 _REMEMBERED = 1024
@@ -39,6 +39,7 @@ class Recorder:
         clock, host, case: as in a Trace.
         begin: when the run started [ns since the epoch].
         about: what else is to be known: seed, versions, study.
+        encoding: of the whole file; `cdr` for messages of ROS 2, in MCAP only.
 
     Raises:
         BadRequest: the file cannot be written, or is named otherwise.
@@ -64,6 +65,7 @@ class Recorder:
         case: str = "",
         begin: int = BEGIN,
         about: Mapping[str, str] | None = None,
+        encoding: Encoding = "ros1",
     ) -> None:
         form = format_of(path)
         self._path = path
@@ -73,7 +75,7 @@ class Recorder:
         with self._writing():
             self._file = path.open("wb")
             try:
-                self._stream = _Stream(self._file, form, str(path), codec, begin)
+                self._stream = _Stream(self._file, form, str(path), codec, begin, encoding)
                 self._stream.begin(clock, host, case, about or {})
             except BaseException:
                 with contextlib.suppress(OSError):
@@ -130,8 +132,9 @@ class Recorder:
 class _Stream:
     """Events into messages of one file."""
 
-    def __init__(self, file: BinaryIO, form: Format, where: str, codec: Codec | None, begin: int) -> None:
-        self.writer = open_writer(form, file, where)
+    def __init__(self, file: BinaryIO, form: Format, where: str, codec: Codec | None, begin: int,
+                 encoding: Encoding = "ros1") -> None:  # fmt: skip
+        self.writer = open_writer(form, file, where, encoding)
         self._codec, self._begin = codec, begin
         self._names = Names()
         self._flat: dict[str, tuple[Topic, Layout] | None] = {}
@@ -192,7 +195,7 @@ class _Stream:
     def _raw_topic(self, channel: str, payload: Raw) -> Topic:
         key = channel, payload.type, payload.md5
         if key not in self._raw:
-            self._raw[key] = self._names.raw(channel, payload.type, payload.md5, payload.definition)
+            self._raw[key] = self._names.raw(channel, payload)
         return self._raw[key]
 
     def _flat_topic(self, channel: str) -> tuple[Topic, Layout] | None:

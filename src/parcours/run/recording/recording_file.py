@@ -247,7 +247,7 @@ class _Gathered:
 
     def _restored(self, topic: Topic, content: bytes, channel: str, raw: bool, codec: Codec | None) -> object:
         if raw:
-            return Raw(topic.type, topic.md5, topic.definition, content)
+            return Raw(topic.type, topic.md5, topic.definition, content, topic.encoding)
         if codec is None:
             return None
         layout = self._layouts.get((channel, topic.name))

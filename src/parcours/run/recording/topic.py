@@ -12,6 +12,7 @@ from parcours.errors import BadRequest
 from parcours.run.recording.source import Source
 
 Format = Literal["mcap", "bag"]
+Encoding = Literal["ros1", "cdr"]
 
 CHUNK = 1 << 19
 """A chunk is written to the file as soon as it holds this much [bytes]."""
@@ -29,10 +30,11 @@ class Topic:
 
     Attributes:
         name: e.g. /obstacles.
-        type: ROS 1 name of the messages' type, e.g. nav_msgs/Odometry.
-        md5: of the definition, as ROS computes it; 32 hexadecimal digits.
+        type: ROS name of the messages' type, e.g. nav_msgs/Odometry, or nav_msgs/msg/Odometry of ROS 2.
+        md5: of the definition, as ROS 1 computes it, 32 hexadecimal digits; empty on ROS 2.
         definition: the whole text, with the definitions of the types it uses as ROS appends them.
         latched: its last message is shown to late subscribers.
+        encoding: how its messages are serialised: by ROS 1, or as CDR by ROS 2.
     """
 
     name: str
@@ -40,14 +42,15 @@ class Topic:
     md5: str
     definition: str
     latched: bool = False
+    encoding: Encoding = "ros1"
 
 
 @dataclass(frozen=True, slots=True)
 class Raw:
-    """A message of a type that Parcours does not know, serialised by ROS 1: recorded and read as it is.
+    """A message of a type that Parcours does not know, serialised by ROS: recorded and read as it is.
 
     Attributes:
-        type, md5, definition: as in Topic.
+        type, md5, definition, encoding: as in Topic.
         content: the serialised message.
     """
 
@@ -55,6 +58,7 @@ class Raw:
     md5: str
     definition: str
     content: bytes
+    encoding: Encoding = "ros1"
 
 
 Message = tuple[Topic, int, bytes]
@@ -120,15 +124,27 @@ class Writer(ABC):
     def _end_chunk(self) -> None: ...
 
 
-def open_writer(form: Format, file: BinaryIO, where: str) -> Writer:
-    """Return what writes a recording to an empty file."""
+def open_writer(form: Format, file: BinaryIO, where: str, encoding: Encoding = "ros1") -> Writer:
+    """Return what writes a recording to an empty file; Parcours' own messages, too, in the encoding given.
+
+    Raises:
+        BadRequest: a bag holds messages of ROS 1 only.
+    """
     if form == "mcap":  # imported here: most runs are not recorded, and the libraries cost a tenth of a second each
         from parcours.run.recording.mcap import McapWriter
 
-        return McapWriter(file, where)
+        return McapWriter(file, where, encoding)
+    if encoding != "ros1":
+        raise no_bag(where)
     from parcours.run.recording.bag import BagWriter
 
     return BagWriter(file, where)
+
+
+def no_bag(where: str) -> BadRequest:
+    """Return the complaint that messages of ROS 2 cannot be written to a bag of ROS 1."""
+    rule = "a ROS 1 bag holds messages of ROS 1, but these are of ROS 2"
+    return BadRequest(where, rule, "record MCAP", slug="recording-encoding")
 
 
 def messages(source: Source, form: Format) -> Iterator[Message]:

@@ -142,6 +142,8 @@ def _quantile(ordered: NDArray[np.int64], bound: Bound, noise: Noise | None, wor
         share = ALLOWANCE * (1.0 - bound.quantile)
         charged = worth.ranks(n, bound.quantile - share, bound.error / 2)[0]
         margin = int(ordered[charged - 1]) - last - 1 if charged else -1
+        if charged and ordered[charged - 1] == NEVER:  # noise delays, but it does not keep a repeat from ending
+            return _said(Verdict.FAIL, said, noise)
         return _too_noisy(said, margin, share, bound, noise, worth) or _said(Verdict.FAIL, said, noise)
     draws, spells = worth.draws(n), round(misses / worth.spell)
     needed = max(bound.repeats, worth.needed(repeats_needed(bound.quantile, bound.error, max(spells, min(misses, 1)))))

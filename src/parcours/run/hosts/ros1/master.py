@@ -15,10 +15,10 @@ from typing import NoReturn
 from urllib.parse import urlsplit
 
 from parcours.errors import HostFailure
+from parcours.run.hosts.foreign.process import KeptProcess
 from parcours.run.hosts.interfaces import TESTER
 from parcours.run.hosts.ros1 import interpreter_with
 from parcours.run.hosts.ros1.graph import LOOPBACK, ask
-from parcours.run.hosts.ros1.process import KeptProcess
 
 _POLL = 0.01
 _PATIENCE = 2.0

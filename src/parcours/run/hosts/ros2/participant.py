@@ -10,6 +10,7 @@ from __future__ import annotations
 import binascii
 import contextlib
 import os
+import sys
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -18,6 +19,8 @@ from typing import Any
 import msgspec
 
 from parcours.errors import HostFailure
+from parcours.run.binding.graph import Quality
+from parcours.run.binding.message_types import MessageTypes
 from parcours.run.hosts.graph_line import Answered, Reply
 from parcours.run.hosts.ros2.cdr import read, writer
 
@@ -51,14 +54,12 @@ class Participant:
     def __init__(self, name: str, domain: int | None = None) -> None:
         for variable, value in _SETTINGS.items():
             os.environ.setdefault(variable, value)
-        try:
-            import rclpy
-            from rclpy.context import Context
-            from rclpy.node import Node
-            from rclpy.signals import SignalHandlerOptions
-        except ImportError as error:
-            rule, remedy = f"needs rclpy, but: {error}", "run it in your ROS 2 distribution's environment"
-            raise HostFailure("ROS 2 host", rule, remedy, slug="ros2-missing") from error
+        require_rclpy()
+        import rclpy
+        from rclpy.context import Context
+        from rclpy.node import Node
+        from rclpy.signals import SignalHandlerOptions
+
         number = _checked(os.environ.get("ROS_DOMAIN_ID") or 0 if domain is None else domain)
         self.domain = number
         self._context: Any = Context()
@@ -138,6 +139,25 @@ class Participant:
 
         self._add("service", server, take)
 
+    def serve_any(self, kind: Any, service: str, asked: Callable[[bytes, Reply], None], types: MessageTypes) -> None:
+        """Call `asked` with the bytes of each request of a service of any type; who is refused hears nothing."""
+        server = self.node.create_service(kind, service, lambda request, answer: answer, qos_profile=_quality())
+
+        def take() -> bool:
+            request, header = server.handle.service_take_request(kind.Request)
+            if header is None:
+                return False
+
+            def reply(data: bytes | None) -> None:
+                if data is not None:
+                    with contextlib.suppress(Exception):  # bytes that were spoilt on purpose are no answer
+                        server.send_response(types.unpacked_as(kind.Response, data), header)
+
+            asked(types.packed(request), reply)
+            return True
+
+        self._add("service", server, take)
+
     def call(self, service: str, kind: str = "") -> Caller:
         """Return what calls a service."""
         from diagnostic_msgs.srv import AddDiagnostics
@@ -169,6 +189,12 @@ class Participant:
         self._takers[kind].append((entity.handle, take))
         self._set = None
 
+    def forget(self, client: Any) -> None:
+        """Ask no more."""
+        self._takers["client"] = [one for one in self._takers["client"] if one[0] is not client.handle]
+        self._set = None
+        self.node.destroy_client(client)
+
     def spin(self, until: int | None) -> bool:
         """Hear what has arrived, or what arrives before the monotonic clock shows `until` [ns], if not None.
 
@@ -183,6 +209,9 @@ class Participant:
                 return False
 
     def _hear(self, left: int) -> bool:
+        if not any(self._takers.values()):  # rcl refuses to wait for nothing
+            time.sleep(left * 1e-9)
+            return False
         waiting = self._ready_set()
         waiting.wait(left)
         heard = False
@@ -282,6 +311,35 @@ def _checked(domain: int | str) -> int:
         pass
     rule = f"domains are numbered 0 to {_LAST_DOMAIN}, but {domain!r} was given"
     raise HostFailure("ROS 2 host", rule, "set ROS_DOMAIN_ID", slug="ros2-domain")
+
+
+def require_rclpy() -> None:
+    """Raise HostFailure if rclpy cannot be imported."""
+    try:
+        import rclpy.node  # noqa: F401
+    except ImportError as error:
+        where = f"ROS 2 module {error.name or 'rclpy'!r}"
+        rule = f"must be importable, but {sys.executable} does not find it: {error}"
+        remedy = (
+            "install ros-DISTRO-rclpy and ros-DISTRO-common-interfaces (Ubuntu), source /opt/ros/DISTRO/setup.bash, "
+            "and use an interpreter that sees Parcours, too; docs/ros2.md tells of wheels"
+        )
+        raise HostFailure(where, rule, remedy, slug="ros2-missing") from error
+
+
+def matched_quality(quality: Quality, depth: int) -> Any:
+    """Return what rclpy calls a quality."""
+    from rclpy.duration import Duration
+    from rclpy.qos import DurabilityPolicy, HistoryPolicy, LivelinessPolicy, QoSProfile, ReliabilityPolicy
+
+    times = {"deadline": quality.deadline, "liveliness_lease_duration": quality.lease}
+    return QoSProfile(
+        depth=depth, history=HistoryPolicy.KEEP_LAST,
+        reliability=ReliabilityPolicy.RELIABLE if quality.reliable else ReliabilityPolicy.BEST_EFFORT,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL if quality.latched else DurabilityPolicy.VOLATILE,
+        liveliness=LivelinessPolicy.MANUAL_BY_TOPIC if quality.manual else LivelinessPolicy.AUTOMATIC,
+        **{name: Duration(nanoseconds=time) for name, time in times.items() if time is not None},
+    )  # fmt: skip
 
 
 def _quality() -> Any:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -20,6 +21,17 @@ _KEEPER = str(Path(__file__).with_name("process_keeper.py"))
 _TAIL = 5
 _LONGEST_TAIL = 4096
 _ANSWER = 5.0
+_STEERING = re.compile(r"\x1b(?:\[[0-?]*[ -/]*[@-~]|\][^\x07\x1b]*(?:\x07|\x1b\\)|[@-Z\\-_])")
+"""Escape sequences of terminals (ECMA-48)."""
+
+
+def plain_text(line: str) -> str:
+    """Return a line without what only steers a terminal, such as colours.
+
+    >>> plain_text("\\x1b[31m[ERROR] no map\\x1b[0m\\r")
+    '[ERROR] no map'
+    """
+    return "".join(sign for sign in _STEERING.sub("", line) if sign.isprintable()).strip()
 
 
 class KeptProcess:
@@ -112,28 +124,33 @@ class KeptProcess:
             return False
         return all(state.rpartition(")")[2].split()[0] in "Tt" for state in states)
 
-    def worked(self) -> float:
-        """Return how much processor time it has used, itself, not what it has started [s]; 0 if it is gone."""
+    def worked(self) -> tuple[float, bool]:
+        """Return its processor time, itself, not what it has started [s], and whether it wants more or a disk now."""
         try:
             fields = Path(f"/proc/{self.pid}/stat").read_text().rpartition(")")[2].split()
         except OSError:
-            return 0.0
-        return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+            return 0.0, False
+        return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK"), fields[0] in "RD"
 
-    def how(self) -> str:
-        """Return how it ended, in words, with the last lines that it has said."""
+    def how(self, began: int | None = None) -> str:
+        """Return how it ended, in words, with the last lines that it has said.
+
+        Args:
+            began: since when its end is told [ns of the monotonic clock].
+        """
         if self.status is None:
             return "lives"
         said = self.tail()
-        return f"{ending(self.status)}; " + (f"its last lines: {' | '.join(said)}" if said else "it said nothing")
+        when = "" if began is None else f" at {max(self.ended - began, 0) * 1e-9:.3f} s"
+        return f"{ending(self.status)}{when}; " + (f"its last lines: {' | '.join(said)}" if said else "it said nothing")
 
     def tail(self) -> list[str]:
         """Return the last lines of its output since it was started."""
         with contextlib.suppress(OSError), self.log.open("rb") as output:
             end = output.seek(0, os.SEEK_END)
             output.seek(max(self._begin, end - _LONGEST_TAIL))
-            lines = output.read().decode(errors="replace").splitlines()
-            return [line.strip()[:300] for line in lines if line.strip()][-_TAIL:]
+            lines = [plain_text(line)[:300] for line in output.read().decode(errors="replace").splitlines()]
+            return [line for line in lines if line][-_TAIL:]
         return []
 
     def ask_to_end(self) -> None:

@@ -17,10 +17,10 @@ from parcours.run.binding.relay import Relay
 from parcours.run.binding.slots import Slot, SlotPlan
 from parcours.run.faults import FaultPlan
 from parcours.run.faults.effects import Signal, signals
+from parcours.run.hosts.foreign.host import ForeignHost
+from parcours.run.hosts.foreign.process import KeptProcess
+from parcours.run.hosts.foreign.readiness import Readiness
 from parcours.run.hosts.realtime import DIED
-from parcours.run.hosts.ros1.foreign import ForeignHost
-from parcours.run.hosts.ros1.foreign_ready import Readiness
-from parcours.run.hosts.ros1.process import KeptProcess
 from parcours.run.noise import Noise
 from parcours.run.trace import Trace, TraceEvent
 
@@ -33,9 +33,6 @@ _SETTLED = 100_000_000
 
 _BEAT, _STALL = 10_000_000, 20_000_000
 """How often to look whether the machine lets processes run, and the delay from which on that is noted [ns]."""
-
-_QUICK = 0.2
-"""How long a process that runs for one abstract case may take to end [s]."""
 
 _PING = 0.3
 """How often to ask a node that was not started here whether it lives [s]."""
@@ -91,13 +88,15 @@ class Session:
                 missing.
             BadRequest: the binding does not fit types that only now are known.
         """
-        self.host.refusals.clear()
-        self.host.middle.spin(0)
+        self.host.graph.spin(0)
         self.host.attach(self.slot_plan, self.relay.heard, self.relay.asked)
         self._listen_to_machine()
-        self.host.start(list(self.slot_plan.slots))
         self.readiness = Readiness(self.host, self.slot_plan, self.relay, self.now)
-        while not self.readiness.looks():
+        self.host.stop([name for name, (_, process) in self.host.running.items() if not process.is_alive])
+        while not self.readiness.looks() or self.readiness.startable():
+            if fresh := self.readiness.startable():
+                self.host.start(fresh)
+                self.readiness.begin(fresh)
             self.poll(self.now() + _STEP)
             self._must_live()
         until = self.now() + _SETTLED
@@ -121,7 +120,7 @@ class Session:
                                             stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)  # fmt: skip
         finally:
             os.close(other)
-        self.host.middle.watch(self._line, self._hear_beats)
+        self.host.graph.watch(self._line, self._hear_beats)
 
     def _hear_beats(self) -> None:
         *lines, self._beats = (self._beats + os.read(self._line, 65_536)).split(b"\n")
@@ -142,11 +141,14 @@ class Session:
     def poll(self, until: int) -> None:
         """Relay what comes until the time [ns since the run began], or until something has come."""
         self.relay.agenda.do_what_is_due()
+        if self.host.has_waiting_calls:
+            self.host.ask_again()
+            until = min(until, self.now() + _STEP)
         due = self.relay.agenda.next_due
         looked = self.now()
-        if not self.host.middle.spin(0):
+        if not self.host.graph.spin(0):
             self.drained = looked
-            self.host.middle.spin(self.zero + (until if due is None else min(until, due)))
+            self.host.graph.spin(self.zero + (until if due is None else min(until, due)))
         self.horizon = min(self.drained, self._beat)
         self.relay.agenda.do_what_is_due()
         self._see_deaths()
@@ -161,10 +163,11 @@ class Session:
             return
         for slot, process in self._processes():
             if not process.is_alive:
-                self._bury(slot, process.how(), process.ended - self.zero)
+                self._bury(slot, process.how(self.zero + self.case_began), process.ended - self.zero)
         for name, when in list(self._lost.items()):
             slot = cast(Slot, self.slot_plan.slot(name))
-            self._bury(slot, f"{slot.ros_node} does not answer any more", when)
+            since = f" since {max(when - self.case_began, 0) * 1e-9:.3f} s"
+            self._bury(slot, f"{slot.ros_node} does not answer any more{since}", when)
 
     def _bury(self, slot: Slot, how: str, when: int) -> None:
         for component in slot.node.components:
@@ -182,14 +185,14 @@ class Session:
             silent: dict[str, int] = {}
             while not self._over.wait(_PING):
                 for slot in others:
-                    if self.host.master.answers(slot.ros_node):
+                    if self.host.graph.answers(slot.ros_node):
                         silent.pop(slot.name, None)
                     elif slot.name in silent:
                         self._lost.setdefault(slot.name, silent[slot.name])
                     else:
                         silent[slot.name] = self.now()
 
-        self._pinging = threading.Thread(target=ping, daemon=True, name="ros1-ping")
+        self._pinging = threading.Thread(target=ping, daemon=True, name="foreign-ping")
         self._pinging.start()
 
     def hold(self, slot: Slot) -> bool:
@@ -221,7 +224,7 @@ class Session:
         self._over.set()
         self.relay.close()
         if self._canary is not None:
-            self.host.middle.unwatch(self._line)
+            self.host.graph.unwatch(self._line)
             self._canary.kill()
             self._canary.wait()
             os.close(self._line)
@@ -235,11 +238,11 @@ class Session:
             self.host.running[name][1].act("continue")
         is_apart = any(slot.reference is not None for slot in self.slot_plan.slots)
         going = [slot.name for slot in self.slot_plan.slots if slot.name not in stay]
-        self.host.stop(going, _QUICK if is_apart or self.case_began < 0 else float("inf"))
+        self.host.stop(going, self.host.graph.ending if is_apart or self.case_began < 0 else float("inf"))
         if self._pinging is not None:
             self._pinging.join()
 
     def trace(self, case: str, noise: Noise | None = None) -> Trace:
         """Return what has happened, payloads as raw messages."""
         events = sorted(self.relay.events, key=lambda event: event.time)
-        return Trace("wall", tuple(events), "ros1, foreign", case, noise)
+        return Trace("wall", tuple(events), f"{self.host.graph.label}, foreign", case, noise)

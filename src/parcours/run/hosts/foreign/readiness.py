@@ -1,0 +1,154 @@
+"""Waits until the processes of a slot plan are ready, or says what is missing, with its line."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+
+from parcours.errors import HostFailure
+from parcours.model.finding import Finding
+from parcours.run.binding import structure
+from parcours.run.binding.graph import Graph, graph_findings
+from parcours.run.binding.relay import Relay
+from parcours.run.binding.slots import Slot, SlotPlan
+from parcours.run.binding.structure import Ready
+from parcours.run.hosts.foreign.host import ForeignHost
+
+_EARLIEST, _LOOK, _SAME = 1_500_000_000, 200_000_000, 1_000_000_000
+"""A graph that has not changed for `_SAME` counts as complete; when, and how often, it is looked at [ns]."""
+
+_AT_WORK = 0.15
+"""Nodes that still load what they need use more of a processor than this; complete ones mostly wait."""
+
+
+class Readiness:
+    """What is still waited for, of the slots that have been started."""
+
+    def __init__(self, host: ForeignHost, slot_plan: SlotPlan, relay: Relay, now: Callable[[], int]) -> None:
+        self._host, self._seating, self._relay, self._now = host, slot_plan, relay, now
+        self._began: dict[str, int] = {}
+        self._waiting: dict[str, list[Ready]] = {}
+        self._looked, self._changed, self._state, self._worked = 0, 0, Graph(), 0.0
+
+    def begin(self, slots: Iterable[Slot]) -> None:
+        """Wait for these, too, from now on."""
+        self._changed = self._now()
+        for slot in slots:
+            self._began[slot.name], self._waiting[slot.name] = self._now(), list(slot.node.ready)
+
+    def startable(self) -> list[Slot]:
+        """Return the slots that are not started, whose predecessors are ready."""
+        done = {slot.node.name for slot in self._seating.slots} - {
+            slot.node.name for slot in self._seating.slots if self._waiting.get(slot.name, [1])
+        }
+        there = {slot.node.name for slot in self._seating.slots}
+        return [
+            slot for slot in self._seating.slots
+            if slot.name not in self._began and set(slot.node.after) & there <= done
+        ]  # fmt: skip
+
+    def looks(self) -> bool:
+        """Return whether all is there of what has been started.
+
+        Raises HostFailure if something is not, in its time, or will not be; the message lists what is missing.
+        """
+        begun = [slot for slot in self._seating.slots if slot.name in self._began]
+        for slot in begun:
+            self._waiting[slot.name] = [one for one in self._waiting[slot.name] if not self._holds(slot, one)]
+        if not any(self._waiting.values()):
+            twice = [one for one in self.findings() if one.rule == "node-twice"]
+            if twice and len(begun) == len(self._seating.slots):
+                raise HostFailure(twice[0].where, twice[0].message, twice[0].remedy, slug=twice[0].rule)
+            return True
+        now = self._now()
+        late = [
+            (slot, one) for slot in begun for one in self._waiting[slot.name]
+            if now - self._began[slot.name] > one.timeout * 1e9
+        ]  # fmt: skip
+        if late or self._has_settled(begun):
+            raise self.complaint(late)
+        return False
+
+    def _has_settled(self, begun: list[Slot]) -> bool:
+        """Whether nodes that have the usual time to start have registered what they will, and something is missing."""
+        now = self._now()
+        if now - max(self._began.values()) < _EARLIEST or now - self._looked < _LOOK:
+            return False
+        elapsed, self._looked = now - self._looked, now
+        if len(begun) < len(self._seating.slots) or any(
+            one.kind != "bound" or one.timeout != structure.START for slot in begun for one in slot.node.ready
+        ):
+            return False
+        state, works = self._host.graph.state(), [process.worked() for _, process in self._host.running.values()]
+        worked = sum(time for time, _ in works)
+        is_busy = any(wants for _, wants in works) or worked - self._worked > _AT_WORK * elapsed * 1e-9
+        known = {
+            who
+            for table in (state.publishers, state.subscribers, state.servers)
+            for all_ in table.values()
+            for who in all_
+        }
+        are_there = all(slot.ros_node in known for slot in begun if slot.ros_node)
+        if state != self._state or is_busy or not are_there:  # one may not even be discovered
+            self._changed = now
+        self._state, self._worked = state, worked
+        return now - self._changed > _SAME and bool(self.findings())
+
+    def _holds(self, slot: Slot, one: Ready) -> bool:
+        host = self._host
+        match one.kind:
+            case "bound":
+                spokes = [spoke for spoke in self._seating.spokes if spoke.slot == slot.name]
+                if (
+                    any(call.client == slot.name for call in self._relay.calls)
+                    and self._now() - self._began[slot.name] > _EARLIEST
+                ):
+                    return True  # it waits for an answer before it goes on
+                return all(host.is_connected(spoke, slot.ros_node) for spoke in spokes)
+            case "after":
+                return self._now() - self._began[slot.name] >= float(one.value) * 1e9
+            case "parameter":
+                return bool(host.graph.parameter(one.name) == one.value)
+            case "node":
+                return host.graph.answers(one.name)
+            case "message":
+                return any(one.name == host.binding.channel(event.channel).address for event in self._relay.events
+                           if event.kind == "send")  # fmt: skip
+        state = host.graph.state()
+        tables = (state.servers,) if one.kind == "service" else (state.publishers, state.subscribers)
+        return any(table.get(one.name) for table in tables)
+
+    def complaint(self, late: list[tuple[Slot, Ready]]) -> HostFailure:
+        """Return what is missing by now; `late` is what has not come in its time."""
+        where = self._host.binding.source or self._host.binding.name
+        absent = [(slot, one) for slot, one in late if slot.ros_node and not self._host.graph.answers(slot.ros_node)]
+        found = self.findings()
+        if found and not absent:
+            if len(found) == 1:
+                return HostFailure(found[0].where, found[0].message, found[0].remedy, slug=found[0].rule)
+            listed = "".join(f"\n  {one}" for one in found) + "\n "
+            rule = f"the running system must have what is bound, but {len(found)} things are wrong:{listed}"
+            return HostFailure(where, rule, "correct them from the first on", slug=found[0].rule)
+        named = absent or late
+        names = ", ".join(dict.fromkeys(f"{slot.name} ({_said(one)})" for slot, one in named))
+        slot, one = named[0]
+        process = self._host.running.get(slot.name)
+        said = process[1].tail() if process else []
+        why = "; ".join(self._host.graph.refusals[:3]) or (
+            f"its last lines: {' | '.join(said)}" if said else "it says nothing"
+        )
+        if absent:
+            lives = f"; its process lives and has worked for {process[1].worked()[0]:.1f} s" if process else ""
+            why = f"the graph knows no {slot.ros_node}{lives}; {why}"
+        rule = f"must be ready within {one.timeout:g} s, but is not: {why}"
+        remedy = "give it a longer 'timeout' if it starts slowly; see 'ready' and 'ros_node'"
+        return HostFailure(f"{where}:{one.line}: node {names}", rule, remedy, slug="foreign-ready")
+
+    def findings(self) -> list[Finding]:
+        """Return what the graph lacks, or has with another type, by now."""
+        binding = self._host.binding
+        services = {one.address for one in self._seating.spokes} | {one.address for one in binding.channels}
+        return graph_findings(binding, self._host.graph.state(services), self._seating)
+
+
+def _said(one: Ready) -> str:
+    return "all that is bound to it" if one.kind == "bound" else f"{one.kind} {one.name or one.value}"

@@ -1,0 +1,493 @@
+"""The tester on the graph of a foreign ROS 2 system (`hosts.foreign.graph`).
+
+Every run gets a participant of its own: what a killed process has left behind is known to older ones for as long as its
+lease. Ends of topics are made as soon as the other end is discovered, since their quality (QoS) is matched to it.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import select
+import time
+from collections import Counter
+from collections.abc import Callable, Collection, Iterable, Mapping
+from typing import Any
+
+from parcours.errors import BadRequest, HostFailure, one_of
+from parcours.run.binding import Binding, Graph
+from parcours.run.binding.graph import Quality
+from parcours.run.binding.passing import Answered
+from parcours.run.binding.slots import Slot
+from parcours.run.binding.structure import Value
+from parcours.run.hosts.graph_line import Reply
+from parcours.run.hosts.interfaces import TESTER
+from parcours.run.hosts.ros2.foreign_types import Ros2Types
+from parcours.run.hosts.ros2.participant import Participant, matched_quality
+from parcours.run.hosts.ros2.transport import claim
+from parcours.run.hosts.scheduling import real_time
+from parcours.run.recording import Raw
+
+_DEPTH = 1000
+"""How many messages wait for the tester; the depth of the other end is not told by a graph."""
+
+_LOOK = 10_000_000
+"""How often to look for the other ends that are not there yet [ns]."""
+
+_PIECE = 5_000_000
+"""The longest wait in one piece [ns]: in between, descriptors are looked at."""
+
+_ANSWER = 1.0
+"""How long a node may take to answer a question about its parameters [s]."""
+
+
+def _full_name(name: str, namespace: str) -> str:
+    return f"{namespace.rstrip('/')}/{name}"
+
+
+def _short(type_: str) -> str:
+    package, _, name = type_.partition("/")
+    return f"{package}/{name.rpartition('/')[2]}"
+
+
+def _nanoseconds(duration: Any) -> int | None:
+    value = int(duration.nanoseconds)
+    return None if value <= 0 or value >= (1 << 63) - 1_000_000_000 else value
+
+
+def _quality(profile: Any) -> Quality:
+    from rclpy.qos import DurabilityPolicy, LivelinessPolicy, ReliabilityPolicy
+
+    return Quality(
+        profile.reliability != ReliabilityPolicy.BEST_EFFORT, profile.durability == DurabilityPolicy.TRANSIENT_LOCAL,
+        _nanoseconds(profile.deadline), profile.liveliness == LivelinessPolicy.MANUAL_BY_TOPIC,
+        _nanoseconds(profile.liveliness_lease_duration),
+    )  # fmt: skip
+
+
+class _End:
+    """The tester's end of a topic; it is made when the other end is known."""
+
+    def __init__(self, graph: Ros2Graph, topic: str, type_: str) -> None:
+        self._graph, self.topic, self.type = graph, topic, type_
+        self._made: Any = None
+
+    def looks(self) -> bool:
+        """Make the end if it can be made by now; return whether it is there."""
+        if self._made is None:
+            self._made = self._make()
+        return self._made is not None
+
+    def _make(self) -> Any:
+        raise NotImplementedError
+
+    def _theirs(self) -> list[Any]:
+        raise NotImplementedError
+
+    def _matched(self) -> int:
+        raise NotImplementedError
+
+    def _fitting(self) -> list[Any]:
+        return [one for one in self._theirs() if _short(one.topic_type) == self.type]
+
+    @property
+    def peers(self) -> set[str]:
+        """The nodes at the other end, once all of them are connected."""
+        if not self.looks():
+            return set()
+        theirs = self._fitting()
+        return (
+            {_full_name(one.node_name, one.node_namespace) for one in theirs}
+            if 0 < len(theirs) <= self._matched()
+            else set()
+        )
+
+
+class _Listener(_End):
+    """A topic that is heard, in the quality that its publishers offer."""
+
+    def __init__(self, graph: Ros2Graph, topic: str, type_: str, heard: Callable[[bytes], None]) -> None:
+        super().__init__(graph, topic, type_)
+        self._heard = heard
+
+    def _theirs(self) -> list[Any]:
+        return self._graph.published(self.topic)
+
+    def _make(self) -> Any:
+        theirs = [_quality(one.qos_profile) for one in self._fitting()]
+        if not theirs:
+            return None
+        weakest = Quality(all(one.reliable for one in theirs), all(one.latched for one in theirs))
+        kind = self._graph.known.find(self.type)
+        return self._graph.participant.overhear(kind, self.topic, self._heard, matched_quality(weakest, _DEPTH))
+
+    def _matched(self) -> int:
+        return int(self._made.speakers)
+
+
+class _Speaker(_End):
+    """A topic that is published: as the sender offers it whose messages are passed on, else as it is requested."""
+
+    def __init__(self, graph: Ros2Graph, topic: str, type_: str, queue: int, latch: bool, like: str) -> None:
+        super().__init__(graph, topic, type_)
+        self._queue, self._latch, self._like = queue, latch, like
+        self._last: bytes | None = None
+
+    def _theirs(self) -> list[Any]:
+        return self._graph.subscribed(self.topic)
+
+    def _make(self) -> Any:
+        theirs = self._fitting()
+        models = self._graph.published(self._like) if self._like else []
+        if not theirs or (self._like and not models):
+            return None
+        quality = _quality(models[0].qos_profile) if models else _strictest(_quality(one.qos_profile) for one in theirs)
+        if self._latch:
+            quality = Quality(quality.reliable, True, quality.deadline, quality.manual, quality.lease)
+        depth = self._queue if quality.latched else max(self._queue, _DEPTH)
+        kind = self._graph.known.find(self.type)
+        made = self._graph.participant.node.create_publisher(kind, self.topic, matched_quality(quality, depth))
+        if self._last is not None:
+            made.publish(self._last)
+        return made
+
+    def _matched(self) -> int:
+        return int(self._made.get_subscription_count())
+
+    @property
+    def peers(self) -> set[str]:
+        """The same; while the sender whose messages are passed on is not there, who will hear them."""
+        if self._like and not self.looks() and not self._graph.published(self._like):
+            return {_full_name(one.node_name, one.node_namespace) for one in self._fitting()}
+        return super().peers
+
+    def send(self, data: bytes) -> int:
+        """Publish; a latched message waits for its first reader."""
+        if self.looks():
+            self._made.publish(data)
+        elif self._latch:
+            self._last = data
+        return 0
+
+    def close(self) -> None:
+        """Publish no longer."""
+        if self._made is not None:
+            self._graph.participant.node.destroy_publisher(self._made)
+
+
+def _strictest(requested: Iterable[Quality]) -> Quality:
+    """Return what satisfies all requests. What is offered reliably reaches those, too, who do not ask for that."""
+    every = list(requested)
+    deadlines, leases = ([getattr(one, name) for one in every if getattr(one, name)] for name in ("deadline", "lease"))
+    return Quality(True, any(one.latched for one in every), min(deadlines, default=None),
+                   any(one.manual for one in every), min(leases, default=None))  # fmt: skip
+
+
+class _Caller:
+    """A client of a service; answers that come late go nowhere."""
+
+    def __init__(self, graph: Ros2Graph, service: str, kind: Any) -> None:
+        self._graph, self._kind = graph, kind
+        self._waiting: dict[int, Answered] = {}
+        self._client = graph.participant.inquire(kind, service, self._answer)
+
+    def _answer(self, number: int, response: Any) -> None:
+        answered = self._waiting.pop(number, None)
+        if answered is not None:
+            answered(self._graph.types.packed(response), "")
+
+    @property
+    def is_matched(self) -> bool:
+        """Whether the server is there."""
+        return bool(self._client.service_is_ready())
+
+    def ask(self, data: bytes, answered: Answered) -> None:
+        """Call; `answered` gets the response, or None and why there is none."""
+        try:
+            request = self._graph.types.unpacked_as(self._kind.Request, data)
+        except Exception as error:  # spoilt on purpose, or by its sender
+            answered(None, f"the request cannot be read: {error}")
+            return
+        self._waiting[self._client.handle.send_request(request)] = answered
+
+    def abandon(self, answered: Answered) -> None:
+        """Wait no longer for a response."""
+        for number in [number for number, one in self._waiting.items() if one is answered]:
+            del self._waiting[number]
+
+
+class Ros2Graph:
+    """The tester's node on a domain: that of the environment.
+
+    Raises:
+        HostFailure: there is no rclpy, or another tester is on the domain.
+        BadRequest: a parameter belongs to no node of the binding.
+    """
+
+    label = "ros2"
+    ending = 2.0
+    participant: Participant
+
+    def __init__(self, binding: Binding) -> None:
+        self.known = Ros2Types(binding)
+        self.types = self.known.types
+        self.refusals: list[str] = []
+        self.environment: Mapping[str, str] = {}
+        self._binding = binding
+        self._parameters: dict[str, Value] = {}
+        self._ends: dict[str, _End] = {}
+        self._callers: dict[str, _Caller] = {}
+        self._served: set[str] = set()
+        self._looked = 0
+        self._poll = select.poll()
+        self._watched: dict[int, Callable[[], None]] = {}
+        self._closing = contextlib.ExitStack()
+        self._participant: Participant | None = None
+        self._join()
+        self._closing.enter_context(claim(self.participant.domain, TESTER[1:]))
+
+    def _join(self) -> None:
+        with real_time():  # the middleware's threads inherit it
+            self.participant = self._participant = Participant(TESTER[1:])
+        self.environment = {name: os.environ[name] for name in os.environ if name.startswith(("ROS_", "FASTDDS_"))}
+        self.environment = {**self.environment, "ROS_DOMAIN_ID": str(self.participant.domain)}
+
+    def close(self) -> None:
+        """Leave the graph."""
+        if self._participant is not None:
+            self._participant.close()
+            self._participant = None
+        self._closing.close()
+
+    def renew(self) -> None:
+        """Be on the graph anew."""
+        self.refusals.clear()
+        for table in (self._ends, self._callers, self._served):
+            table.clear()
+        self.participant.close()
+        self._join()
+
+    # Ends.
+
+    def publish(self, topic: str, type_: str, *, queue: int, latch: bool, like: str = "") -> _Speaker:
+        """Publish a topic as soon as somebody listens."""
+        end = self._ends.get(topic)
+        if not isinstance(end, _Speaker):
+            end = self._ends[topic] = _Speaker(self, topic, type_, queue, latch, like)
+        return end
+
+    def subscribe(self, topic: str, type_: str, heard: Callable[[bytes], None]) -> _Listener:
+        """Call `heard` with each message of a topic."""
+        end = self._ends[topic] = _Listener(self, topic, type_, heard)
+        return end
+
+    def serve(self, service: str, type_: str, asked: Callable[[bytes, Reply], None]) -> None:
+        """Call `asked` with each request; who is refused hears nothing, since ROS 2 knows no refusal."""
+        if service not in self._served:
+            self._served.add(service)
+            self.participant.serve_any(self._service(type_), service, asked, self.types)
+
+    def call(self, service: str, type_: str) -> _Caller:
+        """Return what calls a service."""
+        if service not in self._callers:
+            self._callers[service] = _Caller(self, service, self._service(type_))
+        return self._callers[service]
+
+    def leave(self, topic: str) -> None:
+        """Publish a topic no longer."""
+        end = self._ends.pop(topic, None)
+        if isinstance(end, _Speaker):
+            end.close()
+
+    def knows_service(self, type_: str) -> bool:
+        """Return whether a service's type is known."""
+        return self.known.service(type_) is not None
+
+    def _service(self, type_: str) -> Any:
+        kind = self.known.service(type_)
+        if kind is None:
+            raise HostFailure(type_, "a service's type must be known, but is not", slug="unknown-message-type")
+        return kind
+
+    # The thread that waits.
+
+    def spin(self, until: int) -> bool:
+        """Hear what arrives before the monotonic clock shows `until` [ns]; return whether anything happened."""
+        while True:
+            self._look()
+            heard = False
+            for descriptor, _ in self._poll.poll(0):
+                if descriptor in self._watched:
+                    self._watched[descriptor]()
+                    heard = True
+            left = until - time.perf_counter_ns()
+            if self.participant.spin(time.perf_counter_ns() + max(0, min(left, 0 if heard else _PIECE))) or heard:
+                return True
+            if left <= 0:
+                return False
+
+    def _look(self) -> None:
+        now = time.perf_counter_ns()
+        if now - self._looked >= _LOOK:
+            self._looked = now
+            for end in list(self._ends.values()):
+                end.looks()
+
+    def watch(self, descriptor: int, ready: Callable[[], None]) -> None:
+        """Call `ready`, in the thread that spins, whenever the descriptor can be read."""
+        self._watched[descriptor] = ready
+        self._poll.register(descriptor, select.POLLIN)
+
+    def unwatch(self, descriptor: int) -> None:
+        """Watch it no longer."""
+        if self._watched.pop(descriptor, None) is not None:
+            self._poll.unregister(descriptor)
+
+    # Who is there.
+
+    def published(self, topic: str) -> list[Any]:
+        """Return who publishes a topic."""
+        return _others(self.participant.node.get_publishers_info_by_topic(topic))
+
+    def subscribed(self, topic: str) -> list[Any]:
+        """Return who subscribes to a topic."""
+        return _others(self.participant.node.get_subscriptions_info_by_topic(topic))
+
+    def _nodes(self) -> list[tuple[str, str]]:
+        return [
+            (str(name), str(space)) for name, space in self.participant.node.get_node_names_and_namespaces()
+            if _full_name(name, space) != TESTER
+        ]  # fmt: skip
+
+    def state(self, services: Collection[str] = ()) -> Graph:
+        """Return who is there without the tester, with the types of everything."""
+        node = self.participant.node
+        types: dict[str, str] = {}
+        publishers: dict[str, list[str]] = {}
+        subscribers: dict[str, list[str]] = {}
+        offered: dict[str, dict[str, Quality]] = {}
+        requested: dict[str, dict[str, Quality]] = {}
+        for topic, _ in node.get_topic_names_and_types():
+            for found, names, qualities in (
+                (self.published(topic), publishers, offered), (self.subscribed(topic), subscribers, requested),
+            ):  # fmt: skip
+                if found:
+                    names[topic] = sorted({_full_name(one.node_name, one.node_namespace) for one in found})
+                    qualities[topic] = {
+                        _full_name(one.node_name, one.node_namespace): _quality(one.qos_profile) for one in found
+                    }
+                    types[topic] = _short(found[0].topic_type)
+        servers: dict[str, list[str]] = {}
+        nodes = self._nodes()
+        for name, space in nodes:
+            with contextlib.suppress(Exception):  # it may have gone meanwhile: rclpy has an error of its own for that
+                for service, kinds in node.get_service_names_and_types_by_node(name, space):
+                    servers.setdefault(service, []).append(_full_name(name, space))
+                    types[service] = _short(kinds[0])
+        counts = Counter(_full_name(*one) for one in nodes)
+        twice = sorted(name for name, count in counts.items() if count > 1)
+        return Graph(publishers, subscribers, servers, types, offered, requested, twice)
+
+    def answers(self, node: str) -> bool:
+        """Return whether a node is on the graph; one that was killed is, until its lease is over."""
+        return self._participant is not None and any(_full_name(*one) == node for one in self._nodes())
+
+    def forget(self, node: str) -> None:
+        """Do nothing: the next run's participant will not hear of it."""
+
+    # Parameters: each belongs to a node, /planner/speed to /planner.
+
+    def declare(self, values: Mapping[str, Value]) -> None:
+        """Note what nodes are started with."""
+        names = sorted({node.ros_node for node in self._binding.nodes if node.ros_node})
+        for key in values:
+            node = key.rpartition("/")[0]
+            if node not in names:
+                rule = f"a parameter must be a node's on ROS 2, but no node of the binding is called {node or '/'}"
+                where = self._binding.source or self._binding.name
+                remedy = one_of(node, names) or "give the node its 'ros_node'"
+                raise BadRequest(f"{where}: parameter {key}", rule, remedy, slug="binding-parameter")
+        self._parameters = dict(values)
+
+    def arguments(self, slot: Slot) -> tuple[str, ...]:
+        """Return a slot's remappings, and the parameters that its node has in the binding."""
+        own = slot.node.ros_node
+        given = [(key.rpartition("/")[2], value) for key, value in self._parameters.items() if _owner(key) == own]
+        words = slot.arguments("ros2")
+        if not given:
+            return words
+        node = slot.ros_node.rpartition("/")[2]
+        settings = tuple(word for name, value in given for word in ("-p", f"{node}:{name}:={_yaml(value)}"))
+        return (*(words or ("--ros-args",)), *settings)
+
+    def parameter(self, key: str) -> Any:
+        """Return the value of a parameter; None if it is not set, or its node does not answer."""
+        from rcl_interfaces.srv import GetParameters
+
+        answer = self._inquired(key, GetParameters, "get_parameters", GetParameters.Request(names=[_name(key)]))
+        return None if answer is None or not answer.values else _plain(answer.values[0])
+
+    def set_parameter(self, key: str, value: Value) -> None:
+        """Set a parameter. Raises HostFailure if its node does not answer, or refuses."""
+        from rcl_interfaces.srv import SetParameters
+        from rclpy.parameter import Parameter
+
+        given = Parameter(_name(key), value=list(value) if isinstance(value, tuple) else value)
+        request = SetParameters.Request(parameters=[given.to_parameter_msg()])
+        answer = self._inquired(key, SetParameters, "set_parameters", request)
+        why = "its node does not answer" if answer is None else answer.results[0].reason or "its node refuses"
+        if answer is None or not answer.results[0].successful:
+            raise HostFailure(f"parameter {key}", f"must be set to {value!r:.60}, but {why}", slug="foreign-step")
+
+    def _inquired(self, key: str, kind: Any, service: str, request: Any) -> Any:
+        """Return a node's answer; None if there is none in time."""
+        answers: list[Any] = []
+        client = self.participant.inquire(
+            kind, f"{_owner(key)}/{service}", lambda number, answer: answers.append(answer)
+        )
+        until, is_sent = time.perf_counter_ns() + int(_ANSWER * 1e9), False
+        try:
+            while not answers and time.perf_counter_ns() < until:
+                if not is_sent and client.service_is_ready():
+                    client.handle.send_request(request)
+                    is_sent = True
+                self.spin(time.perf_counter_ns() + _PIECE)
+        finally:
+            self.participant.forget(client)
+        return answers[0] if answers else None
+
+    def kind(self, type_: str) -> Raw | None:
+        """Return an empty message of a type, as recordings name it."""
+        return self.known.kind(type_)
+
+
+def _others(found: Iterable[Any]) -> list[Any]:
+    return [one for one in found if _full_name(one.node_name, one.node_namespace) != TESTER]
+
+
+def _owner(key: str) -> str:
+    return key.rpartition("/")[0]
+
+
+def _name(key: str) -> str:
+    return key.rpartition("/")[2]
+
+
+def _yaml(value: Value) -> str:
+    """Return a value as a command line gives it to a node.
+
+    >>> _yaml((1.0, 2.0)), _yaml(True), _yaml("map")
+    ('[1.0, 2.0]', 'true', "'map'")
+    """
+    if isinstance(value, tuple):
+        return f"[{', '.join(_yaml(one) for one in value)}]"
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    return f"'{value}'" if isinstance(value, str) else repr(value)
+
+
+def _plain(value: Any) -> Any:
+    from rclpy.parameter import parameter_value_to_python
+
+    found = parameter_value_to_python(value)
+    return list(found) if isinstance(found, list | tuple) or hasattr(found, "tolist") else found

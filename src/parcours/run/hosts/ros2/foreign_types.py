@@ -1,0 +1,115 @@
+"""Finds the classes of installed ROS 2 message and service types, and writes their definitions for recordings."""
+
+from __future__ import annotations
+
+import importlib
+import re
+import sys
+from typing import Any
+
+from parcours.errors import BadRequest
+from parcours.run.binding import Binding, MessageTypes
+from parcours.run.binding.message_types import slot_of
+from parcours.run.hosts.ros2.participant import require_rclpy
+from parcours.run.recording import Raw
+
+_HALVES = ("Request", "Response")
+_WORDS = {"float": "float32", "double": "float64", "boolean": "bool", "octet": "byte"}
+"""Types whose names in generated classes are those of IDL, as .msg files name them."""
+
+_BOUND = re.compile(r"<([0-9]+)>")
+_SEQUENCE = re.compile(r"sequence<(?P<item>.+?)(?:, ?(?P<bound>[0-9]+))?>")
+_DUMMY = "structure_needs_at_least_one_member"
+_SEPARATOR = "=" * 80
+
+
+class Ros2Types:
+    """The types of a foreign system, all of installed packages.
+
+    Raises:
+        HostFailure: there is no rclpy.
+        BadRequest: the binding names files of definitions: on ROS 2 they must be built.
+    """
+
+    def __init__(self, binding: Binding) -> None:
+        require_rclpy()
+        if binding.interfaces:
+            rule = "types of a ROS 2 system must be built and installed, but 'interfaces' names files"
+            remedy = "build their package (colcon build), source it, and delete 'interfaces'"
+            raise BadRequest(binding.source or binding.name, rule, remedy, slug="message-definition")
+        for folder in binding.python_paths:
+            if str(folder.resolve()) not in sys.path:
+                sys.path.append(str(folder.resolve()))
+        importlib.invalidate_caches()
+        from rclpy.serialization import deserialize_message, serialize_message
+
+        self.types = MessageTypes(self.find, serialize_message, lambda kind, data: deserialize_message(data, kind))
+        self._kinds: dict[str, Raw] = {}
+
+    def find(self, name: str) -> Any:
+        """Return the class of a message, or of a service's half such as `nav_msgs/GetPlanRequest`; None if unknown."""
+        found = _imported(name, "msg")
+        for half in _HALVES:
+            if found is None and name.endswith(half):
+                found = getattr(self.service(name.removesuffix(half)), half, None)
+        return found
+
+    def service(self, name: str) -> Any:
+        """Return the class of a service; None if it is unknown."""
+        return _imported(name, "srv")
+
+    def kind(self, name: str) -> Raw | None:
+        """Return an empty message of a type, with its definition; None if the type is unknown."""
+        if name not in self._kinds:
+            found = self.find(name)
+            if found is None:
+                return None
+            package, _, base = name.partition("/")
+            said = f"{package}/msg/{base}"
+            if found.__module__.startswith(f"{package}.srv"):
+                half = next(one for one in _HALVES if base.endswith(one))
+                said = f"{package}/srv/{base.removesuffix(half)}_{half}"
+            self._kinds[name] = Raw(said, "", self._definition(name), b"", "cdr")
+        return self._kinds[name]
+
+    def _definition(self, name: str) -> str:
+        """Return the definition of a type with those of all that it uses, as ROS appends them."""
+        used = {name: ""}
+        text = self._own(name, used)
+        while (missing := next((one for one, body in used.items() if not body and one != name), None)) is not None:
+            used[missing] = self._own(missing, used) or "\n"
+        del used[name]
+        return text + "".join(f"{_SEPARATOR}\nMSG: {one}\n{body}" for one, body in used.items())
+
+    def _own(self, name: str, used: dict[str, str]) -> str:
+        lines = []
+        for field, text in self.find(name).get_fields_and_field_types().items():
+            item = slot_of(text).item
+            if "/" in item:
+                used.setdefault(item, "")
+            if field != _DUMMY:
+                lines.append(f"{_in_words(text)} {field}\n")
+        return "".join(lines)
+
+
+def _in_words(text: str) -> str:
+    """Return the type of a field as .msg files write it.
+
+    >>> [_in_words(text) for text in ("sequence<double, 4>", "float[3]", "string<8>", "sequence<a_msgs/B>")]
+    ['float64[<=4]', 'float32[3]', 'string<=8', 'a_msgs/B[]']
+    """
+    listed = _SEQUENCE.fullmatch(text)
+    if listed:
+        bound = listed["bound"]
+        return _in_words(listed["item"]) + (f"[<={bound}]" if bound else "[]")
+    base, bracket, length = text.partition("[")
+    return _BOUND.sub(r"<=\1", _WORDS.get(base, base)) + bracket + length
+
+
+def _imported(name: str, kind: str) -> Any:
+    """Return the class of an installed type, or None."""
+    package, _, base = name.partition("/")
+    try:
+        return getattr(importlib.import_module(f"{package}.{kind}"), base, None)
+    except ImportError:
+        return None
