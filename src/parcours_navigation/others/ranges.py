@@ -27,7 +27,7 @@ def _refuse(what: str, rule: str, remedy: str = "give a number in that range") -
     raise BadRequest(f"others, {what}", rule, remedy, slug="others-range")
 
 
-def require_points(what: str, points: tuple[Point, ...]) -> None:
+def require_points(what: str, points: object) -> None:
     """Raise BadRequest unless each point is two numbers of at most 1e5 m."""
     if not isinstance(points, tuple):
         _refuse(what, f"it must be a list of points, but is {points!r}", "write [[x, y], ...]")
@@ -38,7 +38,7 @@ def require_points(what: str, points: tuple[Point, ...]) -> None:
             require_within(f"{what}, point {k}, {name}", value, -_FAR, _FAR, "m")
 
 
-def require_box(what: str, box: Box) -> None:
+def require_box(what: str, box: object) -> None:
     """Raise BadRequest unless the box is four numbers in order."""
     if not isinstance(box, tuple) or len(box) != 4:
         _refuse(what, f"it must be x_low, y_low, x_high, y_high, but is {box!r}", "write four numbers")
@@ -49,7 +49,7 @@ def require_box(what: str, box: Box) -> None:
         _refuse(what, rule, "give x_low, y_low, x_high, y_high")
 
 
-def require_ordered(what: str, pair: tuple[float, float], high: float, unit: str, low: float = 0.0) -> None:
+def require_ordered(what: str, pair: object, high: float, unit: str, low: float = 0.0) -> None:
     """Raise BadRequest unless the pair is low <= first <= second <= high."""
     if not isinstance(pair, tuple) or len(pair) != 2:
         _refuse(what, f"it must be two numbers, but is {pair!r}", "write [least, greatest]")

@@ -75,15 +75,16 @@ class World:
         """
         if "/" in where:
             tracks = [one for one in _named(self.root, "tracks") if where.startswith(str(self.folder / one.text))]
-            return [*tracks, *_named(self.root, "map"), self.root][0].line
+            found: list[Node] = [*tracks, *_named(self.root, "map"), self.root]
+            return found[0].line
         at: Node = self.root
         for part in where.split(", "):
             name, _, number = part.partition(" ")
             name = _LISTS.get(name, name)
             for under in (at, _under(at, "ground"), _under(self.root, "sensing")):
-                found = _under(under, name)
-                if found is not None:
-                    at = found
+                below = _under(under, name)
+                if below is not None:
+                    at = below
                     break
             if number.isdecimal() and isinstance(at, Sequence) and 0 < int(number) <= len(at.items):
                 at = at.items[int(number) - 1]

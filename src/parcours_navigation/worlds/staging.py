@@ -186,6 +186,9 @@ def stage(plan: Plan, folder: Path, seed: int, number: int, period: float) -> St
     x, y, heading = land.start
     corners = np.array(body.footprint, np.float64).reshape(-1, 2)
     _require_free(land, corners, body.radius)
+    if abs(task.start_speed) > body.limits.speed:
+        rule = f"it must be within the robot's top speed, {body.limits.speed:g} m/s, but is {task.start_speed:g}"
+        raise BadRequest("task, start_speed", rule, "lower it", slug="world-range")
     closed, entries = others_of(plan, land.area, folder)
     obstacles = _closed(closed, land, body.radius, seed, number)
     taken = [(x, y, body.radius), *((float(one["x0"]), float(one["y0"]), float(one["radius"])) for one in obstacles)]
