@@ -228,24 +228,20 @@ class Host:
 
     def _judge(self, monitor: Monitor, staged: Staged, facts: NDArray[np.void]) -> None:
         """Judge requirements over the way up to now, and take the user's own measures, at the end of a case."""
-        rows, _ = recorded(self._memory)
-        last = np.zeros(rows.shape[1])
-        moving.present(self._memory, last)
+        rows = recorded(self._memory)[0]
+        moving.present(self._memory, last := np.zeros(rows.shape[1]))
         if not staged.scene.plain:
             last[ROW - 1] = ground_gap(self._memory)
         radii = np.ascontiguousarray(staged.scene.obstacles["radius"])
-        goal = (staged.task, *staged.goals)[-1].goal
+        goals, size = tuple(one.goal for one in (staged.task, *staged.goals)), staged.task.robot_radius
         if monitor.program.roots.size:
-            monitor.judge(staged.number, rows, last, radii, staged.task.robot_radius, goal)
+            monitor.judge(staged.number, rows, last, radii, size, goals[-1])
         if monitor.measures:
-            track, places = self.track()
-            goals = tuple(one.goal for one in (staged.task, *staged.goals))
-            run = CaseRun(staged.number, track, places, radii, self.ground_gaps(), staged.task.robot_radius, goals,
-                          facts[0].copy())  # fmt: skip
+            case = staged.number, *self.track(), radii, self.ground_gaps(), size, goals, facts[0].copy()
             try:
-                monitor.measure(run)
+                monitor.measure(CaseRun(*case))
             except Hung:
-                rule = f"it must return within {self._setting.call_timeout:g} s, but did not"
+                rule = "they must return within the call timeout, but one did not"
                 raise BadMeasure("measures", rule, "correct it", slug="measure-raised") from None
 
     def _run_case(self, staged: Staged, seed: int, facts: NDArray[np.void]) -> None:
