@@ -19,7 +19,8 @@ FACTS = np.dtype(
         ("heading", "f8"),  # [rad]
         ("to_goal", "f8"),  # distance to the goal then [m]
         ("t_goal", "i8"),  # goal first reached [ns]
-        ("goal_gap", "f8"),  # clearance a robot on the goal would have when all obstacles rest [m]
+        # clearance a robot on the goal would have when all obstacles rest [m]; -inf: nobody could get there in time
+        ("goal_gap", "f8"),
         ("feasible", "i8"),  # 1 if the planner called its last published trajectory feasible
         ("time_left", "f8"),  # time stamp of that trajectory's last sample [s]
         ("halted", "i8"),  # 1 if the planner signalled imminent collision at the end

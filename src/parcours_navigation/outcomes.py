@@ -82,7 +82,7 @@ class Outcome(IntEnum):
     UNDER_WAY = 2
     """The goal was reached later, with nothing touched on the way: the true remaining time is known."""
     BLOCKED = 3
-    """An obstacle came to rest on the goal: nobody could stand there."""
+    """An obstacle came to rest on the goal: nobody could stand there; or nobody could have got there in time."""
     STUCK = 4
     """Halted at the end, and the robot never moved again while it was watched on."""
     ASTRAY = 5
@@ -151,6 +151,8 @@ def explain(record: np.void) -> str:
     if outcome is Outcome.UNDER_WAY:
         late = seconds["t_goal_after"] - seconds["t_end"]
         return f"under way at {place} when the test ended; the goal was reached {late:.1f} s later"
+    if outcome is Outcome.BLOCKED and record["goal_gap"] == -np.inf:
+        return f"no robot of this size and speed can get to the goal in time; this one ended at {place}"
     if outcome is Outcome.BLOCKED:
         return f"an obstacle rests on the goal ({-record['goal_gap']:.2f} m too near); the robot ended at {place}"
     if outcome is Outcome.STUCK:

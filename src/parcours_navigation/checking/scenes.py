@@ -9,7 +9,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from parcours_navigation.guests.scenario import Scenario
-from parcours_navigation.protocol import HEADING, YAW_RATE, Observation, Task, X, Y
+from parcours_navigation.protocol import HEADING, RADIUS, YAW_RATE, Map, Observation, Scan, Task, X, Y
+from parcours_navigation.sensing.scan import Beams, scan
 
 _SCENARIO = Scenario()
 
@@ -36,6 +37,29 @@ def observation(task: Task, robot: Sequence[float], obstacles: Sequence[Row] = (
     for row, obstacle in zip(rows, obstacles, strict=True):
         row[: len(obstacle)] = obstacle
     return Observation(time, state, rows, task)
+
+
+def sensed(seen: Observation, needs: Sequence[str]) -> Observation:
+    """Return the observation with what a planner needs beside it: a scan, an empty map, a straight way.
+
+    >>> there = sensed(observation(standard_task(), (0.0, 0.0), [(1.0, 0.0)]), ["scan"])
+    >>> round(float(there.scan.ranges[180]), 6), there.map
+    (0.9, None)
+    """
+    x, y, heading = (float(seen.robot[k]) for k in (X, Y, HEADING))
+    if "scan" in needs and seen.scan is None:
+        beams = Beams(360)
+        ranges = np.empty(beams.n)
+        discs = np.ascontiguousarray(seen.obstacles[:, [X, Y, RADIUS]])
+        scan(np.zeros(0), discs, x, y, heading, beams.first, beams.step, beams.reach, ranges)
+        seen.scan = Scan(ranges, beams.first, beams.step, beams.reach)
+    if "map" in needs and seen.map is None:
+        low = np.floor(np.minimum((x, y), seen.task.goal)) - 3.0
+        rows = int(np.ceil(np.abs(np.subtract(seen.task.goal, (x, y))).max()) + 7.0) * 20
+        seen.map = Map(np.zeros((rows, rows), np.uint8), 0.05, (float(low[0]), float(low[1])))
+    if "path" in needs and seen.path is None:
+        seen.path = np.array([(x, y), seen.task.goal])
+    return seen
 
 
 def script(task: Task, n: int = 30) -> list[Observation]:

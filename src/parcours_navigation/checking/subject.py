@@ -14,7 +14,7 @@ import numpy as np
 from parcours.errors import BadRequest
 from parcours_navigation.arena.obstacles import OBSTACLE
 from parcours_navigation.arena.world import NEVER, WORLD, advance, begin
-from parcours_navigation.checking.scenes import observation
+from parcours_navigation.checking.scenes import observation, sensed
 from parcours_navigation.guests.answers import read_answer
 from parcours_navigation.guests.planners import SHIPPED, load_planner, source_digest
 from parcours_navigation.protocol import HEADING, Floats, Observation, Task, X, Y
@@ -48,6 +48,7 @@ class Slot:
         self._observe: Callable[[Observation], object] = observe if callable(observe) else planner  # type: ignore[assignment]
         self._held: Speeds = (0.0, 0.0)
         self._followed: Floats | None = None
+        self._needs = tuple(getattr(planner, "needs", ()))
 
     def reset(self, task: Task) -> None:
         """Begin a case."""
@@ -57,7 +58,7 @@ class Slot:
 
     def answer(self, observation: Observation) -> object:
         """Return the planner's own answer, whatever it is."""
-        return self._observe(observation)
+        return self._observe(sensed(observation, self._needs))
 
     def speeds(self, observation: Observation) -> Speeds:
         """Ask, and return the speeds that the answer means now; a trajectory is followed by the law of campaigns.

@@ -30,6 +30,7 @@ from parcours_navigation.guests.windows import Window
 from parcours_navigation.measures.kernel import measure
 from parcours_navigation.measures.one_case import SAFE_DISTANCE
 from parcours_navigation.protocol import Command, Limits, Map, Observation, Scan, Task
+from parcours_navigation.requirements.own import BadMeasure, CaseRun
 from parcours_navigation.requirements.requirement import Monitor
 from parcours_navigation.sensing.detecting import MOST_FALSE
 from parcours_navigation.stage import moving
@@ -225,16 +226,23 @@ class Host:
             task.goal_tolerance, int(facts["t_goal"][0]), SAFE_DISTANCE, self.ground_gaps(), facts[0]["measures"],
         )  # fmt: skip
 
-    def _judge(self, monitor: Monitor, staged: Staged) -> None:
-        """Judge requirements over the way up to now, at the end of a case."""
-        rows, _ = recorded(self._memory)
-        last = np.zeros(rows.shape[1])
-        moving.present(self._memory, last)
+    def _judge(self, monitor: Monitor, staged: Staged, facts: NDArray[np.void]) -> None:
+        """Judge requirements over the way up to now, and take the user's own measures, at the end of a case."""
+        rows = recorded(self._memory)[0]
+        moving.present(self._memory, last := np.zeros(rows.shape[1]))
         if not staged.scene.plain:
             last[ROW - 1] = ground_gap(self._memory)
         radii = np.ascontiguousarray(staged.scene.obstacles["radius"])
-        goal = (staged.task, *staged.goals)[-1].goal
-        monitor.judge(staged.number, rows, last, radii, staged.task.robot_radius, goal)
+        goals, size = tuple(one.goal for one in (staged.task, *staged.goals)), staged.task.robot_radius
+        if monitor.program.roots.size:
+            monitor.judge(staged.number, rows, last, radii, size, goals[-1])
+        if monitor.measures:
+            case = staged.number, *self.track(), radii, self.ground_gaps(), size, goals, facts[0].copy()
+            try:
+                monitor.measure(CaseRun(*case))
+            except Hung:
+                rule = "they must return within the call timeout, but one did not"
+                raise BadMeasure("measures", rule, "correct it", slug="measure-raised") from None
 
     def _run_case(self, staged: Staged, seed: int, facts: NDArray[np.void]) -> None:
         """Run the case that was begun, and fill its facts, shape (1,)."""
@@ -259,14 +267,14 @@ class Host:
             frozen = True
             self._measure(facts)
             if self.monitor is not None:
-                self._judge(self.monitor, staged)
+                self._judge(self.monitor, staged, facts)
             if self._setting.extension and not over:
                 later = _steps(self._setting.period, end, end + self._setting.extension)
                 facts["t_goal_after"] = moving.goal_time(self._memory) if drive(view, later) else NEVER
                 moving.touched_later(self._memory, facts[0])
                 soon = int(facts["t_end"][0]) + 1_000_000_000
                 facts["moved_after"] = facts["t_goal_after"] != NEVER or moving.moved_since(self._memory, soon)
-        except Hung:
+        except (Hung, BadMeasure):
             raise
         except BadAnswer as error:
             end_if_forked(self._pid)

@@ -72,6 +72,7 @@ def drawn(
     is_free: IsFree = anywhere,
     is_way_free: IsWayFree | None = None,
     taken: Sequence[tuple[float, float, float]] = (),
+    names: Sequence[str] = (),
 ) -> Crowd:
     """Return all others of one case, clear of each other, of walls and of what is taken.
 
@@ -83,6 +84,7 @@ def drawn(
         is_way_free: says which straight ways no wall crosses. With it, drawn goals follow each other on such ways, and
             people who visit them again and again go back the same way; they know no way round walls.
         taken: discs x, y, radius [m] to keep clear of: the robot at its start, and what stands already.
+        names: what messages call each entry.
 
     Raises:
         BadRequest: they do not fit, or no goal can be drawn.
@@ -98,6 +100,7 @@ def drawn(
     for k, entry in enumerate(others):
         draws = Draws(seed, case, PURPOSE + (k << 48))
         where = f"others {k + 1} of case {case}" if len(others) > 1 else f"others of case {case}"
+        where = names[k] if names else where
         _Entry(k, entry, draws, is_free, is_way_free, where, agents, ways, discs).draw()
     array = np.zeros(len(agents), AGENT)
     obstacles = np.zeros(len(agents), OBSTACLE)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import NoReturn
 
 from parcours.errors import BadRequest
 
@@ -17,43 +18,45 @@ def require_within(what: str, value: object, low: float, high: float, unit: str 
     """Raise BadRequest unless the value is a number from low to high."""
     span = f"{low:g} to {high:g} {unit}".rstrip()
     if isinstance(value, bool) or not isinstance(value, (int, float)):
-        raise BadRequest(f"others, {what}", f"it must be a number from {span}, but is {value!r}", slug="others-range")
+        _refuse(what, f"it must be a number from {span}, but is {value!r}")
     if not low <= value <= high:
-        raise BadRequest(f"others, {what}", f"it must lie in {span}, but is {value:g}", slug="others-range")
+        _refuse(what, f"it must lie in {span}, but is {value:g}")
 
 
-def require_points(what: str, points: tuple[Point, ...]) -> None:
+def _refuse(what: str, rule: str, remedy: str = "give a number in that range") -> NoReturn:
+    raise BadRequest(f"others, {what}", rule, remedy, slug="others-range")
+
+
+def require_points(what: str, points: object) -> None:
     """Raise BadRequest unless each point is two numbers of at most 1e5 m."""
+    if not isinstance(points, tuple):
+        _refuse(what, f"it must be a list of points, but is {points!r}", "write [[x, y], ...]")
     for k, point in enumerate(points, 1):
-        if len(point) != 2:
-            rule = f"a point must be two numbers x, y, but is {point!r}"
-            raise BadRequest(f"others, {what}, point {k}", rule, slug="others-range")
+        if not isinstance(point, tuple) or len(point) != 2:
+            _refuse(f"{what}, point {k}", f"a point must be two numbers x, y, but is {point!r}", "write [x, y]")
         for name, value in zip("xy", point, strict=True):
             require_within(f"{what}, point {k}, {name}", value, -_FAR, _FAR, "m")
 
 
-def require_box(what: str, box: Box) -> None:
+def require_box(what: str, box: object) -> None:
     """Raise BadRequest unless the box is four numbers in order."""
-    if len(box) != 4:
-        rule = f"it must be x_low, y_low, x_high, y_high, but is {box!r}"
-        raise BadRequest(f"others, {what}", rule, slug="others-range")
+    if not isinstance(box, tuple) or len(box) != 4:
+        _refuse(what, f"it must be x_low, y_low, x_high, y_high, but is {box!r}", "write four numbers")
     for value in box:
         require_within(what, value, -_FAR, _FAR, "m")
     if not (box[0] < box[2] and box[1] < box[3]):
         rule = f"its lower corner must be below and left of its upper one, but is {box!r}"
-        raise BadRequest(f"others, {what}", rule, "give x_low, y_low, x_high, y_high", slug="others-range")
+        _refuse(what, rule, "give x_low, y_low, x_high, y_high")
 
 
-def require_ordered(what: str, pair: tuple[float, float], high: float, unit: str) -> None:
-    """Raise BadRequest unless the pair is 0 <= first <= second <= high."""
-    if len(pair) != 2:
-        raise BadRequest(f"others, {what}", f"it must be two numbers, but is {pair!r}", slug="others-range")
+def require_ordered(what: str, pair: object, high: float, unit: str, low: float = 0.0) -> None:
+    """Raise BadRequest unless the pair is low <= first <= second <= high."""
+    if not isinstance(pair, tuple) or len(pair) != 2:
+        _refuse(what, f"it must be two numbers, but is {pair!r}", "write [least, greatest]")
     for value in pair:
-        require_within(what, value, 0.0, high, unit)
+        require_within(what, value, low, high, unit)
     if pair[0] > pair[1]:
-        raise BadRequest(
-            f"others, {what}", f"the first must not be above the second, but is {pair!r}", slug="others-range"
-        )
+        _refuse(what, f"the first must not be above the second, but is {pair!r}", "exchange them")
 
 
 def require_ranges(motion: object, ranges: Mapping[str, tuple[float, float, str]]) -> None:
@@ -65,4 +68,4 @@ def require_ranges(motion: object, ranges: Mapping[str, tuple[float, float, str]
 def require_whole(what: str, value: float) -> None:
     """Raise BadRequest unless the number is whole."""
     if value != int(value):
-        raise BadRequest(f"others, {what}", f"it must be a whole number, but is {value:g}", slug="others-range")
+        _refuse(what, f"it must be a whole number, but is {value:g}", "round it")

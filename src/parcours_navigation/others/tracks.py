@@ -10,10 +10,15 @@ from pathlib import Path
 import numpy as np
 
 from parcours.errors import BadRequest
+from parcours_navigation.ground.outlines import BadGround
+from parcours_navigation.ground.pictures import read_bytes
 from parcours_navigation.protocol import Floats
 
 COLUMNS = ("agent", "t", "x", "y")
 """Columns that the file must have, in any order; further ones are not read."""
+
+MOST_BYTES = 64_000_000
+"""Largest file of tracks [bytes]."""
 
 FARTHEST = 1e6
 """No time or place is beyond it [s, m]."""
@@ -65,25 +70,29 @@ def read_tracks(path: Path) -> Tracks:
         BadRequest: the file cannot be read as UTF-8 text, a column is missing, a number is none, or times of an agent
             do not increase; with the line.
     """
+    remedy = f"give a CSV file with the columns {', '.join(COLUMNS)}"
     try:
-        text = path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        rule = f"a file of tracks must be readable UTF-8 text, but: {error}"
+        text = read_bytes(path, "others-track", MOST_BYTES).decode("utf-8-sig")
+    except BadGround as error:
         raise BadRequest(
-            str(path), rule, f"give a CSV file with the columns {', '.join(COLUMNS)}", slug="others-track"
+            str(path), f"a file of tracks must be readable: {error.rule}", remedy, slug="others-track"
         ) from None
+    except UnicodeDecodeError as error:
+        rule = f"a file of tracks must be UTF-8 text, but byte {error.start} is not"
+        raise BadRequest(str(path), rule, remedy, slug="others-track") from None
     lines = csv.reader(text.splitlines(), strict=True)
     try:
         return _tracks(lines, path)
     except csv.Error as error:
-        raise BadRequest(f"{path}:{lines.line_num}", f"it must be CSV, but: {error}", slug="others-track") from None
+        raise BadRequest(f"{path}:{lines.line_num}", f"it must be CSV, but: {error}", remedy,
+                         slug="others-track") from None  # fmt: skip
 
 
 def _tracks(lines: csv._reader, path: Path) -> Tracks:  # type: ignore[name-defined]
     header = [name.strip() for name in next(lines, [])]
     missing = [name for name in COLUMNS if name not in header]
     if missing:
-        rule = f"columns must be {', '.join(COLUMNS)}, but {', '.join(missing)} is missing from {header}"
+        rule = f"columns must be {', '.join(COLUMNS)}, but {', '.join(missing)} is missing from the first line"
         raise BadRequest(f"{path}:1", rule, "name them in the first line", slug="others-track")
     where = [header.index(name) for name in COLUMNS]
     found: dict[str, list[tuple[float, float, float]]] = {}
@@ -93,7 +102,7 @@ def _tracks(lines: csv._reader, path: Path) -> Tracks:  # type: ignore[name-defi
             continue
         if len(row) != len(header):
             rule = f"a row must have {len(header)} columns like the first line, but has {len(row)}"
-            raise BadRequest(line, rule, slug="others-track")
+            raise BadRequest(line, rule, "fill in what is missing, or take the row out", slug="others-track")
         name, t, x, y = row[where[0]].strip(), *(_number(row[k], line, header[k]) for k in where[1:])
         track = found.setdefault(name, [])
         if track and t <= track[-1][0]:
@@ -101,7 +110,8 @@ def _tracks(lines: csv._reader, path: Path) -> Tracks:  # type: ignore[name-defi
             raise BadRequest(line, rule, "sort the rows, and take repeated ones out", slug="others-track")
         track.append((t, x, y))
     if not found:
-        raise BadRequest(str(path), "a file of tracks must have a row, but has none", slug="others-track")
+        raise BadRequest(str(path), "a file of tracks must have a row, but has none", remedy="add one",
+                         slug="others-track")  # fmt: skip
     return Tracks(tuple(found), tuple(np.array(track) for track in found.values()), str(path))
 
 
@@ -112,5 +122,5 @@ def _number(text: str, line: str, column: str) -> float:
         value = math.nan
     if not abs(value) <= FARTHEST:
         rule = f"{column} must be a number from {-FARTHEST:g} to {FARTHEST:g}, but is {text.strip()!r}"
-        raise BadRequest(line, rule, slug="others-track")
+        raise BadRequest(line, rule, "correct it, or take the row out", slug="others-track")
     return value

@@ -6,7 +6,7 @@ inconclusive if a requirement has no value for it, as after a division of 0 by 0
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import cast
 
 import numpy as np
@@ -54,7 +54,18 @@ def values_of(facts: Facts, name: str) -> Values:
         case "contacts":
             return np.asarray(facts["n_robot_contacts"] + facts["n_shared_contacts"], np.float64)
         case _:
-            return np.asarray(facts["measures"][name])
+            own = facts.dtype["own"].names if "own" in (facts.dtype.names or ()) else None
+            return np.asarray(facts["own" if own and name in own else "measures"][name])
+
+
+def own_values(facts: Facts, requirements: Requirements) -> dict[str, Values]:
+    """Return the study's own measures of each case, NaN where one has none, shape (n_cases,) each."""
+    return {
+        one.name: np.broadcast_to(
+            values_of(facts, one.name) if one.number is None else _number(one.number, facts), len(facts)
+        )
+        for one in requirements.measures
+    }
 
 
 def holds(rule: Formula, facts: Facts) -> Flags:
@@ -103,12 +114,16 @@ def _number(node: Number, facts: Facts) -> Values:
                 return np.asarray(compute[name](*(_number(one, facts) for one in arguments)))
 
 
-def joined(facts: Facts, results: dict[int, Values], requirements: Requirements) -> Facts:
+def joined(
+    facts: Facts, results: dict[int, Values], requirements: Requirements,
+    own: Mapping[int, tuple[float, ...]] | None = None,
+) -> Facts:  # fmt: skip
     """Return facts with the fields of `Requirements.facts`, NaN where the planner's own error ended the case.
 
     Args:
         facts: shape (n,).
         results: robustness and when it is decided [s], shape (2, n_requirements), by case number.
+        own: values of measures in Python, by case number.
     """
     layout = requirements.facts(facts.dtype)
     if layout == facts.dtype:
@@ -116,6 +131,13 @@ def joined(facts: Facts, results: dict[int, Values], requirements: Requirements)
     found = np.zeros(len(facts), layout)
     for name in facts.dtype.names or ():
         found[name] = facts[name]
+    if requirements.in_python:
+        found["own"] = tuple([np.nan] * len(requirements.in_python))
+        for k, number in enumerate(facts["number"].tolist()):
+            if not facts["error"][k] and number in (own or {}):
+                found["own"][k] = (own or {})[number]
+    if not requirements.formulas:
+        return found
     values = np.full((len(facts), 2, len(requirements.formulas)), np.nan)
     for k, number in enumerate(facts["number"].tolist()):
         if (result := results.get(number)) is not None:
@@ -189,7 +211,7 @@ def _shown(rule: Formula, facts: Facts) -> str:
 
 
 def _amount(name: str, facts: Facts) -> str:
-    unit = VALUES[name].unit
+    unit = VALUES[name].unit if name in VALUES else "1"
     return f"{float(values_of(facts, name)[0]):.4g}{'' if unit == '1' else ' ' + unit}"
 
 

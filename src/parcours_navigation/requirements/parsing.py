@@ -102,6 +102,15 @@ def parse(
     return Parsed(formula, found[0] if found and all(one == found[0] for one in found) else None)
 
 
+def parse_number(text: str, where: str, names: Mapping[str, Meaning]) -> tuple[Number, Dimension | None]:
+    """Return the number of a text over names, and its dimension. Raises BadRequest as `parse` does."""
+    parser = _Parser(text, where, names, False)
+    part = parser.formula()
+    if parser.token.kind != "end":
+        parser.fail("an operator or the end must stand", "")
+    return parser._number_of(part), part.dimension
+
+
 class _Parser(Tokens):
     """Recursive descent over one text."""
 

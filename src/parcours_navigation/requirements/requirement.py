@@ -5,16 +5,19 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from parcours.errors import BadRequest, BadResults
 from parcours_navigation.requirements.kernel import evaluate, judge
-from parcours_navigation.requirements.parsing import Parsed, parse
+from parcours_navigation.requirements.own import CaseRun, digest_of, file_of_measure, own_value
+from parcours_navigation.requirements.parsing import Parsed, parse, parse_number
 from parcours_navigation.requirements.programs import Program, compile_formulas
-from parcours_navigation.requirements.syntax import Formula, signals
-from parcours_navigation.requirements.vocabulary import FLAG, SIGNALS, VALUES, unit_of
+from parcours_navigation.requirements.syntax import Formula, Number, replaced, signals
+from parcours_navigation.requirements.vocabulary import FLAG, SIGNALS, VALUES, Meaning, unit_of
 
 Floats = NDArray[np.float64]
 
@@ -47,14 +50,30 @@ class Rule:
 
 
 @dataclass(frozen=True, slots=True)
+class OwnMeasure:
+    """A measure of the user's own: a number over the values of a case, or a function in Python (`own`)."""
+
+    name: str
+    text: str  # a formula, or `file.py:name`
+    number: Number | None  # None: it is in Python, and its values lie in the facts
+    unit: str = "1"
+
+
+@dataclass(frozen=True, slots=True)
 class Requirements:
     """All that a study asks of a case beside the sound outcome."""
 
     formulas: tuple[Requirement, ...] = ()
     rules: tuple[Rule, ...] = ()
+    measures: tuple[OwnMeasure, ...] = ()
 
     def __bool__(self) -> bool:
-        return bool(self.formulas or self.rules)
+        return bool(self.formulas or self.rules or self.measures)
+
+    @property
+    def in_python(self) -> tuple[OwnMeasure, ...]:
+        """Measures whose values are taken while a case is in memory."""
+        return tuple(one for one in self.measures if one.number is None)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -66,24 +85,31 @@ class Requirements:
 
         `robustness` has a column for each requirement, `violated_at` when it is decided [s], NaN where it holds.
         """
-        n = len(self.formulas)
-        if not n:
+        n, own = len(self.formulas), [(one.name, "f8") for one in self.in_python]
+        if not n and not own:
             return plain
-        return np.dtype([*plain.descr, ("robustness", "f8", (n,)), ("violated_at", "f8", (n,))])
+        judged: list[Any] = [("robustness", "f8", (n,)), ("violated_at", "f8", (n,))] if n else []
+        return np.dtype([*plain.descr, *judged, *([("own", own)] if own else [])])
 
     def manifest(self) -> dict[str, object]:
         """Return the parameters of a campaign that decide what is judged; none if there is nothing to judge."""
         if not self:
             return {}
         require = [[one.name, one.text] for one in self.formulas]
-        return {"requirements": {"require": require, "fail": [one.text for one in self.rules]}}
+        found: dict[str, object] = {"require": require, "fail": [one.text for one in self.rules]}
+        if self.measures:
+            found["measures"] = [[one.name, one.text] for one in self.measures]
+            found["sources"] = [digest_of(one.name, one.text) for one in self.in_python]
+        return {"requirements": found}
 
 
 NO_REQUIREMENTS = Requirements()
 
 
-def requirements_of(require: Mapping[str, str], fail: Sequence[str] = (), where: str = "") -> Requirements:
-    """Return the requirements of formulas by name, and of pass rules.
+def requirements_of(
+    require: Mapping[str, str], fail: Sequence[str] = (), where: str = "", measures: Mapping[str, str] | None = None
+) -> Requirements:
+    """Return the requirements of formulas by name, of pass rules, and measures by name, which pass rules may read.
 
     Raises BadRequest: a name is not one, there are too many, or a text is no formula.
 
@@ -96,13 +122,35 @@ def requirements_of(require: Mapping[str, str], fail: Sequence[str] = (), where:
         raise BadRequest(where or "require", rule, "join some by `and`", slug="require-size")
     formulas = []
     for name, text in require.items():
-        if not _NAME.fullmatch(name):
-            rule = f"its name must be of letters, digits and _ . -, and begin with a letter, but is {name[:64]!r}"
-            raise BadRequest(where or "require", rule, "write `keeps-away: always ...`", slug="require-name")
+        _require_name(name, where or "require", "write `keeps-away: always ...`")
         parsed = parse(text, f"{where}requirement {name!r}")
         formulas.append(Requirement(name, " ".join(text.split()), parsed.formula, _unit(parsed)))
-    rules = [Rule(" ".join(text.split()), parse(text, f"{where}fail", VALUES, temporal=False).formula) for text in fail]
-    return Requirements(tuple(formulas), tuple(rules))
+    own = {name: _measure(name, " ".join(text.split()), where) for name, text in (measures or {}).items()}
+    known = VALUES | {name: Meaning(one.unit, "a measure of the study's own") for name, one in own.items()}
+    rules = []
+    for text in fail:
+        formula = parse(text, f"{where}fail", known, temporal=False).formula
+        numbers = {name: one.number for name, one in own.items() if one.number is not None}
+        rules.append(Rule(" ".join(text.split()), cast(Formula, replaced(formula, numbers))))
+    return Requirements(tuple(formulas), tuple(rules), tuple(own.values()))
+
+
+def _require_name(name: str, where: str, remedy: str) -> None:
+    if not _NAME.fullmatch(name):
+        rule = f"its name must be of letters, digits and _ . -, and begin with a letter, but is {name[:64]!r}"
+        raise BadRequest(where, rule, remedy, slug="require-name")
+
+
+def _measure(name: str, text: str, where: str) -> OwnMeasure:
+    at = f"{where}measure {name!r}"
+    _require_name(name, where or "measures", "write `hesitation: time_at_rest / time`")
+    if name in VALUES or not name.isidentifier():
+        rule = "its name must be one that formulas can read, and none that they read already"
+        raise BadRequest(at, rule, "rename it", slug="require-name")
+    if file_of_measure(text) is not None:
+        return OwnMeasure(name, text, None)
+    number, dimension = parse_number(text, at, VALUES)
+    return OwnMeasure(name, text, number, unit_of(dimension))
 
 
 def _unit(parsed: Parsed) -> str:
@@ -112,26 +160,38 @@ def _unit(parsed: Parsed) -> str:
     return named.pop() if len(named) == 1 else unit_of(parsed.dimension)
 
 
-def read_requirements(require: str, fail: str = "") -> Requirements:
-    """Return the requirements of options: `name: formula` and rules, parted by `;` or lines.
+def read_requirements(require: str, fail: str = "", measure: str = "") -> Requirements:
+    """Return the requirements of options: `name: formula`, rules, and `name: measure`, parted by `;` or lines.
 
     Raises BadRequest: as `requirements_of`, or a name is missing or given twice.
 
     >>> read_requirements("near: eventually goal_distance < 0.2; slow: always speed < 0.3").names
     ('near', 'slow')
     """
+    found = _named(require, "require", "requirement", "keeps-away: always clearance > 0.05")
+    measures = _named(measure, "measure", "measure", "hesitation: time_at_rest / time")
+    return requirements_of(found, _lines(fail), "", {name: located(text) for name, text in measures.items()})
+
+
+def located(text: str, folder: Path | None = None) -> str:
+    """Return the text of a measure, with the whole path of its file if it is in Python."""
+    path = file_of_measure(text)
+    return text if path is None else f"{((folder or Path()) / path).absolute()}:{text.rpartition(':')[2].strip()}"
+
+
+def _named(given: str, option: str, what: str, example: str) -> dict[str, str]:
     found: dict[str, str] = {}
-    for line in _lines(require):
+    for line in _lines(given):
         name, colon, text = line.partition(":")
         name = name.strip()
         if not colon:
-            rule = f"each requirement has a name, but {line[:60]!r} has none"
-            raise BadRequest("--require", rule, "write `keeps-away: always clearance > 0.05`", slug="require-form")
+            rule = f"each {what} has a name, but {line[:60]!r} has none"
+            raise BadRequest(f"--{option}", rule, f"write `{example}`", slug="require-form")
         if name in found:
-            rule = f"each requirement has a name of its own, but {name!r} is given twice"
-            raise BadRequest("--require", rule, "rename one", slug="require-form")
+            rule = f"each {what} has a name of its own, but {name!r} is given twice"
+            raise BadRequest(f"--{option}", rule, "rename one", slug="require-form")
         found[name] = text.strip()
-    return requirements_of(found, _lines(fail))
+    return found
 
 
 def kept(parameters: Mapping[str, object], where: str) -> Requirements:
@@ -144,8 +204,9 @@ def kept(parameters: Mapping[str, object], where: str) -> Requirements:
         return NO_REQUIREMENTS
     try:
         require = {str(name): str(text) for name, text in given["require"]}  # type: ignore[index]
-        return requirements_of(require, [str(text) for text in given["fail"]])  # type: ignore[index]
-    except (BadRequest, KeyError, TypeError, ValueError) as error:
+        measures = {str(name): str(text) for name, text in given.get("measures", ())}  # type: ignore[attr-defined]
+        return requirements_of(require, [str(text) for text in given["fail"]], "", measures)  # type: ignore[index]
+    except (AttributeError, BadRequest, KeyError, TypeError, ValueError) as error:
         rule = f"the manifest must hold requirements that this version reads, but: {error}"
         raise BadResults(where, rule, "run the campaign again", slug="results-parameters") from error
 
@@ -171,9 +232,16 @@ class Monitor:
         self.memory = self.program.memory(n_samples)
         self.absent = np.zeros(len(self.memory), np.int64)
         self.results: dict[int, Floats] = {}
+        self.own: dict[int, tuple[float, ...]] = {}  # values of measures in Python, by case number
+        self.measures = requirements.in_python
         self._n = n
-        self.judge(0, np.zeros((1, 7)), np.zeros(7), np.zeros(0), 0.0, (0.0, 0.0))  # compiled before a clock runs
+        if n:
+            self.judge(0, np.zeros((1, 7)), np.zeros(7), np.zeros(0), 0.0, (0.0, 0.0))  # compiled before a clock runs
         self.results.clear()
+
+    def measure(self, run: CaseRun) -> None:
+        """Take the measures in Python of a case. Raises BadMeasure."""
+        self.own[run.number] = tuple(own_value(one.name, one.text, run) for one in self.measures)
 
     def judge(
         self, number: int, entries: Floats, last: Floats, radii: Floats, robot_radius: float,

@@ -6,9 +6,9 @@ back to an equal tree.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import Literal, TypeAlias
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, fields, is_dataclass, replace
+from typing import Any, Literal, TypeAlias, cast
 
 from parcours_navigation.facts import TRACK_PERIOD
 
@@ -137,6 +137,20 @@ def walk(node: Node) -> Iterator[Node]:
     yield node
     for part in parts(node):
         yield from walk(part)
+
+
+def replaced(node: Node, by: Mapping[str, Number]) -> Node:
+    """Return a node with numbers in the place of some signals."""
+    if isinstance(node, Signal):
+        return by.get(node.name, node)
+    changed: dict[str, Any] = {}
+    for one in fields(node):
+        value = getattr(node, one.name)
+        if isinstance(value, tuple):
+            changed[one.name] = tuple(replaced(each, by) for each in value)
+        elif is_dataclass(value) and not isinstance(value, Interval):
+            changed[one.name] = replaced(cast(Node, value), by)
+    return replace(node, **changed)
 
 
 def signals(node: Node) -> frozenset[str]:

@@ -26,9 +26,12 @@ KINDS: dict[str, int] = {"unicycle": UNICYCLE, "differential": DIFFERENTIAL, "ca
 def _within(what: str, value: object, low: float, high: float, unit: str) -> None:
     span = f"{low:g} to {high:g} {unit}".rstrip()
     if isinstance(value, bool) or not isinstance(value, (int, float)):
-        raise BadRequest(f"robot, {what}", f"it must be a number from {span}, but is {value!r}", slug="robot-range")
-    if not low <= value <= high:
-        raise BadRequest(f"robot, {what}", f"it must lie in {span}, but is {value:g}", slug="robot-range")
+        rule = f"it must be a number from {span}, but is {value!r}"
+    elif not low <= value <= high:
+        rule = f"it must lie in {span}, but is {value:g}"
+    else:
+        return
+    raise BadRequest(f"robot, {what}", rule, "give a number in that range", slug="robot-range")
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,7 +164,7 @@ def _require_convex(corners: tuple[tuple[float, float], ...], radius: float) -> 
     where, turned = "robot, footprint", 0.0
     if len(corners) < 3 or any(len(corner) != 2 for corner in corners):
         rule = f"it must be three corners x, y or more, but is {corners!r}"
-        raise BadRequest(where, rule, slug="robot-footprint")
+        raise BadRequest(where, rule, "write [[x, y], ...]", slug="robot-footprint")
     for k, (x, y) in enumerate(corners):
         _within(f"footprint, corner {k + 1}", x, -100.0, 100.0, "m")
         _within(f"footprint, corner {k + 1}", y, -100.0, 100.0, "m")
@@ -177,7 +180,7 @@ def _require_convex(corners: tuple[tuple[float, float], ...], radius: float) -> 
             rule = f"the circle round it must hold all corners, but ({x:g}, {y:g}) is outside {radius:g} m"
             raise BadRequest(where, rule, "give a larger radius", slug="robot-footprint")
     if turned > 3.0 * PI:  # a star turns left at every corner, too
-        raise BadRequest(where, "its corners must go round once", slug="robot-footprint")
+        raise BadRequest(where, "its corners must go round once", "put them in order", slug="robot-footprint")
 
 
 def _box(front: float, back: float, width: float) -> tuple[tuple[float, float], ...]:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from parcours.verdict.judgement import Verdict
 from parcours_navigation.outcomes import VERDICT_OF, Outcome, Share, outcomes, published, shares
-from parcours_navigation.requirements.judging import verdicts
+from parcours_navigation.requirements.judging import own_values, verdicts
 from parcours_navigation.requirements.tables import Violations, violations_of
 from parcours_navigation.study.campaigns import Campaign
 from parcours_navigation.study.distribution import Summary, measured, oracle, straight_ways, summarised, survived
@@ -80,13 +80,15 @@ def _analysed(campaign: Campaign) -> Ended:
     earliest[:ASKED] = oracle(cases, facts["number"][:ASKED])["earliest_outer"]
     known = measured(
         facts, facts["measures"], earliest=earliest, survival=survived(cases, facts["number"]),
-        straight=straight_ways(cases, facts["measures"]),
+        straight=straight_ways(cases, facts["number"], facts["measures"]),
     )  # fmt: skip
     paper = {name: int(getattr(flags, name).sum()) for name in ("reached", "feasible", "halted_once", "stuck")}
     slices = {share: int(yes.sum()) for share, yes in shares(facts).items()}
     return Ended(
         campaign.label, cases.protocol, cases.seed, len(facts), campaign.planned, campaign.signals,
-        Counter(outcomes(facts).tolist()), paper, slices, summarised(known), _errors(facts),
+        Counter(outcomes(facts).tolist()), paper, slices,
+        summarised(known) | summarised(own_values(facts, asked), {one.name: one.unit for one in asked.measures}),
+        _errors(facts),
         violations_of(facts, asked), Counter(verdicts(facts, asked)) if asked else None,
     )  # fmt: skip
 

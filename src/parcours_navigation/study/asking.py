@@ -32,6 +32,11 @@ REQUIREMENTS = (
 )
 """What is required of the cases beside the sound outcome (docs/requirements.md)."""
 
+MEASURES = (
+    Parameter("measure", "text", "", "measures of your own: 'hesitation: time_at_rest / time; crowd: mine.py:crowd'"),
+)
+"""Measures of the user's own (docs/requirements.md#measures-of-your-own)."""
+
 TIME_LIMIT_DOC = "of a case, after its static second; under the published protocol with it"
 
 

@@ -110,7 +110,10 @@ class NavigationResults:
         walls = land.edges()
         xs = np.concatenate([track["x"], places[:, :, 0].ravel(), [goal[0]], walls[:, ::2].ravel()])
         ys = np.concatenate([track["y"], places[:, :, 1].ravel(), [goal[1]], walls[:, 1::2].ravel()])
-        standing = Standing(walls, land.ground.discs, gaps, staged.scene.corners)
+        standing = Standing(
+            walls, land.ground.discs, gaps, staged.scene.corners, np.array(land.goals[:-1], float).reshape(-1, 2),
+            np.zeros((0, 2)) if staged.path is None else staged.path, staged.scene.scan[:4],
+        )  # fmt: skip
         return replayed(
             cases.id(number), self.label, (facts, track, places), kept, remedy, obstacle_radius=0.1, arena=1.0,
             robot_radius=staged.task.robot_radius, goal=goal, tolerance=staged.task.goal_tolerance,

@@ -23,6 +23,7 @@ from parcours_navigation.measures.scores import sct, spl
 from parcours_navigation.outcomes import GOAL_TOLERANCE, Outcome, outcomes
 from parcours_navigation.worlds.family import WorldCases
 from parcours_navigation.worlds.solving import solve_worlds
+from parcours_navigation.worlds.surviving import survived_worlds
 
 Facts = NDArray[np.void]
 Values = NDArray[np.float64]
@@ -125,9 +126,9 @@ def oracle(
 
 
 def survived(cases: SystemCases | WorldCases, numbers: NDArray[np.int64]) -> Values:
-    """Return the survivability of the cases, in [0, 1], 1 the easiest; shape (n,). NaN in worlds of one's own."""
+    """Return the survivability of the cases, in [0, 1], 1 the easiest; shape (n,)."""
     if isinstance(cases, WorldCases):
-        return np.full(len(numbers), np.nan)
+        return survived_worlds(cases, numbers)
     found = np.zeros(len(numbers))
     for first in range(0, len(numbers), _AT_ONCE):
         part = slice(first, first + _AT_ONCE)
@@ -135,11 +136,11 @@ def survived(cases: SystemCases | WorldCases, numbers: NDArray[np.int64]) -> Val
     return found
 
 
-def straight_ways(cases: SystemCases | WorldCases, measures: Facts) -> Values | None:
+def straight_ways(cases: SystemCases | WorldCases, numbers: NDArray[np.int64], measures: Facts) -> Values | None:
     """Return the straight way to the goal of each case of a world [m]; None: that of the paper's arena."""
     if isinstance(cases, SystemCases):
         return None
-    tolerance = cases.plan(0).task.tolerance
+    tolerance = np.array([cases.plan(int(number)).task.tolerance for number in numbers])
     straight: Values = np.maximum(np.nan_to_num(measures["displacement"]) - tolerance, 0.0)
     return straight
 
@@ -183,21 +184,30 @@ class Summary:
     p95: float | None = None
 
 
-def summarised(known: Mapping[str, Values]) -> dict[str, Summary]:
-    """Return the summary of each measure, by the names of SHOWN; `known` is what `measured` returns."""
+def summarised(known: Mapping[str, Values], units: Mapping[str, str] | None = None) -> dict[str, Summary]:
+    """Return the summary of each measure, by the names of SHOWN; `known` is what `measured` returns.
+
+    `units` are those of measures that are not among SHOWN.
+    """
     found: dict[str, Summary] = {}
     for name, values in known.items():
+        values = np.where(np.isfinite(values), values, np.nan)
         n = int((~np.isnan(values)).sum())
         points = (float(np.nanmean(values)), *quantiles(values, (0.5, 0.05, 0.95))) if n else ()
-        found[name] = Summary(SHOWN[name].unit, n, *points)
+        found[name] = Summary(SHOWN[name].unit if units is None else units[name], n, *points)
     return found
 
 
 def distribution_table(title: str, known: Mapping[str, Mapping[str, Summary]], note: str = "") -> Table:
     """Return one row a measure, one column a campaign or planner; `note` is what else must be said below."""
-    names = [name for name in SHOWN if any(name in summaries for summaries in known.values())]
+    every = {name: one.unit for summaries in known.values() for name, one in summaries.items()}
+    names = [*(name for name in SHOWN if name in every), *(name for name in every if name not in SHOWN)]
     rows: list[tuple[Cell, ...]] = [
-        (SHOWN[name].words, SHOWN[name].unit, *(_cell(name, summaries.get(name)) for summaries in known.values()))
+        (
+            SHOWN[name].words if name in SHOWN else name,
+            every[name],
+            *(_cell(name, summaries.get(name)) for summaries in known.values()),
+        )
         for name in names
     ]
     columns = (Column("measure"), Column("unit"), *(Column(name) for name in known))
@@ -207,7 +217,7 @@ def distribution_table(title: str, known: Mapping[str, Mapping[str, Summary]], n
 def _cell(name: str, found: Summary | None) -> Cell:
     if found is None or found.mean is None or found.median is None or found.p05 is None or found.p95 is None:
         return None
-    if SHOWN[name].mean:
+    if name in SHOWN and SHOWN[name].mean:
         return f"{found.mean:.3f}"
     middle, low, high = (_short(value) for value in (found.median, found.p05, found.p95))
     return f"{middle}\N{NO-BREAK SPACE}[{low},\N{NO-BREAK SPACE}{high}]"

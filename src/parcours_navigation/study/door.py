@@ -8,6 +8,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 from parcours.errors import BadRequest
+from parcours.run.store import open_results
 from parcours.study.campaign.running import run_numbered
 from parcours.study.parameters import Parameter, Settings, workers_parameter
 from parcours.study.protocol import Finding, Judged, Progress, Rejudged, Reported, Request, Results, Run
@@ -20,6 +21,7 @@ from parcours_navigation.requirements.remarks import remarks
 from parcours_navigation.requirements.requirement import read_requirements
 from parcours_navigation.study.asking import (
     CASES,
+    MEASURES,
     REQUIREMENTS,
     TIME_LIMIT_DOC,
     WORLDS,
@@ -71,6 +73,7 @@ class Navigation:
             *CASES,
             *times,
             *REQUIREMENTS,
+            *MEASURES,
             workers_parameter(),
         )
         return tuple(dataclasses.replace(one, default=one.read(given.get(one.name, one.default))) for one in listed)
@@ -88,7 +91,7 @@ class Navigation:
         cases = world_cases(settings, seed)
         if isinstance(cases, WorldCases) and scenario.time_limit == Scenario().time_limit:
             scenario = dataclasses.replace(scenario, time_limit=LONGEST)  # the world has a limit of its own
-        requirements = read_requirements(str(settings["require"]), str(settings["fail"]))
+        requirements = read_requirements(*(str(settings[one.name]) for one in (*REQUIREMENTS, *MEASURES)))
         return study_of(planner, cases, scenario, requirements)
 
     def suite(self, settings: Settings, seed: int, n_cases: int | None = None) -> Iterator[Case]:
@@ -111,7 +114,12 @@ class Navigation:
 
     def read(self, folder: Path) -> Results:
         """Return the results in a folder."""
-        return read_folder(folder, self.name)
+        study = open_results(folder).campaign.study
+        if study == "navigation":
+            return read_folder(folder, self.name)
+        from parcours.study.finding import find  # of a planner with a loop of its own
+
+        return find(study).read(folder)
 
     def report(self, results: Mapping[str, Results]) -> Reported:
         """Return tables, pieces and documents."""
@@ -134,7 +142,7 @@ class Navigation:
         """Look at the requirements, and run the battery for authors of planners."""
         own = own_loop(self.planner)
         given = {one.name: str(one.default) for one in self.parameters}
-        asked = read_requirements(given["require"], given["fail"])
+        asked = read_requirements(*(given[one.name] for one in (*REQUIREMENTS, *MEASURES)))
         noted = [Finding("warning", *one) for one in remarks(asked, signals_imminent=own is not None)]
         if not self.planner or own is not None:
             return noted

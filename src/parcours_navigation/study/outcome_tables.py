@@ -16,7 +16,7 @@ OUTCOME_WORDS = {
     Outcome.COLLIDED: "the moving robot touched an obstacle",
     Outcome.REACHED: "goal reached in time",
     Outcome.UNDER_WAY: "goal reached later",
-    Outcome.BLOCKED: "an obstacle rests on the goal",
+    Outcome.BLOCKED: "nobody could reach the goal",
     Outcome.STUCK: "stopped for ever",
     Outcome.ASTRAY: "never arrived",
 }

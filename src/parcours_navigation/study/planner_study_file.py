@@ -9,8 +9,9 @@ from parcours.model.documents import Node, Scalar, Sequence
 from parcours.study.loading import file_of, is_target
 from parcours_navigation.cases.family import PUBLISHED_CASES
 from parcours_navigation.guests.planners import names
-from parcours_navigation.requirements.requirement import requirements_of
+from parcours_navigation.requirements.requirement import located, requirements_of
 from parcours_navigation.study.door import Navigation
+from parcours_navigation.worlds.file import shipped
 
 if TYPE_CHECKING:
     from parcours.study.protocol import Study
@@ -23,7 +24,7 @@ def read_planner(reader: StudyReader, root: Node) -> Study | None:
     Keys: `planner` (a shipped name, file.py:Name or module:Name), `cases`, and `settings`, which gives parameters of
     the navigation study other defaults.
     """
-    top = reader.keys(root, ("planner",), ("cases", "settings", "require", "fail"))
+    top = reader.keys(root, ("planner",), ("cases", "settings", "require", "fail", "measures"))
     node = top.get("planner")
     planner = reader.text(node, "planner")
     if node is not None and planner not in names():
@@ -35,14 +36,25 @@ def read_planner(reader: StudyReader, root: Node) -> Study | None:
         name=reader.name(top), doc=reader.text(top.get("doc"), "doc"), where=str(reader.path), planner=planner,
         n_cases=reader.count(top.get("cases"), "cases", PUBLISHED_CASES) or PUBLISHED_CASES,
     )  # fmt: skip
-    asked = _requirements(reader, top.get("require"), top.get("fail"))
+    asked = _requirements(reader, top.get("require"), top.get("fail"), top.get("measures"))
     given = reader.settings(top, {one.name: one for one in study.parameters if one.name != "planner"})
+    world = str(given.get("world", ""))
+    if world and world not in shipped():
+        given["world"] = str((reader.folder / world).absolute())  # as every file that a study names
     return dataclasses.replace(study, defaults=(*given.items(), *asked.items()))
 
 
-def _requirements(reader: StudyReader, require: Node | None, fail: Node | None) -> dict[str, str]:
-    """Return requirements and pass rules as the parameters `require` and `fail` have them; each line is checked."""
+def _requirements(
+    reader: StudyReader, require: Node | None, fail: Node | None, measures: Node | None
+) -> dict[str, str]:
+    """Return requirements, pass rules and measures as the parameters of these names have them; each line is checked."""
     required, rules = [], []
+    own: dict[str, str] = {}
+    for name, node, _ in reader.entries(measures, "measures"):
+        text = located(" ".join(reader.text(node, f"measures, {name}").split()), reader.folder)
+        with reader.noting(node, f"measures, {name}"):
+            requirements_of({}, (), "", {name: text}).manifest()
+            own[name] = text
     for name, node, _ in reader.entries(require, "require", reader.label):
         text = " ".join(reader.text(node, f"require, {name}").split())
         if not isinstance(node, Scalar):
@@ -56,7 +68,10 @@ def _requirements(reader: StudyReader, require: Node | None, fail: Node | None) 
         if not isinstance(node, Scalar):
             continue
         with reader.noting(node, "fail"):
-            requirements_of({}, [text])
+            requirements_of({}, [text], "", own)
             rules.append(text)
-    found = {"require": "\n".join(required), "fail": "\n".join(rules)}
+    found = {
+        "require": "\n".join(required), "fail": "\n".join(rules),
+        "measure": "\n".join(f"{name}: {text}" for name, text in own.items()),
+    }  # fmt: skip
     return {name: text for name, text in found.items() if text}

@@ -55,6 +55,27 @@
       return g;
     }
 
+    function seen(cx, cy, heading, round) { // where the beams of the scan end, without noise
+      const [beams, first, step, reach] = d.scan, ends = [];
+      for (let k = 0; k < beams; k++) {
+        const dx = Math.cos(heading + first + k * step), dy = Math.sin(heading + first + k * step);
+        let far = reach;
+        for (const [a, b, c, e] of d.walls) {
+          const ux = c - a, uy = e - b, cross = dx * uy - dy * ux;
+          if (!cross) continue;
+          const along = ((a - cx) * uy - (b - cy) * ux) / cross, on = ((a - cx) * dy - (b - cy) * dx) / cross;
+          if (along >= 0 && along < far && on >= 0 && on <= 1) far = along;
+        }
+        for (const [a, b, r] of round) {
+          const mid = (a - cx) * dx + (b - cy) * dy, aside = (a - cx) * dy - (b - cy) * dx;
+          const along = mid - Math.sqrt(r * r - aside * aside); // NaN where the beam passes
+          if (along >= 0 && along < far) far = along;
+        }
+        if (far < reach) ends.push([cx + far * dx, cy + far * dy]);
+      }
+      return ends;
+    }
+
     function draw() {
       const w = box.clientWidth;
       if (!w) return;
@@ -80,8 +101,13 @@
       g.stroke();
       for (const [a, b, r] of d.discs ?? []) { disc(a, b, r); g.globalAlpha = 0.55; g.fill(); g.globalAlpha = 1; }
 
-      disc(...d.goal, d.tol);
+      for (const goal of [...(d.goals ?? []), d.goal]) {
+      disc(...goal, d.tol);
       g.fillStyle = g.strokeStyle = css("--c3"); g.globalAlpha = 0.14; g.fill(); g.globalAlpha = 1; g.lineWidth = 1.5; g.stroke();
+      }
+      g.lineWidth = 1; g.setLineDash([6, 4]); g.beginPath();
+      (d.path ?? []).forEach(([a, b], s) => g[s ? "lineTo" : "moveTo"](px(a), py(b)));
+      g.stroke(); g.setLineDash([]);
 
       const from = sample(Math.max(start, now - TRAIL));
       ox.forEach((_, k) => {
@@ -106,6 +132,11 @@
       for (let s = 1; s <= i; s++) g.lineTo(px(x[s]), py(y[s]));
       g.lineTo(px(mix(x)), py(mix(y))); g.stroke();
       const heading = h[i] + f * turn(h[i], h[j]);
+      if (d.scan?.[0]) {
+        const round = [...(d.discs ?? []), ...ox.map((_, k) => [mix(ox[k]), mix(oy[k]), d.or[k]])];
+        g.fillStyle = css("--c5");
+        for (const [a, b] of seen(mix(x), mix(y), heading, round)) g.fillRect(px(a) - 1.5, py(b) - 1.5, 3, 3);
+      }
       if (body.length) {
         g.beginPath();
         body.forEach(([a, b], k) => g[k ? "lineTo" : "moveTo"](

@@ -6,7 +6,7 @@ The JSON holds whole millimetres, each as the step from the last: replay.js sums
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +31,15 @@ class Standing:
     discs: Floats  # x, y, radius of each [m], shape (m, 3)
     gaps: Floats  # from the robot to the nearest of them at each time [m], shape (n_times,)
     corners: Floats  # of the robot's footprint in its own frame [m], shape (k, 2); a disc has none
+    # goals before the last one, x, y [m], shape (g, 2); and the way that the planner is shown, shape (p, 2)
+    goals: Floats = field(default_factory=lambda: np.zeros((0, 2)))
+    path: Floats = field(default_factory=lambda: np.zeros((0, 2)))
+    scan: tuple[int, float, float, float] = (0, 0.0, 0.0, 0.0)  # beams, first direction and step [rad], reach [m]
+
+    def moved(self, x: float, y: float, n: int) -> Standing:
+        """Return the same with another origin [m], for the first n times."""
+        return replace(self, walls=self.walls - [x, y, x, y], discs=self.discs - [x, y, 0.0], gaps=self.gaps[:n],
+                       goals=self.goals - [x, y], path=self.path - [x, y])  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -122,14 +131,12 @@ def replayed(
         n_shown = int(np.searchsorted(track["time"], int(facts[0]["t_end"]) + beyond, "right"))
         track, places = track[:n_shown], places[:n_shown]
     x0, y0, x1, y1 = box or (0.0, 0.0, arena, arena)
-    if standing is not None:
-        moved = Standing(standing.walls - [x0, y0, x0, y0], standing.discs - [x0, y0, 0.0], standing.gaps[: len(track)],
-                         standing.corners)  # fmt: skip
     radii = obstacle_radii if obstacle_radii is not None else (obstacle_radius,) * places.shape[1]
     return Replay(
         title or f"{id}, {label}", f"{id}: {explain(facts[0])}", track["time"] * 1e-9, track["x"] - x0, track["y"] - y0,
         track["heading"], track["halted"] == 1, places[:, :, 0] - x0, places[:, :, 1] - y0, robot_radius, radii,
-        (x1 - x0, y1 - y0), (goal[0] - x0, goal[1] - y0), tolerance, "", None if standing is None else moved,
+        (x1 - x0, y1 - y0), (goal[0] - x0, goal[1] - y0), tolerance, "",
+        None if standing is None else standing.moved(x0, y0, len(track)),
     )  # fmt: skip
 
 
@@ -171,7 +178,9 @@ def embedded(replay: Replay) -> str:
         standing = replay.ground
         far = np.minimum(standing.gaps, _FARTHEST_GAP)
         record |= {"walls": np.round(standing.walls, 3).tolist(), "discs": np.round(standing.discs, 3).tolist(),
-                   "gaps": steps(far, PARTS), "body": np.round(standing.corners, 3).tolist()}  # fmt: skip
+                   "gaps": steps(far, PARTS), "body": np.round(standing.corners, 3).tolist(),
+                   "goals": np.round(standing.goals, 3).tolist(), "path": np.round(standing.path, 3).tolist(),
+                   "scan": [*standing.scan]}  # fmt: skip
     return json.dumps(record, separators=(",", ":"), allow_nan=False)
 
 

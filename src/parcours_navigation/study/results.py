@@ -15,7 +15,7 @@ from parcours.report.pieces import Page, Piece, Section, Table
 from parcours.study.protocol import Measure, Reported, Results
 from parcours.verdict.judgement import Verdict
 from parcours_navigation.outcomes import Outcome, outcomes
-from parcours_navigation.requirements.judging import explained, finite_robustness, verdicts, violations
+from parcours_navigation.requirements.judging import explained, finite_robustness, own_values, verdicts, violations
 from parcours_navigation.requirements.tables import requirement_table
 from parcours_navigation.study.analysis import analyse
 from parcours_navigation.study.campaigns import Campaign, case_results, load_results
@@ -67,10 +67,13 @@ class CampaignResults:
         }
         judged = verdicts(facts, self.found.requirements)
         found["failed"] = Measure(np.array([one in (Verdict.FAIL, Verdict.ERROR) for one in judged], float))
-        straight = straight_ways(self.found.cases, facts["measures"])
+        straight = straight_ways(self.found.cases, facts["number"], facts["measures"])
         for name, values in measured(facts, facts["measures"], straight=straight).items():
             worse = "less" if name in _LESS_IS_WORSE else "more"
             found[name] = Measure(values, "quantity", SHOWN[name].unit, worse)  # type: ignore[arg-type]
+        for name, values in own_values(facts, self.found.requirements).items():
+            units = {one.name: one.unit for one in self.found.requirements.measures}
+            found[name] = Measure(np.where(np.isfinite(values), values, np.nan), "quantity", units[name], "more")
         violated = violations(facts, self.found.requirements)
         values = finite_robustness(facts, self.found.requirements)
         for k, one in enumerate(self.found.requirements.formulas):

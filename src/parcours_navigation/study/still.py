@@ -17,6 +17,8 @@ import numpy as np
 from markupsafe import escape
 
 from parcours.report.pieces import Animation, Floats
+from parcours_navigation.ground.ground import lay_ground
+from parcours_navigation.sensing.scan import scan
 from parcours_navigation.study.replay import Replay, embedded
 
 PIXELS = 420
@@ -33,6 +35,7 @@ _INK = {
     "halted": "var(--c0, #d55e00)",
     "obstacle": "var(--ink, #1c2430)",
     "goal": "var(--c3, #00805c)",
+    "seen": "var(--c5, #b08900)",
 }
 
 
@@ -66,7 +69,7 @@ def still(replay: Replay) -> str:
     rim = margin(replay)
     scale = PIXELS / (max(width, height) + 2 * rim)
     size = ((width + 2 * rim) * scale, (height + 2 * rim) * scale)
-    parts = [_arena(replay), *_standing(replay)]
+    parts = [_arena(replay), *_standing(replay), *_seen(replay)]
     at = moments(replay)
     for k, radius in enumerate(replay.obstacle_radii):
         x, y = replay.obstacle_x[:, k], replay.obstacle_y[:, k]
@@ -142,7 +145,30 @@ def _standing(replay: Replay) -> list[str]:
         return []
     path = "".join(f"M{a:.3f} {b:.3f}L{c:.3f} {d:.3f}" for a, b, c, d in replay.ground.walls)
     lines = f'<path d="{path}" style="stroke:{_INK["obstacle"]}" stroke-width="2" {_HAIR}/>'
-    return [lines, *(_disc(x, y, radius, _INK["obstacle"], 0.9, 0.5) for x, y, radius in replay.ground.discs)]
+    goals = [_disc(x, y, replay.goal_tolerance, _INK["goal"], 0.9, 0.06) for x, y in replay.ground.goals]
+    way = (
+        [_line(replay.ground.path[:, 0], replay.ground.path[:, 1], _INK["goal"], 0.6)]
+        if len(replay.ground.path)
+        else []
+    )
+    discs = [_disc(x, y, radius, _INK["obstacle"], 0.9, 0.5) for x, y, radius in replay.ground.discs]
+    return [lines, *discs, *goals, *way]
+
+
+def _seen(replay: Replay) -> list[str]:
+    """Return where the beams of the last scan end, without noise: dots on what they meet."""
+    if replay.ground is None or not replay.ground.scan[0]:
+        return []
+    n, first, step, reach = replay.ground.scan
+    ranges, packed = np.empty(n), lay_ground(replay.ground.walls, replay.ground.discs).pack()
+    bodies = np.column_stack([replay.obstacle_x[-1], replay.obstacle_y[-1], np.array(replay.obstacle_radii)])
+    x, y, heading = float(replay.x[-1]), float(replay.y[-1]), float(replay.heading[-1])
+    scan(packed, np.ascontiguousarray(bodies), x, y, heading, first, step, reach, ranges)
+    angles = heading + first + step * np.arange(n)
+    met = ranges < reach
+    ends = zip((x + ranges * np.cos(angles))[met], (y + ranges * np.sin(angles))[met], strict=True)
+    dots = "".join(f"M{a:.3f} {b:.3f}h0" for a, b in ends)
+    return [f'<path d="{dots}" style="stroke:{_INK["seen"]}" stroke-width="3.5" {_HAIR}/>']
 
 
 _HAIR = 'vector-effect="non-scaling-stroke"'

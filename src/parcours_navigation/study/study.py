@@ -22,9 +22,10 @@ from parcours.run.store import Campaign
 from parcours.run.strangers import computed
 from parcours.run.workers import is_worker
 from parcours.study.campaign.running import Chosen
+from parcours_navigation.arena.solvability import UNSOLVABLE
 from parcours_navigation.cases.family import SystemCases
 from parcours_navigation.cases.running import CaseStudy, Track
-from parcours_navigation.facts import TRACK_PERIOD
+from parcours_navigation.facts import NEVER, TRACK_PERIOD
 from parcours_navigation.guests.apart import LOADING, Introduction, done_apart, introduce
 from parcours_navigation.guests.deadline import FIRST_CASE
 from parcours_navigation.guests.host import Host, Setting, hung
@@ -36,6 +37,7 @@ from parcours_navigation.requirements.judging import joined
 from parcours_navigation.requirements.requirement import NO_REQUIREMENTS, Monitor, Requirements
 from parcours_navigation.stage.memory import Staged, size_of
 from parcours_navigation.worlds.family import WorldCases
+from parcours_navigation.worlds.solving import solve_worlds
 
 Floats = NDArray[np.float64]
 _CHECKED = 10_000
@@ -131,7 +133,8 @@ class NavigationStudy:
         if self.known is not None:
             return dataclasses.replace(self, planner="stand-still", known=None, lost=()).prepare()
         moment = dataclasses.replace(self.scenario, time_limit=2.0 * self.scenario.period, watched_on=0.0)
-        dataclasses.replace(self, scenario=moment).run(np.arange(1))
+        asked = dataclasses.replace(self.requirements, measures=())  # those in Python are not for this process
+        dataclasses.replace(self, scenario=moment, requirements=asked).run(np.arange(1))
         _host.cache_clear()  # a worker's host writes into the array that the worker shares
         return True
 
@@ -163,13 +166,21 @@ class NavigationStudy:
                 self._run(numbers[left], ran)
             finally:
                 host.monitor = None
+            self._excuse(ran)
             facts[left] = ran
-        return joined(facts, monitor.results if monitor else {}, self.requirements)
+        return joined(facts, monitor.results if monitor else {}, self.requirements, monitor.own if monitor else {})
+
+    def _excuse(self, facts: NDArray[np.void]) -> None:
+        """Note of which cases of a world, that were not solved, nobody could have solved them."""
+        lost = (facts["t_goal"] == NEVER) & (facts["t_goal_after"] == NEVER) & (facts["error"] == 0)
+        if isinstance(self.cases, WorldCases) and lost.any():
+            known = solve_worlds(self.cases, facts["number"][lost], limit=self.scenario.time_limit)
+            facts["goal_gap"][np.flatnonzero(lost)[known["answer"] == UNSOLVABLE]] = -np.inf
 
     @property
     def _is_elsewhere(self) -> bool:
         """Whether its planner must not run in this process."""
-        return self.known is not None and not is_worker()
+        return (self.known is not None or bool(self.requirements.in_python)) and not is_worker()
 
     def track(self, number: int) -> Track:
         """Return facts, track and the obstacles' places of one case run again, for a replay or for measures."""
@@ -185,6 +196,7 @@ class NavigationStudy:
             )  # fmt: skip
         facts = np.zeros(1, FACTS)
         host = self._run(np.array([number]), facts)
+        self._excuse(facts)
         return facts, *host.track(), host.ground_gaps()
 
     @property
@@ -207,10 +219,11 @@ class NavigationStudy:
 
     def _monitor(self) -> Monitor | None:
         """Return what judges the requirements, with no results yet; None if there are none."""
-        if not self.requirements.formulas:
+        if not (self.requirements.formulas or self.requirements.in_python):
             return None
         monitor = _monitor(self.requirements, int(self.cases.end(self.scenario.time_limit) * 1e9 / TRACK_PERIOD) + 3)
         monitor.results.clear()
+        monitor.own.clear()
         return monitor
 
     def _run(self, numbers: NDArray[np.int64], facts: NDArray[np.void]) -> Host:
@@ -337,6 +350,9 @@ def study_of(
     loop = own_loop(planner)
     if loop is None:
         return NavigationStudy(planner, cases, scenario, requirements=requirements)
+    if requirements.in_python:
+        rule = "it runs in a loop of its own, which takes no measures in Python"
+        raise BadRequest(f"planner {planner!r}", rule, "write them as formulas", slug="planner-own-loop")
     if not requirements:
         return loop.study_of(cases, scenario)
     return loop.study_of(cases, scenario, requirements)

@@ -27,6 +27,15 @@ UNITS = {"s": 1.0, "s2": 1.0, "pi": 3.141592653589793}
 _TEXTS = ("kind", "motion", "ends", "at_walls", "tracks", "protocol")
 """Keys of plain data whose values are texts."""
 
+_REMEDIES = {
+    "kind": "see docs/worlds.md for an example",
+    "value": "give as many",
+    "number": "write a number, with a unit or without",
+    "format": "write parcours: world/1",
+    "case-id": "rename it",
+}
+"""What to do where a finding does not say."""
+
 _NOTHING = ("none", "null", "~")
 
 
@@ -40,6 +49,10 @@ class Builder(NodeReader):
     def __init__(self, origin: str, values: Mapping[str, float]) -> None:
         super().__init__(origin)
         self.values = {**UNITS, **values}
+
+    def add(self, node: Node | None, slug: str, rule: str, remedy: str = "") -> None:
+        """Note that something is wrong at the node's line."""
+        super().add(node, slug, rule, remedy or _REMEDIES.get(slug, ""))
 
     def build(self, hint: Any, node: Node, what: str) -> Any:
         """Return the value of a type that a node describes; after a finding it means nothing."""
@@ -57,7 +70,7 @@ class Builder(NodeReader):
         if origin is tuple:
             return self._tuple(arguments, node, what)
         if origin is dict:
-            return self.plain(node, what)
+            return self._one_plain(node, what)
         return self.made(hint, node, what)
 
     def quantity(self, node: Node, what: str, *, whole: bool = False) -> float | int:
@@ -100,6 +113,12 @@ class Builder(NodeReader):
         if not node.plain or (text.replace("-", "").replace("_", "").isalpha() and text not in self.values):
             return {"true": True, "false": False, "inf": float("inf")}.get(text, text) if node.plain else node.text
         return self.quantity(node, what)
+
+    def _one_plain(self, node: Node, what: str) -> dict[str, Any]:
+        if isinstance(node, MappingNode):
+            return dict(self.plain(node, what))
+        self.add(node, "kind", f"{what} must be a mapping, but is {shown(node)}", "write {key: value, ...}")
+        return {}
 
     def made(self, cls: Any, node: Node, what: str) -> Any:
         """Return the dataclass that a mapping describes, or None after a finding."""

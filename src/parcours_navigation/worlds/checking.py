@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from parcours.errors import BadRequest, ParcoursError
+from parcours.errors import ParcoursError
 from parcours_navigation.arena.solvability import SOLVABLE, UNSOLVABLE
 from parcours_navigation.worlds.family import WorldCases
 from parcours_navigation.worlds.file import World, find_world
@@ -46,7 +46,10 @@ class Checked:
 
 
 def check_world(name: str, n: int, seed: int, progress: Callable[[int, int], None]) -> Checked:
-    """Make the first n cases of a world, and ask which of them cannot be solved. Raises BadWorld if its file is bad."""
+    """Make the first n cases of a world, and ask which of them cannot be solved.
+
+    Raises BadWorld if its file is bad, or none of them can be made.
+    """
     world = find_world(name)
     if paper_cases(world, seed, "navigation") is not None:
         return Checked(world, n, (), (3, 3), (0, 0), (), (), 0, True)
@@ -54,20 +57,28 @@ def check_world(name: str, n: int, seed: int, progress: Callable[[int, int], Non
     for number in range(n):
         try:
             [staged] = cases.staged([number], PERIOD)
-        except BadRequest as error:
-            wrong.append(str(error))
         except ParcoursError as error:
-            wrong.append(str(error))
+            wrong.append(error)
         else:
             good.append(number)
             bodies.append(len(staged.scene.obstacles))
             walls.append(len(cases.land(number).edges()))
         progress(number + 1, n)
-    found = solve_worlds(cases, np.array(good, np.int64)) if good else np.zeros(0, [("answer", "i8")])
-    gives = cases.plan(0).sensing.gives(bool(cases.plan(0).task.path)) if good else ()
+    if not good:
+        raise wrong[0]  # not of some cases, but of the file
+    found = solve_worlds(cases, np.array(good, np.int64))
+    plan = cases.plan(good[0])
+    gives = plan.sensing.gives(bool(plan.task.path))
     never = tuple(number for number, one in zip(good, found["answer"], strict=True) if one == UNSOLVABLE)
     return Checked(
-        world, n, tuple(wrong), _span(bodies), _span(walls), gives, never, int((found["answer"] == SOLVABLE).sum())
+        world,
+        n,
+        tuple(map(str, wrong)),
+        _span(bodies),
+        _span(walls),
+        gives,
+        never,
+        int((found["answer"] == SOLVABLE).sum()),
     )
 
 

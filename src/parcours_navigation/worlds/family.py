@@ -93,7 +93,7 @@ class WorldCases:
         except BadWorld:
             raise
         except ParcoursError as error:
-            where = f"{self.world.origin}, case {number}: {error.where}"
+            where = f"{self.world.origin}:{self.world.line_of(error.where)}, case {number}: {error.where}"
             raise BadWorld(where, error.rule, error.remedy, slug=error.slug) from error
 
     def require(self, needs: Sequence[str], planner: str) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import hashlib
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, fields
 from importlib.resources import files
 from pathlib import Path
@@ -14,10 +15,13 @@ from parcours.data.schema import FORMAT as DATA_FORMAT
 from parcours.data.schema import input_model_of
 from parcours.errors import ParcoursError, one_of
 from parcours.model.conversion import text_of
-from parcours.model.documents import MAX_BYTES, Node, Scalar, read_document
+from parcours.model.documents import MAX_BYTES, Node, Scalar, Sequence, read_document
 from parcours.model.documents import Mapping as MappingNode
 from parcours.model.finding import Finding, complaint
 from parcours.suite.cases import is_part
+from parcours_navigation.ground.maps import read_map
+from parcours_navigation.ground.outlines import BadGround
+from parcours_navigation.ground.pictures import MOST_BYTES, read_bytes
 from parcours_navigation.worlds.building import UNITS, Builder
 from parcours_navigation.worlds.plan import Plan
 
@@ -62,6 +66,29 @@ class World:
         """How it is found again: the name of a shipped world, or the whole path of its file."""
         path = self.folder / Path(self.origin).name
         return path.stem if shipped().get(path.stem) == path else str(path)
+
+    def line_of(self, where: str) -> int:
+        """Return the line of what a message calls `task, goal` or `others 2, number`; where unknown, the nearest above.
+
+        Args:
+            where: keys from the top on, parted by commas; an item of a list is its name and number; or a file's path.
+        """
+        if "/" in where:
+            tracks = [one for one in _named(self.root, "tracks") if where.startswith(str(self.folder / one.text))]
+            found: list[Node] = [*tracks, *_named(self.root, "map"), self.root]
+            return found[0].line
+        at: Node = self.root
+        for part in where.split(", "):
+            name, _, number = part.partition(" ")
+            name = _LISTS.get(name, name)
+            for under in (at, _under(at, "ground"), _under(self.root, "sensing")):
+                below = _under(under, name)
+                if below is not None:
+                    at = below
+                    break
+            if number.isdecimal() and isinstance(at, Sequence) and 0 < int(number) <= len(at.items):
+                at = at.items[int(number) - 1]
+        return at.line
 
     def _build(self, values: tuple[float, ...]) -> Plan:
         names = self.inputs.names if self.inputs is not None else ()
@@ -131,10 +158,13 @@ def _world(root: Node, origin: str, folder: Path, text: str) -> World:
         raise refusal(builder.findings)
     inputs = _inputs(items["data"], name, origin) if "data" in items else None
     digest = hashlib.sha256(text.encode())
-    for key in ("map", "tracks"):
-        for place in _named(root, key):
-            if (folder / place).is_file():
-                digest.update((folder / place).read_bytes())
+    for named in _named(root, "tracks"):
+        digest.update(_content(folder / named.text))
+    for named in _named(root, "map"):
+        digest.update(_content(folder / named.text))
+        with suppress(BadGround):  # said where the map is laid
+            shown = read_map(folder / named.text) if (folder / named.text).is_file() else None
+            digest.update(shown.cells.tobytes() if shown is not None else b"")
     return World(name, doc, origin, folder, root, inputs, digest.hexdigest()[:16])
 
 
@@ -152,14 +182,31 @@ def _inputs(node: Node, name: str, origin: str) -> InputModel:
     return inputs
 
 
-def _named(node: Node, key: str) -> list[str]:
+_LISTS = {"wall": "walls", "polygon": "polygons", "disc": "discs", "rasterise": "map"}
+"""The keys of what messages call otherwise."""
+
+
+def _under(node: Node | None, key: str) -> Node | None:
+    """Return the value of a key, None without one."""
+    items = node.items if isinstance(node, MappingNode) else ()
+    return next((value for one, value in items if one.text == key), None)
+
+
+def _named(node: Node, key: str) -> list[Scalar]:
     """Return the texts under a key, anywhere."""
     if isinstance(node, Scalar):
         return []
     if not isinstance(node, MappingNode):
-        return [text for item in node.items for text in _named(item, key)]
-    own = [value.text for one, value in node.items if one.text == key and isinstance(value, Scalar)]
-    return own + [text for _, value in node.items for text in _named(value, key)]
+        return [found for item in node.items for found in _named(item, key)]
+    own = [value for one, value in node.items if one.text == key and isinstance(value, Scalar)]
+    return own + [found for _, value in node.items for found in _named(value, key)]
+
+
+def _content(path: Path) -> bytes:
+    try:
+        return read_bytes(path, "map-file", MOST_BYTES)
+    except BadGround:  # said where it is read
+        return b""
 
 
 def refusal(found: list[Finding], tail: str = "") -> BadWorld:

@@ -8,6 +8,7 @@ from typing import Any, Literal
 
 from parcours.elementary import PI
 from parcours.errors import BadRequest
+from parcours_navigation.others.ranges import require_box, require_ordered, require_ranges, require_whole
 from parcours_navigation.robots.kinds import Body
 
 Point = tuple[float, float]
@@ -19,7 +20,8 @@ def within(where: str, owner: object, **bounds: tuple[float, float]) -> None:
         value = getattr(owner, name)
         if not low <= value <= high:
             to = f"from {low:g} to {high:g}" if math.isfinite(high) else f"at least {low:g}"
-            raise BadRequest(f"{where}, {name}", f"it must be {to}, but is {value:g}", slug="world-range")
+            raise BadRequest(f"{where}, {name}", f"it must be {to}, but is {value:g}", "give a number in that range",
+                             slug="world-range")  # fmt: skip
 
 
 def _numbers(value: object) -> list[float]:
@@ -114,10 +116,11 @@ class Task:
                              "keep one of them", slug="world-range")  # fmt: skip
         for name in ("start", "goal", "goals", "path", "heading"):
             if not all(abs(one) <= 1e4 for one in _numbers(getattr(self, name))):
-                raise BadRequest(f"task, {name}", "its numbers must be finite and within 1e4 of 0", slug="world-range")
+                raise BadRequest(f"task, {name}", "its numbers must be finite and within 1e4 of 0", "give metres",
+                                 slug="world-range")  # fmt: skip
         if len(self.goals) > MAX_GOALS:
             rule = f"there may be up to {MAX_GOALS} goals, but {len(self.goals)} are given"
-            raise BadRequest("task, goals", rule, slug="world-range")
+            raise BadRequest("task, goals", rule, "leave some out", slug="world-range")
 
 
 MAX_GOALS = 100
@@ -137,14 +140,13 @@ class StopMoveStop:
     moves: tuple[float, float] = (2.0, 10.0)  # then moves for so long [s]
 
     def __post_init__(self) -> None:
-        within("others", self, number=(0, 200), radius=(0.001, 100.0))
-        for name, low in (("speed", 0.0), ("turn", -100.0), ("waits", 0.0), ("moves", 0.0)):
-            one, two = getattr(self, name)
-            if not low <= one <= two <= 3600.0:
-                raise BadRequest(f"others, {name}", f"it must be two numbers, {low:g} or more, the lower one first, "
-                                 f"but is {one:g}, {two:g}", slug="world-range")  # fmt: skip
-        if not (self.area[0] < self.area[2] and self.area[1] < self.area[3]):
-            raise BadRequest("others, area", "it must be x_low, y_low, x_high, y_high", slug="world-range")
+        require_ranges(self, {"number": (0, 200, ""), "radius": (0.001, 100.0, "m")})
+        require_whole("number", self.number)
+        require_ordered("speed", self.speed, 100.0, "m/s")
+        require_ordered("turn", self.turn, 100.0, "rad/s", low=-100.0)
+        require_ordered("waits", self.waits, 3600.0, "s")
+        require_ordered("moves", self.moves, 3600.0, "s")
+        require_box("area", self.area)
 
 
 @dataclass(frozen=True, slots=True)

@@ -23,13 +23,14 @@ _DIAGONAL = 1.4142135623730951
 
 
 def solve_worlds(
-    cases: WorldCases, numbers: NDArray[np.int64], progress: Callable[[int, int], None] = lambda done, total: None
-) -> NDArray[np.void]:
-    """Return what is known of the cases, array of SOLVABILITY, shape (n,)."""
+    cases: WorldCases, numbers: NDArray[np.int64], progress: Callable[[int, int], None] = lambda done, total: None,
+    limit: float = np.inf,
+) -> NDArray[np.void]:  # fmt: skip
+    """Return what is known of the cases within their time limit, or a shorter one [s]; array of SOLVABILITY, (n,)."""
     found = np.zeros(len(numbers), SOLVABILITY)
     for k, number in enumerate(numbers.tolist()):
         [staged] = cases.staged([number], 0.05)
-        scene, limit = staged.scene, staged.end
+        scene, within = staged.scene, min(staged.end, limit)
         speed = float(scene.robot["v_max"][0])
         x, y = float(scene.robot["x"][0]), float(scene.robot["y"][0])
         inner = _inner_radius(scene.corners, float(scene.robot["radius"][0]))
@@ -43,21 +44,24 @@ def solve_worlds(
         earliest = max(shortest, 0.0) / speed
         found[k]["earliest_outer"], found[k]["earliest_inner"] = earliest, np.inf
         found[k]["answer"] = UNDECIDED
-        if earliest > limit:
+        if earliest > within:
             found[k]["answer"], found[k]["earliest_outer"] = UNSOLVABLE, np.inf
-        elif not len(scene.obstacles) and certain / speed <= limit and np.isnan(scene.goals[-1, 2]):
+        elif not len(scene.obstacles) and certain / speed <= within and np.isnan(scene.goals[-1, 2]):
             found[k]["answer"], found[k]["earliest_inner"] = SOLVABLE, certain / speed
         progress(k + 1, len(numbers))
     return found
 
 
 def _inner_radius(corners: NDArray[np.float64], radius: float) -> float:
-    """Return the radius of a disc around the body's place that it covers whichever way it looks [m]."""
+    """Return the radius of a disc around the body's place that it covers whichever way it looks [m].
+
+    Negative where its place lies outside of it: then nothing of the place is in the way of a wall.
+    """
     if not len(corners):
         return radius
     following = np.roll(corners, -1, axis=0)
     edge = following - corners
-    across = np.abs(corners[:, 0] * edge[:, 1] - corners[:, 1] * edge[:, 0]) / np.hypot(edge[:, 0], edge[:, 1])
+    across = (corners[:, 0] * edge[:, 1] - corners[:, 1] * edge[:, 0]) / np.hypot(edge[:, 0], edge[:, 1])
     return float(across.min())
 
 
@@ -77,6 +81,8 @@ def ways(
     straight = max(float(np.hypot(goal_x - x, goal_y - y)) - tolerance, 0.0)
     if not len(packed):
         return straight, straight
+    if inner <= 0.0:
+        return straight, float("inf")
     left, bottom, right, top = _extent(packed, x, y, goal_x, goal_y)
     step = max(0.25 * max(inner, 0.02), float(np.sqrt((right - left) * (top - bottom) / _MOST_POINTS)))
     columns, rows = int((right - left) / step) + 2, int((top - bottom) / step) + 2

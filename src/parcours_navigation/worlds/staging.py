@@ -5,10 +5,10 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from inspect import signature
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,8 +26,10 @@ from parcours_navigation.ground.generators.rooms import corridor, doorway, offic
 from parcours_navigation.ground.generators.site import Site
 from parcours_navigation.ground.ground import Ground, ground_of, lay_ground
 from parcours_navigation.ground.maps import read_map
+from parcours_navigation.ground.outlines import BadGround
 from parcours_navigation.others.drawing import drawn
 from parcours_navigation.others.entries import Others, read_others
+from parcours_navigation.others.kinds import MOTIONS
 from parcours_navigation.protocol import Map, Task
 from parcours_navigation.sensing.detecting import DETECTION
 from parcours_navigation.stage.memory import Scene, Staged
@@ -40,6 +42,9 @@ _OBSTACLES, _SENSORS = np.uint64(0x73746F70), np.uint64(0x73656E73)
 
 _GROUND = 0x67726E64
 """Purpose of the streams from which generated grounds get their seeds (ASCII for `grnd`)."""
+
+_T = TypeVar("_T")
+_Named = list[tuple[str, _T]]
 
 _TRIES = 10_000
 _WHOLE = ("number", "group", "drawn_goals", "nearest")
@@ -100,15 +105,21 @@ def _generated(given: dict[str, Any], seed: int, number: int, radius: float) -> 
     require_known(kind, tuple(GENERATORS), "ground, generated, kind", slug="ground-kind")
     arguments = {key: value for key, value in given.items() if key not in ("kind", "same")}
     known = [one for one in signature(GENERATORS[kind]).parameters if one not in ("seed", "number")]
-    for name in arguments:
+    for name, value in arguments.items():
         require_known(name, known, f"ground, generated, {kind}", slug="ground-kind")
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise BadRequest(f"ground, generated, {name}", f"it must be a number, but is {value!r}",
+                             "give one, or name an input under `data`", slug="ground-range")  # fmt: skip
     whole = {name: round(value) for name, value in arguments.items() if isinstance(value, float) and value.is_integer()}
     arguments = {"radius": radius, **arguments, **whole}
     if given.get("same"):
         number = 0
-    if kind == "barn-300":
-        return _site(kind, number % BARN_WORLDS, tuple(arguments.items()))
-    return _site(kind, int(starts(seed, np.array([number]), _GROUND)[0]), tuple(arguments.items()))
+    own = number % BARN_WORLDS if kind == "barn-300" else int(starts(seed, np.array([number]), _GROUND)[0])
+    try:
+        return _site(kind, own, tuple(arguments.items()))
+    except BadGround as error:
+        remedy = error.remedy or "give a number in that range"
+        raise BadRequest(f"ground, generated, {error.where}", error.rule, remedy, slug=error.slug) from None
 
 
 @functools.lru_cache(maxsize=512)
@@ -129,9 +140,12 @@ def _fixed(
     return made, made.pack()
 
 
-def others_of(plan: Plan, area: tuple[float, ...] | None, folder: Path) -> tuple[list[StopMoveStop], list[Others]]:
-    """Return who moves: in closed form, and as agents; who begins nowhere begins in the area. Raises BadRequest."""
-    closed, agents = [], []
+def others_of(plan: Plan, area: tuple[float, ...] | None, folder: Path) -> tuple[_Named[StopMoveStop], _Named[Others]]:
+    """Return who moves, with what messages call them: in closed form, and as agents; who begins nowhere begins in the
+    area. Raises BadRequest.
+    """
+    closed: _Named[StopMoveStop] = []
+    agents: _Named[Others] = []
     for k, given in enumerate(plan.others, 1):
         entry = {
             name: int(one) if name in _WHOLE and isinstance(one, float) and one.is_integer() else one
@@ -141,19 +155,26 @@ def others_of(plan: Plan, area: tuple[float, ...] | None, folder: Path) -> tuple
             entry.setdefault("area", list(area))
         if entry.get("number") == 0:
             continue
-        if entry.get("motion") == "stop-move-stop":
-            closed.append(_stop_move_stop(entry, f"others {k}"))
+        named = str(entry.get("motion", ""))
+        require_known(named, (*MOTIONS, "stop-move-stop"), f"others {k}, motion", slug="others-key")
+        if named == "stop-move-stop":
+            closed.append((f"others {k}", _stop_move_stop(entry, f"others {k}")))
         else:
-            agents.append(read_others(entry, f"others {k}", folder))
+            agents.append((f"others {k}", read_others(entry, f"others {k}", folder)))
     return closed, agents
 
 
 def _stop_move_stop(entry: dict[str, Any], where: str) -> StopMoveStop:
+    known = [one.name for one in fields(StopMoveStop)]
+    for name in entry:
+        require_known(name, known, f"{where}, key", slug="others-key")
+    if "area" not in entry:
+        raise BadRequest(where, "they must begin somewhere", "give an area", slug="others-range")
     given: dict[str, Any] = {name: tuple(value) if isinstance(value, list) else value for name, value in entry.items()}
     try:
         return StopMoveStop(**given)
-    except TypeError as error:
-        raise BadRequest(where, f"its keys must be those of stop-move-stop, but: {error}", slug="world-range") from None
+    except BadRequest as error:
+        raise BadRequest(error.where.replace("others", where, 1), error.rule, error.remedy, slug=error.slug) from None
 
 
 def stage(plan: Plan, folder: Path, seed: int, number: int, period: float) -> Staged:
@@ -165,10 +186,14 @@ def stage(plan: Plan, folder: Path, seed: int, number: int, period: float) -> St
     x, y, heading = land.start
     corners = np.array(body.footprint, np.float64).reshape(-1, 2)
     _require_free(land, corners, body.radius)
+    if abs(task.start_speed) > body.limits.speed:
+        rule = f"it must be within the robot's top speed, {body.limits.speed:g} m/s, but is {task.start_speed:g}"
+        raise BadRequest("task, start_speed", rule, "lower it", slug="world-range")
     closed, entries = others_of(plan, land.area, folder)
     obstacles = _closed(closed, land, body.radius, seed, number)
     taken = [(x, y, body.radius), *((float(one["x0"]), float(one["y0"]), float(one["radius"])) for one in obstacles)]
-    crowd = drawn(entries, seed, number, is_free=lambda a, b, r: clearance(land.packed, a, b) > r, taken=taken)
+    crowd = drawn([one for _, one in entries], seed, number, taken=taken, names=[name for name, _ in entries],
+                  is_free=lambda a, b, r: clearance(land.packed, a, b) > r)  # fmt: skip
     agents = crowd.agents.copy()
     agents["obstacle"] += len(obstacles)
     limits, sensing = body.limits, plan.sensing
@@ -261,20 +286,19 @@ def _scan(plan: Plan) -> tuple[int, float, float, float, float, float]:
     return laser.beams, 0.5 * (step - laser.field_of_view), step, laser.reach, laser.noise, laser.dropped
 
 
-def _closed(entries: list[StopMoveStop], land: Land, robot_radius: float, seed: int, number: int) -> Record:
+def _closed(entries: _Named[StopMoveStop], land: Land, robot_radius: float, seed: int, number: int) -> Record:
     """Return the obstacles of closed form, clear of each other, the robot and the ground; array of OBSTACLE."""
-    total = sum(one.number for one in entries)
+    total = sum(one.number for _, one in entries)
     obstacles = np.zeros(total, OBSTACLE)
     stream, k = np.zeros(1, np.uint64), 0
     x, y, _ = land.start
-    for place, one in enumerate(entries):
+    for place, (name, one) in enumerate(entries):
         start(stream, np.uint64(seed), np.uint64(number), _OBSTACLES + np.uint64(place << 40))
         for _ in range(one.number):
             if not _draw(one.area, one.radius, x, y, robot_radius, obstacles, k, land.packed, stream):
                 rule = f"{one.number} discs with a radius of {one.radius:g} m must find room, but {k} did in the area"
                 remedy = "give fewer or smaller ones, or more room"
-                raise BadRequest(f"others {place + 1} of case {number}", rule, remedy,
-                                 slug="others-do-not-fit")  # fmt: skip
+                raise BadRequest(name, rule, remedy, slug="others-do-not-fit")
             values = [between(stream, *span) for span in (one.speed, one.turn, one.waits, one.moves)]
             obstacles[k]["speed"], obstacles[k]["turn"] = values[:2]
             obstacles[k]["start"] = round(values[2] * 1e9)

@@ -136,7 +136,7 @@ def test_an_entry_of_a_world_file_is_read(tmp_path: Path) -> None:
         ({"motion": "orca", "speed": 90}, r"others 2, speed: in a tick of 0.01 s nobody may move more than half"),
         ({"motion": "orca", "area": [1, 0, 0, 1]}, r"others 2, area: its lower corner must be below and left"),
         ({"motion": "orca", "area": [1, 0]}, r"others 2, area: it must be x_low, y_low, x_high, y_high"),
-        ({"motion": "orca", "area": 3}, r"others 2: its values must fit, but"),
+        ({"motion": "orca", "area": 3}, r"others 2, area: it must be x_low, y_low, x_high, y_high, but is 3"),
         ({"motion": "orca", "area": None}, r"others 2: they must begin somewhere; give an area, or places"),
         ({"motion": "orca", "area": None, "places": [[0, 0]]}, r"others 2: they must have goals"),
         ({"motion": "orca", "goals": [[0, 0, 0]]}, r"others 2, goals, point 1: a point must be two numbers"),
