@@ -128,7 +128,7 @@ def test_no_host_starts_with_messages_that_are_not_what_the_model_says(host: Hos
 def test_no_case_runs_in_simulated_time_with_such_messages_and_the_battery_says_so(tmp_path: Path) -> None:
     study = replace(component_study(), model=changed("Velocity", "v", Field("v", "bool")))
     settings = settings_of(study.parameters, {})
-    with pytest.raises(HostFailure, match="on 'cmd_vel' it.v must be bool, but is 0.2"):
+    with pytest.raises(HostFailure, match=r"on 'cmd_vel' it.v must be bool, but is 0.2"):
         study.run(Request(settings, 1, tmp_path / "out", 1), lambda *_: None)
     assert not (tmp_path / "out" / "cases.jsonl").exists()
     assert [one.level for one in study.check(lambda *_: None)] == ["error"]
