@@ -1,7 +1,7 @@
 """Prints what oracles say against clean cases of RAMP: each such word is a false alarm (docs/evidence.md).
 
-Component cases run with references and second programs; system cases component by component, both schedules and both
-protocols, their messages judged by order, formulas and references, their facts held against the compiled loop's.
+Component cases run with references, second programs and relations; system cases component by component, both
+schedules and both protocols, their messages judged by order, formulas and references, their facts held against the compiled loop's.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ def component_cases(n: int, seed: int) -> Iterator[tuple[str, Judgement]]:
     run = executing.in_process(exercise)
     while n > 0:
         for case in study.suite(settings, seed, min(n, len(study.plan(seed)))):
-            yield f"seed {seed}, {case.id}", executing.judge_trace(exercise, case, run(case).trace)
+            yield f"seed {seed}, {case.id}", executing.run_functional(exercise, case, run).judgement
             n -= 1
         seed += 1
 

@@ -86,9 +86,36 @@ FAULTS: dict[str, tuple[str, Callable[[Any], Any], Callable[[Any], bool], str]] 
                              lambda m: len(m.predictions) > 1, "pass on the predictions"),
     "another member is followed": ("best_trajectory", other_id, lambda m: m["begins"] > 0, "is the fittest"),
     "the lag is forgotten": ("update", lambda m: m._replace(lag=m.lag + 10**7), lambda m: True, "have delayed it"),
+    "a report is of another time": ("update", lambda m: m._replace(stamp=m.stamp - 33_333_333),
+                                    lambda m: True, "report 1 is of 33.333 ms, but says 0.000 ms"),
+    "members get each other's ways": ("evaluation_request", lambda m: m._replace(trajectories=_of_the_first(m)),
+                                      lambda m: m.tag.cycle == "control" and m.window is None, "each its own"),
+    "a candidate is entered elsewhere": ("trajectory_request", lambda m: m._replace(starts=_moved_all(m.starts),
+                                         paths=_moved_paths(m.paths)), lambda m: m.tag.cycle == "planning"
+                                         and m.obstacles is None and m.tag.serial > 8, "entered as the population"),
     "another pose is reported": ("update", lambda m: m._replace(pose=_moved(m.pose)),
                                  lambda m: True, "report the pose it was told"),
 }  # fmt: skip
+
+
+def _of_the_first(request: Any) -> Any:
+    """Let every member but the first have the way of the second, under ids of their own."""
+    ways = request.trajectories.copy()
+    for k in range(2, len(ways)):
+        ways[k], ways[k]["id"] = ways[1], request.trajectories[k]["id"]
+    return ways
+
+
+def _moved_all(starts: Any) -> Any:
+    others = starts.copy()
+    others["x"] += 0.3
+    return others
+
+
+def _moved_paths(paths: Any) -> Any:
+    others = paths.copy()
+    others["x"][:, 0] += 0.3
+    return others
 
 
 def _moved(pose: Any) -> Any:

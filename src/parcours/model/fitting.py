@@ -10,10 +10,13 @@ _KINDS: dict[str, tuple[type, ...]] = {"bool": (bool,), "int": (int,), "real": (
 _EXACT: dict[str, type] = {"bool": bool, "int": int, "real": float}
 
 
-def misfit(classes: Mapping[str, MessageClass], declared: MessageClass, message: object, where: str = "it") -> str:
+def misfit(
+    classes: Mapping[str, MessageClass], declared: MessageClass, message: object, where: str = "it", *,
+    whole: bool = False,
+) -> str:  # fmt: skip
     """Return the first thing in a message that its class does not allow; empty if there is none.
 
-    A field that is missing is allowed: not every observer sees all.
+    A field that is missing is allowed, since not every observer sees all, unless the message must be whole.
 
     >>> from parcours.model.structure import Field
     >>> state = MessageClass("State", (Field("v", "real"), Field("way", "int", shape=(2,))))
@@ -29,23 +32,24 @@ def misfit(classes: Mapping[str, MessageClass], declared: MessageClass, message:
         if name not in fields:
             return f"{where} must be a {declared.name}, which has no {name!r}"
         field = fields[name]
-        if wrong := _misfit(classes, field.type, field.shape, value, f"{where}.{name}"):
+        if wrong := _misfit(classes, field.type, field.shape, value, f"{where}.{name}", whole):
             return wrong
-    return ""
+    lacking = [f"{field.name}: {field.type}" for field in declared.fields if field.name not in message] if whole else []
+    return f"{where} must be a {declared.name}, but lacks {', '.join(lacking)}" if lacking else ""
 
 
 def _misfit(
-    classes: Mapping[str, MessageClass], kind: str, shape: tuple[int | str, ...], value: object, where: str
+    classes: Mapping[str, MessageClass], kind: str, shape: tuple[int | str, ...], value: object, where: str, whole: bool
 ) -> str:
     if shape:
         is_list = isinstance(value, list | tuple) or (isinstance(value, Sequence) and not isinstance(value, str))
         if not is_list or (isinstance(shape[0], int) and len(value) != shape[0]):  # type: ignore[arg-type]
             return f"{where} must be a list of {shape[0]}, but is {value!r:.60}"
         items = enumerate(value)  # type: ignore[arg-type, var-annotated]
-        wrongs = (_misfit(classes, kind, shape[1:], one, f"{where}[{k}]") for k, one in items)
+        wrongs = (_misfit(classes, kind, shape[1:], one, f"{where}[{k}]", whole) for k, one in items)
         return next((wrong for wrong in wrongs if wrong), "")
     if kind in classes:
-        return misfit(classes, classes[kind], value, where)
+        return misfit(classes, classes[kind], value, where, whole=whole)
     allowed = _KINDS.get(kind, (str,))
     fits = type(value) in allowed or (isinstance(value, allowed) and (kind == "bool" or not isinstance(value, bool)))
     return "" if fits else f"{where} must be {kind}, but is {value!r:.60}"

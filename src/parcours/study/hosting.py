@@ -11,6 +11,8 @@ from parcours.errors import require_known
 from parcours.model.structure import Cefsm
 from parcours.run.hosts.node_program import Codec, Transport, nodes_of
 from parcours.run.port import Link
+from parcours.study.carrying import Shown, Specimens, require_carried
+from parcours.verdict.contracts import plain
 
 HostName = Literal["simulated", "processes", "ros1", "ros2"]
 HOSTS: tuple[HostName, ...] = get_args(HostName)
@@ -29,6 +31,8 @@ class Nodes:
     ros1_codec: str  # dotted name of what returns the codec there; called with `given` unless that is empty
     preload: tuple[str, ...] = ()  # modules to load before processes are forked
     given: str = ""  # the second argument of node programs, such as where a study is
+    shown: Shown = plain  # payloads as messages of the model
+    specimens: Specimens = tuple  # payloads that show on every host, before it starts, that messages travel whole
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +56,7 @@ def started(nodes: Nodes, host: str, graph: str = "") -> Iterator[Hosted]:
 
     Raises:
         BadRequest: there is no such host.
-        HostFailure: it cannot be had here, or a node does not start.
+        HostFailure: it cannot be had here, a node does not start, or its messages are not what the model says.
     """
     from parcours.run.hosts.scheduling import real_time
 
@@ -84,10 +88,12 @@ def _start(nodes: Nodes, host: str, graph: str) -> Hosted:
         module, _, name = nodes.ros1_codec.partition(":")
         make = getattr(import_module(module), name)
         ros1 = make(nodes.given) if nodes.given else make()
+        require_carried(nodes.model, nodes.shown, nodes.specimens, ros1)
         started = nodes_of(nodes.links, nodes.components, nodes.ros1_node_program, nodes.given)
         preload = [nodes.ros1_node_program.partition(":")[0], *preload]
         types = interfaces(nodes.model, nodes.links)
         return Hosted(Ros1Transport(started, types, ros1, preload, master=graph or None), ros1)
+    require_carried(nodes.model, nodes.shown, nodes.specimens, codec)
     started = nodes_of(nodes.links, nodes.components, nodes.node_program, nodes.given)
     if host == "ros2":
         from parcours.run.hosts.interfaces import interfaces

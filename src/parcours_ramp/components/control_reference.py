@@ -75,6 +75,9 @@ class _Control:
         self.n_reports += 1
         if self.timed and abs(now - self.n_reports * _REPORTS) > 1000:
             return f"report {self.n_reports} is due after {self.n_reports * _REPORTS * 1e-6:.3f} ms"
+        due = now if self.timed else round(self.n_reports * _REPORTS)
+        if abs(update.stamp - due) > 1000:
+            return f"report {self.n_reports} is of {due * 1e-6:.3f} ms, but says {update.stamp * 1e-6:.3f} ms"
         if pose_of(update.pose) != self.pose:
             return f"it must report the pose it was told, {self.pose}, but reports {pose_of(update.pose)}"
         if abs(update.lag - self.lag) > 1000:

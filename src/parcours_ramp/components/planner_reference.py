@@ -143,6 +143,8 @@ class _Planner(Told):
             if not _same(float(path["x"][0]) - starts[k].x, float(path["y"][0]) - starts[k].y):
                 wrong = wrong or f"way {k} must begin where it starts"
             wrong = wrong or self.leads(path)
+        if self.cycle == "planning" and self.entered is not None:
+            wrong = wrong or self.entered_as(payload.paths[0], starts[0], kinds[0])
         if self.cycle == "planning" and self.to_try:
             wrong = wrong or _as_modified(payload.paths[0], kinds[0], self.paths[len(self.paths) - self.to_try])
         if self.cycle == "control":
@@ -159,6 +161,7 @@ class _Planner(Told):
             self.t_next = now + round(period * 1e9)
             at_rest = abs(self.latest.v) < 0.01 and abs(self.latest.w) < 0.01
             right = start == self.latest._replace(v=0.0, w=0.0) and set(kinds) == {HYBRID} and at_rest
+            self.entered = start, HYBRID, start
             return "" if right else f"halted, its ways must begin at rest where the robot stands, not at {start}"
         self.rested = False
         latest, first = self.latest_switch(), self.first_switch()
@@ -182,14 +185,17 @@ class _Planner(Told):
         if goes_on and len(kinds) != self.parameters.population - 1:
             return "the member that is followed goes on, so that all others need new ways"
         anchor = planned(self.moving, latest * SAMPLE)
-        for path, kind in zip(payload.paths, kinds, strict=True):
-            if (
-                kind == TRANSITION
-                and int(path["n"]) < MAX_KNOTS
-                and not _same(float(path["x"][1]) - anchor.x, float(path["y"][1]) - anchor.y)
-            ):
-                return f"its ways must lead by {anchor.x:.6g}, {anchor.y:.6g} m, where they would begin at the latest"
-        return ""
+        is_known = TRANSITION in kinds or len(kinds) > 1  # the member that is followed needs no switch
+        self.entered = (start, max(kinds), anchor) if is_known else None
+        return next((wrong for one in zip(payload.paths, kinds, strict=True) if (wrong := _leads_by(*one, anchor))), "")
+
+    def entered_as(self, path: Any, start: Pose, kind: int) -> str:
+        """Judge how a candidate is entered: as the population, since the last control cycle."""
+        assert self.entered is not None
+        wanted, wanted_kind, anchor = self.entered
+        if kind != wanted_kind or not _agrees(start, wanted):
+            return f"a candidate must be entered as the population is, from {wanted} by kind {wanted_kind}"
+        return _leads_by(path, kind, anchor)
 
     def leads(self, path: Any) -> str:
         """Judge where a path leads: by the arena to the goal; one path of the first ones leads straight ahead."""
@@ -280,11 +286,12 @@ class _Planner(Told):
     def renewed(self, trajectories: Any) -> list[str]:
         """Judge a population after a control cycle: all but the best follow the ways that were generated."""
         answered = [float(one["duration"]) for one in self.answered]
-        kept = [one for one in trajectories if float(one["duration"]) not in answered]
-        wrong = []
-        if len(kept) > 1 or any(int(one["id"]) != int(self.moving["id"]) for one in kept):
-            wrong.append("all but the member that is followed must have the trajectories that were generated")
-        return wrong
+        durations = [float(one["duration"]) for one in trajectories]
+        followed = [k for k, one in enumerate(trajectories) if int(one["id"]) == int(self.moving["id"])]
+        others = [durations[:k] + durations[k + 1 :] for k in followed]
+        if any(one == answered[: len(one)] for one in (durations, *others)):  # a tester may answer more than was asked
+            return []
+        return ["all but the member that is followed must have the trajectories that were generated, each its own"]
 
     def looks(self, payload: Any, now: int) -> list[str]:
         """Judge what the guard is to look at, and what it has seen already in these obstacles."""
@@ -320,6 +327,14 @@ class _Planner(Told):
 
 def _same(dx: float, dy: float) -> bool:
     return math.hypot(dx, dy) <= _NEAR
+
+
+def _leads_by(path: Any, kind: int, anchor: Pose) -> str:
+    """Judge whether a switch leads by where the population begins at the latest; MAX_KNOTS may leave no room."""
+    is_switch = kind == TRANSITION and int(path["n"]) < MAX_KNOTS
+    if is_switch and not _same(float(path["x"][1]) - anchor.x, float(path["y"][1]) - anchor.y):
+        return f"its ways must lead by {anchor.x:.6g}, {anchor.y:.6g} m, where they would begin at the latest"
+    return ""
 
 
 def _agrees(one: Pose, other: Pose) -> bool:

@@ -31,6 +31,8 @@ class Told:
         self.limit = math.inf
         self.moving: Any = None  # the motion under way, as it was sent
         self.begins, self.t_control, self.t_next = 0, 0, -1
+        # how the population is entered since the last control cycle, if it is known: from where, the kind, the anchor
+        self.entered: tuple[Pose, int, Pose] | None = None
         self.n_commitments = 0
         self.nearest = (0.0, NEVER)  # direction [rad] and distance [m] of an obstacle
         self.cycle, self.serial, self.to_try, self.stage = "", 0, 0, 0
@@ -38,6 +40,7 @@ class Told:
         self.obstacles: Any = None  # the list that is looked at
         self.seen = self.was_halted = False  # whether the guard has seen it before; whether the robot was halted then
         self.predictions: list[Any] = []
+        self.owes = False  # whether it has to ask for the way of another modified path now
         self.answered: Any = None
         self.paths: list[Any] = []
         self.members: dict[int, Any] = {}  # the population, as it was last sent: id -> trajectory
@@ -50,6 +53,9 @@ class Told:
         if event.kind == "receive":
             return self.receive(event.channel, event.payload)
         if event.kind == "send":
+            owes, self.owes = self.owes, False
+            if owes and event.channel != "trajectory_request":
+                return ["two paths were modified, but it asks no way for the second"]
             check = getattr(self, f"sends_{event.channel}", None)
             return [] if check is None else [one for one in check(event.payload, event.time) if one]
         if event.kind == "take":
@@ -106,6 +112,7 @@ class Told:
         """Take up an evaluation."""
         if self.cycle == "planning":
             self.to_try -= 1
+            self.owes = self.to_try > 0
             self.joined.append((float(payload.fitness[0]), bool(payload.feasible[0])))
         elif self.stage == 1:  # of the motion under way
             self.hit = bool(payload.t_collision[0] < NEVER)

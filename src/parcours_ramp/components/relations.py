@@ -44,7 +44,8 @@ def crowded(channel: str, payload: object) -> object:
         predictions[n - k] = payload.predictions[k]
     trajectories["begins"] += _HOUR
     predictions["stamp"] += _HOUR
-    return payload._replace(trajectories=trajectories, predictions=predictions)
+    window = payload.window and (payload.window[0] + _HOUR, *payload.window[1:])
+    return payload._replace(trajectories=trajectories, predictions=predictions, window=window)
 
 
 def unchanged(channel: str, message: object) -> object:
@@ -59,7 +60,8 @@ def mirrored(channel: str, payload: object) -> object:
     paths, starts = payload.paths.copy(), payload.starts.copy()
     for one, other in ((paths, payload.paths), (starts, payload.starts)):
         one["x"], one["y"] = other["y"], other["x"]
-    starts["heading"], starts["w"] = math.pi / 2 - payload.starts["heading"], -payload.starts["w"]
+    starts["w"] = -payload.starts["w"]
+    starts["heading"] = [wrapped(math.pi / 2 - heading) for heading in payload.starts["heading"].tolist()]
     return payload._replace(paths=paths, starts=starts)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -32,6 +33,7 @@ from parcours_ramp.components.oracles import ORACLES
 from parcours_ramp.components.references import references
 from parcours_ramp.components.relations import relations
 from parcours_ramp.components.second_programs import SecondPrograms
+from parcours_ramp.components.specimens import specimens
 from parcours_ramp.components.tester import ComponentTester
 from parcours_ramp.planner.viewing import message_of
 from parcours_ramp.planner.whole import DECIDING
@@ -75,7 +77,7 @@ class RampComponents(ComponentStudy):
 
     def nodes(self) -> Nodes:
         """Return the six components as nodes, with the channels of the system, too."""
-        return component_nodes()
+        return replace(component_nodes(), model=self.model)
 
     def tester(self, case: Case, settings: Settings, *, timed: bool = False) -> Tester:
         """Return the tester of a case."""
@@ -112,7 +114,7 @@ def component_nodes() -> Nodes:
     room = "parcours_ramp.components"
     return Nodes(
         model, (*inner, *also), names, f"{room}.node_program:ComponentNodeProgram", RampCodec(),
-        f"{room}.ros1:node_program", f"{room}.ros1:codec", (f"{room}.warm",),
+        f"{room}.ros1:node_program", f"{room}.ros1:codec", (f"{room}.warm",), shown=message_of, specimens=specimens,
     )  # fmt: skip
 
 

@@ -10,7 +10,7 @@ from collections.abc import Callable
 import numpy as np
 
 from parcours.abtc import Event
-from parcours.elementary import sin_cos
+from parcours.elementary import sin_cos, wrap
 from parcours.errors import HostFailure
 from parcours.kernels import Record
 from parcours.suite import Case
@@ -70,10 +70,11 @@ class Supply:
         return "update", messages.Report(20_000_000, pose, int(draw(0.0, 5e6)))
 
     def beside(self, pose: Record) -> Record:
-        """Return a POSE near one: the robot is off its plan, one time in four so far that it looks elsewhere."""
+        """Return a POSE near one: off the plan, perhaps so far that it looks elsewhere, or turned once more."""
         draw = self._stream.uniform
         pose.x, pose.y = pose.x + draw(-0.03, 0.03), pose.y + draw(-0.03, 0.03)
         pose.heading += draw(-0.2, 0.2) if self._stream.random() < 0.75 else draw(0.3, 0.6)
+        pose.heading += 2.0 * np.pi * self._stream.integers(-1, 2)
         return pose
 
     def limit(self) -> float:
@@ -81,17 +82,17 @@ class Supply:
         return float(self._stream.choice([np.inf, 0.12, 0.02]))
 
     def planning_answers(self, serial: int) -> tuple[tuple[str, object], ...]:
-        """Return the answers that end a planning cycle: a modified path, its trajectory, how fit it is."""
-        tag, path = messages.Tag("planning", serial), messages.many(messages.PATH, 1)
-        path[0] = self._path()
-        path[0].x[path[0].n - 1], path[0].y[path[0].n - 1] = GOAL
-        ways = messages.many(messages.TRAJECTORY, 1)
-        ways[0] = self._trajectory()
-        return (
-            ("modification_response", messages.ModificationResponse(tag, path)),
-            ("trajectory_response", messages.TrajectoryResponse(tag, ways)),
-            ("evaluation_response", self._evaluations(1)._replace(tag=tag)),
-        )
+        """Return the answers that end a planning cycle: modified paths, one or two, of each its way and fitness."""
+        tag, paths = messages.Tag("planning", serial), messages.many(messages.PATH, int(self._stream.integers(1, 3)))
+        answers: list[tuple[str, object]] = [("modification_response", messages.ModificationResponse(tag, paths))]
+        for k in range(len(paths)):
+            paths[k] = self._path()
+            paths[k].x[paths[k].n - 1], paths[k].y[paths[k].n - 1] = GOAL
+            ways = messages.many(messages.TRAJECTORY, 1)
+            ways[0] = self._trajectory()
+            answers.append(("trajectory_response", messages.TrajectoryResponse(tag, ways)))
+            answers.append(("evaluation_response", self._evaluations(1)._replace(tag=tag)))
+        return tuple(answers)
 
     def last_evaluation(self) -> messages.EvaluationResponse:
         """Return the answer that ends a sensing cycle: of the motion under way alone."""
@@ -116,24 +117,33 @@ class Supply:
         return messages.EvaluationResponse(self._sensing, feasible, fitness, np.where(feasible == 1, 9999.0, met))
 
     def _obstacles(self) -> messages.Obstacles:
-        """Return one obstacle ahead that drives towards the robot, and one that stands: ahead, beside or behind it."""
+        """Return one obstacle ahead that drives towards the robot, straight or in a bend, and one that stands.
+
+        That one is ahead, beside, behind, or close to the shoulder, and looks at the robot half of the time.
+        """
         states, draw = messages.many(messages.OBSTACLE_STATE, _N_OBSTACLES), self._stream.uniform
         for k, state in enumerate(states):
             pose, bearing = state.pose, draw(-0.7 * np.pi, 0.7 * np.pi) if k else draw(-0.25 * np.pi, 0.25 * np.pi)
+            if k and self._stream.random() < 1.0 / 3.0:
+                bearing = self._stream.choice([-1.0, 1.0]) * draw(0.5 * np.pi, 0.55 * np.pi)
             angle = float(self._begin.heading) + bearing
             s, c = sin_cos(angle)
             pose.x, pose.y = self._case["odometry"] * c, self._case["odometry"] * s
-            pose.heading = angle - np.pi + (draw(-2.0, 2.0) if k else 0.0)
+            pose.heading = angle - np.pi + (draw(-2.0, 2.0) if k and self._stream.random() < 0.5 else 0.0)
             state.radius = 0.1
             if not k:
                 pose.v, pose.w = self._case["motion"], draw(-0.5 * np.pi, 0.5 * np.pi)
-        return messages.Obstacles(0, states)
+                if self._stream.random() < 1.0 / 3.0:
+                    pose.w = 0.0
+        return messages.Obstacles(
+            -int(draw(0.0, 5e7)), states
+        )  # sensed before the case: no control cycle is due before
 
-    def _path(self) -> Record:
-        """Return a PATH of the case's number of knots and length, from the robot on, bending gently at random."""
+    def _path(self, turned: float = 0.0) -> Record:
+        """Return a PATH of the case's knots and length, from the robot on, turned [rad], bending gently at random."""
         path, n = messages.many(messages.PATH, 1)[0], int(self._case["path"])
         path.n = n
-        leg, heading = self._case["trajectory"] / (n - 1), float(self._begin.heading)
+        leg, heading = self._case["trajectory"] / (n - 1), float(self._begin.heading) + turned
         for k in range(1, n):
             s, c = sin_cos(heading)
             path.x[k], path.y[k] = path.x[k - 1] + leg * c, path.y[k - 1] + leg * s
@@ -155,29 +165,48 @@ class Supply:
     def _trajectory_request(self) -> messages.TrajectoryRequest:
         """Ask for the robot's ways as the planning and control cycles do, of each kind: Table II leaves them out.
 
-        A switch leaves a motion before the path begins; what stops and rotates starts at rest.
+        All lead the same way, anywhere. A switch leaves a motion before the path begins; what stops and rotates starts
+        at rest, or moves and looks aside, as the last hybrid way does.
         """
-        kinds = np.array([HYBRID, HOLONOMIC, TRANSITION])
-        path, paths, starts = self._path(), messages.many(messages.PATH, 3), messages.many(messages.POSE, 3)
-        for k in range(3):
-            starts[k] = self._begin
-            if kinds[k] == HOLONOMIC:
+        kinds, turned = (
+            np.array([HYBRID, HOLONOMIC, TRANSITION, HYBRID, HOLONOMIC]),
+            self._stream.uniform(-np.pi, np.pi),
+        )
+        n, path, begin = len(kinds), self._path(turned), self._begin.copy()
+        paths, starts = messages.many(messages.PATH, n), messages.many(messages.POSE, n)
+        begin.heading = wrap(begin.heading + turned)
+        for k in range(n):
+            starts[k] = begin
+            if k == 1:
                 starts[k].v = 0.0
             elif kinds[k] == TRANSITION:
-                s, c = sin_cos(self._begin.heading)
-                starts[k].x, starts[k].y = self._begin.x - _BEFORE * c, self._begin.y - _BEFORE * s
+                s, c = sin_cos(begin.heading)
+                starts[k].x, starts[k].y = begin.x - _BEFORE * c, begin.y - _BEFORE * s
+            elif k > 1:
+                starts[k].heading = wrap(begin.heading + self._stream.uniform(-0.6, 0.6))
             switch_path(path, starts[k], kinds[k], paths[k])
         return messages.TrajectoryRequest(self._sensing, paths, starts, kinds)
 
     def _evaluation_request(self) -> messages.EvaluationRequest:
-        """Ask how fit ways are beside all obstacles, sensed a while ago, for a robot off its plan, perhaps halted."""
+        """Ask how fit ways are beside all obstacles, sensed a while ago, for a robot off its plan, perhaps halted.
+
+        One time in four only when the motion under way meets them is asked, from some sample on.
+        """
         trajectories, draw = messages.many(messages.TRAJECTORY, int(self._case["population"])), self._stream.uniform
         for k in range(len(trajectories)):
             trajectories[k] = self._trajectory()
         predictions = self._predictions(_N_OBSTACLES, ago=draw(0.0, 0.1))
-        drift, heading = (draw(-0.03, 0.03), draw(-0.03, 0.03)), float(self._begin.heading) + draw(-0.2, 0.2)
-        halted = bool(self._stream.random() < 0.25)
-        return messages.EvaluationRequest(self._sensing, trajectories, predictions, drift, heading, halted)
+        drift, turned = (draw(-0.03, 0.03), draw(-0.03, 0.03)), draw(-0.2, 0.2)
+        if self._stream.random() < 1.0 / 3.0:
+            turned = draw(-np.pi, np.pi)
+        heading, halted = wrap(float(self._begin.heading) + turned), bool(self._stream.random() < 0.25)
+        window = None
+        if self._stream.random() < 0.25:
+            first, ahead = int(self._stream.integers(0, 6)), round(self._parameters.guard_horizon / messages.SAMPLE) + 1
+            leaves = bool(self._stream.random() < 0.5)
+            trajectories.feasible, trajectories.fitness = 1, draw(0.02, 0.3)  # it has been looked at before
+            trajectories, window = trajectories[:1], (0, first, first + ahead, self._parameters.guard_margin, leaves)
+        return messages.EvaluationRequest(self._sensing, trajectories, predictions, drift, heading, halted, window)
 
     def _modification_request(self) -> messages.ModificationRequest:
         """Ask for an operator that changes a path of so many knots, begun somewhere, near an obstacle somewhere."""

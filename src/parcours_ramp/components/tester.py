@@ -92,9 +92,9 @@ class ComponentTester:
     def beside(self, event: Event) -> Sequence[Send]:
         """Return what sets the model's input variables: the robot's pose and limit, imminent collision.
 
-        A planner is told where the robot is; it ends its planning cycle before a control cycle, and that before the
-        next sensing cycle, by answers which Table II leaves out; an answer to an earlier request, which it has to
-        ignore, comes again before the one it waits for.
+        A planner is told where the robot is, also while it talks with a service; it ends its planning cycle before a
+        control cycle, and that before the next sensing cycle, by answers which Table II leaves out; an answer to an
+        earlier request, which it has to ignore, comes again before the one it waits for.
         """
         supply = self._supply(event)
         if event.position in self._plans:
@@ -105,7 +105,10 @@ class ComponentTester:
             return (supply.update(),)
         if event.position in self._again and event.receives is not None:  # the answer to an earlier request, once more
             stray = replace(event, position=self._again[event.position])
-            return ((event.receives.channel, self._supply(stray).message(event.receives.channel)),)
+            again = event.receives.channel, self._supply(stray).message(event.receives.channel)
+            return (again, supply.update()) if event.transition in ("p16", "p18") else (again,)
+        if event.transition in ("p16", "p18"):  # it waits until the conversation is over
+            return (supply.update(),)
         if event.component != "Control":
             return ()
         pose: Send = ("pose", Report(0, supply.beside(self._pose(max(event.reference, event.visit)))))

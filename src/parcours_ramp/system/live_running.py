@@ -13,6 +13,8 @@ from parcours.study.journal import write_question
 from parcours.study.protocol import Progress, Request, Run
 from parcours_ramp.components.model import component_model
 from parcours_ramp.components.node_program import RampCodec
+from parcours_ramp.components.specimens import specimens
+from parcours_ramp.planner.viewing import message_of
 from parcours_ramp.planner.whole import COMPONENTS
 from parcours_ramp.system.component_form import system_links
 from parcours_ramp.system.live import run_live
@@ -28,6 +30,7 @@ def system_nodes() -> Nodes:
     return Nodes(
         component_model(), tuple(system_links()), tuple(COMPONENTS), f"{room}.live:SystemNodeProgram", RampCodec(),
         f"{room}.ros1:node_program", "parcours_ramp.components.ros1:codec", (f"{room}.live", f"{room}.warm"),
+        shown=message_of, specimens=specimens,
     )  # fmt: skip
 
 

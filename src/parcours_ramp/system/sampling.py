@@ -19,6 +19,7 @@ from parcours.kernels import suspended
 from parcours.report.junit import CaseResult
 from parcours.report.pieces import Column, Table
 from parcours.report.writing import write_text
+from parcours.study.carrying import require_carried
 from parcours.study.protocol import Progress, Reported
 from parcours.suite import Case
 from parcours.verdict.conformance import check
@@ -27,6 +28,7 @@ from parcours_navigation.study.campaigns import Campaign
 from parcours_navigation.study.results import CampaignResults
 from parcours_ramp.components.model import OUTSIDE, component_model
 from parcours_ramp.components.references import references
+from parcours_ramp.components.specimens import specimens
 from parcours_ramp.planner.viewing import message_of
 from parcours_ramp.system.component_form import run_components
 from parcours_ramp.system.study import SystemStudy
@@ -60,6 +62,7 @@ def judge_sampled(study: SystemStudy, number: int) -> Judgement:
 
 def sample(study: SystemStudy, numbers: Sequence[int], folder: Path, progress: Progress) -> None:
     """Judge the cases that are missing in a folder; each verdict is kept at once."""
+    require_carried(component_model(study.parameters.schedule), message_of, specimens)
     found = read_sampled(folder)
     for done, number in enumerate(numbers):
         progress("cases component by component", done, len(numbers))

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from parcours.errors import ParcoursError
 from parcours.run.trace import Trace
+from parcours.study.carrying import uncarried
 from parcours.study.components.executing import run_functional
 from parcours.study.components.landing import landing_of
 from parcours.study.components.running import executed_apart, executors
@@ -32,12 +33,18 @@ def check_study(study: ComponentStudy, progress: Progress) -> list[Finding]:
     Each abstract case is executed once, some twice, a few on processes; what the model has and no case takes, and test
     inputs that reach nothing, are looked for without executing anything.
     """
+    nodes = study.nodes()
+    carried = [
+        Finding("error", "messages", rule, "change the class in the model, or what is sent")
+        for rule in uncarried(nodes.model, nodes.shown, nodes.specimens, nodes.codec)
+    ]
     if study.system is None:
-        return []  # a study with a tester of its own: its tests are elsewhere
+        return carried  # a study with a tester of its own: its tests are elsewhere
     settings = settings_of(study.parameters, {})
     cases = list(study.plan(1).cases(0, len(study.abstracts)))
     outcomes = _executed(study, settings, cases, progress)
     found = [
+        *carried,
         *_failing(cases, outcomes),
         *_unrepeatable(study, settings, cases, outcomes, progress),
         *_different_live(study, settings, cases, outcomes, progress),

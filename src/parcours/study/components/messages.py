@@ -7,7 +7,7 @@ model does not declare carry any plain value.
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import cast
 
@@ -22,6 +22,7 @@ Plain = None | bool | int | float | str | list["Plain"] | dict[str, "Plain"]  # 
 _FLAT = {"bool": "bool", "int": "int", "real": "float"}
 _LISTED = {"int": "ints", "real": "floats"}
 _INT = 2**63
+_DEEP = 4  # levels of classes within classes that a specimen has
 INPUTS = "parcours inputs"  # the channel of input variables to nodes; no channel of a model has a blank in its name
 
 
@@ -73,6 +74,23 @@ class Messages:
         """Return a message whose fields are false, 0, empty or, where the shape is fixed, lists of these."""
         declared = self._class.get(channel)
         return {} if declared is None else self._default(declared)
+
+    def specimens(self) -> Iterator[tuple[str, Plain]]:
+        """Yield a message for each channel whose class is declared, of values that are not those of `default`."""
+        for channel, declared in self._class.items():
+            if declared is not None:
+                yield channel, self._specimen(declared, 1)
+
+    def _specimen(self, declared: MessageClass, depth: int) -> dict[str, Plain]:
+        return {field.name: self._specimen_field(field, field.shape, depth) for field in declared.fields}
+
+    def _specimen_field(self, field: Field, shape: tuple[int | str, ...], depth: int) -> Plain:
+        if shape:
+            n = shape[0] if isinstance(shape[0], int) else 2 * (depth < _DEEP)  # a class may hold lists of itself
+            return [self._specimen_field(field, shape[1:], depth) for _ in range(n)]
+        if field.type in self.classes:
+            return cast(Plain, self._specimen(self.classes[field.type], depth + 1))
+        return {"bool": True, "int": -_INT, "real": 0.1}.get(field.type, "\u00e9")
 
     def checked(self, channel: str, payload: object) -> Plain:
         """Return the payload as plain values.

@@ -16,6 +16,7 @@ from parcours.run.clocks import WallClock
 from parcours.run.enforcement import Execution
 from parcours.run.noise import Noise
 from parcours.run.trace import Trace, TraceEvent
+from parcours.study.carrying import require_carried
 from parcours.study.components import executing, results
 from parcours.study.components.archive import Archive
 from parcours.study.components.executing import Execute, Exercise, Functional, Timing, TimingGroup
@@ -43,6 +44,8 @@ def run_study(study: ComponentStudy, request: Request, progress: Progress) -> Ru
     plan = study.plan(request.seed, request.n_cases)
     cases = chosen_cases(plan, request.chosen, study.name)
     require_writable(request.out)
+    nodes = study.nodes()
+    require_carried(nodes.model, nodes.shown, nodes.specimens)
     groups = [] if request.chosen else study.timing(request.seed, settings)
     decides = {one.name: settings[one.name] for one in study.parameters if one.decides}
     question = {"seed": request.seed, "settings": decides, "files": dict(study.digests)}

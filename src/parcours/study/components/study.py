@@ -171,7 +171,8 @@ class ComponentStudy:
         names = tuple(component.name for component in self.model.components)
         return Nodes(
             self.model, links(self.model), names, f"{room}:StudyNodeProgram", self.messages,
-            f"{room}:ros1_node_program", f"{room}:ros1_codec", (room,), self.where,
+            f"{room}:ros1_node_program", f"{room}:ros1_codec", (room,), self.where, self.fields,
+            self.messages.specimens,
         )  # fmt: skip
 
     def exercise(self, settings: Settings, *, timed: bool = False) -> Exercise:
