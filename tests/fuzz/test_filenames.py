@@ -15,7 +15,7 @@ from parcours.cli.model import command as model_command
 from parcours.filenames import LONGEST, file_name
 from parcours.run.binding.slots import Slot
 from parcours.run.binding.structure import Process
-from parcours.run.hosts.ros1 import foreign
+from parcours.run.hosts.foreign import host as foreign_host
 from parcours.study.components.archive import Archive
 from parcours_navigation.foreign.recorded import recording_place
 from parcours_ramp.components.study import component_study
@@ -86,10 +86,10 @@ def test_output_of_foreign_nodes_stays_in_its_folder_and_apart(tmp_path: Path, m
         logs.append(log)
         return SimpleNamespace(descriptor=0, await_start=lambda: None, is_alive=True)
 
-    monkeypatch.setattr(foreign, "KeptProcess", process)
-    host = object.__new__(foreign.ForeignHost)
-    host.folder, host.running, host.environment = tmp_path, {}, {}
-    host.master = cast(Any, SimpleNamespace(copy_parameters=lambda own, other: None))
-    host.middle = cast(Any, SimpleNamespace(watch=lambda descriptor, look: None))
+    monkeypatch.setattr(foreign_host, "KeptProcess", process)
+    host = object.__new__(foreign_host.ForeignHost)
+    host.folder, host.running = tmp_path, {}
+    graph = SimpleNamespace(environment={}, arguments=lambda slot: (), watch=lambda descriptor, look: None)
+    host.graph = cast(Any, graph)
     host.start([Slot(name, Process(name, (), ("run",))) for name in (ESCAPE, "Node#1", "Node_1")])
     assert len(set(logs)) == 3 and {log.parent for log in logs} == {tmp_path}
