@@ -60,6 +60,12 @@ STAGE = np.dtype(
         ("plain", "i8"),  # 1: a unicycle, a disc, obstacles of closed form, perfect sensing, and nothing else
         ("touching", "i8"),  # 1 while the robot is in contact with the ground
         ("ends_on_contact", "i8"),
+        ("longest_rest", "i8"),  # the case ends when the robot has not moved for so long [ns]; 0: it goes on
+        (
+            "within",
+            "f8",
+            (4,),
+        ),  # ... or its place leaves this box: x_low, y_low, x_high, y_high [m]
         ("turn_tolerance", "f8"),  # of the last goal's heading [rad]
         ("scan_first", "f8"),  # direction of the first beam [rad]
         ("scan_step", "f8"),
@@ -82,6 +88,9 @@ ROW = 8
 _OBSTACLE, _AGENT = OBSTACLE.itemsize // 8, AGENT.itemsize // 8
 
 
+EVERYWHERE = (-np.inf, -np.inf, np.inf, np.inf)
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Scene:
     """One case's world at its beginning, ready to be moved."""
@@ -101,6 +110,8 @@ class Scene:
     turn_tolerance: float = 0.0  # of the last goal's heading [rad]
     solid: bool = False  # whether an obstacle in contact stops for good
     ends_on_contact: bool = False
+    longest_rest: int = 0  # the case ends when the robot has not moved for so long [ns]; 0: it goes on
+    within: tuple[float, float, float, float] = EVERYWHERE  # ... or its place leaves this box [m]
     plain: bool = True
     stream: int = 0  # state of the sensors' random stream
 
@@ -158,7 +169,8 @@ def lay(memory: Floats, number: int, limit: float, scene: Scene, most_track: int
         ("n_ground", len(scene.ground)),
         ("n_goals", len(scene.goals)), ("n_corners", len(scene.corners)), ("n_beams", scene.scan[0]),
         ("n_past", int(scene.sensor["late"][0])), ("most_track", most_track), ("plain", scene.plain),
-        ("ends_on_contact", scene.ends_on_contact), ("turn_tolerance", scene.turn_tolerance),
+        ("ends_on_contact", scene.ends_on_contact), ("longest_rest", scene.longest_rest),
+        ("within", scene.within), ("turn_tolerance", scene.turn_tolerance),
         ("scan_first", scene.scan[1]), ("scan_step", scene.scan[2]), ("scan_reach", scene.scan[3]),
         ("scan_noise", scene.scan[4]), ("scan_dropped", scene.scan[5]), ("stream", np.uint64(scene.stream)),
     ):  # fmt: skip

@@ -323,12 +323,21 @@ def begin_any(memory: Floats) -> None:
 
 
 @kernel
+def _is_over(stage: Record, world: Record) -> bool:
+    """Return whether the robot has stood for too long, or left the box in which the case goes on."""
+    if stage.longest_rest and world.now - stage.t_moving >= stage.longest_rest:
+        return True
+    x, y, box = world.robot.x, world.robot.y, stage.within
+    return bool(x < box[0] or y < box[1] or x > box[2] or y > box[3])
+
+
+@kernel
 def move_any(memory: Floats, until: int, v: float, w: float, aside: float, points: Floats, looks: bool) -> int:
     """Command speeds [m/s, rad/s, m/s to the left], advance the world to `until` [ns], and look around if wanted.
 
     Where there are points of a trajectory, shape (n, 4), the robot is commanded at every tick to follow them instead.
-    Return GO_ON; ARRIVED if the last goal was just reached, NEXT_GOAL if another, ENDED if the case ends with a
-    contact; all these before `until`; or NOT_FINITE if a speed is not a finite number.
+    Return GO_ON; ARRIVED if the last goal was just reached, NEXT_GOAL if another, ENDED if the case ends for
+    another reason; all these before `until`; or NOT_FINITE if a speed is not a finite number.
     """
     if not (np.isfinite(v) and np.isfinite(w) and np.isfinite(aside)):
         return NOT_FINITE
@@ -347,7 +356,7 @@ def move_any(memory: Floats, until: int, v: float, w: float, aside: float, point
             _mark_any(memory, stage, world, obstacles)
         if reached == NEVER and world.t_goal != NEVER:
             status = ARRIVED
-        elif stage.ends_on_contact and touched == NEVER and world.t_contact != NEVER:
+        elif (stage.ends_on_contact and touched == NEVER and world.t_contact != NEVER) or _is_over(stage, world):
             status = ENDED
         elif stage.next_goal != goal:
             status = NEXT_GOAL

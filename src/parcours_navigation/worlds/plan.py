@@ -107,8 +107,14 @@ class Task:
     path: tuple[Point, ...] = ()  # a way that planners are shown
     time_limit: float = 60.0  # [s]
     ends_on_contact: bool = False  # the case ends when the robot touches anything
+    ends_at_rest: float | None = None  # ... or has stood for so long [s]
+    ends_outside: tuple[float, float, float, float] | None = None  # ... or its place is out of a box [m]
 
     def __post_init__(self) -> None:
+        if self.ends_at_rest is not None:
+            within("task", self, ends_at_rest=(0.05, 3600.0))
+        if self.ends_outside is not None:
+            require_box("ends_outside", self.ends_outside)
         within("task", self, tolerance=(1e-6, 1000.0), heading_tolerance=(1e-6, PI), time_limit=(0.01, 3600.0),
                start_speed=(-100.0, 100.0))  # fmt: skip
         if self.goal is not None and self.goals:

@@ -19,7 +19,8 @@ from parcours.kernels import Record, kernel
 from parcours.streams import Stream, between, start, starts
 from parcours_navigation.arena.obstacles import OBSTACLE
 from parcours_navigation.arena.robot import ROBOT
-from parcours_navigation.ground.clearance import clearance
+from parcours_navigation.ground.clearance import clearance, least_on_way
+from parcours_navigation.ground.connected import is_connected
 from parcours_navigation.ground.footprint import footprint_least
 from parcours_navigation.ground.generators.fields import BARN_WORLDS, barn, barn_world, cylinders, warehouse
 from parcours_navigation.ground.generators.rooms import corridor, doorway, office
@@ -32,7 +33,7 @@ from parcours_navigation.others.entries import Others, read_others
 from parcours_navigation.others.kinds import MOTIONS
 from parcours_navigation.protocol import Map, Task
 from parcours_navigation.sensing.detecting import DETECTION
-from parcours_navigation.stage.memory import Scene, Staged
+from parcours_navigation.stage.memory import EVERYWHERE, Scene, Staged
 from parcours_navigation.worlds.plan import Detection, Plan, StopMoveStop
 
 Floats = NDArray[np.float64]
@@ -47,6 +48,7 @@ _T = TypeVar("_T")
 _Named = list[tuple[str, _T]]
 
 _TRIES = 10_000
+_LATTICE = 1_000_000  # points on which a way off a map is looked for
 _WHOLE = ("number", "group", "drawn_goals", "nearest")
 
 
@@ -186,6 +188,7 @@ def stage(plan: Plan, folder: Path, seed: int, number: int, period: float) -> St
     x, y, heading = land.start
     corners = np.array(body.footprint, np.float64).reshape(-1, 2)
     _require_free(land, corners, body.radius)
+    _require_closed(plan, folder, land.start[:2])
     if abs(task.start_speed) > body.limits.speed:
         rule = f"it must be within the robot's top speed, {body.limits.speed:g} m/s, but is {task.start_speed:g}"
         raise BadRequest("task, start_speed", rule, "lower it", slug="world-range")
@@ -193,7 +196,8 @@ def stage(plan: Plan, folder: Path, seed: int, number: int, period: float) -> St
     obstacles = _closed(closed, land, body.radius, seed, number)
     taken = [(x, y, body.radius), *((float(one["x0"]), float(one["y0"]), float(one["radius"])) for one in obstacles)]
     crowd = drawn([one for _, one in entries], seed, number, taken=taken, names=[name for name, _ in entries],
-                  is_free=lambda a, b, r: clearance(land.packed, a, b) > r)  # fmt: skip
+                  is_free=lambda a, b, r: clearance(land.packed, a, b) > r,
+                  is_way_free=lambda a, b, c, d, r: least_on_way(land.packed, a, b, c, d, r, 0.0) > 0.0)  # fmt: skip
     agents = crowd.agents.copy()
     agents["obstacle"] += len(obstacles)
     limits, sensing = body.limits, plan.sensing
@@ -206,6 +210,7 @@ def stage(plan: Plan, folder: Path, seed: int, number: int, period: float) -> St
         body.kind == "unicycle" and not body.footprint and body.delay == 0.0 and body.odometry.is_exact
         and not len(land.packed) and not len(agents) and sensing.others.is_perfect and sensing.scan is None
         and len(land.goals) == 1 and task.heading is None and not task.ends_on_contact
+        and task.ends_at_rest is None and task.ends_outside is None
     )  # fmt: skip
     stream = np.zeros(1, np.uint64)
     start(stream, np.uint64(seed), np.uint64(number), _SENSORS)
@@ -215,7 +220,9 @@ def stage(plan: Plan, folder: Path, seed: int, number: int, period: float) -> St
         body=np.array([body.record(x, y, heading, task.start_speed, seed=seed, case=number)]), agents=agents,
         ways=crowd.ways, ground=land.packed, corners=corners,
         sensor=_sensor(sensing.others, period), scan=_scan(plan), turn_tolerance=task.heading_tolerance,
-        solid=plan.solid, ends_on_contact=task.ends_on_contact, plain=plain, stream=int(stream[0]),
+        solid=plan.solid, ends_on_contact=task.ends_on_contact,
+        longest_rest=round((task.ends_at_rest or 0.0) * 1e9), within=task.ends_outside or EVERYWHERE,
+        plain=plain, stream=int(stream[0]),
     )  # fmt: skip
     tasks = [
         Task(goal, task.tolerance, body.radius, limits, period, _extent(land), 0, body.robot,
@@ -266,6 +273,32 @@ def _require_free(land: Land, corners: Floats, radius: float) -> None:
         if clearance(land.packed, gx, gy) <= 0.0:
             rule = f"a goal must lie on free ground, but ({gx:g}, {gy:g}) m does not"
             raise BadRequest("task, goals" if k else "task, goal", rule, "move it", slug="goal-occupied")
+
+
+def _require_closed(plan: Plan, folder: Path, begin: tuple[float, float]) -> None:
+    """Raise BadRequest if the robot can drive off a map: nothing is known of what lies beyond."""
+    own = plan.ground
+    if own.map and own.bounds is None and _leaves(own.walls, own.polygons, own.discs, own.map, folder, begin,
+                                                  plan.robot.radius):  # fmt: skip
+        rule = f"a map must be closed, but from ({begin[0]:g}, {begin[1]:g}) m the robot can leave it"
+        remedy = "close the walls in the map, or give bounds: [x_low, y_low, x_high, y_high] beside it"
+        raise BadRequest("ground, map", rule, remedy, slug="map-open")
+
+
+@functools.lru_cache(maxsize=64)
+def _leaves(
+    walls: tuple[tuple[float, ...], ...], polygons: tuple[tuple[object, ...], ...],
+    discs: tuple[tuple[float, ...], ...], map_: str, folder: Path, begin: tuple[float, float], radius: float,
+) -> bool:  # fmt: skip
+    """Return whether a disc certainly gets from a place on a map to beyond it; without a wall it does."""
+    ground, packed = _fixed(None, walls, polygons, discs, map_, folder)
+    extent = ground.extent()
+    if extent is None:
+        return True
+    low, high = np.minimum(extent[:2], begin) - 4.0 * radius, np.maximum(extent[2:], begin) + 4.0 * radius
+    spacing = max(0.25 * radius, math.sqrt(float(np.prod(high - low)) / _LATTICE))
+    beyond = (float(high[0]) - radius, float(high[1]) - radius)
+    return is_connected(packed, np.array([*low, *high]), begin, beyond, radius, tolerance=radius, spacing=spacing)
 
 
 def _sensor(detection: Detection, period: float) -> Record:

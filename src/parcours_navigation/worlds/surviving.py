@@ -16,7 +16,7 @@ from parcours.kernels import kernel
 from parcours_navigation.arena.contact import least_distance
 from parcours_navigation.facts import TRACK_PERIOD
 from parcours_navigation.ground.clearance import clearance
-from parcours_navigation.stage.memory import ROW, TIME, lay, recorded, size_of
+from parcours_navigation.stage.memory import EVERYWHERE, ROW, TIME, lay, recorded, size_of
 from parcours_navigation.stage.ticking import begin_any, move_any
 from parcours_navigation.worlds.family import WorldCases
 
@@ -41,7 +41,7 @@ def survived_worlds(
     for k, number in enumerate(numbers.tolist()):
         [staged] = cases.staged([number], 0.05)
         if len(staged.scene.obstacles):
-            scene = dataclasses.replace(staged.scene, ends_on_contact=False)
+            scene = dataclasses.replace(staged.scene, ends_on_contact=False, longest_rest=0, within=EVERYWHERE)
             limit = min(staged.end, LONGEST)
             end = round(limit * 1e9)
             most = end // TRACK_PERIOD + 2

@@ -16,6 +16,7 @@ from parcours_navigation.requirements.judging import own_values, verdicts
 from parcours_navigation.requirements.own import BadMeasure
 from parcours_navigation.requirements.requirement import read_requirements
 from parcours_navigation.study.study import NavigationStudy
+from parcours_navigation.worlds import staging
 from parcours_navigation.worlds.checking import check_world
 from parcours_navigation.worlds.family import WorldCases
 from parcours_navigation.worlds.file import BadWorld, parse_world, read_world
@@ -76,6 +77,27 @@ def test_a_world_is_another_one_when_the_picture_of_its_map_changes(tmp_path: Pa
         parse_world.cache_clear()  # as in another command
         digests.append(_cases(tmp_path, "ground: {map: lab.yaml}\n" + TASK).world.digest)
     assert digests[0] != digests[1]
+
+
+def test_a_map_that_the_robot_can_leave_is_refused_and_bounds_close_it(tmp_path: Path) -> None:
+    cells = np.full((20, 30), 254, np.uint8)  # 6 m x 4 m
+    cells[[0, -1]], cells[:, [0, -1]] = 0, 0
+    (tmp_path / "lab.yaml").write_text("image: lab.png\nresolution: 0.2\norigin: [0, 0, 0]\n")
+    for gap, words in ((0, ""), (1, ""), (4, "the robot can leave it")):  # a gap of 0.2 m is too narrow for it
+        cells[10 : 10 + gap, -1] = 254
+        Image.fromarray(cells).save(tmp_path / "lab.png")
+        for bounds in ("", ", bounds: [-1, -1, 7, 5]"):
+            path = tmp_path / f"own{gap}{len(bounds)}.yaml"
+            path.write_text(f"{HEAD}ground: {{map: lab.yaml{bounds}}}\n{TASK}")
+            parse_world.cache_clear()  # as in another command, which reads the picture again
+            staging._fixed.cache_clear()
+            staging._leaves.cache_clear()
+            if words and not bounds:
+                with pytest.raises(BadWorld, match=words) as refused:
+                    check_world(str(path), 2, 1, lambda done, total: None)
+                assert refused.value.where.startswith(f"{path}:4") and "give bounds" in refused.value.remedy
+            else:
+                assert check_world(str(path), 2, 1, lambda done, total: None).passed
 
 
 def test_what_nobody_can_solve_is_inconclusive_unless_the_robot_touches_something(tmp_path: Path) -> None:

@@ -58,6 +58,18 @@ def test_a_case_ends_with_a_contact_if_it_is_to() -> None:
     assert facts["t_end"] == pytest.approx(facts["t_contact"], abs=2e7)
 
 
+def test_a_case_ends_when_the_robot_has_stood_for_long_or_left_a_box_if_it_is_to() -> None:
+    head = "task: {start: [0, 0, 0], goal: [4, 0], time_limit: 20 s, "
+    cases = _cases(head + "ends_at_rest: 3 s}\n")
+    stands = _run(lambda observation: (0.25 if observation.time < 2.0 else 0.0, 0.0), cases)[0]
+    assert stands["t_end"] == pytest.approx(stands["t_last_moving"] + 3e9, abs=2e7)
+    assert 2e9 < stands["t_last_moving"] < 3e9
+    leaves = _run(ahead, _cases(head + "ends_outside: [-1, -1, 1, 1]}\n"))[0]
+    assert leaves["x"] == pytest.approx(1.0, abs=0.003) and leaves["t_goal"] == NEVER
+    stays = _run(ahead, _cases(head + "ends_at_rest: 3 s, ends_outside: [-1, -1, 5, 1]}\n"))[0]
+    assert stays["t_goal"] != NEVER
+
+
 def test_a_footprint_turns_into_a_wall_that_its_disc_would_be_clear_of() -> None:
     def turn(observation: Observation) -> Answer:
         return 0.0, 0.5
