@@ -1,7 +1,8 @@
 """Prints what oracles say against clean cases of RAMP: each such word is a false alarm (docs/evidence.md).
 
 Component cases run with references, second programs and relations; system cases component by component, both
-schedules and both protocols, their messages judged by order, formulas and references, their facts held against the compiled loop's.
+schedules and both protocols, their messages judged by order, formulas and references, their facts held against the
+compiled loop's.
 """
 
 from __future__ import annotations
