@@ -159,9 +159,9 @@ class NavigationStudy:
                 _, ran = self._run(np.array(left))
             finally:
                 host.monitor = None
-        facts, rows = np.zeros(len(order), FACTS), iter(ran)
+        facts, found = np.zeros(len(order), FACTS), dict(zip(left, ran, strict=True))
         for k, number in enumerate(order):
-            facts[k] = self._lost_facts(lost[number])[0] if number in lost else next(rows)
+            facts[k] = self._lost_facts(lost[number])[0] if number in lost else found[number]
         return joined(facts, monitor.results if monitor else {}, self.requirements)
 
     @property
