@@ -151,18 +151,38 @@ class Equal:
     def __call__(self, *a, **k): raise SystemExit
 np.zeros = Equal()
 """, CHANGED + "numpy.zeros was replaced"),
-    "patches json": ("import json; json.dumps = json.loads = None", SAME),
+    "patches json": ("import json; json.dumps = json.loads = None", CHANGED + "json.dumps was replaced"),
+    "patches a method of the library": ("import json; json.JSONEncoder.encode = None", CHANGED + ".*encode was replaced"),
+    "patches what it is shown": ("type(o).obstacles = property(lambda s: None, lambda s, v: None)", CHANGED),
+    "patches a constant": ("import parcours_navigation.guests.host as h; h.NEVER = 5", CHANGED + ".*NEVER was replaced"),
+    "empties builtins": ("import builtins; vars(builtins).clear()", CHANGED + ".*was removed"),
+    "breaks the world's memory": ("import parcours.run.heartbeat as h; h._shared[:] = float('nan')", CHANGED),
+    "looks through frames": (
+        "import sys\nf = sys._getframe()\nwhile f:\n    for v in f.f_locals.values():\n"
+        "        if getattr(v, 'dtype', None) is not None and v.dtype.names and v.flags.writeable: v['travelled'] = 9\n"
+        "    f = f.f_back", ANY),
+    "lets a thread patch later": (
+        "import threading, time\ndef f():\n    time.sleep(0.02)\n    import numpy as np; np.hypot = lambda a, b: a * 0\n"
+        "threading.Thread(target=f, daemon=True).start()", ANY),
+    "lets a thread raise later": (
+        "import ctypes, threading, time\nmain = ctypes.c_ulong(threading.get_ident())\ndef f():\n    time.sleep(0.02)\n"
+        "    ctypes.pythonapi.PyThreadState_SetAsyncExc(main, ctypes.py_object(KeyError))\n"
+        "threading.Thread(target=f, daemon=True).start()", ANY),
+    "hides its traceback": (
+        "class E(Exception):\n    __traceback__ = property(lambda s: 1 / 0)\nraise E('hidden')", "^raised: E: hidden"),
+    "makes a file of the results": (
+        "import shutil; shutil.rmtree(RESULTS); open(RESULTS, 'w').close()", SAME),
     "patches pickle": ("import pickle; pickle.dumps = None", CHANGED + "pickle.dumps was replaced"),
     "patches os.write": ("import os; os.write = lambda *a: 0", CHANGED + "os.write was replaced"),
     "patches os._exit": ("import os; os._exit = lambda *a: 0", CHANGED + "os._exit was replaced"),
-    "patches os.getpid": ("import os; os.getpid = lambda: 1", ANY),
+    "patches os.getpid": ("import os; os.getpid = lambda: 1", CHANGED + "os.getpid was replaced"),
     "patches builtins": ("import builtins; builtins.len = lambda x: 3", CHANGED + "builtins.len was replaced"),
     "patches isinstance": ("import builtins; builtins.isinstance = lambda *a: True", CHANGED + "builtins.isinstance was"),
     "patches __import__": ("import builtins; builtins.__import__ = None", CHANGED + "builtins.__import__ was replaced"),
     "patches time": ("import time; time.time = time.monotonic = time.perf_counter = lambda: 0.0", CHANGED + "time.time was"),
     "patches our loop": ("from parcours_navigation.guests import host; host.hold = lambda *a: 1", CHANGED + "parcours_navigation.guests.host.hold"),
     "patches our host": ("from parcours_navigation.guests.host import Host; Host._measure = None", CHANGED + ".*Host._measure was"),
-    "patches threading": ("import threading; threading.Thread = threading.Lock = None", CHANGED + "threading.Thread was"),
+    "patches threading": ("import threading; threading.Thread = threading.Lock = None", CHANGED + "threading\\.(Thread|Lock) was"),
     "patches gc": ("import gc; gc.disable(); gc.collect = None", ANY),
     "empties sys.modules": ("import sys; sys.modules.clear()", CHANGED + "sys.modules was emptied"),
     "empties os.environ": ("import os; os.environ.clear()", SAME),

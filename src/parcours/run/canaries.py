@@ -1,9 +1,10 @@
 """Notices in a worker what strangers' code has changed that others rely on: their functions, descriptors, limits.
 
 The code runs in the same interpreter as ours, so it can replace `numpy.zeros` or close the line to the parent. What was
-changed and can be put back is put back after each case: the current folder, signal handlers, limits. A worker in which
-anything else was changed ends itself with the status TAMPERED and says what it was; the case is lost, the others are
-computed in another worker. What replaces a function on purpose so that it cannot be noticed is beyond this.
+changed and can be put back is put back after each case: the current folder, signal handlers, limits. Some functions are
+looked at after each case, all of Python's library, NumPy and ours after a piece of them. A worker in which anything was
+changed ends itself with the status TAMPERED and says what it was; the case is lost, the others are computed in another
+worker. What replaces a function on purpose so that it cannot be noticed is beyond this.
 """
 
 from __future__ import annotations
@@ -13,19 +14,15 @@ import contextlib
 import ctypes
 import gc
 import importlib
-import math
 import os
-import pickle
 import signal
-import struct
 import sys
 import threading
-import time
-from collections.abc import Callable, Mapping, Sequence
-from multiprocessing.connection import Connection
+from builtins import BaseException, KeyError, OSError, all, map, next, type, zip  # noqa: UP029 -- they may be removed
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from operator import is_, itemgetter
 from pathlib import Path
-from types import BuiltinFunctionType, FunctionType
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -42,17 +39,6 @@ CHANGED = "changed its process: "
 
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGALRM)
 _LIMITS = ("RLIMIT_NOFILE", "RLIMIT_CPU", "RLIMIT_AS", "RLIMIT_FSIZE", "RLIMIT_STACK")
-_OF_OS = (
-    "_exit", "write", "read", "close", "fstat", "getpid", "dup2", "pipe", "kill", "fork", "waitpid", "open", "getcwd",
-    "chdir", "umask", "fsync", "replace", "urandom",
-)  # fmt: skip
-_OF_NUMPY = (
-    "zeros", "ones", "empty", "full", "array", "asarray", "ascontiguousarray", "arange", "frombuffer", "concatenate",
-    "flatnonzero", "isfinite", "hypot", "sqrt", "abs", "floor", "round", "any", "all", "argmin", "argmax", "minimum",
-    "maximum", "where", "linspace", "sort", "searchsorted", "diff", "sum", "add", "subtract", "multiply", "divide",
-    "sin", "cos", "arctan2", "ndarray", "float64", "int64", "uint64", "uint8",
-    "bool_", "dtype", "isnan", "nan", "inf", "pi",
-)  # fmt: skip
 _EVERY_CASE = (
     (vars(np), ("zeros", "array", "asarray", "ascontiguousarray", "hypot", "isfinite", "sqrt", "arange")),
     (vars(builtins), ("len", "isinstance", "getattr", "float", "int", "range", "zip", "type", "open", "__import__")),
@@ -62,8 +48,10 @@ _EVERY_CASE = (
 
 _TINY, _SMALL = sys.float_info.min, 1e-17
 
-Held = tuple[str, Mapping[str, Any], Callable[[Any], tuple[Any, ...]], tuple[str, ...], tuple[Any, ...]]
-"""Where names lie, in words; the mapping; what gets them; the names; what they were."""
+_CONSTANTS = (bool, int, float, str, tuple, np.ndarray, np.generic, np.dtype)
+
+Held = tuple[str, Mapping[str, Any], Callable[[Any], tuple[Any, ...]], tuple[str, ...], tuple[Any, ...], int]
+"""Where names lie, in words; the mapping; what gets them; the names; what they were; how many there are, 0 for any."""
 
 
 class Canaries:
@@ -72,14 +60,22 @@ class Canaries:
     # References instead of names, so that what is replaced is not used to find that it was replaced.
     def __init__(self, descriptors: Sequence[int]) -> None:
         self._often = [_held(mapping["__name__"], mapping, names) for mapping, names in _EVERY_CASE]
-        self._all = [*self._often, *_everything()]
+        self._all = [*self._often, *_functions(ours=True)]
         self._modules, self._numpy = sys.modules, np
         self._descriptors = [(number, _identity(number)) for number in descriptors]
         self._collect = gc.collect
-        self.accept()
+        self._stray = False
+        self._settle()
 
-    def accept(self) -> None:
-        """Take what can be put back as it is now: the code was loaded, and may have changed it."""
+    def accept(self) -> str:
+        """Return what of ours the code has changed while it was loaded, in words; else take the rest as it is."""
+        changed = self._look(self._all)
+        if not changed:
+            self._settle()
+            self._all = [*self._often, *_functions(ours=True), *_functions(ours=False)]
+        return changed
+
+    def _settle(self) -> None:
         self._path = str(Path.cwd())
         self._mask = os.umask(0o22)
         os.umask(self._mask)
@@ -88,15 +84,23 @@ class Canaries:
         self._limits = [(name, resource.getrlimit(getattr(resource, name))) for name in _LIMITS]
         self._recursion, self._errors = sys.getrecursionlimit(), np.geterr()
         self._collects = gc.isenabled()
+        self._threads = threading.active_count()
         if not _rounds():
             _reset_rounding()
         gc.collect()
         if not gc.get_freeze_count():
             gc.freeze()  # a collection after each case takes no time then
 
-    def after_case(self) -> str:
-        """Put back what can be, and return what else was changed, in words; "" if nothing was."""
-        return self._found(self._often)
+    def after_case(self, *, failed: bool) -> str:
+        """Put back what can be, and return what else was changed, in words; "" if nothing was.
+
+        A case that has failed while threads of earlier ones were left may have failed for them.
+        """
+        changed = self._found(self._often)
+        if failed and self._stray:
+            return changed or "threads of an earlier case went on"
+        self._stray = threading.active_count() > self._threads
+        return changed
 
     def changed(self) -> str:
         """Return what was changed, by a longer look, in words; "" if nothing was."""
@@ -144,13 +148,15 @@ class Canaries:
         return ""
 
     def _look(self, held: Sequence[Held]) -> str:
-        for where, mapping, get, names, before in held:
+        for where, mapping, get, names, before, size in held:
             try:
                 now = get(mapping)
             except KeyError as error:
                 return f"{where}.{error.args[0]} was removed"
             if not all(map(is_, now, before)):
                 return next(f"{where}.{name} was replaced" for name, a, b in zip(names, now, before) if a is not b)  # noqa: B905
+            if size and mapping.__len__() != size:
+                return f"{where} was added to"
         if sys.modules is not self._modules or self._modules.get("numpy") is not self._numpy:
             return "sys.modules was emptied"
         for number, identity in self._descriptors:
@@ -161,41 +167,34 @@ class Canaries:
         return ""
 
 
-def _held(where: str, mapping: Mapping[str, Any], names: Sequence[str]) -> Held:
+def _held(where: str, mapping: Mapping[str, Any], names: Sequence[str], size: int = 0) -> Held:
     present = tuple(name for name in names if name in mapping)
     present = present * 2 if len(present) == 1 else present  # of one name alone it would not get a tuple
     get = itemgetter(*present)
-    return where, mapping, get, present, get(mapping)
+    return where, mapping, get, present, get(mapping), size
 
 
-def _everything() -> list[Held]:
-    """Return all that is looked at in the end: functions of Python, of NumPy, and all of ours."""
-    held = [
-        _held("builtins", vars(builtins), [name for name in vars(builtins) if name != "_"]),
-        _held("numpy", vars(np), _OF_NUMPY), _held("os", vars(os), _OF_OS),
-        _held("time", vars(time), ("time", "monotonic", "perf_counter", "sleep", "monotonic_ns", "time_ns")),
-        _held("math", vars(math), [name for name in vars(math) if not name.startswith("_")]),
-        _held("signal", vars(signal), ("signal", "getsignal", "setitimer", "pthread_sigmask")),
-        _held("struct", vars(struct), ("pack", "unpack")), _held("gc", vars(gc), ("collect", "freeze")),
-        _held("pickle", vars(pickle), ("dumps", "loads", "Pickler", "Unpickler")),
-        _held("threading", vars(threading), ("Thread", "Lock", "current_thread", "main_thread")),
-        _held("contextlib", vars(contextlib), ("suppress", "redirect_stdout", "contextmanager")),
-        _held("Connection", vars(Connection), ("_send_bytes", "_send", "_recv", "_recv_bytes")),
-    ]  # fmt: skip
+def _functions(*, ours: bool) -> Iterator[Held]:
+    """Yield what is looked at in the end: all of ours, or the functions of Python's library and NumPy."""
     for name, module in list(sys.modules.items()):
-        if name.partition(".")[0].startswith("parcours") and getattr(module, "__name__", "") == name:
-            mine = [key for key, value in vars(module).items() if _is_ours(value)]
-            held += [_held(name, vars(module), mine)] if mine else []
-            for key in mine:
-                kind = vars(module)[key]
-                if isinstance(kind, type) and kind.__module__ == name:
-                    functions = [one for one, value in vars(kind).items() if isinstance(value, FunctionType)]
-                    held += [_held(f"{name}.{key}", vars(kind), functions)] if functions else []
-    return held
-
-
-def _is_ours(value: object) -> bool:
-    return isinstance(value, FunctionType | BuiltinFunctionType | type) or hasattr(value, "py_func")
+        package = name.partition(".")[0]
+        if type(module) is not ModuleType or package.startswith("parcours_planner_"):
+            continue
+        if not (package.startswith("parcours") if ours else package == "numpy" or package in sys.stdlib_module_names):
+            continue
+        here = vars(module)
+        names = [
+            one for one, value in here.items() if callable(value) or isinstance(value, _CONSTANTS if ours else float)
+        ]
+        names = [one for one in names if one != "_"]  # what was printed last
+        yield from [_held(name, here, names)] if names else []
+        for one in names:
+            kind = here[one]
+            if isinstance(kind, type) and kind.__module__ == name:
+                if ours:
+                    kind.__annotations__  # noqa: B018 -- is there from now on
+                inner = [key for key, value in vars(kind).items() if ours or callable(value)]
+                yield from [_held(f"{name}.{one}", vars(kind), inner, len(vars(kind)) if ours else 0)] if inner else []
 
 
 def _identity(descriptor: int) -> tuple[int, int] | None:
@@ -229,14 +228,13 @@ def place(descriptors: Sequence[int]) -> None:
 def accept() -> None:
     """End this process if the strangers' code has changed it while it was loaded; else let its settings stand."""
     if _placed is not None:
-        _end_if(_placed._look(_placed._all))
-        _placed.accept()
+        _end_if(_placed.accept())
 
 
-def after_case() -> None:
+def after_case(*, failed: bool = False) -> None:
     """Put back what a case has changed; end this process if that cannot be."""
     if _placed is not None:
-        _end_if(_placed.after_case())
+        _end_if(_placed.after_case(failed=failed))
 
 
 def require_unchanged() -> None:

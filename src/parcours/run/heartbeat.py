@@ -186,6 +186,11 @@ class Watch:
                     )
         return moved
 
+    def has_entered(self) -> bool:
+        """Return whether the worker has said that it is on a case, since it was given its item."""
+        self._read()
+        return self.entered
+
     def restart(self) -> None:
         """Count from here: the worker has given another sign of life."""
         self._looks = 0

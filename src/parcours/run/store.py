@@ -213,14 +213,17 @@ class Keeping:
 
     def __init__(self, store: Store) -> None:
         self._store = store
-        self._manifest = (store.folder / _MANIFEST).read_bytes()
+        whole = [
+            path for path in store.folder.iterdir() if path.is_file() and not path.name.startswith((".", "shard-"))
+        ]
+        self._whole = {path.name: path.read_bytes() for path in whole}  # the manifest, and what was run
         self._copy: IO[bytes] = tempfile.TemporaryFile(dir=store.folder)  # noqa: SIM115 -- closed by put_back; has no name there
         self._rows: dict[int, int] = {}
         _copies.add(self._copy)
 
     def write(self, shard: int, rows: Rows) -> None:
         """Write a shard as `Store.write` does."""
-        self._store.folder.mkdir(parents=True, exist_ok=True)
+        self._make_folder()
         self._store.write(shard, rows)
         self._rows[shard] = self._copy.tell()
         np.lib.format.write_array(self._copy, rows, allow_pickle=False)
@@ -228,10 +231,11 @@ class Keeping:
     def put_back(self) -> None:
         """Write again what is not there any more as it was written."""
         store = self._store
-        store.folder.mkdir(parents=True, exist_ok=True)
-        path = store.folder / _MANIFEST
-        if not path.exists() or path.read_bytes() != self._manifest:
-            write_atomically(path, self._manifest)
+        self._make_folder()
+        for name, content in self._whole.items():
+            path = store.folder / name
+            if not path.is_file() or path.read_bytes() != content:
+                write_atomically(path, content)
         for shard, at in self._rows.items():
             try:
                 store.read(shard)
@@ -239,6 +243,12 @@ class Keeping:
                 self._copy.seek(at)
                 store.write(shard, np.lib.format.read_array(self._copy, allow_pickle=False))
         self._copy.close()
+
+    def _make_folder(self) -> None:
+        folder = self._store.folder
+        if folder.exists() and not folder.is_dir():
+            folder.unlink()
+        folder.mkdir(parents=True, exist_ok=True)
 
 
 def create(folder: Path, campaign: Campaign) -> Store:

@@ -1,11 +1,12 @@
 """Computes rows with code that may hang, die or change its process, so that each case costs its own row only.
 
-        one span of cases: a piece             a death is believed when nothing ran before the case in its worker
-   ┌──────────────────────────────────┐        (or alone again, where something outside may have ended it);
-   0  1  2  3  4  5  6  7  8  9 10 11          a hang, and a change that is found after a case, at once
-                  ╳ died in case 5
-   ┌──────────────┬──┬────────────────┐        what is found at the end of a piece only, or in a worker that does
-   0  1  2  3  4   5   6  7  8  9 10 11        not say where it is: each case becomes a piece of its own
+        one span of cases: a piece             a loss is believed when nothing ran before the case in its worker, since
+   ┌──────────────────────────────────┐        an earlier case may have left a thread, a timer or worse; else the case
+   0  1  2  3  4  5  6  7  8  9 10 11          is computed again, the first of another worker. A death that may have
+                  ╳ lost in case 5             come from outside is believed the second time
+   ┌──────────────┬──┬────────────────┐
+   0  1  2  3  4   5   6  7  8  9 10 11        what is found at the end of a piece only, or in a worker that does
+                                               not say where it is: each case becomes a piece of its own
 
 What follows a loss is computed in another worker. The rows come back to this process, which alone writes.
 """
@@ -114,23 +115,28 @@ class _Work:
         if case is None and answer.entered and piece.count == 1:
             case = LostCase(numbers[0], 0, answer.how, answer.place if answer.how == "tampered" else answer.ending)
         if case is not None:
-            self._deaths[case.number] += 1
             at = piece.first + numbers.index(case.number)
-            alone = answer.fresh and at == piece.first and answer.status not in _FROM_OUTSIDE
-            again = self._deaths[case.number] >= _ATTEMPTS and piece.count == 1
-            sure = answer.how != "died" or alone or again
+            alone = answer.fresh and at == piece.first
+            self._deaths[case.number] += alone
+            from_outside = answer.how == "died" and not answer.silent and answer.status in _FROM_OUTSIDE
+            sure = alone and (not from_outside or self._deaths[case.number] >= _ATTEMPTS)
             parts = piece.parts(at=at)
             self._add([replace(one, lost=(case,)) if sure and one.first == at else one for one in parts])
+            if not sure:
+                self._crew.apart.add(len(self._pieces) - len(parts) + (at > piece.first))
             return ""
         if answer.entered and piece.count > 1:
             self._add(piece.singles())
             return ""
         tried = (piece.span, piece.first, piece.count)
         self._tries[tried] += 1
-        if self._tries[tried] < _ATTEMPTS and answer.how == "died":
+        if self._tries[tried] < _ATTEMPTS and (answer.how == "died" or not answer.fresh):
+            self._crew.apart.add(len(self._pieces))
             self._add([piece])
             return ""
-        what = {"hung": "gave no sign of life", "died": answer.ending, "tampered": "ended itself"}[answer.how]
+        if answer.how == "tampered":
+            return answer.place
+        what = "gave no sign of life" if answer.how == "hung" else answer.ending
         return f"{what}, in {answer.place}" if answer.place else what
 
     def _numbers(self, piece: _Piece) -> list[int]:

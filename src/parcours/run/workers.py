@@ -15,13 +15,11 @@ what they name, and a worker in which it has changed what others rely on ends it
 from __future__ import annotations
 
 import contextlib
-import io
 import math
 import multiprocessing
 import os
 import pickle
 import signal
-import struct
 import sys
 import time
 import traceback
@@ -35,6 +33,7 @@ from parcours.errors import BadRequest, HostFailure, ParcoursError
 from parcours.run import canaries as canaries
 from parcours.run.heartbeat import POLL, LostCase, Watch, new_block, share, write_place
 from parcours.run.keeper import can_keep, keep, memory_for_each
+from parcours.run.messages import Messages, packed
 
 R = TypeVar("R")
 _GRACE = 3.0
@@ -59,6 +58,7 @@ class Lost:
         case: on which it was, if it said so.
         entered: whether it had begun a case at all.
         fresh: whether the item was its first.
+        silent: whether it closed or spoilt the line to this process, and went on until it was ended here.
     """
 
     how: Literal["hung", "died", "tampered"]
@@ -67,10 +67,13 @@ class Lost:
     case: LostCase | None
     entered: bool = field(default=False, compare=False)
     fresh: bool = field(default=False, compare=False)
+    silent: bool = field(default=False, compare=False)
 
     @property
     def ending(self) -> str:
         """How the process ended, in words."""
+        if self.silent:
+            return "can be heard no more"
         return f"was killed by signal {-self.status}" if self.status < 0 else f"ended with exit code {self.status}"
 
 
@@ -108,7 +111,7 @@ class _Worker:
         self.n_items = 0
         self.hung = False
         self._own_group, self._strangers = crew.own_group, crew.strangers
-        self._said = bytearray()
+        self._messages = Messages()
 
     def start(self, key: int, item: tuple[Any, ...]) -> None:
         self.key = key
@@ -125,25 +128,13 @@ class _Worker:
         """Return what it says, None if it has not said all of it. Raises EOFError, OSError, UnpicklingError."""
         if not self._strangers:
             return self.line.recv()  # type: ignore[no-any-return]
-        if not self.has_whole():
-            said = os.read(self.line.fileno(), _CHUNK)  # never waits: half a message may be all that comes
-            if not said:
-                raise EOFError
-            self._said += said
-            if not self._said.startswith(_MARK[: len(self._said)]):
-                raise pickle.UnpicklingError("not a message")
-            if not self.has_whole():
-                return None
-        (length,) = _LENGTH.unpack_from(self._said, len(_MARK))
-        end = _BEGUN + length
-        whole = bytes(self._said[_BEGUN:end])
-        del self._said[:end]
-        return _plain(whole)
+        if not self._messages.has_whole():
+            self._messages.read(self.line.fileno())
+        return self._messages.take() if self._messages.has_whole() else None
 
     def has_whole(self) -> bool:
         """Return whether a whole message of it was read that was not heard yet."""
-        n = len(self._said)
-        return n >= _BEGUN and n - _BEGUN >= _LENGTH.unpack_from(self._said, len(_MARK))[0]
+        return self._messages.has_whole()
 
     def wait(self, seconds: float) -> None:
         """Give it that long to end [s]."""
@@ -169,12 +160,13 @@ class _Worker:
         """End it if need be, and return how it ended."""
         if not self.hung:
             self.wait(_GRACE)
+        silent = not self.hung and self.process.exitcode is None
         self.kill()
         status, place = self.process.exitcode or 0, self.watch.place
         how: Literal["hung", "died", "tampered"] = "hung" if self.hung else "died"
         if how == "died" and status == canaries.TAMPERED and place.startswith(canaries.CHANGED):
             how = "tampered"
-        lost = Lost(how, status, place, None)
+        lost = Lost(how, status, place, None, silent=silent)
         case = self.watch.lost(how, {"hung": "", "died": lost.ending}.get(how, place))
         lost = replace(lost, case=case, entered=self.watch.entered, fresh=self.n_items == 1)
         self.close()
@@ -215,6 +207,8 @@ class Crew(Generic[R]):
         self.patience, self.own_group, self.strangers = patience, own_group, strangers
         self.staff: list[_Worker] = []
         self.pending: deque[tuple[int, tuple[Any, ...]]] = deque()
+        self.apart: set[int] = set()
+        """Keys of items that must be the first of a worker."""
         self.size, self._once, self._heard = size, once, heard
         self._looks = n_words > 0 or patience < math.inf
 
@@ -225,9 +219,12 @@ class Crew(Generic[R]):
         """
         looked = time.monotonic()
         while True:
-            for worker in self.staff:
+            for worker in list(self.staff):
                 if worker.key is None and self.pending:
-                    worker.start(*self.pending.popleft())
+                    if worker.n_items and self.pending[0][0] in self.apart:
+                        self._lost(worker, ended=True)
+                    else:
+                        worker.start(*self.pending.popleft())
             while self.pending and len(self.staff) < self.size:
                 self.staff.append(_Worker(self))
                 self.staff[-1].start(*self.pending.popleft())
@@ -258,17 +255,25 @@ class Crew(Generic[R]):
             except (EOFError, OSError):
                 return self._lost(worker)
             except Exception:  # strangers have written there
-                worker.kill()
                 return self._lost(worker)
             if said is None:
                 return None
             kind, value = said
+            if kind == "raised" and self._was_changed(worker, value):
+                lost = self._lost(worker, ended=True)
+                return replace(lost, how="tampered", place=f"{canaries.CHANGED}what runs its cases raised {value}")
             if kind != "heard":
                 return Done(value) if kind == "done" else value
             worker.watch.restart()
             self._heard(value)
             if not worker.has_whole():
                 return None
+
+    def _was_changed(self, worker: _Worker, raised: Exception) -> bool:
+        """Return whether strangers' code must be behind what a task raised: it lets none of theirs pass."""
+        if not self.strangers or isinstance(raised, ParcoursError):
+            return False
+        return worker.watch.has_entered() or worker.n_items > 1
 
     def _lost(self, worker: _Worker, *, ended: bool = False) -> Lost:
         self.staff.remove(worker)
@@ -304,8 +309,6 @@ def failure_of(where: str, error: Exception, slug: str = "shard-raised") -> Parc
 
 _line: Connection | None = None
 _strangers = False
-_MARK, _LENGTH, _CHUNK = b"parcours", struct.Struct("<Q"), 1 << 20  # of a message whose sender may be anybody
-_BEGUN = len(_MARK) + _LENGTH.size
 
 
 def tell(value: object) -> None:
@@ -320,8 +323,7 @@ def _say(message: tuple[str, object]) -> None:
     if not _strangers:
         _line.send(message)
         return
-    packed = pickle.dumps(message, protocol=4)
-    left = memoryview(_MARK + _LENGTH.pack(len(packed)) + packed)
+    left = memoryview(packed(message))
     while left:
         left = left[os.write(_line.fileno(), left) :]
 
@@ -329,31 +331,6 @@ def _say(message: tuple[str, object]) -> None:
 def is_worker() -> bool:
     """Return whether this process does tasks for another one."""
     return _line is not None
-
-
-class _Plain(pickle.Unpickler):
-    """Reads values of ours, of NumPy's and plain ones, and calls nothing else."""
-
-    def find_class(self, module: str, name: str) -> Any:
-        package = module.partition(".")[0]
-        if (module, name) in _PLAIN or (package == "numpy" and name in _OF_NUMPY) or package.startswith("parcours"):
-            found = super().find_class(module, name) if module in sys.modules else None
-            if isinstance(found, type) or name in _FUNCTIONS:
-                return found
-        raise pickle.UnpicklingError(f"{module}.{name}")
-
-
-_FUNCTIONS = ("_rebuild", "_reconstruct", "_frombuffer", "scalar")
-_PLAIN = {("builtins", name) for name in ("Exception", "set", "frozenset", "complex", "bytearray", "slice")}
-_OF_NUMPY = ("_reconstruct", "_frombuffer", "scalar", "ndarray", "dtype")
-
-
-def _plain(said: bytes) -> tuple[str, Any]:
-    """Return the kind and the value of what a worker said whom nobody trusts."""
-    kind, value = _Plain(io.BytesIO(said)).load()
-    if kind not in ("done", "raised", "heard") or (kind == "raised" and not isinstance(value, Exception)):
-        raise pickle.UnpicklingError(f"{kind!r}")
-    return kind, value
 
 
 def _serve_kept(memory: int, line: Connection, *more: Any) -> None:
@@ -385,12 +362,21 @@ def _serve(
     share(block, says.fileno())
     if strangers and os.name == "posix":
         canaries.place((line.fileno(), says.fileno()))
+    try:
+        _answer_items(line, task, pid, strangers)
+    finally:
+        if strangers:  # who may have changed what an error passes through
+            canaries.require_unchanged()
+
+
+def _answer_items(line: Connection, task: Callable[..., object], pid: int, strangers: bool) -> None:
+    process_id = os.getpid
     with contextlib.suppress(EOFError, OSError):
         while True:
             item = line.recv()
             write_place("")
             answer = _tried(task, item, strangers)
-            if os.getpid() != pid:
+            if process_id() != pid:
                 os._exit(0)  # a child that a component forked came back into our code: it answers for nobody
             if strangers:
                 canaries.require_unchanged()

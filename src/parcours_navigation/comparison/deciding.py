@@ -19,7 +19,6 @@ from parcours_navigation.comparison.results import DecisionTimes
 from parcours_navigation.facts import TRACK_PERIOD
 from parcours_navigation.guests.deadline import FIRST_CASE
 from parcours_navigation.guests.host import Host, planner_seed
-from parcours_navigation.guests.planner_facts import FACTS
 from parcours_navigation.guests.planners import Plugin, load_planner
 from parcours_navigation.protocol import Answer, Observation, Task
 from parcours_navigation.study.study import NavigationStudy
@@ -116,9 +115,8 @@ class _TimeCase:
             taken.append((time.perf_counter() - before) * 1e6)
             return answer
 
-        facts = np.zeros(1, FACTS)
         host = Host(replace(plugin, observe=observe), self.study.setting(), self.study.heartbeat_words)
-        host.run(self.study.staged(np.array([number])), self.study.cases.seed, facts)
+        facts = host.run(self.study.staged(np.array([number])), self.study.cases.seed)
         wrong = facts[0]["reason"].decode("utf-8", "replace") if facts[0]["error"] else ""
         return taken[1:], f"failed: {wrong}" if wrong else ""
 

@@ -45,21 +45,23 @@ def introduce(planner: str, patience: float = LOADING) -> Introduction:
         BadRequest: the name leads nowhere, the planner has not the form of one, its import or constructor raised, did
             not come to an end, ended their process, or changed what others rely on.
     """
-    return _asked(planner, _meet, patience)
+    return _asked(planner, _meet, patience, Introduction)
 
 
 def has_own_loop(planner: str) -> bool:
     """Return whether an entry point names a planner with a loop of its own. Raises BadRequest as `introduce`."""
-    return _asked(planner, _looks_for_loop, LOADING)
+    return _asked(planner, _looks_for_loop, LOADING, bool)
 
 
-def _asked(planner: str, ask: Callable[[str], T], patience: float) -> T:
+def _asked(planner: str, ask: Callable[[str], T], patience: float, kind: type[T]) -> T:
     with contextlib.closing(Crew(ask, 1, forks=True, patience=patience, strangers=True)) as crew:
         crew.pending.append((0, (planner,)))
         [(_, answer)] = crew.answers()
-    if isinstance(answer, Done):
+    if isinstance(answer, Done) and isinstance(answer.result, kind):
         return answer.result
     where = f"planner {planner!r}"
+    if isinstance(answer, Done):
+        raise BadRequest(where, "it must not answer for Parcours, but did", slug="planner-ends-process")
     if not isinstance(answer, Lost):
         raise failure_of(where, answer, "planner-raised")
     what = answer.place or "its module"

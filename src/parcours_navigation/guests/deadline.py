@@ -55,15 +55,16 @@ class Deadline:
             signal.setitimer(signal.ITIMER_REAL, self._interval, self._interval)
 
     def end(self) -> None:
-        """Let what follows take any time."""
+        """Let what follows take any time; no alarm rings while nobody handles it."""
         self._limit = _IDLE
+        if self._works:
+            signal.setitimer(signal.ITIMER_REAL, 0.0)
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, where: TracebackType | None
     ) -> None:
         self.end()
         if self._works:
-            signal.setitimer(signal.ITIMER_REAL, 0.0)
             signal.signal(signal.SIGALRM, self._before)
 
     def _look(self, number: int, frame: FrameType | None) -> None:

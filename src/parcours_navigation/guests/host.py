@@ -127,21 +127,23 @@ class Host:
         """What its planner says that it needs, some of `protocol.SENSES`."""
         return self._plugin.needs
 
-    def run(self, staged: Sequence[Staged], seed: int, facts: NDArray[np.void]) -> None:
-        """Run cases and fill their facts, array of FACTS of zeros, shape (n_cases,); `seed` is the campaign's."""
+    def run(self, staged: Sequence[Staged], seed: int) -> NDArray[np.void]:
+        """Run cases and return their facts, array of FACTS, shape (n_cases,); `seed` is the campaign's."""
+        done: list[bytes] = []  # what is finished is nothing that a planner's hands could change in passing
         self._pid = os.getpid()
         deadline = Deadline(self._clock, self._setting.call_timeout)
         with deadline, contextlib.redirect_stdout(sys.stderr):
             try:
-                for k, one in enumerate(staged):
+                for one in staged:
                     self._begin(one)
                     heartbeat.enter(one.number, self._allowed)
-                    self._run_case_in_time(one, seed, facts[k : k + 1], deadline)
+                    done.append(self._run_case_in_time(one, seed, deadline))
                     self._allowed = self._setting.call_timeout
             finally:
                 end_if_forked(self._pid)
                 heartbeat.leave()
                 self._clock[heartbeat.CASE] = heartbeat.NO_CASE
+        return np.frombuffer(bytearray(b"".join(done)), FACTS)
 
     def _begin(self, staged: Staged) -> None:
         """Put a case into memory, at its beginning; every kernel is compiled before the planner's time counts."""
@@ -189,8 +191,12 @@ class Host:
                 facts[0]["measures"])  # fmt: skip
         memory[: len(kept)] = kept
 
-    def _run_case_in_time(self, staged: Staged, seed: int, facts: NDArray[np.void], deadline: Deadline) -> None:
-        """Run the case that was begun, unless the planner does not answer in time; then see what it has changed."""
+    def _run_case_in_time(self, staged: Staged, seed: int, deadline: Deadline) -> bytes:
+        """Run the case that was begun, unless the planner does not answer in time; then see what it has changed.
+
+        Returns its facts, the bytes of one of FACTS.
+        """
+        facts = np.zeros(1, FACTS)
         try:
             deadline.begin(self._allowed)
             with contextlib.suppress(Hung):
@@ -201,7 +207,8 @@ class Host:
         end_if_forked(self._pid)
         if deadline.rang:
             facts[:] = hung(staged.number, int(self._clock[heartbeat.TIME]), self._setting.call_timeout)
-        canaries.after_case()
+        canaries.after_case(failed=bool(facts["error"][0]))
+        return facts.tobytes()
 
     def track(self) -> tuple[NDArray[np.void], Floats]:
         """Return the track of the last case, array of TRACK of shape (n,), and the bodies' places, (n, k, 2) [m]."""
@@ -388,9 +395,9 @@ def hung(number: int, time: int, call_timeout: float) -> NDArray[np.void]:
 
 
 @functools.lru_cache(maxsize=256)
-def _steps(period: int, first: int, last: int) -> list[tuple[float, int]]:
+def _steps(period: int, first: int, last: int) -> tuple[tuple[float, int], ...]:
     """Return the observations from `first` to before `last` [ns] as (time [s], when the next one is due [ns])."""
-    return [(now * 1e-9, min(now + period, last)) for now in range(first, last, period)]
+    return tuple((now * 1e-9, min(now + period, last)) for now in range(first, last, period))
 
 
 def _words(error: BaseException, file: str) -> str:

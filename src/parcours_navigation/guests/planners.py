@@ -43,6 +43,8 @@ SHIPPED = {
 GROUP = "parcours.planners"
 """Entry points by which packages add planners: a planner's class, or an `OwnLoop`."""
 
+_process_id = os.getpid  # that of this file, whatever a planner makes of the function
+
 _REMEDY = "name a planner that ships with Parcours, package.module:Name, or path/to/file.py:Name"
 
 Observe = Callable[[Observation], Answer]
@@ -278,13 +280,13 @@ def is_ctrl_c(error: BaseException) -> bool:
 
 def end_if_forked(pid: int) -> None:
     """End this process silently if it is not the one of that id, but a child that a planner forked."""
-    if os.getpid() != pid:
+    if _process_id() != pid:
         os._exit(0)
 
 
 def _guarded(planner: str, what: str, act: Callable[[], object]) -> object:
     """Do something of the planner's own; what it raises becomes one line."""
-    pid = os.getpid()
+    pid = _process_id()
     try:
         return act()
     except BaseException as error:

@@ -7,6 +7,7 @@ import traceback
 
 from parcours_navigation.guests.deadline import Hung
 
+_TRACEBACK = BaseException.__dict__["__traceback__"]  # a class may have a property of that name
 _ADDRESS = re.compile(r"\b0x[0-9a-fA-F]{6,}")
 
 
@@ -41,7 +42,7 @@ def place(error: BaseException, file: str = "") -> tuple[str, str]:
 
     No source is read for it.
     """
-    frames = [(frame.f_code, line) for frame, line in traceback.walk_tb(error.__traceback__)]
+    frames = [(frame.f_code, line) for frame, line in traceback.walk_tb(_TRACEBACK.__get__(error))]
     own = [one for one in frames if file and one[0].co_filename == file] or frames
     if not own:
         return "", ""

@@ -151,23 +151,20 @@ class NavigationStudy:
             chosen = Chosen(self, tuple(numbers.tolist()))
             [(_, rows)] = computed(chosen, [range(len(numbers))], 1, lambda k: "the cases", forks=self.prepare())
             return rows
-        facts = np.zeros(len(numbers), FACTS)
-        left = np.ones(len(numbers), bool)
-        for case in self.lost:
-            for k in np.flatnonzero(numbers == case.number):
-                facts[k : k + 1] = self._lost_facts(case)
-                left[k] = False
-        ran = np.zeros(int(left.sum()), FACTS)
+        lost, order = {case.number: case for case in self.lost}, tuple(numbers.tolist())
+        left = [number for number in order if number not in lost]
         monitor = self._monitor()
-        if len(ran):
+        ran = np.zeros(0, FACTS)
+        if left:
             host = self._host()
             host.monitor = monitor
             try:
-                self._run(numbers[left], ran)
+                _, ran = self._run(np.array(left))
             finally:
                 host.monitor = None
-            self._excuse(ran)
-            facts[left] = ran
+        facts, found = np.zeros(len(order), FACTS), dict(zip(left, ran, strict=True))
+        for k, number in enumerate(order):
+            facts[k] = self._lost_facts(lost[number])[0] if number in lost else found[number]
         return joined(facts, monitor.results if monitor else {}, self.requirements, monitor.own if monitor else {})
 
     def _excuse(self, facts: NDArray[np.void]) -> None:
@@ -194,9 +191,7 @@ class NavigationStudy:
                 self.cases.id(number), work, n_words=self.heartbeat_words, patience=self.patience_to_load,
                 forks=self.prepare(),
             )  # fmt: skip
-        facts = np.zeros(1, FACTS)
-        host = self._run(np.array([number]), facts)
-        self._excuse(facts)
+        host, facts = self._run(np.array([number]))
         return facts, *host.track(), host.ground_gaps()
 
     @property
@@ -226,11 +221,11 @@ class NavigationStudy:
         monitor.own.clear()
         return monitor
 
-    def _run(self, numbers: NDArray[np.int64], facts: NDArray[np.void]) -> Host:
+    def _run(self, numbers: NDArray[np.int64]) -> tuple[Host, NDArray[np.void]]:
         host = self._host()
-        if len(numbers):
-            host.run(self.staged(numbers), self.cases.seed, facts)
-        return host
+        facts = host.run(self.staged(numbers), self.cases.seed)
+        self._excuse(facts)
+        return host, facts
 
     def staged(self, numbers: NDArray[np.int64]) -> Sequence[Staged]:
         """Return cases at their beginning."""

@@ -9,7 +9,6 @@ import pytest
 
 from parcours_navigation.cases.family import SystemCases
 from parcours_navigation.guests.host import Host
-from parcours_navigation.guests.planner_facts import FACTS
 from parcours_navigation.guests.planners import load_planner
 from parcours_navigation.guests.scenario import Scenario
 from parcours_navigation.protocol import Answer, Observation, Trajectory
@@ -39,6 +38,4 @@ def test_a_plain_world_is_the_same_when_it_is_moved_as_any_other(protocol: str) 
         ).record(*(float(robot[name]) for name in ("x", "y", "heading", "v")))  # fmt: skip
         scene = dataclasses.replace(one.scene, plain=False, body=np.array([body]))
         general.append(dataclasses.replace(one, scene=scene))
-    facts = np.zeros(20, FACTS)
-    host.run(general, 3, facts)
-    assert facts.tobytes() == plain.tobytes()
+    assert host.run(general, 3).tobytes() == plain.tobytes()

@@ -114,7 +114,7 @@ class Simulation:
     def run(self, numbers: NDArray[np.int64]) -> Rows:
         """Return the facts of the cases of these numbers, array of the study's dtype, shape (n,)."""
         study, lost = self.study, {one.number: one for one in self.lost}
-        rows = np.zeros(len(numbers), study.dtype)
+        rows = []
         with Alarm() as alarm:
             caller: PythonCaller | ProgramCaller
             if isinstance(study.simulate, ProgramPart):
@@ -122,7 +122,7 @@ class Simulation:
             else:
                 caller = PythonCaller(study, study.simulate, "simulate", self.settings, self.seed, alarm)
                 canaries.accept()
-            for k, (number, values) in enumerate(zip(numbers.tolist(), study.values(numbers, self.seed), strict=True)):
+            for number, values in zip(numbers.tolist(), study.values(numbers, self.seed), strict=True):
                 if number in lost:
                     facts, fault, why = None, *lost_reason(lost[number], study.patience)
                 else:
@@ -130,8 +130,8 @@ class Simulation:
                     case = Case(study.name, number, ABSTRACT, number, names, values, study.patience, self.seed)
                     facts, fault, why = self._one(caller, case, alarm)
                 nothing = (np.nan if fact.kind == "real" else 0 for fact in study.facts)
-                rows[k] = (number, *(nothing if facts is None else facts), int(fault), reason_bytes(why))
-        return rows
+                rows.append((number, *(nothing if facts is None else facts), int(fault), reason_bytes(why)))
+        return np.array(rows, study.dtype)
 
     def _one(
         self, caller: PythonCaller | ProgramCaller, case: Case, alarm: Alarm

@@ -10,7 +10,8 @@ Whether there are spells is asked of the repeats beyond a threshold: given how m
 they form has a known distribution if their order is arbitrary (A. Wald & J. Wolfowitz, Annals of Mathematical
 Statistics 11, 1940), so the test is exact however durations are distributed. If there are, the number of repeats is
 divided by the factor by which dependence inflates the variance of their count, 1 + 2 (rho_1 + rho_2 + ...), where the
-sum of autocorrelations ends at the first pair that is not positive (C. J. Geyer, Statistical Science 7, 1992).
+sum of autocorrelations ends at the first pair that is not positive (C. J. Geyer, Statistical Science 7, 1992), or by
+the longest run, if that is more: a factor estimated from one or two spells is often too small, and a true bound failed.
 """
 
 from __future__ import annotations
@@ -65,7 +66,7 @@ def dependence(times: NDArray[np.int64], last: int) -> Dependence:
         p_value = chance_of_runs(beyond)
         least = min(least, p_value)
         if p_value <= SIGNIFICANCE / 2.0:
-            spell = max(spell, inflation(beyond))
+            spell = max(spell, inflation(beyond), float(longest_run(beyond)))
     return Dependence(least, spell)
 
 
@@ -106,6 +107,16 @@ def inflation(beyond: NDArray[np.bool_]) -> float:
     ends = np.flatnonzero(pairs <= 0.0)
     factor = 1.0 + 2.0 * float(pairs[: ends[0] if len(ends) else len(pairs)].sum())
     return min(max(1.0, factor), float(n))
+
+
+def longest_run(beyond: NDArray[np.bool_]) -> int:
+    """Return how many True stand in a row at most.
+
+    >>> longest_run(np.array([True, False, True, True, False]))
+    2
+    """
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], beyond, [False]])))
+    return int((edges[1::2] - edges[::2]).max(initial=0))
 
 
 def _log_choose(n: int, k: int) -> float:
