@@ -97,7 +97,7 @@ def planner(folder: Path, deed: str = "pass", top: str = "", init: str = "") -> 
 
 def campaign(name: str, folder: Path) -> np.ndarray:
     """Run a planner's campaign and return its facts."""
-    begun, loaded = time.monotonic(), set(sys.modules)
+    begun, loaded, before = time.monotonic(), set(sys.modules), children()
     try:
         study = NavigationStudy(name, CASES, SHORT)
         assert run_campaign(study, study.campaign(N_CASES, 3), folder / "results", workers=2).finished == N_CASES
@@ -106,15 +106,20 @@ def campaign(name: str, folder: Path) -> np.ndarray:
         assert time.monotonic() - begun < LONGEST
         assert str(os.getpid()) not in (folder / "pids").read_text().split(), "it was imported here"
         assert not [name for name in sys.modules if name.startswith("parcours_planner_") and name not in loaded]
-        require_no_children()
+        require_no_children(before)
 
 
-def require_no_children() -> None:
-    """Fail if any process is left that the test has started."""
+def children() -> set[str]:
+    """Return who this process has started and has not ended, such as the fork server of an earlier test's nodes."""
     me = os.getpid()
+    return set(Path(f"/proc/{me}/task/{me}/children").read_text().split())
+
+
+def require_no_children(before: set[str]) -> None:
+    """Fail if any process is left that the test has started."""
     until = time.monotonic() + 10
     while time.monotonic() < until:
-        left = [pid for pid in Path(f"/proc/{me}/task/{me}/children").read_text().split() if is_alive(pid)]
+        left = [pid for pid in children() - before if is_alive(pid)]
         if not left:
             return
         time.sleep(0.01)
