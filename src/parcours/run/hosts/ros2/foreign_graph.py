@@ -17,19 +17,24 @@ from typing import Any
 from parcours.errors import BadRequest, HostFailure, one_of
 from parcours.run.binding import Binding, Graph
 from parcours.run.binding.graph import Quality
-from parcours.run.binding.passing import Answered
 from parcours.run.binding.slots import Slot
 from parcours.run.binding.structure import Value
 from parcours.run.hosts.graph_line import Reply
 from parcours.run.hosts.interfaces import TESTER
+from parcours.run.hosts.ros2.foreign_ends import (
+    Listener,
+    ServiceCaller,
+    Speaker,
+    TopicEnd,
+    full_name,
+    quality_of,
+    short_type,
+)
 from parcours.run.hosts.ros2.foreign_types import Ros2Types
-from parcours.run.hosts.ros2.participant import Participant, matched_quality
+from parcours.run.hosts.ros2.participant import Participant
 from parcours.run.hosts.ros2.transport import claim
 from parcours.run.hosts.scheduling import real_time
 from parcours.run.recording import Raw
-
-_DEPTH = 1000
-"""How many messages wait for the tester; the depth of the other end is not told by a graph."""
 
 _LOOK = 10_000_000
 """How often to look for the other ends that are not there yet [ns]."""
@@ -39,181 +44,6 @@ _PIECE = 5_000_000
 
 _ANSWER = 1.0
 """How long a node may take to answer a question about its parameters [s]."""
-
-
-def _full_name(name: str, namespace: str) -> str:
-    return f"{namespace.rstrip('/')}/{name}"
-
-
-def _short(type_: str) -> str:
-    package, _, name = type_.partition("/")
-    return f"{package}/{name.rpartition('/')[2]}"
-
-
-def _nanoseconds(duration: Any) -> int | None:
-    value = int(duration.nanoseconds)
-    return None if value <= 0 or value >= (1 << 63) - 1_000_000_000 else value
-
-
-def _quality(profile: Any) -> Quality:
-    from rclpy.qos import DurabilityPolicy, LivelinessPolicy, ReliabilityPolicy
-
-    return Quality(
-        profile.reliability != ReliabilityPolicy.BEST_EFFORT, profile.durability == DurabilityPolicy.TRANSIENT_LOCAL,
-        _nanoseconds(profile.deadline), profile.liveliness == LivelinessPolicy.MANUAL_BY_TOPIC,
-        _nanoseconds(profile.liveliness_lease_duration),
-    )  # fmt: skip
-
-
-class _End:
-    """The tester's end of a topic; it is made when the other end is known."""
-
-    def __init__(self, graph: Ros2Graph, topic: str, type_: str) -> None:
-        self._graph, self.topic, self.type = graph, topic, type_
-        self._made: Any = None
-
-    def looks(self) -> bool:
-        """Make the end if it can be made by now; return whether it is there."""
-        if self._made is None:
-            self._made = self._make()
-        return self._made is not None
-
-    def _make(self) -> Any:
-        raise NotImplementedError
-
-    def _theirs(self) -> list[Any]:
-        raise NotImplementedError
-
-    def _matched(self) -> int:
-        raise NotImplementedError
-
-    def _fitting(self) -> list[Any]:
-        return [one for one in self._theirs() if _short(one.topic_type) == self.type]
-
-    @property
-    def peers(self) -> set[str]:
-        """The nodes at the other end, once all of them are connected."""
-        if not self.looks():
-            return set()
-        theirs = self._fitting()
-        return (
-            {_full_name(one.node_name, one.node_namespace) for one in theirs}
-            if 0 < len(theirs) <= self._matched()
-            else set()
-        )
-
-
-class _Listener(_End):
-    """A topic that is heard, in the quality that its publishers offer."""
-
-    def __init__(self, graph: Ros2Graph, topic: str, type_: str, heard: Callable[[bytes], None]) -> None:
-        super().__init__(graph, topic, type_)
-        self._heard = heard
-
-    def _theirs(self) -> list[Any]:
-        return self._graph.published(self.topic)
-
-    def _make(self) -> Any:
-        theirs = [_quality(one.qos_profile) for one in self._fitting()]
-        if not theirs:
-            return None
-        weakest = Quality(all(one.reliable for one in theirs), all(one.latched for one in theirs))
-        kind = self._graph.known.find(self.type)
-        return self._graph.participant.overhear(kind, self.topic, self._heard, matched_quality(weakest, _DEPTH))
-
-    def _matched(self) -> int:
-        return int(self._made.speakers)
-
-
-class _Speaker(_End):
-    """A topic that is published: as the sender offers it whose messages are passed on, else as it is requested."""
-
-    def __init__(self, graph: Ros2Graph, topic: str, type_: str, queue: int, latch: bool, like: str) -> None:
-        super().__init__(graph, topic, type_)
-        self._queue, self._latch, self._like = queue, latch, like
-        self._last: bytes | None = None
-
-    def _theirs(self) -> list[Any]:
-        return self._graph.subscribed(self.topic)
-
-    def _make(self) -> Any:
-        theirs = self._fitting()
-        models = self._graph.published(self._like) if self._like else []
-        if not theirs or (self._like and not models):
-            return None
-        quality = _quality(models[0].qos_profile) if models else _strictest(_quality(one.qos_profile) for one in theirs)
-        if self._latch:
-            quality = Quality(quality.reliable, True, quality.deadline, quality.manual, quality.lease)
-        depth = self._queue if quality.latched else max(self._queue, _DEPTH)
-        kind = self._graph.known.find(self.type)
-        made = self._graph.participant.node.create_publisher(kind, self.topic, matched_quality(quality, depth))
-        if self._last is not None:
-            made.publish(self._last)
-        return made
-
-    def _matched(self) -> int:
-        return int(self._made.get_subscription_count())
-
-    @property
-    def peers(self) -> set[str]:
-        """The same; while the sender whose messages are passed on is not there, who will hear them."""
-        if self._like and not self.looks() and not self._graph.published(self._like):
-            return {_full_name(one.node_name, one.node_namespace) for one in self._fitting()}
-        return super().peers
-
-    def send(self, data: bytes) -> int:
-        """Publish; a latched message waits for its first reader."""
-        if self.looks():
-            self._made.publish(data)
-        elif self._latch:
-            self._last = data
-        return 0
-
-    def close(self) -> None:
-        """Publish no longer."""
-        if self._made is not None:
-            self._graph.participant.node.destroy_publisher(self._made)
-
-
-def _strictest(requested: Iterable[Quality]) -> Quality:
-    """Return what satisfies all requests. What is offered reliably reaches those, too, who do not ask for that."""
-    every = list(requested)
-    deadlines, leases = ([getattr(one, name) for one in every if getattr(one, name)] for name in ("deadline", "lease"))
-    return Quality(True, any(one.latched for one in every), min(deadlines, default=None),
-                   any(one.manual for one in every), min(leases, default=None))  # fmt: skip
-
-
-class _Caller:
-    """A client of a service; answers that come late go nowhere."""
-
-    def __init__(self, graph: Ros2Graph, service: str, kind: Any) -> None:
-        self._graph, self._kind = graph, kind
-        self._waiting: dict[int, Answered] = {}
-        self._client = graph.participant.inquire(kind, service, self._answer)
-
-    def _answer(self, number: int, response: Any) -> None:
-        answered = self._waiting.pop(number, None)
-        if answered is not None:
-            answered(self._graph.types.packed(response), "")
-
-    @property
-    def is_matched(self) -> bool:
-        """Whether the server is there."""
-        return bool(self._client.service_is_ready())
-
-    def ask(self, data: bytes, answered: Answered) -> None:
-        """Call; `answered` gets the response, or None and why there is none."""
-        try:
-            request = self._graph.types.unpacked_as(self._kind.Request, data)
-        except Exception as error:  # spoilt on purpose, or by its sender
-            answered(None, f"the request cannot be read: {error}")
-            return
-        self._waiting[self._client.handle.send_request(request)] = answered
-
-    def abandon(self, answered: Answered) -> None:
-        """Wait no longer for a response."""
-        for number in [number for number, one in self._waiting.items() if one is answered]:
-            del self._waiting[number]
 
 
 class Ros2Graph:
@@ -235,8 +65,8 @@ class Ros2Graph:
         self.environment: Mapping[str, str] = {}
         self._binding = binding
         self._parameters: dict[str, Value] = {}
-        self._ends: dict[str, _End] = {}
-        self._callers: dict[str, _Caller] = {}
+        self._ends: dict[str, TopicEnd] = {}
+        self._callers: dict[str, ServiceCaller] = {}
         self._served: set[str] = set()
         self._looked = 0
         self._poll = select.poll()
@@ -269,16 +99,16 @@ class Ros2Graph:
 
     # Ends.
 
-    def publish(self, topic: str, type_: str, *, queue: int, latch: bool, like: str = "") -> _Speaker:
+    def publish(self, topic: str, type_: str, *, queue: int, latch: bool, like: str = "") -> Speaker:
         """Publish a topic as soon as somebody listens."""
         end = self._ends.get(topic)
-        if not isinstance(end, _Speaker):
-            end = self._ends[topic] = _Speaker(self, topic, type_, queue, latch, like)
+        if not isinstance(end, Speaker):
+            end = self._ends[topic] = Speaker(self, topic, type_, queue, latch, like)
         return end
 
-    def subscribe(self, topic: str, type_: str, heard: Callable[[bytes], None]) -> _Listener:
+    def subscribe(self, topic: str, type_: str, heard: Callable[[bytes], None]) -> Listener:
         """Call `heard` with each message of a topic."""
-        end = self._ends[topic] = _Listener(self, topic, type_, heard)
+        end = self._ends[topic] = Listener(self, topic, type_, heard)
         return end
 
     def serve(self, service: str, type_: str, asked: Callable[[bytes, Reply], None]) -> None:
@@ -287,16 +117,16 @@ class Ros2Graph:
             self._served.add(service)
             self.participant.serve_any(self._service(type_), service, asked, self.types)
 
-    def call(self, service: str, type_: str) -> _Caller:
+    def call(self, service: str, type_: str) -> ServiceCaller:
         """Return what calls a service."""
         if service not in self._callers:
-            self._callers[service] = _Caller(self, service, self._service(type_))
+            self._callers[service] = ServiceCaller(self, service, self._service(type_))
         return self._callers[service]
 
     def leave(self, topic: str) -> None:
         """Publish a topic no longer."""
         end = self._ends.pop(topic, None)
-        if isinstance(end, _Speaker):
+        if isinstance(end, Speaker):
             end.close()
 
     def knows_service(self, type_: str) -> bool:
@@ -356,7 +186,7 @@ class Ros2Graph:
     def _nodes(self) -> list[tuple[str, str]]:
         return [
             (str(name), str(space)) for name, space in self.participant.node.get_node_names_and_namespaces()
-            if _full_name(name, space) != TESTER
+            if full_name(name, space) != TESTER
         ]  # fmt: skip
 
     def state(self, services: Collection[str] = ()) -> Graph:
@@ -372,25 +202,25 @@ class Ros2Graph:
                 (self.published(topic), publishers, offered), (self.subscribed(topic), subscribers, requested),
             ):  # fmt: skip
                 if found:
-                    names[topic] = sorted({_full_name(one.node_name, one.node_namespace) for one in found})
+                    names[topic] = sorted({full_name(one.node_name, one.node_namespace) for one in found})
                     qualities[topic] = {
-                        _full_name(one.node_name, one.node_namespace): _quality(one.qos_profile) for one in found
+                        full_name(one.node_name, one.node_namespace): quality_of(one.qos_profile) for one in found
                     }
-                    types[topic] = _short(found[0].topic_type)
+                    types[topic] = short_type(found[0].topic_type)
         servers: dict[str, list[str]] = {}
         nodes = self._nodes()
         for name, space in nodes:
             with contextlib.suppress(Exception):  # it may have gone meanwhile: rclpy has an error of its own for that
                 for service, kinds in node.get_service_names_and_types_by_node(name, space):
-                    servers.setdefault(service, []).append(_full_name(name, space))
-                    types[service] = _short(kinds[0])
-        counts = Counter(_full_name(*one) for one in nodes)
+                    servers.setdefault(service, []).append(full_name(name, space))
+                    types[service] = short_type(kinds[0])
+        counts = Counter(full_name(*one) for one in nodes)
         twice = sorted(name for name, count in counts.items() if count > 1)
         return Graph(publishers, subscribers, servers, types, offered, requested, twice)
 
     def answers(self, node: str) -> bool:
         """Return whether a node is on the graph; one that was killed is, until its lease is over."""
-        return self._participant is not None and any(_full_name(*one) == node for one in self._nodes())
+        return self._participant is not None and any(full_name(*one) == node for one in self._nodes())
 
     def forget(self, node: str) -> None:
         """Do nothing: the next run's participant will not hear of it."""
@@ -462,7 +292,7 @@ class Ros2Graph:
 
 
 def _others(found: Iterable[Any]) -> list[Any]:
-    return [one for one in found if _full_name(one.node_name, one.node_namespace) != TESTER]
+    return [one for one in found if full_name(one.node_name, one.node_namespace) != TESTER]
 
 
 def _owner(key: str) -> str:
