@@ -23,6 +23,8 @@ from parcours.cli.options import PATH, as_json, count, print_json, seed, workers
 @click.option("--require", multiple=True, help="What must hold of every case: 'keeps-away: always clearance > 0.05'. "
               "Can be given several times.")  # fmt: skip
 @click.option("--fail", multiple=True, help="A case of which this holds has failed: 'travelled > 4 or time > 30'.")
+@click.option("--measure", multiple=True, help="A measure of your own: 'crowding: mine.py:crowding', or a formula over "
+              "the values of a case. Can be given several times.")  # fmt: skip
 @seed
 @workers
 @click.option("--world", default="", metavar="NAME|FILE",
@@ -34,8 +36,8 @@ from parcours.cli.options import PATH, as_json, count, print_json, seed, workers
 @as_json
 def command(
     planners: tuple[str, ...], cases: int, protocol: str, command_delay: float, world: str, measured: int, timed: int,
-    require: tuple[str, ...], fail: tuple[str, ...], seed: int, workers: int, out: Path, html: Path | None,
-    markdown: bool, as_json: bool,
+    require: tuple[str, ...], fail: tuple[str, ...], measure: tuple[str, ...], seed: int, workers: int, out: Path,
+    html: Path | None, markdown: bool, as_json: bool,
 ) -> None:  # fmt: skip
     """Run PLANNERS on the same cases, and test each against the first; or compare folders of runs that are there.
 
@@ -73,7 +75,7 @@ def command(
             results = run_comparison(
                 planners, out.absolute(), n_cases=cases, seed=seed, workers=workers, world=world, protocol=protocol,  # type: ignore[arg-type]
                 command_delay=command_delay, measured=measured, timed=timed,
-                requirements=read_requirements("\n".join(require), "\n".join(fail)), progress=show,
+                requirements=read_requirements("\n".join(require), "\n".join(fail), "\n".join(measure)), progress=show,
             )  # fmt: skip
     except Interrupted as stopped:
         click.echo(str(stopped), err=True)

@@ -6,6 +6,7 @@ the table are corrected together by Holm's method. An infinite robustness counts
 
 from __future__ import annotations
 
+import math
 from dataclasses import asdict, dataclass
 
 import numpy as np
@@ -68,7 +69,10 @@ def _robustness(contender: Contender, k: int) -> np.ndarray:
 def _facts(contender: Contender) -> np.ndarray:
     """Return facts and measures together, as a pass rule reads them."""
     assert contender.measures is not None
-    found = np.zeros(len(contender.facts), [*contender.facts.dtype.descr, ("measures", contender.measures.dtype)])
+    own = [("own", [(name, "f8") for name in contender.own])] if contender.own else []
+    found = np.zeros(len(contender.facts), [*contender.facts.dtype.descr, ("measures", contender.measures.dtype), *own])
+    for name, values in contender.own.items():
+        found["own"][name] = values
     for name in contender.facts.dtype.names or ():
         found[name] = contender.facts[name]
     found["measures"] = contender.measures
@@ -78,9 +82,52 @@ def _facts(contender: Contender) -> np.ndarray:
 def requirement_tables(results: Results) -> tuple[Table, ...]:
     """Return what became of the requirements, and the tests; nothing if nothing is required."""
     counted = requirement_table({one.name: one.required for one in results.contenders})
-    if counted is None:
-        return ()
-    return (counted, tests_table(results)) if len(results.contenders) > 1 else (counted,)
+    found = () if counted is None else (counted, tests_table(results)) if len(results.contenders) > 1 else (counted,)
+    return (*found, own_table(results)) if results.requirements.measures else found
+
+
+@dataclass(frozen=True, slots=True)
+class OwnMeasured:
+    """One of the user's own measures of one planner, against the first one."""
+
+    planner: str
+    name: str
+    unit: str
+    n: int  # cases that have it
+    median: float  # NaN without any
+    against_first: TimeDifference | None  # the first minus this one; None for the first
+    p_value: float | None  # by Holm's method over all own measures
+
+
+def own_measured(results: Results) -> tuple[OwnMeasured, ...]:
+    """Return the user's own measures of each planner, on the pairs of cases in which both have one."""
+    first, rows = results.contenders[0], []
+    for one in results.requirements.measures:
+        for contender in results.contenders:
+            values = np.asarray(contender.own[one.name], np.float64)
+            known = values[~np.isnan(values)]
+            gap = None if contender is first else time_difference(first.own[one.name], values)
+            median = float(np.median(known)) if len(known) else math.nan
+            rows.append((contender.name, one.name, one.unit, len(known), median, gap))
+    corrected = iter(holm([gap.p_value for *_, gap in rows if gap is not None]))
+    return tuple(OwnMeasured(*row, None if row[-1] is None else next(corrected)) for row in rows)
+
+
+def own_table(results: Results) -> Table:
+    """Return the user's own measures, planner by planner."""
+    rows: list[tuple[Cell, ...]] = []
+    for one in own_measured(results):
+        unit, gap = "" if one.unit == "1" else f" {one.unit}", one.against_first
+        apart = None if gap is None or not gap.n else f"{0.0 - gap.median:+.4g}{unit}"
+        middle = None if math.isnan(one.median) else f"{one.median:.4g}{unit}"
+        p_value = None if one.p_value is None else _p(one.p_value)
+        rows.append((one.name, one.planner, one.n, middle, apart, p_value))
+    heads = ("measure", "planner", "cases", "median", "against the first", "p (Holm)")
+    note = (
+        "Medians over the cases that have a value; against the first planner the median of the differences case by "
+        "case, by Wilcoxon's signed-rank test; marked where below 0.05."
+    )
+    return Table("Own measures", tuple(map(Column, heads)), tuple(rows), note)
 
 
 def tests_table(results: Results) -> Table:
@@ -89,7 +136,7 @@ def tests_table(results: Results) -> Table:
     for one in requirement_tests(results):
         pairs, gap = one.violated.pairs, one.robustness
         unit = "" if one.unit == "1" else f" {one.unit}"
-        median = None if gap is None or not gap.n else f"{-gap.median:+.4g}{unit}"
+        median = None if gap is None or not gap.n else f"{0.0 - gap.median:+.4g}{unit}"
         last = None if one.p_robustness is None else _p(one.p_robustness)
         pair = f"{one.second} against {one.first}"
         counts = pairs.n, pairs.second_only, pairs.first_only
@@ -123,4 +170,5 @@ def requirement_document(results: Results) -> dict[str, object]:
     return {
         "of_planners": {one.name: [each.document() for each in one.required] for one in results.contenders},
         "tests_against_first": [asdict(one) for one in requirement_tests(results)],
+        "measures": [asdict(one) for one in own_measured(results)],
     }

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,6 +49,7 @@ class Contender:
     untimed: str = ""  # what went wrong while decisions were timed
     robustness: Floats | None = None  # of each requirement in each case, shape (n_cases, n); None if none are asked
     required: tuple[Violations, ...] = ()  # what became of each requirement and pass rule
+    own: Mapping[str, Floats] = field(default_factory=dict)  # the user's own measures of each case, NaN where none
 
     @property
     def outcomes(self) -> NDArray[np.int64]:

@@ -26,7 +26,7 @@ from parcours_navigation.guests.scenario import Scenario
 from parcours_navigation.guests.staging import Cases
 from parcours_navigation.measures.one_case import measures_as_published
 from parcours_navigation.measures.table import PUBLISHED
-from parcours_navigation.requirements.judging import robustness
+from parcours_navigation.requirements.judging import own_values, robustness
 from parcours_navigation.requirements.requirement import NO_REQUIREMENTS, Requirements
 from parcours_navigation.requirements.tables import violations_of
 from parcours_navigation.study.asking import world_cases
@@ -101,7 +101,7 @@ def run_comparison(
             Contender(
                 name, _fields(kept, FACTS), study.answers or at_once, _reasons(kept), decisions,
                 kept["measures"].copy(), published.get(name), untimed, robustness(kept, requirements).copy(),
-                violations_of(kept, requirements),
+                violations_of(kept, requirements), own_values(kept, requirements),
             )
         )  # fmt: skip
     vectors, numbers = tuple(str(cases.vector(number)) for number in range(n_cases)), np.arange(n_cases)

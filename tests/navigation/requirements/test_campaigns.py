@@ -16,9 +16,9 @@ from parcours_navigation.cases.family import SystemCases
 from parcours_navigation.comparison.analysis import analyse
 from parcours_navigation.comparison.document import comparison_document
 from parcours_navigation.comparison.page import compare_page
-from parcours_navigation.comparison.requiring import requirement_tables, requirement_tests
+from parcours_navigation.comparison.requiring import own_measured, requirement_tables, requirement_tests
 from parcours_navigation.comparison.running import run_comparison
-from parcours_navigation.requirements.requirement import requirements_of
+from parcours_navigation.requirements.requirement import read_requirements, requirements_of
 from parcours_navigation.requirements.signals import take
 from parcours_navigation.requirements.vocabulary import SIGNALS
 from parcours_navigation.study.results import read_folder, report_folders
@@ -103,6 +103,23 @@ def test_other_requirements_are_another_campaign(tmp_path: Path) -> None:
     other = dataclasses.replace(STUDY, requirements=requirements_of({"keeps-away": "always clearance > 0.06"}))
     with pytest.raises(BadResults, match=r"holds another campaign: .*require"):
         run_campaign(other, other.campaign(4, 4), tmp_path, workers=1)
+
+
+def test_planners_are_compared_by_measures_of_the_users_own(tmp_path: Path) -> None:
+    (tmp_path / "mine.py").write_text("def farthest(run):\n    return float(run.track['x'].max())\n")
+    asked = read_requirements("", "far > 0.5", f"far: {tmp_path}/mine.py:farthest; rest: time_at_rest / time")
+    names = ["straight-ahead", "stand-still"]
+    results = run_comparison(names, tmp_path / "out", n_cases=6, measured=0, timed=0, requirements=asked)
+    ahead, still = results.contenders
+    assert (ahead.own["far"] > 0.5).all() and (still.own["far"] < 0.2).all()
+    assert (still.own["rest"] > ahead.own["rest"]).all()
+    [far, _] = [one for one in own_measured(results) if one.planner == "stand-still"]
+    assert far.n == 6 and far.against_first is not None
+    assert far.against_first.median == np.median(ahead.own["far"] - still.own["far"])
+    (rule,) = requirement_tests(results)  # a pass rule reads it
+    assert rule.violated.pairs.first_only == 6 and rule.violated.pairs.second_only == 0
+    assert requirement_tables(results)[-1].title == "Own measures"
+    assert len(comparison_document(analyse(results))["requirements"]["measures"]) == 4  # type: ignore[index]
 
 
 def test_planners_are_compared_by_their_requirements(tmp_path: Path) -> None:
