@@ -18,7 +18,7 @@ STAR = tuple((math.cos(0.8 * math.pi * k), math.sin(0.8 * math.pi * k)) for k in
     ("values", "message"),
     [
         ({"kind": "tank"}, r"robot, kind: must be a known name, but 'tank' was given.*\[robot-kind\]"),
-        ({"radius": 0.0}, r"robot, radius: it must lie in 0.001 to 100 m, but is 0 \[robot-range\]"),
+        ({"radius": 0.0}, r"robot, radius: it must lie in 0.001 to 100 m, but is 0; .*\[robot-range\]"),
         ({"speed": "fast"}, r"robot, speed: it must be a number from 0.001 to 100 m/s, but is 'fast'"),
         ({"speed": math.nan}, r"robot, speed: it must lie in"),
         ({"delay": 1.5}, r"robot, delay: it must lie in 0 to 1 s, but is 1.5"),

@@ -83,7 +83,7 @@ def parse_criterion(text: str) -> CoverageCriterion:
     Raises BadRequest: no criterion is written like that.
 
     >>> parse_criterion("2-switch")
-    Criterion(name='switch', number=2, walks=())
+    CoverageCriterion(name='switch', number=2, walks=())
     >>> parse_criterion("complete:few")
     Traceback (most recent call last):
     parcours.errors.BadRequest: coverage criterion 'complete:few': it needs a number from 1 to 999999999, but 'few' \
