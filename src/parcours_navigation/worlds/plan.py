@@ -36,7 +36,7 @@ def _numbers(value: object) -> list[float]:
 class Detection:
     """How the others are detected; the defaults are perfect.
 
-    >>> Detection(dropped=2.0)  # doctest: +ELLIPSIS
+    >>> Detection(dropped=2.0)
     Traceback (most recent call last):
     parcours.errors.BadRequest: sensing, dropped: it must be from 0 to 1, but is 2; give a number ... [world-range]
     """
