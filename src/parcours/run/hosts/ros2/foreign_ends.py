@@ -5,6 +5,7 @@ An end of a topic is made as soon as the other end is discovered, since its qual
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Any
 
@@ -46,7 +47,7 @@ def quality_of(profile: Any) -> Quality:
     )  # fmt: skip
 
 
-class TopicEnd:
+class TopicEnd(ABC):
     """The tester's end of a topic; it is made when the other end is known."""
 
     def __init__(self, graph: Ros2Graph, topic: str, type_: str) -> None:
@@ -59,14 +60,14 @@ class TopicEnd:
             self._made = self._make()
         return self._made is not None
 
-    def _make(self) -> Any:
-        raise NotImplementedError
+    @abstractmethod
+    def _make(self) -> Any: ...
 
-    def _theirs(self) -> list[Any]:
-        raise NotImplementedError
+    @abstractmethod
+    def _theirs(self) -> list[Any]: ...
 
-    def _matched(self) -> int:
-        raise NotImplementedError
+    @abstractmethod
+    def _matched(self) -> int: ...
 
     def _fitting(self) -> list[Any]:
         return [one for one in self._theirs() if short_type(one.topic_type) == self.type]
