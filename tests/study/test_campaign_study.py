@@ -163,6 +163,28 @@ class TestStrangers:
             assert row["error"] or row.tobytes() == other.tobytes()
             assert row["error"] == 0 or np.isnan(row["y"])
 
+    def test_every_process_loads_the_file_as_it_was_and_no_exception_hides_its_words(self, tmp_path: Path) -> None:
+        code = """
+            import os
+
+            class Hidden(Exception):
+                __traceback__ = property(lambda self: 1 / 0)
+
+            def simulate(case, x):
+                if case.number == 1:
+                    open(__file__, "w").write("raise SystemExit")
+                if case.number == 2:
+                    os._exit(3)
+                if case.number == 5:
+                    raise Hidden("here")
+                return {"y": x}
+        """
+        facts = run(loaded(tmp_path, code), tmp_path / "out").facts
+        assert {row["number"]: row["reason"].decode() for row in facts if row["error"]} == {
+            2: "died: its process ended with exit code 3",
+            5: "raised: Hidden: here (demo.py:13)",
+        }
+
     def test_the_bytes_do_not_depend_on_the_number_of_workers(self, hostile: Hostile) -> None:
         study, _, folder = hostile
         run(study, folder / "three", workers=3)

@@ -171,7 +171,7 @@ np.zeros = Equal()
     "hides its traceback": (
         "class E(Exception):\n    __traceback__ = property(lambda s: 1 / 0)\nraise E('hidden')", "^raised: E: hidden"),
     "makes a file of the results": (
-        "import shutil; shutil.rmtree(RESULTS); open(RESULTS, 'w').close()", SAME),
+        "import shutil; shutil.rmtree(RESULTS, True); open(RESULTS, 'w').close()", ANY),
     "patches pickle": ("import pickle; pickle.dumps = None", CHANGED + "pickle.dumps was replaced"),
     "patches os.write": ("import os; os.write = lambda *a: 0", CHANGED + "os.write was replaced"),
     "patches os._exit": ("import os; os._exit = lambda *a: 0", CHANGED + "os._exit was replaced"),
@@ -272,6 +272,8 @@ import itertools; sum(itertools.repeat(0))
 """, HUNG),
     "turns its arrays": ("o.robot.shape = (1, 5); o.obstacles.shape = (18,); o.robot.setflags(write=False)", SAME),
     "changes its task": ("object.__setattr__(o.task.limits, 'speed', -1.0); object.__setattr__(o.task, 'goal', None)", SAME),
+    "removes its file": ("import os; os.remove(__file__)", SAME),
+    "edits its file": ("open(__file__, 'w').write('raise SystemExit')", SAME),
     "deletes the results": ("import glob, os\nfor f in glob.glob(RESULTS + '/shard-*'): os.remove(f)", SAME),
     "writes into the results": ("import glob\nfor f in glob.glob(RESULTS + '/shard-*.npy'): open(f, 'wb').write(b'x')", SAME),
     "writes to all descriptors": ("import os\nfor n in range(3, 40):\n    try: os.write(n, b'x' * 48)\n    except OSError: pass", ANY),
@@ -301,7 +303,7 @@ CONSTRUCTORS: dict[str, tuple[str, str]] = {
     "import empties sys.modules": ("import sys; sys.modules.clear()", "planner-"),
     "import closes descriptors": ("import os; os.closerange(0, 999)", "descriptors that it did not open"),
     "import deletes itself": ("import sys; del sys.modules[__name__]", SAME),
-    "import removes its file": ("import os; os.remove(__file__)", "planner-"),
+    "import removes its file": ("import os; os.path.exists(__file__) and os.remove(__file__)", SAME),
     "import leaves a thread": ("import threading, time; threading.Thread(target=time.sleep, args=(600,)).start()", SAME),
     "import changes the folder": ("import os; os.chdir('/'); os.umask(0o777)", SAME),
     "import forbids files": ("import resource; resource.setrlimit(resource.RLIMIT_NOFILE, (3, 3))", ANY),

@@ -208,6 +208,9 @@ if hasattr(os, "register_at_fork"):
     os.register_at_fork(after_in_child=_close_copies)
 
 
+_GONE = (FileNotFoundError, NotADirectoryError, FileExistsError)  # what writing into a folder raises that is removed
+
+
 class Keeping:
     """Keeps what is written while strangers' code runs, who may delete or change it, and puts it back in the end."""
 
@@ -222,11 +225,17 @@ class Keeping:
         _copies.add(self._copy)
 
     def write(self, shard: int, rows: Rows) -> None:
-        """Write a shard as `Store.write` does."""
-        self._make_folder()
-        self._store.write(shard, rows)
+        """Write a shard as `Store.write` does; where somebody removes the folder meanwhile, in the end."""
         self._rows[shard] = self._copy.tell()
         np.lib.format.write_array(self._copy, rows, allow_pickle=False)
+        try:
+            self._make_folder()
+            self._store.write(shard, rows)
+        except BadRequest as error:
+            if not isinstance(error.__cause__, _GONE):
+                raise
+        except _GONE:
+            pass
 
     def put_back(self) -> None:
         """Write again what is not there any more as it was written."""

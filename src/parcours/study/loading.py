@@ -7,13 +7,18 @@ import contextlib
 import hashlib
 import importlib
 import importlib.util
+import re
 import sys
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from importlib.machinery import SourceFileLoader
 from pathlib import Path
-from types import ModuleType
+from types import CodeType, ModuleType
 
 from parcours.errors import BadRequest, one_of
+from parcours.run.raised import frames_of, said
 
+_OURS = re.compile("^<frozen|/parcours/")  # files that nobody looks into for the place of an error
 Lack = tuple[str, str, str]  # what source lacks: slug, rule, remedy
 
 
@@ -27,12 +32,13 @@ def is_target(text: str) -> bool:
     return bool(colon and where and name) and all(part.isidentifier() for part in name.split("."))
 
 
-def load(target: str, folder: Path | None = None) -> object:
+def load(target: str, folder: Path | None = None, source: Source | None = None) -> object:
     """Return the object that `file.py:Name` or `module:Name` names. What loading prints goes to standard error.
 
     Args:
         target: a relative file counts from `folder`; modules are looked for there, too.
         folder: by default the current one.
+        source: what its file held when it was first read; by default it is read now.
 
     Raises BadRequest: there is no such file, module or name, or loading raised.
 
@@ -44,7 +50,7 @@ def load(target: str, folder: Path | None = None) -> object:
         rule = f"must be file.py:Name or package.module:Name, but is {target!r}"
         raise BadRequest(target, rule, slug="target-form")
     with contextlib.redirect_stdout(sys.stderr):
-        found: object = _module(target, where, folder or Path.cwd())
+        found: object = _module(target, where, folder or Path.cwd(), source)
     for part in name.split("."):
         try:
             found = getattr(found, part)
@@ -61,41 +67,70 @@ def file_of(target: str, folder: Path) -> Path | None:
     return folder / where if where.endswith(".py") or "/" in where else None
 
 
-def _module(target: str, where: str, folder: Path) -> ModuleType:
+@dataclass(frozen=True, slots=True)
+class Source:
+    """A Python file as it was when it was first read, whatever its own code makes of the file later."""
+
+    path: Path  # absolute
+    text: bytes = field(repr=False)
+
+    @property
+    def digest(self) -> str:
+        """The first 16 hexadecimal digits of the SHA-256 of the text."""
+        return hashlib.sha256(self.text).hexdigest()[:16]
+
+    def module(self, name: str) -> ModuleType:
+        """Return the module of that name, executed and in `sys.modules`. Raises whatever its code raises."""
+        spec = importlib.util.spec_from_file_location(name, self.path, loader=_FromText(name, self))
+        assert spec is not None and spec.loader is not None  # a loader is given
+        module = sys.modules[name] = importlib.util.module_from_spec(spec)
+        try:
+            spec.loader.exec_module(module)
+        except BaseException:
+            sys.modules.pop(name, None)
+            raise
+        return sys.modules.get(name, module)  # a module may put something else in its place
+
+
+class _FromText(SourceFileLoader):
+    """Compiles a text that has been read, and keeps no byte code of it."""
+
+    def __init__(self, name: str, source: Source) -> None:
+        super().__init__(name, str(source.path))
+        self._text = source.text
+
+    def get_code(self, fullname: str) -> CodeType:
+        return compile(self._text, self.path, "exec", dont_inherit=True)
+
+
+def read_source(target: str, path: Path) -> Source:
+    """Return the source that a target names. Raises BadRequest if the file is absent, unreadable or not Python's."""
+    path = path.absolute()
+    if not path.is_file():
+        rule = f"its file must exist, but there is no {path}"
+        raise BadRequest(target, rule, "check the path", slug="target-missing")
+    if path.suffix != ".py":
+        raise BadRequest(target, "its file must be Python source with the ending .py, but is not", slug="target-form")
+    try:
+        return Source(path, path.read_bytes())
+    except OSError as error:
+        raise BadRequest(target, f"its file must be readable, but: {error.strerror}", slug="target-missing") from error
+
+
+def _module(target: str, where: str, folder: Path, source: Source | None) -> ModuleType:
     path = file_of(target, folder)
     if path is None:
         if where in sys.modules and where not in NEIGHBOURS.get(str(folder.resolve()), {}):
             return sys.modules[where]
         with _importable(folder):
             return _guarded(target, lambda: importlib.import_module(where))
-    path = path.absolute()
-    if not path.is_file():
-        rule = f"its file must exist, but there is no {path}"
-        raise BadRequest(target, rule, "check the path", slug="target-missing")
-    try:
-        digest = hashlib.sha256(str(path.resolve()).encode() + b"\0" + path.read_bytes()).hexdigest()[:16]
-    except OSError as error:
-        raise BadRequest(target, f"its file must be readable, but: {error.strerror}", slug="target-missing") from error
+    read = source or read_source(target, path)
+    digest = hashlib.sha256(str(path.resolve()).encode() + b"\0" + read.text).hexdigest()[:16]
     name = f"parcours_loaded_{digest}"
     if name in sys.modules:
         return sys.modules[name]
-    spec = importlib.util.spec_from_file_location(name, path)
-    if spec is None or spec.loader is None:
-        raise BadRequest(target, "its file must be Python source with the ending .py, but is not", slug="target-form")
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module
-    loader = spec.loader
-
-    def execute() -> ModuleType:
-        loader.exec_module(module)
-        return module
-
-    try:
-        with _importable(path.resolve().parent):  # its neighbours are importable, as they are for `python file.py`
-            return _guarded(target, execute)
-    except BaseException:
-        sys.modules.pop(name, None)
-        raise
+    with _importable(path.resolve().parent):  # its neighbours are importable, as they are for `python file.py`
+        return _guarded(target, lambda: read.module(name))
 
 
 # Folder -> the modules in it that files there have imported: two studies may have a `helpers` each
@@ -128,22 +163,15 @@ def _guarded(target: str, act) -> ModuleType:  # type: ignore[no-untyped-def]
     except KeyboardInterrupt:
         raise
     except BaseException as error:
-        place = _place(error)
-        rule = f"loading it must not raise, but {type(error).__name__} was raised{place}: {error}"
+        rule = f"loading it must not raise, but raised {said(error)}{_place(error)}"
         raise BadRequest(target, rule, "run it alone to see where", slug="target-raised") from error
 
 
 def _place(error: BaseException) -> str:
     if isinstance(error, SyntaxError) and error.filename:
         return f" ({Path(error.filename).name}:{error.lineno})"
-    frame = error.__traceback__
-    last = ""
-    while frame is not None:
-        file = frame.tb_frame.f_code.co_filename
-        if not file.startswith("<frozen") and "/parcours/" not in file:
-            last = f" ({Path(file).name}:{frame.tb_lineno})"
-        frame = frame.tb_next
-    return last
+    theirs = [(code.co_filename, line) for code, line in frames_of(error) if not _OURS.search(code.co_filename)]
+    return f" ({Path(theirs[-1][0]).name}:{theirs[-1][1]})" if theirs else ""
 
 
 def absent_in(path: Path, name: str, methods: Sequence[str] = ()) -> Iterator[Lack]:

@@ -8,12 +8,12 @@ import io
 from collections.abc import Iterator
 
 from parcours.errors import BadRequest
+from parcours.run.raised import place, said
 from parcours.run.workers import Crew, Done, Lost, failure_of
 from parcours_navigation.checking.remark import OutOfPatience, Remark, error, note, warning
 from parcours_navigation.checking.scenes import copied, script, standard_task
 from parcours_navigation.checking.subject import Speeds, Subject, load_subject, replayed
 from parcours_navigation.guests.answers import BadAnswer, read_answer
-from parcours_navigation.guests.raised import place, said
 
 _PATIENCE = 60.0
 """How long a process of its own may take to answer a script [s]."""

@@ -16,7 +16,7 @@ from parcours_navigation.arena.obstacles import OBSTACLE
 from parcours_navigation.arena.world import NEVER, WORLD, advance, begin
 from parcours_navigation.checking.scenes import observation, sensed
 from parcours_navigation.guests.answers import read_answer
-from parcours_navigation.guests.planners import SHIPPED, load_planner, source_digest
+from parcours_navigation.guests.planners import SHIPPED, load_planner, module_name, source_of
 from parcours_navigation.protocol import HEADING, Floats, Observation, Task, X, Y
 from parcours_navigation.stage import tracking
 
@@ -102,14 +102,15 @@ def load_subject(name: str) -> Subject:
     >>> load_subject("stand-still").make() is load_subject("stand-still").make()
     False
     """
+    source = source_of(name)
     try:
-        load_planner(name)
+        load_planner(name, source)
     except BadRequest as complaint:
         if complaint.slug in _ITS_OWN_FAULT:
             return Subject(name, lambda complaint=complaint: _raise(complaint))  # type: ignore[misc]
         raise
     where, _, dotted = SHIPPED.get(name, name).rpartition(":")
-    kept = sys.modules.get(f"parcours_planner_{source_digest(name)}")
+    kept = sys.modules.get(module_name(source)) if source is not None else None
     found: object = kept if kept is not None else importlib.import_module(where)
     for part in dotted.split("."):
         found = getattr(found, part)

@@ -75,7 +75,7 @@ class _TimeCase:
 
     def __call__(self, number: int) -> tuple[list[float], str]:
         """Return the times of one case [us], and what went wrong, or ""."""
-        plugin = load_planner(self.study.found_as)
+        plugin = load_planner(self.study.found_as, self.study.known.source if self.study.known else None)
         if not isinstance(self.study.cases, SystemCases):
             return self._in_world(plugin, number)
         facts, track, _ = self.study.track(number)

@@ -13,14 +13,16 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any, TypeVar
 
 from parcours.errors import BadRequest, BadResults
 from parcours.run import canaries as canaries
 from parcours.run.heartbeat import write_place
 from parcours.run.workers import Crew, Done, Lost, failure_of
-from parcours_navigation.guests.planners import load_planner, loaded, located, source_file
+from parcours.study.loading import Source
+from parcours_navigation.guests.planners import load_planner, loaded, located, source_of
 
 LOADING = 20.0
 """So long the import and the constructor of a planner may take at least [s of wall clock]."""
@@ -33,9 +35,15 @@ class Introduction:
     """What there is to know of a planner without a line of it in this process."""
 
     planner: str  # under which a worker finds it, whatever its current folder
-    source: str  # its source file, "" if there is none or it belongs to a package's entry point
+    file: str  # its source file, "" if it belongs to a package's entry point, or is no Python file
+    text: bytes = field(repr=False)  # what the file held before it was imported
     has_reset: bool
     needs: tuple[str, ...]  # some of `protocol.SENSES`
+
+    @property
+    def source(self) -> Source | None:
+        """The source that every worker is to import, whatever the planner makes of its file; None without a file."""
+        return Source(Path(self.file), self.text) if self.file else None
 
 
 def introduce(planner: str, patience: float = LOADING) -> Introduction:
@@ -77,10 +85,11 @@ def _asked(planner: str, ask: Callable[[str], T], patience: float, kind: type[T]
 
 def _meet(planner: str) -> Introduction:
     write_place("its module")
-    found_as, source = str(located(planner)), source_file(planner)
-    plugin = load_planner(planner)
+    found_as, source = str(located(planner)), source_of(planner)
+    plugin = load_planner(planner, source)
     canaries.accept()
-    return Introduction(found_as, source, plugin.reset is not None, plugin.needs)
+    file, text = (str(source.path), source.text) if source is not None else ("", b"")
+    return Introduction(found_as, file, text, plugin.reset is not None, plugin.needs)
 
 
 def _looks_for_loop(planner: str) -> bool:

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parcours.run.heartbeat import TIME
+from parcours.run.raised import Overdue
 
 FIRST_CASE = 6.0
 """In the first case of a process a call may take this many times longer: imports, and compilation."""
@@ -22,12 +23,8 @@ FIRST_CASE = 6.0
 _IDLE = float("inf")
 
 
-class Hung(BaseException):
-    """Raised in a planner that takes too long; not an Exception, so that it is not caught by mistake."""
-
-
 class Deadline:
-    """While entered, looks from time to time whether a case goes on, and raises Hung when its time stands still.
+    """While entered, looks from time to time whether a case goes on, and raises Overdue when its time stands still.
 
     How far it is it reads in the words of `parcours.run.heartbeat`; `call_timeout` is the shortest limit to come [s].
     Does nothing in threads other than the main one, where signals do not arrive.
@@ -40,7 +37,7 @@ class Deadline:
         self._limit, self._seen, self._looks = _IDLE, -1.0, 0
         self._before: Any = None
         self.rang = False
-        """Whether Hung was raised in the case, also where the planner has caught it."""
+        """Whether Overdue was raised in the case, also where the planner has caught it."""
 
     def __enter__(self) -> Deadline:
         if self._works:
@@ -73,4 +70,4 @@ class Deadline:
         self._seen = now
         if self._looks * self._interval >= self._limit:
             self.rang, self._looks = True, 0  # a planner that catches it is interrupted again
-            raise Hung
+            raise Overdue

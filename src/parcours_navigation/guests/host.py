@@ -19,13 +19,13 @@ from numpy.typing import NDArray
 
 from parcours.run import canaries as canaries
 from parcours.run import heartbeat as heartbeat
+from parcours.run.raised import Overdue, place, said
 from parcours.streams import start
 from parcours_navigation.facts import NEVER, TRACK, TRACK_PERIOD
 from parcours_navigation.guests.answers import BadAnswer, read_answer
-from parcours_navigation.guests.deadline import FIRST_CASE, Deadline, Hung
+from parcours_navigation.guests.deadline import FIRST_CASE, Deadline
 from parcours_navigation.guests.planner_facts import FACTS, PlannerFault, lost, reason_bytes, unmeasured
 from parcours_navigation.guests.planners import Plugin, end_if_forked, is_ctrl_c
-from parcours_navigation.guests.raised import place, said
 from parcours_navigation.guests.windows import Window
 from parcours_navigation.measures.kernel import measure
 from parcours_navigation.measures.one_case import SAFE_DISTANCE
@@ -199,10 +199,10 @@ class Host:
         facts = np.zeros(1, FACTS)
         try:
             deadline.begin(self._allowed)
-            with contextlib.suppress(Hung):
+            with contextlib.suppress(Overdue):
                 self._run_case(staged, seed, facts)
             deadline.end()
-        except Hung:  # again, while the first was on its way
+        except Overdue:  # again, while the first was on its way
             deadline.end()
         end_if_forked(self._pid)
         if deadline.rang:
@@ -247,7 +247,7 @@ class Host:
             case = staged.number, *self.track(), radii, self.ground_gaps(), size, goals, facts[0].copy()
             try:
                 monitor.measure(CaseRun(*case))
-            except Hung:
+            except Overdue:
                 rule = "they must return within the call timeout, but one did not"
                 raise BadMeasure("measures", rule, "correct it", slug="measure-raised") from None
 
@@ -281,7 +281,7 @@ class Host:
                 moving.touched_later(self._memory, facts[0])
                 soon = int(facts["t_end"][0]) + 1_000_000_000
                 facts["moved_after"] = facts["t_goal_after"] != NEVER or moving.moved_since(self._memory, soon)
-        except (Hung, BadMeasure):
+        except (Overdue, BadMeasure):
             raise
         except BadAnswer as error:
             end_if_forked(self._pid)

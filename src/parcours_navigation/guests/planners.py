@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import functools
-import hashlib
 import importlib
 import importlib.util
 import inspect
@@ -20,7 +19,8 @@ from typing import TYPE_CHECKING, Protocol, cast
 
 from parcours.errors import BadRequest, one_of
 from parcours.run.heartbeat import write_place
-from parcours_navigation.guests.raised import said
+from parcours.run.raised import said
+from parcours.study.loading import Source, read_source
 from parcours_navigation.protocol import SENSES, Answer, Observation, Task
 from parcours_navigation.requirements.requirement import NO_REQUIREMENTS, Requirements
 
@@ -97,28 +97,25 @@ class Plugin:
     needs: tuple[str, ...] = ()  # what it must be given, some of `protocol.SENSES`
 
 
-def source_digest(planner: str) -> str:
-    """Return a digest of the file in which a planner is defined; of shipped ones "", as they are part of Parcours.
+def source_of(planner: str) -> Source | None:
+    """Return the source in which a planner is defined; None if it ships with Parcours or is no Python file.
 
     Imports what its module lies in. Raises BadRequest if the name is no planner's, or its module or file is missing.
     """
-    return file_digest(planner, source_file(planner))
-
-
-def source_file(planner: str) -> str:
-    """Return the file of a planner's module, "" if it has none or ships with Parcours; imports what it lies in."""
     if planner in names():
-        return ""
+        return None
     where, _ = _parts(planner)
-    return str(Path(where).absolute()) if _is_file(where) else str(_file_of(planner, where) or "")
+    if _is_file(where):
+        return _read(planner, Path(where))
+    file = _file_of(planner, where)
+    return _read(planner, file) if file is not None and file.suffix == ".py" else None
 
 
-def file_digest(planner: str, file: str) -> str:
-    """Return a digest of the source file of a planner, "" for none. Raises BadRequest if it cannot be read."""
+def _read(planner: str, path: Path) -> Source:
     try:
-        return hashlib.sha256(Path(file).read_bytes()).hexdigest()[:16] if file else ""
-    except OSError as error:
-        raise _unknown(planner, f"its file must be readable, but: {error.strerror}") from error
+        return read_source(f"planner {planner!r}", path)
+    except BadRequest as error:
+        raise BadRequest(error.where, error.rule, _REMEDY, slug="planner-missing") from error
 
 
 def located(planner: PlannerLike) -> PlannerLike:
@@ -133,12 +130,13 @@ def located(planner: PlannerLike) -> PlannerLike:
     return f"{Path(where).absolute()}:{attribute}" if _is_file(where) else planner
 
 
-def load_planner(planner: PlannerLike) -> Plugin:
+def load_planner(planner: PlannerLike, source: Source | None = None) -> Plugin:
     """Return a planner that is ready to be asked. The current folder is importable.
 
     Args:
         planner: a known name (but none with a loop of its own), "package.module:Name", "path/to/file.py:Name", or the
             class, function or object itself. What it prints while it is loaded goes to standard error.
+        source: what its file held when it was first read; by default it is read now.
 
     Raises:
         BadRequest: the name leads nowhere, the constructor raised, or there is neither `observe` nor a function.
@@ -152,7 +150,7 @@ def load_planner(planner: PlannerLike) -> Plugin:
         where, attribute = _parts(planner)
         write_place("the import of its module")
         with contextlib.redirect_stdout(sys.stderr):
-            return _ready(planner, _attribute(planner, _module(planner, where), attribute))
+            return _ready(planner, _attribute(planner, _module(planner, where, source), attribute))
     name = getattr(planner, "__qualname__", type(planner).__qualname__)
     return _ready(name, planner)
 
@@ -195,31 +193,36 @@ def _file_of(planner: str, module: str) -> Path | None:
     return Path(spec.origin) if spec.has_location and spec.origin else None
 
 
-def _module(planner: str, where: str) -> ModuleType:
+def module_name(source: Source) -> str:
+    """Return the name of the module that a planner's file becomes."""
+    return f"parcours_planner_{source.digest}"
+
+
+def _module(planner: str, where: str, source: Source | None) -> ModuleType:
     """Import the module or file."""
     if not _is_file(where):
-        _file_of(planner, where)
-        return cast(ModuleType, _guarded(planner, "its module", lambda: importlib.import_module(where)))
-    path = Path(where).absolute()
-    if not path.is_file():
-        raise _unknown(planner, "its file must exist, but there is none")
-    name = f"parcours_planner_{hashlib.sha256(path.read_bytes()).hexdigest()[:16]}"
-    spec = importlib.util.spec_from_file_location(name, path)
-    if spec is None or spec.loader is None:
-        raise _unknown(planner, "its file must be Python source with the ending .py, but is not")
-    module = importlib.util.module_from_spec(spec)
-    loader = spec.loader
-    sys.modules[name] = module
-    folder = str(path.resolve().parent)
+        if source is None or where in sys.modules:
+            _file_of(planner, where)
+            return cast(ModuleType, _guarded(planner, "its module", lambda: importlib.import_module(where)))
+        known = source
+        return cast(ModuleType, _guarded(planner, "its module", lambda: _import_from(known, where)))
+    read = source or _read(planner, Path(where))
+    folder = str(read.path.resolve().parent)
     sys.path.insert(0, folder)  # its neighbours are importable, as they are for `python file.py`
     try:
-        _guarded(planner, "its file", lambda: loader.exec_module(module))
-    except BaseException:
-        del sys.modules[name]
-        raise
+        return cast(ModuleType, _guarded(planner, "its file", lambda: read.module(module_name(read))))
     finally:
         with contextlib.suppress(ValueError):
             sys.path.remove(folder)
+
+
+def _import_from(source: Source, where: str) -> ModuleType:
+    """Import a module from its source as it was, also if its file has changed since; its packages as they are."""
+    package, _, name = where.rpartition(".")
+    inside = importlib.import_module(package) if package else None
+    module = source.module(where)
+    if inside is not None:
+        setattr(inside, name, module)
     return module
 
 

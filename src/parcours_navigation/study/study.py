@@ -22,6 +22,7 @@ from parcours.run.store import Campaign
 from parcours.run.strangers import computed
 from parcours.run.workers import is_worker
 from parcours.study.campaign.running import Chosen
+from parcours.study.loading import Source
 from parcours_navigation.arena.solvability import UNSOLVABLE
 from parcours_navigation.cases.family import SystemCases
 from parcours_navigation.cases.running import CaseStudy, Track
@@ -30,7 +31,7 @@ from parcours_navigation.guests.apart import LOADING, Introduction, done_apart, 
 from parcours_navigation.guests.deadline import FIRST_CASE
 from parcours_navigation.guests.host import Host, Setting, hung
 from parcours_navigation.guests.planner_facts import FACTS, PlannerFault, lost
-from parcours_navigation.guests.planners import SHIPPED, PlannerLike, file_digest, load_planner, own_loop
+from parcours_navigation.guests.planners import SHIPPED, PlannerLike, load_planner, own_loop
 from parcours_navigation.guests.scenario import Scenario
 from parcours_navigation.guests.staging import Cases, clear_obstacles, plain_scene, staged
 from parcours_navigation.requirements.judging import joined
@@ -109,7 +110,11 @@ class NavigationStudy:
     @property
     def digest(self) -> str:
         """A digest of the planner's own source file; empty for planners that ship with Parcours."""
-        return "" if self.known is None else file_digest(str(self.planner), self.known.source)
+        return self._source.digest if self._source else ""
+
+    @property
+    def _source(self) -> Source | None:
+        return self.known.source if self.known is not None else None
 
     @property
     def heartbeat_words(self) -> int:
@@ -210,7 +215,7 @@ class NavigationStudy:
     def _host(self) -> Host:
         planner = self.found_as
         key = planner if isinstance(planner, str) else id(planner)
-        return _host(_Same(key, planner), self.digest, self.setting(), self.heartbeat_words)
+        return _host(_Same(key, planner, self._source), self.digest, self.setting(), self.heartbeat_words)
 
     def _monitor(self) -> Monitor | None:
         """Return what judges the requirements, with no results yet; None if there are none."""
@@ -281,12 +286,13 @@ class _Same:
 
     key: str | int
     planner: PlannerLike = field(compare=False)
+    source: Source | None
 
 
 @functools.lru_cache(maxsize=16)
 def _host(planner: _Same, digest: str, setting: Setting, words: int) -> Host:
     """Return the host of a planner in this process; one planner object serves all its cases."""
-    plugin = load_planner(planner.planner)
+    plugin = load_planner(planner.planner, planner.source)
     canaries.accept()
     return Host(plugin, setting, words)
 

@@ -21,7 +21,7 @@ from parcours.verdict.judgement import Verdict
 from parcours_navigation.cases.family import SystemCases
 from parcours_navigation.guests.host import planner_seed
 from parcours_navigation.guests.planner_facts import REASON_LENGTH, PlannerFault, reason_bytes
-from parcours_navigation.guests.planners import load_planner, source_digest
+from parcours_navigation.guests.planners import load_planner, source_of
 from parcours_navigation.guests.scenario import Scenario
 from parcours_navigation.outcomes import VERDICT_OF, Outcome, explain, outcomes
 from parcours_navigation.protocol import Answer, Observation, Trajectory
@@ -265,11 +265,12 @@ def test_the_current_folder_is_importable_and_the_digest_is_of_the_file(
 ) -> None:
     monkeypatch.chdir(file.parent)
     assert load_planner("moody_planner:ticking").observe.__name__ == "ticking"
-    digest = source_digest("moody_planner:ticking")
-    assert digest == source_digest(f"{file}:Moody") != ""
+    source = source_of("moody_planner:ticking")
+    assert source is not None and source == source_of(f"{file}:Moody")
     file.write_text(PLANNER.replace("0.1, 0.0", "0.2, 0.0"))
-    assert source_digest("moody_planner:ticking") != digest
-    assert source_digest("orca") == ""
+    changed = source_of("moody_planner:ticking")
+    assert changed is not None and changed.digest != source.digest
+    assert source_of("orca") is None
 
 
 def test_only_a_named_planner_can_be_a_campaign() -> None:

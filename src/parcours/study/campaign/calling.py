@@ -5,11 +5,9 @@ from __future__ import annotations
 import inspect
 import multiprocessing
 import random
-import re
 import signal
 import sys
 import threading
-import traceback
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Self
 
@@ -18,12 +16,13 @@ import numpy as np
 
 from parcours.errors import BadRequest, HostFailure, one_of
 from parcours.run import heartbeat as heartbeat
+from parcours.run.raised import Overdue, place, said, without_addresses
 from parcours.streams import starts
 from parcours.study.campaign.results import Trace
 from parcours.study.campaign.rules import Fact, Fault
 from parcours.study.components.process import Process, begun, command_of, keep, quoted, take_kept
 from parcours.study.components.systems import ProgramPart
-from parcours.study.loading import file_of, load
+from parcours.study.loading import Source, file_of, load
 from parcours.study.parameters import Scalar, Settings
 from parcours.suite import Case
 
@@ -37,12 +36,7 @@ Target = str | Function  # `file.py:name`, `package.module:name`, or the functio
 LOADING = 60.0  # so long a file may take to load [s], or six times the patience if that is longer
 _PURPOSE = 0x73696D756C617465  # of the random stream from which simulations get their seeds (ASCII for `simulate`)
 HUNG = "hung: no facts within {:g} s"
-_ADDRESS = re.compile(r"\b0x[0-9a-fA-F]{6,}")
 _MOST_ROWS = 100_000
-
-
-class CallTimeout(BaseException):
-    """Raised in code that takes too long; not an Exception, so that it is not caught by mistake."""
 
 
 class Alarm:
@@ -86,7 +80,7 @@ class Alarm:
             self._left -= 1
             if not self._left:
                 self._left = 1  # code that catches this is interrupted again
-                raise CallTimeout
+                raise Overdue
 
 
 class Faulty(Exception):
@@ -101,12 +95,13 @@ class PythonCaller:
     """A Python function that is given what its parameters ask for."""
 
     def __init__(
-        self, study: CampaignStudy, target: Target, what: str, settings: Settings, seed: int, alarm: Alarm
+        self, study: CampaignStudy, target: Target, what: str, settings: Settings, seed: int, alarm: Alarm,
+        source: Source | None = None,
     ) -> None:  # fmt: skip
         self._study, self._settings, self._seed = study, settings, seed
         if isinstance(target, str):
             alarm.set(heartbeat.NO_CASE, max(LOADING, 6.0 * study.patience))
-            found = load(target, study.folder)
+            found = load(target, study.folder, source)
             alarm.off()
             path = file_of(target, study.folder)
             if path is not None and multiprocessing.parent_process() is not None:
@@ -247,21 +242,16 @@ def reason_bytes(text: str) -> bytes:
     >>> reason_bytes("raised by <object object at 0x7f3a5c0de010>" + chr(10) + "twice")
     b'raised by <object object at 0x...> twice'
     """
-    line = _ADDRESS.sub("0x...", " ".join(text.replace("\0", " ").split())).encode("utf-8", "replace")
+    line = without_addresses(text).encode("utf-8", "replace")
     return line if len(line) <= REASON_LENGTH else line[: REASON_LENGTH - 3].decode("utf-8", "ignore").encode() + b"..."
 
 
 def words_of(error: BaseException, file: str) -> str:
     """Return what was raised and where: in the user's own file if it passed there."""
-    try:
-        said = f"{type(error).__name__}: {error}".removesuffix(": ")
-    except Exception:
-        said = type(error).__name__
-    frames = traceback.extract_tb(error.__traceback__)
-    own = [frame for frame in frames if file and frame.filename == file] or frames
-    place = f" ({own[-1].filename.rpartition('/')[2]}:{own[-1].lineno})"
-    room = REASON_LENGTH - len("raised: ") - len(place.encode())
-    return (said if len(said.encode()) <= room else said[: max(room // 4, 20)] + "...") + place
+    words, (_, line) = said(error), place(error, file)
+    where = f" ({line})" if line else ""
+    room = REASON_LENGTH - len("raised: ") - len(where.encode())
+    return (words if len(words.encode()) <= room else words[: max(room // 4, 20)] + "...") + where
 
 
 def shown(value: object) -> str:
@@ -287,4 +277,4 @@ def rows_of(given: object) -> Trace:
 
 def _plain(value: object) -> Scalar:
     value = value.item() if isinstance(value, np.generic) else value
-    return value if isinstance(value, bool | int | float) else _ADDRESS.sub("0x...", str(value))[:80]
+    return value if isinstance(value, bool | int | float) else without_addresses(str(value))[:80]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
-import hashlib
 import inspect
 import os
 import signal
@@ -15,14 +14,15 @@ from typing import TYPE_CHECKING, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from parcours.errors import BadRequest
 from parcours.run import canaries as canaries
 from parcours.run import heartbeat as heartbeat
+from parcours.run.raised import Overdue
 from parcours.run.store import Campaign
 from parcours.study.campaign.calling import (
     HUNG,
     LOADING,
     Alarm,
-    CallTimeout,
     Faulty,
     ProgramCaller,
     PythonCaller,
@@ -33,7 +33,7 @@ from parcours.study.campaign.calling import (
 )
 from parcours.study.campaign.rules import ABSTRACT, Fault, Rows
 from parcours.study.components.systems import ProgramPart
-from parcours.study.loading import file_of
+from parcours.study.loading import Source, read_source
 from parcours.study.parameters import Scalar, Settings
 from parcours.suite import Case
 
@@ -48,6 +48,7 @@ class Simulation:
     study: CampaignStudy
     settings: Settings
     seed: int
+    source: Source | None = None  # of a function that a file defines
     lost: tuple[heartbeat.LostCase, ...] = ()
 
     @property
@@ -87,16 +88,14 @@ class Simulation:
     @property
     def files(self) -> dict[str, str]:
         """The digests of what results depend on: those of the study, and of a Python file that it does not list."""
-        given = self.study.simulate
-        with contextlib.suppress(TypeError, OSError):
-            path = None
-            if isinstance(given, str):
-                path = file_of(given, self.study.folder)
-            elif not isinstance(given, ProgramPart):
-                path = Path(inspect.getfile(given))
-            if path is not None and path.name not in self.study.digests:
-                return {**self.study.digests, path.name: hashlib.sha256(path.read_bytes()).hexdigest()[:16]}
-        return dict(self.study.digests)
+        files = dict(self.study.digests)
+        if self.source is not None:
+            files.setdefault(self.source.path.name, self.source.digest)
+        elif callable(self.study.simulate):
+            with contextlib.suppress(TypeError, BadRequest):
+                read = read_source(self.label, Path(inspect.getfile(self.study.simulate)))
+                files.setdefault(read.path.name, read.digest)
+        return files
 
     def campaign(self, n_cases: int, shard_size: int | None = None) -> Campaign:
         """Return the campaign of cases 0 .. n_cases - 1; by default in shards of 4 to 256 cases."""
@@ -120,7 +119,7 @@ class Simulation:
             if isinstance(study.simulate, ProgramPart):
                 caller = ProgramCaller(study, study.simulate, self.settings)
             else:
-                caller = PythonCaller(study, study.simulate, "simulate", self.settings, self.seed, alarm)
+                caller = PythonCaller(study, study.simulate, "simulate", self.settings, self.seed, alarm, self.source)
                 canaries.accept()
             for number, values in zip(numbers.tolist(), study.values(numbers, self.seed), strict=True):
                 if number in lost:
@@ -142,7 +141,7 @@ class Simulation:
             try:
                 alarm.set(case.number, limit, rings=isinstance(caller, PythonCaller))
                 return facts_in(self.study.facts, caller(case)), Fault.NONE, ""
-            except CallTimeout:
+            except Overdue:
                 return None, Fault.HUNG, HUNG.format(limit)
             except Faulty as error:
                 return None, error.fault, str(error)
@@ -158,6 +157,6 @@ class Simulation:
                     os._exit(0)  # a child that the simulation forked: the case is its parent's
                 canaries.after_case()
                 alarm.off()
-        except CallTimeout:  # it rang while an exception was put into words
+        except Overdue:  # it rang while an exception was put into words
             alarm.off()
             return None, Fault.HUNG, HUNG.format(limit)

@@ -28,6 +28,7 @@ from parcours.study.campaign.running import Chosen, run_numbered
 from parcours.study.campaign.simulating import Simulation
 from parcours.study.components.isolation import Done, run_apart
 from parcours.study.components.systems import ProgramPart
+from parcours.study.loading import file_of, read_source
 from parcours.study.parameters import Parameter, Scalar, Settings, natural, workers_parameter
 from parcours.study.protocol import Finding, Judged, Progress, Rejudged, Reported, Request, Results, Run
 from parcours.study.selection import chosen_cases
@@ -166,7 +167,9 @@ class CampaignStudy:
 
     def simulation(self, settings: Settings, seed: int) -> Simulation:
         """Return what simulates its cases, the parameters being set."""
-        return Simulation(self, dict(settings), seed)
+        file = file_of(self.simulate, self.folder) if isinstance(self.simulate, str) else None
+        source = read_source(str(self.simulate), file) if file is not None else None
+        return Simulation(self, dict(settings), seed, source)
 
     def simulated(self, numbers: Sequence[int], settings: Settings, seed: int) -> Rows:
         """Return the facts of cases, simulated one after the other in one process apart, array of `dtype`.

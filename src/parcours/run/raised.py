@@ -1,14 +1,17 @@
-"""Puts what a planner raised into words, whatever its exception does when it is asked for them."""
+"""Puts what a guest raised into words, whatever its exception does when it is asked for them."""
 
 from __future__ import annotations
 
 import re
 import traceback
-
-from parcours_navigation.guests.deadline import Hung
+from types import CodeType
 
 _TRACEBACK = BaseException.__dict__["__traceback__"]  # a class may have a property of that name
 _ADDRESS = re.compile(r"\b0x[0-9a-fA-F]{6,}")
+
+
+class Overdue(BaseException):
+    """Raised in a guest that takes too long; not an Exception, so that it is not caught by mistake."""
 
 
 def without_addresses(text: str) -> str:
@@ -30,11 +33,16 @@ def said(error: BaseException) -> str:
     try:
         name = str(type(error).__name__)
         text = str(error)[:1000]
-    except Hung:
+    except Overdue:
         raise
     except BaseException:
         text = ""
     return without_addresses(f"{name}: {text}" if text else name)
+
+
+def frames_of(error: BaseException) -> list[tuple[CodeType, int]]:
+    """Return the code and the line of every frame that an exception has passed, the outermost first."""
+    return [(frame.f_code, line) for frame, line in traceback.walk_tb(_TRACEBACK.__get__(error))]
 
 
 def place(error: BaseException, file: str = "") -> tuple[str, str]:
@@ -42,7 +50,7 @@ def place(error: BaseException, file: str = "") -> tuple[str, str]:
 
     No source is read for it.
     """
-    frames = [(frame.f_code, line) for frame, line in traceback.walk_tb(_TRACEBACK.__get__(error))]
+    frames = frames_of(error)
     own = [one for one in frames if file and one[0].co_filename == file] or frames
     if not own:
         return "", ""
