@@ -77,14 +77,19 @@ def _wanted(study: ComponentStudy, request: Request, plan: Plan) -> list[Case]:
     """Return the cases of a request: all, or the chosen ones, of which each may name an order."""
     if not request.chosen:
         return list(study.suite(request.settings, request.seed, request.n_cases))
-    found: dict[str, Case] = {}
+    orders: dict[str, list[str]] = {}  # of abstract case and row -> the orders that are named; empty for what is wanted
     for id in request.chosen:
-        abstract, mark, rest = id.partition(MARK)
+        abstract, _, rest = id.partition(MARK)
         order, _, row = rest.partition("/")
-        for case in chosen_cases(plan, [f"{abstract}/{row}" if row else abstract], study.name):
-            for one in study.in_orders([replace(case, abstract=f"{case.abstract}{mark}{order}")], request.settings):
-                study.visits(one, request.settings)
-                found[one.id] = one
+        orders.setdefault(f"{abstract}/{row}" if row else abstract, []).append(order)
+    chosen_cases(plan, list(orders), study.name)  # says all that are wrong at once
+    found: dict[str, Case] = {}
+    for id, names in orders.items():
+        for case in chosen_cases(plan, [id], study.name):
+            named = [replace(case, abstract=f"{case.abstract}{MARK}{name}") if name else case for name in names]
+            found |= {one.id: one for one in study.in_orders(named, request.settings)}
+    for case in found.values():
+        study.visits(case, request.settings)  # raises if an order is not one
     return sorted(found.values(), key=lambda case: case.number)
 
 
