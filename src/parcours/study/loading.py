@@ -9,11 +9,12 @@ import importlib
 import importlib.util
 import re
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib.machinery import SourceFileLoader
 from pathlib import Path
-from types import CodeType, ModuleType
+from types import ModuleType
+from typing import Any
 
 from parcours.errors import BadRequest, one_of
 from parcours.run.raised import frames_of, said
@@ -99,8 +100,11 @@ class _FromText(SourceFileLoader):
         super().__init__(name, str(source.path))
         self._text = source.text
 
-    def get_code(self, fullname: str) -> CodeType:
-        return compile(self._text, self.path, "exec", dont_inherit=True)
+    def get_data(self, path: str) -> bytes:
+        return self._text
+
+    def path_stats(self, path: str) -> Mapping[str, Any]:
+        raise OSError("no byte code is looked for")
 
 
 def read_source(target: str, path: Path) -> Source:
