@@ -6,6 +6,8 @@ import re
 import traceback
 from types import CodeType
 
+from parcours.errors import ParcoursError
+
 _TRACEBACK = BaseException.__dict__["__traceback__"]  # a class may have a property of that name
 _ADDRESS = re.compile(r"\b0x[0-9a-fA-F]{6,}")
 
@@ -56,3 +58,11 @@ def place(error: BaseException, file: str = "") -> tuple[str, str]:
         return "", ""
     code, line = own[-1]
     return code.co_name, f"{code.co_filename.rpartition('/')[2]}:{line}"
+
+
+def described(error: BaseException) -> Exception:
+    """Return an error of ours as it is, and of any other its type, its text and the place that raised it."""
+    if isinstance(error, ParcoursError) and type(error).__module__.partition(".")[0].startswith("parcours"):
+        return error
+    function, line = place(error)
+    return Exception(f"{said(error)} (in {function}, {line})")
