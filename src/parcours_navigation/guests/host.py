@@ -19,14 +19,14 @@ from numpy.typing import NDArray
 
 from parcours.run import canaries as canaries
 from parcours.run import heartbeat as heartbeat
-from parcours.run.raised import Overdue, place, said
+from parcours.run.raised import Overdue, is_ctrl_c, place, said
 from parcours.streams import start
 from parcours_navigation.facts import NEVER, TRACK, TRACK_PERIOD
 from parcours_navigation.guests.answers import BadAnswer, read_answer
 from parcours_navigation.guests.deadline import FIRST_CASE, Deadline
 from parcours_navigation.guests.measuring import take_own
 from parcours_navigation.guests.planner_facts import FACTS, PlannerFault, lost, reason_bytes, unmeasured
-from parcours_navigation.guests.planners import Plugin, end_if_forked, is_ctrl_c
+from parcours_navigation.guests.planners import Plugin, end_if_forked
 from parcours_navigation.guests.windows import Window
 from parcours_navigation.measures.kernel import measure
 from parcours_navigation.measures.one_case import SAFE_DISTANCE
