@@ -2,11 +2,11 @@
 
 python bench/bench_order.py --repetitions 1000        (in an environment with rclpy and std_srvs; docs/ros2.md)
 
-The graphs are those that authors of ros2_def use: one message on two ways to a sink, two inputs of one node, two
-publishers of one topic, two clients of one server. Each repetition is one abstract case, whose order the tester enforces
-on plain nodes (`bench/order_nodes/passer.py`) at their messages; beside it the same nodes run without it. Printed are
-how many orders of callbacks at the node where they meet came up among repetitions in which nodes work for up to
-0.5 ms, and the time from publishing (or calling) to the callback, hop by hop, where they do not work at all.
+The graphs are those that the authors of ros2_def use: one message on two ways to a sink, two inputs of one node, two
+publishers of one topic, two clients of one server. Each repetition is one abstract case, whose order the tester
+enforces on plain nodes (`bench/order_nodes/passer.py`) at their messages; beside it the same nodes run without it.
+Printed are how many orders of callbacks at the node where they meet came up among repetitions in which nodes work for
+up to 0.5 ms, and the time from publishing (or calling) to the callback, hop by hop, where they do not work at all.
 """
 
 from __future__ import annotations
@@ -74,7 +74,7 @@ GRAPHS = {
     "one topic": Graph(
         {"go_p": (ENVIRONMENT, "P", "/go"), "go_q": (ENVIRONMENT, "Q", "/go"), "of_p": ("P", "Sink", "/all"),
          "of_q": ("Q", "Sink", "/all"), "done": ("Sink", ENVIRONMENT, "/done")},
-        {"P": f"--hears /go --says /all {JITTER}", "Q": f"--hears /go --says /all {JITTER}",
+        {"P": f"--hears /go --says /all --mark 1 {JITTER}", "Q": f"--hears /go --says /all --mark 2 {JITTER}",
          "Sink": "--hears /all --says /done --times 2"},
         (("P", "go_p", ("of_p",)), ("Q", "go_q", ("of_q",)), ("Sink", "of_q", ()), ("Sink", "of_p", ("done",))),
     ),
@@ -154,7 +154,8 @@ def enforced(graph: Graph, repetitions: int, folder: Path) -> None:
     with ForeignHost(read_binding(write(graph, folder)), folder / "nodes") as host:
         references = {event.reference: event.component for event in events}
         observers: list[Any] = []
-        session = Session(host, apart(host.binding, references), listener=lambda one: [o(one) for o in observers])
+        slots = apart(host.binding, references)
+        session = Session(host, slots, listener=lambda one: observers[0](one) if observers else None)
         try:
             session.start()
             compiled = host.compile()
@@ -235,15 +236,15 @@ def seen(graph: Graph, folder: Path, warm_up: int) -> Seen:
     callbacks: dict[int, list[str]] = defaultdict(list)
     said: dict[tuple[str, int], list[int]] = defaultdict(list)
     hops: list[int] = []
-    for time_, what, where, k, name in done:
+    for when, what, where, k, name in done:
         topic = where.split(" ")[0] if not where.endswith("answered") else where
         if what == "in":
             if name in MEET:
                 callbacks[k].append(f"{name} {where}")
             if said[topic, k] and k >= warm_up:
-                hops.append(time_ - said[topic, k].pop(0) if len(said[topic, k]) > 1 else time_ - said[topic, k][0])
+                hops.append(when - (said[topic, k].pop(0) if len(said[topic, k]) > 1 else said[topic, k][0]))
         else:
-            said[topic, k].append(time_)
+            said[topic, k].append(when)
     return Seen(Counter(tuple(each) for k, each in callbacks.items()), hops)
 
 

@@ -1,4 +1,4 @@
-"""Callbacks that may come in any order come in the same one every time: the four graphs of bench_order.py, a few times."""
+"""Callbacks that may come in any order come in the same one every time: the graphs of bench_order.py, a few times."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ FILE = Path(__file__).parents[1] / "bench" / "bench_order.py"
 AS_DEMANDED = {
     "two ways": ("Sink /right", "Sink /left"),
     "parallel inputs": ("Fusion /y", "Fusion /x"),
-    "one topic": ("Sink /all", "Sink /all"),
+    "one topic": ("Sink /all from 2", "Sink /all from 1"),
     "service": ("Server /ask True", "Server /ask False"),
 }
 

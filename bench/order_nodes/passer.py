@@ -16,6 +16,9 @@ from rclpy.qos import QoSProfile
 from std_msgs.msg import Int64
 from std_srvs.srv import SetBool
 
+MARK = 10**9
+"""What a sender adds to its numbers, times its mark, so that a receiver can tell who said it."""
+
 
 class Passer(Node):
     """Says a number once it has heard it so often."""
@@ -37,8 +40,8 @@ class Passer(Node):
 
     def on_number(self, topic, message):
         """Pass on, at once or after a while of up to `jitter`, or ask first."""
-        number = message.data
-        self.note("in", topic, number)
+        mark, number = divmod(message.data, MARK)
+        self.note("in", f"{topic} from {mark}" if mark else topic, number)
         self.heard[number] += 1
         if self.heard[number] < self.asked.times:
             return
@@ -60,7 +63,7 @@ class Passer(Node):
         """Publish."""
         for topic, publisher in self.says.items():
             self.note("out", topic, number)
-            publisher.publish(Int64(data=number))
+            publisher.publish(Int64(data=self.asked.mark * MARK + number))
 
     def on_ask(self, request, response):
         """Answer."""
@@ -80,6 +83,7 @@ if __name__ == "__main__":
         parser.add_argument(option, default="")
     parser.add_argument("--flag", action="store_true")
     parser.add_argument("--times", type=int, default=1)
+    parser.add_argument("--mark", type=int, default=0)
     parser.add_argument("--jitter", type=float, default=0.0)
     rclpy.init()
     node = Passer(parser.parse_args(rclpy.utilities.remove_ros_args()[1:]))
