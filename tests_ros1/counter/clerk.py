@@ -4,11 +4,6 @@ import rospy
 from geometry_msgs.msg import PointStamped, PoseStamped
 from nav_msgs.srv import GetPlan, GetPlanResponse
 
-rospy.init_node("clerk")
-fee = rospy.get_param("~fee")
-posted = rospy.Publisher("/posted", PointStamped, queue_size=1, latch=True)
-rospy.Subscriber("/menu", PointStamped, posted.publish)
-
 
 def on_ask(request):
     """Answer."""
@@ -19,5 +14,10 @@ def on_ask(request):
     return response
 
 
-rospy.Service("/price", GetPlan, on_ask)
-rospy.spin()
+if __name__ == "__main__":
+    rospy.init_node("clerk")
+    fee = rospy.get_param("~fee")
+    posted = rospy.Publisher("/posted", PointStamped, queue_size=1, latch=True)
+    rospy.Subscriber("/menu", PointStamped, posted.publish)
+    rospy.Service("/price", GetPlan, on_ask)
+    rospy.spin()

@@ -39,6 +39,7 @@ class Client:
             self.bill.publish(self.stamped(order.point.x + self.price))
 
 
-rospy.init_node("client")
-Client()
-rospy.spin()
+if __name__ == "__main__":
+    rospy.init_node("client")
+    Client()
+    rospy.spin()

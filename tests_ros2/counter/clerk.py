@@ -30,6 +30,7 @@ class Clerk(Node):
         return response
 
 
-rclpy.init()
-with contextlib.suppress(KeyboardInterrupt, ExternalShutdownException):
-    rclpy.spin(Clerk())
+if __name__ == "__main__":
+    rclpy.init()
+    with contextlib.suppress(KeyboardInterrupt, ExternalShutdownException):
+        rclpy.spin(Clerk())

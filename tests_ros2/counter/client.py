@@ -47,6 +47,7 @@ class Client(Node):
             self.bill.publish(self.stamped(order.point.x + self.price))
 
 
-rclpy.init()
-with contextlib.suppress(KeyboardInterrupt, ExternalShutdownException):
-    rclpy.spin(Client())
+if __name__ == "__main__":
+    rclpy.init()
+    with contextlib.suppress(KeyboardInterrupt, ExternalShutdownException):
+        rclpy.spin(Client())
