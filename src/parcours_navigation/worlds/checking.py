@@ -55,7 +55,8 @@ def check_world(name: str, n: int, seed: int, progress: Callable[[int, int], Non
     world = find_world(name)
     if paper_cases(world, seed, "navigation") is not None:
         return Checked(world, n, (), (3, 3), (0, 0), (), (), 0, True)
-    cases, wrong, good, bodies, walls = WorldCases(seed, world), [], [], [], []
+    cases, wrong, bodies, walls = WorldCases(seed, world), [], [], []
+    good: list[int] = []
     for number in range(n):
         try:
             [staged] = cases.staged([number], PERIOD)
