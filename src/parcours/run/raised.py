@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import signal
 import traceback
 from types import CodeType
 
@@ -14,6 +15,11 @@ _ADDRESS = re.compile(r"\b0x[0-9a-fA-F]{6,}")
 
 class Overdue(BaseException):
     """Raised in a guest that takes too long; not an Exception, so that it is not caught by mistake."""
+
+
+def is_ctrl_c(error: BaseException) -> bool:
+    """Return whether it means that the user wants to stop: not where Ctrl-C is ignored, as it is in workers."""
+    return isinstance(error, KeyboardInterrupt) and signal.getsignal(signal.SIGINT) is not signal.SIG_IGN
 
 
 def without_addresses(text: str) -> str:

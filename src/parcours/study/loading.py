@@ -17,7 +17,7 @@ from types import ModuleType
 from typing import Any
 
 from parcours.errors import BadRequest, one_of
-from parcours.run.raised import frames_of, said
+from parcours.run.raised import frames_of, is_ctrl_c, said
 
 _OURS = re.compile("^<frozen|/parcours/")  # files that nobody looks into for the place of an error
 Lack = tuple[str, str, str]  # what source lacks: slug, rule, remedy
@@ -164,9 +164,9 @@ def _guarded(target: str, act) -> ModuleType:  # type: ignore[no-untyped-def]
     try:
         module: ModuleType = act()
         return module
-    except KeyboardInterrupt:
-        raise
     except BaseException as error:
+        if is_ctrl_c(error):
+            raise
         rule = f"loading it must not raise, but raised {said(error)}{_place(error)}"
         raise BadRequest(target, rule, "run it alone to see where", slug="target-raised") from error
 
