@@ -1,6 +1,9 @@
 """How Sphinx makes the site: `make docs` writes it to out/docs, to be read from disk, without a network."""
 
 import re
+from pathlib import Path
+
+README = Path(__file__).parents[1] / "README.md"
 
 project = "Parcours"
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx_click"]
@@ -11,6 +14,18 @@ html_show_sphinx = False
 myst_heading_anchors = 4  # links to headings, as on a Git server
 autodoc_member_order = "groupwise"
 autodoc_typehints = "description"
+
+
+def _home(app, docname, source):
+    """Put the README in front of the home page, its links as seen from docs/, and make the home's lists the contents."""
+    source[0] = source[0].replace("](../README.md", "](index.md")
+    if docname == "index":
+        for section in re.split(r"^### ", source[0], flags=re.MULTILINE)[1:]:
+            pages = "\n".join(re.findall(r"\]\(([\w-]+)\.md\)", section))
+            source[0] += f"\n```{{toctree}}\n:hidden:\n:caption: {section.splitlines()[0]}\n{pages}\n```\n"
+        readme = README.read_text(encoding="utf-8").replace("](docs/", "](")
+        source[0] = re.sub(r"\[([^]]*)\]\((?:[A-Z]\w+\.md|bench/[^)]*)\)", r"\1", readme) + "\n" + source[0]  # not pages
+        app.env.note_dependency(README)
 
 
 def _as_myst(app, docname, source):
@@ -24,7 +39,8 @@ def _as_rst(app, ctx, lines):
 
 
 def setup(app):
-    """Connect the two changes of text."""
+    """Connect the changes of text."""
+    app.connect("source-read", _home)
     app.connect("source-read", _as_myst)
     app.connect("sphinx-click-process-description", _as_rst)
     app.connect("sphinx-click-process-options", _as_rst)
