@@ -27,7 +27,7 @@ class Reward:
     progress: float = 1.0  # for each metre nearer to the goal
     arrival: float = 10.0  # when the goal is reached
     contact: float = -10.0  # for each contact whose gap the robot closed, alone or together with the obstacle
-    touched: float = 0.0  # for each contact that the obstacle closed alone
+    touched: float = 0.0  # for each contact that the obstacle alone caused
     time: float = -0.05  # for each second
 
 

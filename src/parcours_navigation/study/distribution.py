@@ -77,7 +77,7 @@ NOTE = (
 
 
 def reached(facts: Facts) -> NDArray[np.bool_]:
-    """Return in which cases the goal was reached in time, and no obstacle touched by the moving robot."""
+    """Return in which cases the goal was reached in time, without a collision caused by the robot."""
     return np.asarray(outcomes(facts) == int(Outcome.REACHED))
 
 
@@ -101,7 +101,7 @@ def spl_of(facts: Facts, straight: Values | None = None) -> Values:
 def sct_of(facts: Facts, earliest: Values) -> Values:
     """Return success weighted by the earliest conceivable arrival [s] over the time taken, shape (n_cases,).
 
-    NaN where `earliest` is not finite: nobody could have arrived, or nobody asked.
+    NaN where `earliest` is not finite: no robot could have arrived, or no oracle was asked.
     """
     return sct(reached(facts), np.where(np.isfinite(earliest), earliest, np.nan), time_to_goal(facts))
 

@@ -13,12 +13,12 @@ from parcours_navigation.study.analysis import ASKED, Ended
 from parcours_navigation.study.distribution import distribution_table
 
 OUTCOME_WORDS = {
-    Outcome.COLLIDED: "the moving robot touched an obstacle",
+    Outcome.COLLIDED: "collision caused by the robot",
     Outcome.REACHED: "goal reached in time",
     Outcome.UNDER_WAY: "goal reached later",
-    Outcome.BLOCKED: "nobody could reach the goal",
-    Outcome.STUCK: "stopped for ever",
-    Outcome.ASTRAY: "never arrived",
+    Outcome.BLOCKED: "goal could not be reached",
+    Outcome.STUCK: "stopped for good",
+    Outcome.ASTRAY: "goal not reached",
 }
 """Outcomes as a reader of tables meets them; Outcome.ERROR is shown only where there is one."""
 

@@ -36,7 +36,7 @@ _NOTE = (
     "within 1 s of when it is reached without the fault. *Recovers*: later, after the fault is over. *Late*: later, "
     "with it still in force. *Stops safely*: stands without contact while the fault is in force. *Stuck*: stands "
     "though the fault is over. *Coasts*: the goal, with a component dead or hung. *Runs on*: still moves at the end. "
-    "*Contact*: the robot, moving, closed the gap to an obstacle. "
+    "*Contact*: a collision that the robot caused. "
     "*Rest after*: the longest time from the fault, or a death by it, until a robot that stops or is stuck stood. "
     "*Died or hangs*: components that raised because of a message, or did nothing at the end, in so many cases."
 )

@@ -47,7 +47,7 @@ _TRIES = 50  # changes of a message that are tried
 _CAMPAIGN = 300  # cases of a campaign if nothing is said
 _SHOWING = 100  # one case of so many is run again in the form that shows its messages
 # A mutant that hangs counts as noticed, and on a busy machine a sound one looks like it. Loops are counted, so the
-# clock is for what sleeps or waits for ever, and is so many times as patient as in a run.
+# clock is for what sleeps or never ends, and is this many times as patient as in a run.
 PATIENCE = 6.0
 _MARGIN, _FREE = 10, 100_000  # A mutant's loops may go round so much more often than the original's, and so often
 
