@@ -65,7 +65,7 @@ def command() -> None:
     """Execute a study. Ctrl-C keeps the cases that are finished; the same command goes on from there.
 
     `parcours run STUDY --help` shows the study's own parameters. Exit code 0 if all cases passed, 1 if one failed, 2 if
-    the question was wrong, 3 if cases are inconclusive and none failed, 130 if interrupted.
+    the command was used wrongly, 3 if cases are inconclusive and none failed, 130 if interrupted.
 
     Example: parcours run examples/lift --out out/lift
 
