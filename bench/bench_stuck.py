@@ -40,7 +40,7 @@ ASKED: dict[str, Callable[[Facts], NDArray[np.bool_]]] = {
     "stuck (flag at the end)": lambda facts: published(facts).stuck,
     "stopped for good": lambda facts: np.asarray(outcomes(facts) == Outcome.STUCK),
     "goal reached": lambda facts: published(facts).reached,
-    "robot closed a contact": touched,
+    "robot caused a collision": touched,
 }
 
 

@@ -121,7 +121,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--cases", type=int, default=PUBLISHED_CASES, help="cases a schedule")
     parser.add_argument("--seed", type=int, default=0, help="campaign seed")
-    parser.add_argument("--tries", type=int, default=3, help="the best of so many runs counts")
+    parser.add_argument("--tries", type=int, default=3, help="the best of this many runs counts")
     chosen = parser.parse_args()
     for option in ("cases", "tries"):
         if getattr(chosen, option) < 1:

@@ -1,6 +1,6 @@
 """The facts of one navigation case that a judge needs, as the world or the host of the planner has measured them.
 
-One record a case. Times are nanoseconds from the start of the case; NEVER stands for what did not happen.
+One record per case. Times are nanoseconds from the start of the case; NEVER stands for what did not happen.
 """
 
 from __future__ import annotations

@@ -32,7 +32,7 @@ def command(
     file: Path, policy: str | None, policies: bool, counted: bool, wanted: str | None, dropped: bool,
     sequences: str | None, number: int, seed: int, as_json: bool,
 ) -> None:  # fmt: skip
-    """Print interactions, combinations and abstract test cases, one a line, however many there are.
+    """Print interactions, combinations and abstract test cases, one per line.
 
     A model without any case is an error: exit code 2, with the line of the model file that would give one.
 

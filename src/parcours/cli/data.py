@@ -255,7 +255,7 @@ def convert(source: Path, target: Path) -> None:
 
 
 def _read(path: Path) -> DataReading:
-    """Return the input model of a file; what of the file it lacks is said on standard error."""
+    """Return the input model of a file; what it lacks of the file is reported on standard error."""
     from parcours.data.formats import read_data
 
     reading = read_data(path)

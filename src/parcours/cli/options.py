@@ -82,7 +82,7 @@ fail_if = click.option(
 )  # fmt: skip
 baseline = click.option(
     "--baseline", type=PATH, metavar="FOLDER",
-    help="Exit 1 if a rate got worse than in that run beyond chance. Verdicts of cases then do not decide.",
+    help="Exit 1 if a rate got significantly worse than in that run. Verdicts of cases then do not decide.",
 )  # fmt: skip
 
 

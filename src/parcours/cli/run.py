@@ -22,7 +22,7 @@ _FRESH = (
 _COMMON = (
     count("--cases", "n_cases", most=100_000_000, help="How many, the first ones.  [default: the study's]"),
     click.option("--case", "chosen", multiple=True, metavar="ID", help="Run this case only; may be repeated."),
-    click.option("--cases-from", type=PATH, metavar="FILE", help="Run the cases of this list only, an id a line."),
+    click.option("--cases-from", type=PATH, metavar="FILE", help="Run the cases of this list only, one id per line."),
     seed,
     click.option("--out", type=PATH, required=True, help="Folder for the results; resumed if it holds some."),
     click.option("--fresh", is_flag=True, help="Discard the results in that folder, and start again."),

@@ -34,7 +34,7 @@ class Parameter:
 
     name: str  # a Python identifier; `added_stop` is the option `--added-stop`
     kind: Kind  # bool, int, real or text
-    default: Scalar  # its value if nothing is said
+    default: Scalar  # its default value
     doc: str = ""  # what it means, for the help
     unit: str = "1"  # SI unit of a number; "1" has none
     low: float | None = None  # least value allowed, inclusive

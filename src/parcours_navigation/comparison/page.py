@@ -99,6 +99,6 @@ def _times(found: Analysis) -> tuple[Piece, ...]:
     gaps = {one.name: one.clearances for one in found.standings}
     note = "Share of all cases: a line ends at the share that is reached in time."
     arrived = arrivals("Time to the goal", times, "time since the case began [s]", note)
-    note, axis = "Negative: overlap, whoever caused it.", "least gap to an obstacle before the end [m]"
+    note, axis = "Negative: overlap, no matter who caused it.", "least gap to an obstacle before the end [m]"
     least = arrivals("Least clearance in a case", gaps, axis, note)
     return tables.time_table(found), arrived, tables.clearance_table(found), least, tables.score_table(found)

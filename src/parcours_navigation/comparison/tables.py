@@ -68,7 +68,7 @@ def outcome_table(found: Analysis) -> Table:
     ]
     rows.append(("answers", "", *(one.of.answers for one in found.standings)))
     note = f"{found.results.n_cases} cases, the same for all; Wilson 95 % intervals. {found.caution}".strip()
-    return _table("Outcomes: one a case", (Column("outcome"), Column("verdict"), *_names(found)), rows, note)
+    return _table("Outcomes: one per case", (Column("outcome"), Column("verdict"), *_names(found)), rows, note)
 
 
 def question_table(found: Analysis) -> Table:
@@ -106,7 +106,7 @@ def clearance_table(found: Analysis) -> Table:
     gaps = {one.name: one.clearances[np.isfinite(one.clearances)] for one in found.standings}
     rows: list[tuple[Cell, ...]] = [(name, *quantiles(values, (0.05, *_QUARTERS))) for name, values in gaps.items()]
     heads = [Column(q, ".3f", unit="m") for q in ("5 %", "q25", "median", "q75")]
-    note = "Negative: overlap, whoever caused it."
+    note = "Negative: overlap, no matter who caused it."
     return _table("Least clearance in a case", (Column("planner", code=True), *heads), rows, note)
 
 

@@ -216,7 +216,7 @@ class AbstractDrive:
     # A process is kept at a point where nothing else keeps it.
 
     def _freeze(self, reference: int, after: int | None = None) -> None:
-        """Stop the process if what it shall do next, once the event `after` is over, is not its turn yet."""
+        """Stop the process if what it does next, once the event `after` is over, is not its turn yet."""
         to_do, slot = list(self._to_do[reference]), self._slots[reference]
         follows = to_do[1:] if after is not None else to_do
         if not follows or not slot.node.is_ours or reference in self._frozen:

@@ -66,7 +66,7 @@ class RosStudy:
         binding: of any transport.
         doc: a sentence about the study.
         where: how a command line names it.
-        n_cases: how many abstract cases are run if nothing is said; None for each once.
+        n_cases: how many abstract cases are run by default; None for each once.
         defaults: other defaults of parameters.
         digests: what its results depend on beside its settings: name of a file -> digest.
     """

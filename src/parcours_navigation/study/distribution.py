@@ -91,7 +91,7 @@ def spl_of(facts: Facts, straight: Values | None = None) -> Values:
     """Return success weighted by path length of each case, shape (n_cases,).
 
     Success is `reached`; the shortest way is the straight line to the goal's tolerance, which no way undercuts: that of
-    the paper's arena, or one a case [m].
+    the paper's arena, or one per case [m].
     """
     if straight is None:
         straight = np.full(len(facts), shortest_way(START, GOAL, GOAL_TOLERANCE))
