@@ -46,8 +46,9 @@ def _in_words(app, what, name, obj, options, lines):
 
 
 def _as_rst(app, ctx, lines):
-    """Escape asterisks in a command's help, which is plain text, not reStructuredText."""
+    """Escape asterisks in a command's help, which is plain text; spell a path as a user does."""
     lines[:] = [re.sub(r"(?<![\w`])\*", r"\\*", line) for line in lines]
+    lines[:] = [re.sub(r"PosixPath\('([^']*)'\)", r"\1", line) for line in lines]
 
 
 def setup(app):

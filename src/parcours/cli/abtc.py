@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 @click.option("--sequences", type=click.Choice(["count", "sample", "all"]),
               help="Serialised execution sequences (APSESCC) of each combination, or of --case.")  # fmt: skip
 @count("--number", default=10, help="How many sequences to sample.")
-@count("--seed", default=1, least=0, most=2**63 - 1, help="Of the sample.")
+@count("--seed", default=1, least=0, most=2**63 - 1, help="Seed of the sample.")
 @as_json
 def command(
     file: Path, policy: str | None, policies: bool, counted: bool, wanted: str | None, dropped: bool,

@@ -62,7 +62,7 @@ def _registered() -> list[Any]:
 
 @click.command(cls=_Studies, name="run", subcommand_metavar="STUDY [OPTIONS]")
 def command() -> None:
-    """Execute a study. Ctrl-C keeps the cases that are finished; the same command goes on from there.
+    """Execute a study. Ctrl-C keeps the cases that are finished; the same command continues from there.
 
     `parcours run STUDY --help` shows the study's own parameters. Exit code 0 if all cases passed, 1 if one failed, 2 if
     the command was used wrongly, 3 if cases are inconclusive and none failed, 130 if interrupted.

@@ -140,7 +140,7 @@ def workers_parameter() -> Parameter:
 
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     return Parameter(
-        "workers", "int", cores, "processes; one a processor if not given", low=1, high=1024, decides=False
+        "workers", "int", cores, "processes; one per processor if not given", low=1, high=1024, decides=False
     )
 
 
