@@ -12,7 +12,7 @@ from parcours.cli.options import workers
 def command(workers: int) -> None:
     """Compile all kernels for this machine, once, on all processors, for example in an image.
 
-    Any command compiles the kernels that it needs and that are missing. PARCOURS_CACHE_DIR says where machine code is kept.
+    Any command compiles the missing kernels that it needs. PARCOURS_CACHE_DIR says where machine code is kept.
 
     Example: parcours compile
     """

@@ -14,7 +14,7 @@ from parcours.cli.options import PATH, as_json, count, print_json, seed, workers
 @count("--cases", default=1000, most=100_000_000, help="How many, the same for all.")
 @click.option("--protocol", default="table-vii", show_default=True, help="table-vii or published.")
 @click.option("--command-delay", type=click.FloatRange(0.0, 10.0), default=0.0, show_default=True,
-              help="From an answer to the robot [s], in steps of 0.01 s. Planners with durations of work of their own "
+              help="Delay from an answer to the robot [s], in steps of 0.01 s. Planners with published computing times "
               "keep them.")  # fmt: skip
 @count("--measured", default=200, least=0,
        help="How many of the first cases are run again, to be scored as the code of published benchmarks "
