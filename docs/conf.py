@@ -13,6 +13,7 @@ html_css_files = ["site.css"]
 html_title = "Parcours"
 html_copy_source = False
 html_show_sphinx = False
+html_show_copyright = False
 myst_heading_anchors = 4  # links to headings, as on a Git server
 autodoc_member_order = "groupwise"
 autodoc_typehints = "signature"
