@@ -39,7 +39,7 @@ BETTER = {
     "duplicated": "lost or doubled/lost, doubled/doubled messages/doubled keys",
     "words of this century": "thrice/thereof/hitherto/henceforth/wherefore/whence",
 }
-GAP = re.compile(r"""[\s"'#>*|]+""")  # parts the words of a phrase, also at the end of a line of a comment or long text
+GAP = re.compile(r"""(?:[\s"'#>*|]|\bf["'])+""")  # between words of a phrase, also at the end of a line
 
 
 def complaints(text: str) -> list[str]:
@@ -71,6 +71,6 @@ def test_the_english_is_idiomatic() -> None:
 
 
 def test_a_phrase_is_found_across_lines_and_quotes() -> None:
-    text = 'f(\n    "nodes of "\n    "others"\n)\n# a plan that is watched\n# on, for every case'
+    text = 'f(\n    "nodes of "\n    f"others"\n)\n# a plan that is watched\n# on, for every case'
     assert [complaint.partition(":")[0] for complaint in complaints(text)] == ["2", "5"]
     assert complaints("for every case there is none; 3 are left for everyone") == []
