@@ -1,11 +1,11 @@
 # make demo: the whole study of the paper, one report.   make test: everything a reviewer would run without ROS.
-# make test-ros1, make test-ros2: the same components and others' on real ROS.
+# make test-ros1, make test-ros2: the same components, and foreign ones, on real ROS.   make docs: the documentation, as a site.
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
 
-.PHONY: demo test test-ros1 test-ros2 format lint types contracts tests fuzz bench clean
+.PHONY: demo test test-ros1 test-ros2 docs format lint types contracts tests fuzz bench clean
 
 demo: $(VENV)/.runtime
 	$(BIN)/parcours demo --out out/demo
@@ -32,6 +32,9 @@ test-ros1: $(VENV)/.developer
 test-ros2: $(VENV)/.developer
 	.ci/ros2
 
+docs: $(VENV)/.docs
+	$(BIN)/python -m sphinx --builder html --fail-on-warning --keep-going --quiet docs out/docs
+
 format: $(VENV)/.developer
 	$(BIN)/ruff format .
 	$(BIN)/ruff check --fix .
@@ -55,4 +58,8 @@ $(VENV)/.runtime: pyproject.toml constraints.txt
 
 $(VENV)/.developer: $(VENV)/.runtime
 	$(PIP) --editable '.[dev]'
+	touch $@
+
+$(VENV)/.docs: $(VENV)/.runtime
+	$(PIP) --editable '.[docs]'
 	touch $@

@@ -73,7 +73,7 @@ def _line(command: click.Command) -> str:
 def parcours() -> None:
     """Turn a model of behaviour into executed, judged, replayable tests of systems that run in real time.
 
-    Exit codes of all commands: 0 all passed, 1 something failed, 2 the question was wrong, 3 inconclusive only, 130
+    Exit codes of all commands: 0 all passed, 1 something failed, 2 wrong usage, 3 inconclusive only, 130
     interrupted.
 
     Example: parcours new mine && parcours run mine --out out/mine

@@ -22,7 +22,7 @@ _FRESH = (
 _COMMON = (
     count("--cases", "n_cases", most=100_000_000, help="How many, the first ones.  [default: the study's]"),
     click.option("--case", "chosen", multiple=True, metavar="ID", help="Run this case only; may be repeated."),
-    click.option("--cases-from", type=PATH, metavar="FILE", help="Run the cases of this list only, an id a line."),
+    click.option("--cases-from", type=PATH, metavar="FILE", help="Run the cases of this list only, one id per line."),
     seed,
     click.option("--out", type=PATH, required=True, help="Folder for the results; resumed if it holds some."),
     click.option("--fresh", is_flag=True, help="Discard the results in that folder, and start again."),
@@ -62,10 +62,10 @@ def _registered() -> list[Any]:
 
 @click.command(cls=_Studies, name="run", subcommand_metavar="STUDY [OPTIONS]")
 def command() -> None:
-    """Execute a study. Ctrl-C keeps the cases that are finished; the same command goes on from there.
+    """Execute a study. Ctrl-C keeps the cases that are finished; the same command continues from there.
 
     `parcours run STUDY --help` shows the study's own parameters. Exit code 0 if all cases passed, 1 if one failed, 2 if
-    the question was wrong, 3 if cases are inconclusive and none failed, 130 if interrupted.
+    the command was used wrongly, 3 if cases are inconclusive and none failed, 130 if interrupted.
 
     Example: parcours run examples/lift --out out/lift
 

@@ -69,7 +69,7 @@ def _is_worse(compared: Baseline, baseline: Path) -> bool:
     for line in compared.lines():
         click.echo(line, err=True)
     worse = [row.name for row in compared.rows if row.worse]
-    text = f"worse than {baseline} beyond chance: {', '.join(worse)}" if worse else f"no worse than {baseline}"
+    text = f"significantly worse than {baseline}: {', '.join(worse)}" if worse else f"no worse than {baseline}"
     click.echo(f"{'FAILED' if worse else 'ok'}: {text}", err=True)
     return bool(worse)
 

@@ -30,7 +30,7 @@ _MANIFEST = "campaign.json"
 _MOST_SHARDS = 1_000_000
 
 Rows = NDArray[np.void]
-"""Results, one record a case, shape (n_cases,)."""
+"""Results, one record per case, shape (n_cases,)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -289,7 +289,7 @@ def create(folder: Path, campaign: Campaign) -> Store:
     differing = differences(campaign.manifest(), store.campaign.manifest())
     if differing:
         rule = f"holds another campaign: {'; '.join(differing[:5])}"
-        remedy = "name another folder, or give --fresh to discard what is there and start again"
+        remedy = "name another folder, or give --fresh to discard its results and start again"
         raise BadResults(str(folder), rule, remedy, slug="results-other")
     write_atomically(folder / ".writable", b"")
     (folder / ".writable").unlink(missing_ok=True)

@@ -4,9 +4,9 @@
     statistic = "mean" | "median" | "min" | "max" | "p" number
     measure   = name | ("violated" | "robustness") "(" requirement ")"
 
-A rate is the share of the cases; of a quantity the mean is taken if nothing is said. The interval is printed beside the
+A rate is the share of the cases; a quantity is averaged by default. The interval is printed beside the
 figure (Wilson's of a rate, Student's of a mean, by ranks of a quantile). The condition is asked of the figure itself,
-or, with a confidence, of the whole interval: then it holds only beyond chance.
+or, with a confidence, of the whole interval.
 """
 
 from __future__ import annotations
@@ -194,7 +194,7 @@ class Compared:
     only_before: int  # cases that counted in the baseline only
     only_now: int  # cases that count now only
     p_value: float  # of McNemar's test, by Holm's method
-    worse: bool  # whether it got worse beyond chance
+    worse: bool  # whether it got significantly worse
     flipped: tuple[str, ...]  # ids of the cases that made it worse
 
 
@@ -209,7 +209,7 @@ class Baseline:
 
     @property
     def failed(self) -> bool:
-        """Whether some rate got worse beyond chance."""
+        """Whether some rate got significantly worse."""
         return any(row.worse for row in self.rows)
 
     def table(self) -> Table:

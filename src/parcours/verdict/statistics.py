@@ -132,7 +132,7 @@ def compare_pairs(first: ArrayLike, second: ArrayLike) -> Pairs:
     if a.shape != b.shape or a.ndim != 1:
         raise BadRequest(
             "paired results",
-            f"both must have one value a case, but their shapes are {a.shape} and {b.shape}",
+            f"both must have one value per case, but their shapes are {a.shape} and {b.shape}",
             "compare the same cases in the same order",
             slug="pairs-shape",
         )

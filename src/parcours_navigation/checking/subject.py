@@ -129,7 +129,7 @@ class Drive:
     states: Floats  # robot then: x, y, heading, speed, yaw rate [m, m, rad, m/s, rad/s], shape (n, 5)
     commands: Floats  # what was answered then: speed, yaw rate [m/s, rad/s], shape (n, 2)
     t_goal: float  # when the goal was first reached [s]; NaN if never
-    touched: bool  # whether the robot closed the gap at a contact
+    touched: bool  # whether the robot caused a collision
     travelled: float  # length of the way [m]
 
 

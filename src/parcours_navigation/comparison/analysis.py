@@ -34,9 +34,8 @@ from parcours_navigation.outcomes import GOAL_TOLERANCE, Outcome
 from parcours_navigation.study.distribution import GOAL, START, Summary, reached, spl_of, summarised, time_to_goal
 
 DIFFERENT_ANSWERS = (
-    "Planners that come with published durations of work keep them; the others answer at once, which no real machine "
-    "does, unless a command delay is given. So a difference between the two kinds is one of planner and machine "
-    "together."
+    "Planners with published computing times keep them. The others answer instantly, which no real machine does, "
+    "unless a command delay is given. So a difference between the two kinds is one of planner and machine together."
 )
 """The caution wherever planners stand side by side that answer at different speeds."""
 

@@ -91,7 +91,7 @@ def time_difference(first: ArrayLike, second: ArrayLike) -> TimeDifference:
     """
     a, b = np.asarray(first, dtype=np.float64), np.asarray(second, dtype=np.float64)
     if a.shape != b.shape or a.ndim != 1:
-        rule = f"both must have one value a case, but their shapes are {a.shape} and {b.shape}"
+        rule = f"both must have one value per case, but their shapes are {a.shape} and {b.shape}"
         raise BadRequest("paired times", rule, "compare the same cases in the same order", slug="pairs-shape")
     gaps = np.sort((a - b)[~np.isnan(a - b)])
     if not gaps.size:

@@ -22,8 +22,8 @@ from parcours_ramp.planner.latency import Latencies
 from parcours_ramp.planner.whole import DECIDING
 from parcours_ramp.system.study import SCHEDULES, SystemStudy, system_study
 
-JUDGED_DOC = "one case of so many is run again component by component, and its messages are judged; 0: none"
-LIVE_CASES = 20  # Cases of a run in real time if nothing is said
+JUDGED_DOC = "one case in this many is run again, component by component, and its messages are judged; 0: none"
+LIVE_CASES = 20  # Cases of a run in real time by default
 
 
 @dataclasses.dataclass(frozen=True, slots=True)

@@ -30,7 +30,7 @@ N = 40
 
 
 def facts(effects: str) -> NDArray[np.void]:
-    """Return facts of cases by letter: g goal, t touched, s stood for ever, l later, e error, o run into."""
+    """Return facts of cases by letter: g goal, t touched, s stopped for good, l later, e error, o run into."""
     made = np.zeros(len(effects), FACTS)
     for name in FACTS.names or ():
         if name.startswith("t_"):

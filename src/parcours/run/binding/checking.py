@@ -145,7 +145,7 @@ class _Check:
     def services(self) -> None:
         for channel in self.binding.channels:
             if channel.answer == "node" and channel.part != "request":
-                rule = f"a node answers requests, but {channel.name!r} is none"
+                rule = f"a node answers requests, but {channel.name!r} is not one"
                 self.add(channel.line, "binding-service", rule, "write 'answer: node' where 'part: request' stands")
         parts: dict[tuple[str, str, str], list[BoundChannel]] = {}
         for channel in self.binding.channels:

@@ -183,7 +183,7 @@ class PartReader(QuantityReader):
         return None
 
     def place(self, node: Node, what: str) -> Place | None:
-        """Return a place, or None if it is none."""
+        """Return a place, or None if it is not one."""
         return self.parsed(node, what, parse_place, None)
 
     def places(self, node: Node, what: str) -> tuple[tuple[Place, Formula], ...]:
@@ -253,7 +253,7 @@ class PartReader(QuantityReader):
         return parts.System(alarm=said.pop("imminent_collision"), line=node.line, **said)
 
     def robot(self, node: Node, what: str) -> tuple[tuple[str, float], ...]:
-        """Return what is said of the simulated robot."""
+        """Return the description of the simulated robot."""
         said = self.section(node, what, dict.fromkeys(_QUANTITIES, (self.number, None)))
         return tuple((name, value) for name, value in said.items() if value is not None)
 

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from parcours.study.campaign.study import CampaignStudy
 from parcours.study.campaign.rules import RATES, Fault, Rows, Ruling, directions, outcome_of
 
-# At most so many: reasons in a table, rows of a trace in a table, panels of its chart
+# At most this many: reasons in a table, rows of a trace in a table, panels of its chart
 _FEW, _SHOWN, _PANELS = 10, 200, 8
 
 

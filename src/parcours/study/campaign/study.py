@@ -1,7 +1,7 @@
 """A campaign study: numbered cases, drawn from input domains, simulated into facts that formulas judge.
 
 The simulation is anybody's code, a Python function or a program in any language. It runs in worker processes only: an
-exception, facts that are none, a hang or a crash cost the case in which they happen, and no other.
+exception, bad facts, a hang or a crash cost the case in which they happen, and no other.
 """
 
 from __future__ import annotations
@@ -72,7 +72,7 @@ class CampaignStudy:
     where: str = ""  # how a command line names it
     own: tuple[Parameter, ...] = ()  # parameters of its own
     criterion: str = "each_choice"  # how blocks of inputs are combined
-    n_cases: int | None = None  # how many cases are run if nothing is said; None for what the criterion needs
+    n_cases: int | None = None  # how many cases are run by default; None for what the criterion needs
     # what results depend on beside settings: name of a file -> digest
     digests: Mapping[str, str] = field(default_factory=dict)
     patience: float = PATIENCE  # longest time for a case [s of wall clock]

@@ -63,7 +63,7 @@ class ForeignGraph(Protocol):
     ending: float
 
     def renew(self) -> None:
-        """Begin a run: nothing of an earlier one is heard, and latched messages are forgotten."""
+        """Begin a run: nothing of an earlier one is heard, and latched messages are dropped."""
 
     # Topics and services. The same end is returned if it is there already.
 

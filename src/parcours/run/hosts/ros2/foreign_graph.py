@@ -90,7 +90,7 @@ class Ros2Graph:
         self._closing.close()
 
     def renew(self) -> None:
-        """Be on the graph anew."""
+        """Join the graph again."""
         self.refusals.clear()
         for table in (self._ends, self._callers, self._served):
             table.clear()
