@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from parcours.elementary import atan2, sin_cos, wrap
-from parcours.kernels import kernel
+from parcours.kernels import heap_kernel, kernel
 from parcours_navigation.planners.distance import look
 from parcours_navigation.planners.motion import travel
 from parcours_navigation.protocol import Floats
@@ -86,7 +86,7 @@ def _over(value: float, limit: float) -> float:
     return 0.0
 
 
-@kernel
+@heap_kernel
 def weigh(band: Floats, n: int, obstacles: Floats, setting: Setting, matrix: Floats, right: Floats) -> float:
     """Return the cost of the first n poses of a band, and fill in the normal equations of its squares.
 
@@ -227,7 +227,7 @@ def _hold(matrix: Floats, right: Floats, k: int, n: int) -> None:
     matrix[k, 0], right[k] = 1.0, 0.0
 
 
-@kernel
+@heap_kernel
 def tighten(
     band: Floats, n: int, obstacles: Floats, setting: Setting, iterations: int, matrix: Floats, right: Floats
 ) -> float:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from parcours.kernels import Record, kernel
+from parcours.kernels import Record, heap_kernel, kernel
 from parcours_navigation.arena.observing import freeze_later, freeze_world
 from parcours_navigation.arena.obstacles import OBSTACLE, reported_at
 from parcours_navigation.arena.world import NEVER, TICK, WORLD, advance, begin
@@ -21,7 +21,7 @@ GO_ON, ARRIVED, NOT_FINITE, NEXT_GOAL, ENDED = range(5)
 _OBSTACLE = OBSTACLE.itemsize // 8
 
 
-@kernel
+@heap_kernel
 def obstacles_of(memory: Floats, stage: Record) -> Record:
     """Return the view of the obstacles."""
     return memory[stage.at_obstacles : stage.at_obstacles + stage.n * _OBSTACLE].view(OBSTACLE)
