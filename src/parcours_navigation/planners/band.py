@@ -267,7 +267,7 @@ def tighten(
     return cost
 
 
-@kernel
+@heap_kernel
 def resize(band: Floats, n: int, wanted: float, least: int) -> int:
     """Return how many poses the band has once times are near to `wanted` [s]: long ones are halved, short ones joined.
 
@@ -293,7 +293,7 @@ def resize(band: Floats, n: int, wanted: float, least: int) -> int:
     return n
 
 
-@kernel
+@heap_kernel
 def lay(band: Floats, way: Floats, heading: float, limits: Floats, wanted: float) -> int:
     """Lay a band along a way, shape (k, 2), from a pose at its start, and return how many poses it has, at least 3.
 
@@ -345,7 +345,7 @@ def _waits(band: Floats) -> bool:
     return bool(dx * dx + dy * dy < _WAIT * _WAIT and abs(turn) < 10.0 * _WAIT)
 
 
-@kernel
+@heap_kernel
 def begin_at(band: Floats, n: int, x: float, y: float, heading: float, end_x: float, end_y: float) -> int:
     """Let a band start at the robot's pose, and end at a place [m]; what it has passed is dropped; return its length.
 
